@@ -27,16 +27,15 @@ from typing import Any, ClassVar
 from robust.api import check, envelope, region
 from robust.certify.checker.__main__ import Inputs, report
 from robust.certify.hints import Line
-from robust.certify.produce import PlanCertificate, execution, knowledge
+from robust.certify.produce import PlanCertificate, execution, knowledge, verify
 from robust.certify.tape import write
-from robust.certify.verify import verify
 from robust.errors import RobustError
 from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.compile import checked_assumptions
-from robust.pike_bridge.semantics import Existence, Oracle
+from robust.pike_bridge.semantics import ExecutionExistence, Oracle
 from robust.plan.load import load_plan
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
-from robust.sweeps.measure import COMMAND
+from robust.sweeps.batch import COMMAND
 
 from .catalogue import RecordedOptions
 from .engine.experiment import Experiment, Report, Task
@@ -133,7 +132,7 @@ def measure_choices(name: str, network: Path) -> tuple[Measured, ...]:
     made = IMPOSSIBLE[name]
     some_s, some = _timed(lambda: Oracle(plan).decide())
     none_s, none = _timed(lambda: Oracle(plan).decide(checked_assumptions(plan, made)))
-    if some.witness is None or none.verdict is not Existence.NONE:
+    if some.witness is None or none.verdict is not ExecutionExistence.NONE:
         raise RobustError(f"found {some.verdict}, {none.verdict}, expected executions of {name}, and none with {made}")
     witness = some.witness
     ways = {

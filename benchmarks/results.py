@@ -26,7 +26,7 @@ from statistics import median
 from typing import Any
 
 from robust.errors import RobustError
-from robust.sweeps import measure
+from robust.sweeps import batch as measure
 
 from .catalogue import EXPERIMENTS
 from .certificates import CERTIFICATES

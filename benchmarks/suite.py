@@ -16,8 +16,8 @@ from typing import Annotated, Any, TypeVar
 
 from msgspec import Meta
 
-from robust.codec import Count, Seconds, from_json
 from robust.errors import InputError, Location
+from robust.json_text import Count, Seconds, from_json
 from robust.numbers import parse_end
 from robust.plan.pddl.forms import read_text
 from robust.qe.box import Box, Interval

@@ -12,6 +12,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from robust.presented import Painter, Presented, Presenter
+
 if TYPE_CHECKING:
     from robust import pike, stnu
     from robust.api import batch, check, compare, envelope, region, repair, risk
@@ -34,7 +36,6 @@ if TYPE_CHECKING:
     from robust.irr.repair import Repair
     from robust.irr.search import EnvelopeResult, Step
     from robust.plan.model import ParametrizedPlan
-    from robust.presented import Presented
     from robust.probability.distributions import Distribution
     from robust.probability.measure import Bounds
     from robust.probability.risk import RiskResult, RiskStatus
@@ -158,3 +159,19 @@ def __getattr__(name: str) -> object:
     if name not in _HOME:
         raise AttributeError(f"module 'robust' has no attribute {name!r}")
     return getattr(import_module(_HOME[name]), name)
+
+
+def _presenter() -> Presenter:
+    from robust.show import presenting  # noqa: PLC0415 - shows what is asked for only
+
+    return presenting
+
+
+def _painter() -> Painter:
+    from robust.draw import pictures  # noqa: PLC0415 - loads matplotlib
+
+    return pictures
+
+
+Presented.presenter = staticmethod(_presenter)
+Presented.painter = staticmethod(_painter)

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any, Generic, ParamSpec, Protocol, TypeVar
 
 from robust.errors import InputError, did_you_mean
 from robust.options.batch import BATCHES, AnyBatchOptions, BatchOptions
-from robust.options.declare import Options, place_of, settings, texts
-from robust.options.functions import Verb
+from robust.options.declare import Options, Verb, place_of, settings, texts
 from robust.options.verbs import (
     CheckOptions,
     CompareOptions,
@@ -38,7 +37,7 @@ if TYPE_CHECKING:
     from robust.probability.distributions import Distribution
     from robust.probability.risk import RiskResult
     from robust.qe.compute import RegionResult, RegionSearch
-    from robust.smt.export import Exporter
+    from robust.smt.session import Exporter
     from robust.sweeps.batch import Batch
 
 Given = ParamSpec("Given")
@@ -46,7 +45,7 @@ Result = TypeVar("Result")
 Found_co = TypeVar("Found_co", covariant=True)
 
 
-class Answer(Protocol):
+class SearchResult(Protocol):
     """What a search returns."""
 
     @property
@@ -57,7 +56,7 @@ class Answer(Protocol):
         """What is printed for programs."""
 
 
-class Search(Protocol[Found_co]):
+class AnytimeSearch(Protocol[Found_co]):
     """A computation that knows at any moment what it has found."""
 
     def run(self) -> Found_co:
@@ -81,20 +80,20 @@ class _Encoded(Generic[Result]):
         self,
         plan: ParametrizedPlan,
         options: EnvelopeOptions | CheckOptions,
-        make: Callable[[Encoding, Deadline, Exporter | None], Search[Result]],
+        make: Callable[[Encoding, Deadline, Exporter | None], AnytimeSearch[Result]],
         nothing: Callable[[bool, float], Result],
     ) -> None:
         self._plan = plan
         self._options = options
         self._make = make
         self._nothing = nothing
-        self._search: Search[Result] | None = None
+        self._search: AnytimeSearch[Result] | None = None
         self._started = time.perf_counter()
         self._deadline = Deadline.after(options.limit)
 
     def run(self) -> Result:
         from robust.encode import create_encoding
-        from robust.smt.export import Exporter
+        from robust.smt.session import Exporter
 
         options = self._options
         exporter = None if options.smt2 is None else Exporter(options.smt2)
@@ -114,7 +113,7 @@ class _Encoded(Generic[Result]):
 # -- check -------------------------------------------------------------------------------------------------------------
 
 
-def searching_check(plan: ParametrizedPlan, options: CheckOptions) -> Search[CheckResult]:
+def searching_check(plan: ParametrizedPlan, options: CheckOptions) -> AnytimeSearch[CheckResult]:
     """What :func:`check` runs."""
     from robust.irr.check import Answer, Checker, CheckResult
     from robust.plan.load import require_nominal_values
@@ -123,7 +122,7 @@ def searching_check(plan: ParametrizedPlan, options: CheckOptions) -> Search[Che
     require_nominal_values(plan.parameters)
     box = Box.nominal(plan.parameters).changed(settings(options.at, [one.name for one in plan.parameters]))
 
-    def make(formulas: Encoding, deadline: Deadline, exporter: Exporter | None) -> Search[CheckResult]:
+    def make(formulas: Encoding, deadline: Deadline, exporter: Exporter | None) -> AnytimeSearch[CheckResult]:
         return Checker(
             formulas,
             box,
@@ -169,7 +168,7 @@ def check(plan: ParametrizedPlan, options: CheckOptions) -> CheckResult:
 # -- envelope ----------------------------------------------------------------------------------------------------------
 
 
-def searching_envelope(plan: ParametrizedPlan, options: EnvelopeOptions) -> Search[EnvelopeResult]:
+def searching_envelope(plan: ParametrizedPlan, options: EnvelopeOptions) -> AnytimeSearch[EnvelopeResult]:
     """What :func:`envelope` runs."""
     from robust.irr.search import Conduct, EnvelopeResult
     from robust.plan.load import require_nominal_values
@@ -181,7 +180,7 @@ def searching_envelope(plan: ParametrizedPlan, options: EnvelopeOptions) -> Sear
     beta = options.precision
     known = distributions_of(plan, options) if options.method == "risk" else {}
 
-    def make(formulas: Encoding, deadline: Deadline, exporter: Exporter | None) -> Search[EnvelopeResult]:
+    def make(formulas: Encoding, deadline: Deadline, exporter: Exporter | None) -> AnytimeSearch[EnvelopeResult]:
         conduct: Conduct = {"deadline": deadline, "on_step": options.on_step}
         if options.method == "risk":
             from robust.probability.greatest import GreatestBox
@@ -194,7 +193,7 @@ def searching_envelope(plan: ParametrizedPlan, options: EnvelopeOptions) -> Sear
                 exporter=exporter,
                 **conduct,
             )
-        from robust.irr.methods import BoxMethod
+        from robust.irr.exact import BoxMethod
 
         asked = BoxMethod(
             options.method, beta or Fraction(1), options.doubling, tuple(options.order or ()), options.contain_nominal
@@ -271,7 +270,7 @@ def region(plan: ParametrizedPlan, options: RegionOptions) -> RegionResult:
     return searching_region(plan, options).run()
 
 
-def searching_compare(plan: ParametrizedPlan, options: CompareOptions) -> Search[Comparison]:
+def searching_compare(plan: ParametrizedPlan, options: CompareOptions) -> AnytimeSearch[Comparison]:
     """What :func:`compare` runs."""
     from robust.irr.compare import Comparing
     from robust.plan.load import require_nominal_values
@@ -314,7 +313,7 @@ def distributions_of(plan: ParametrizedPlan, options: RiskOptions | EnvelopeOpti
     return randomness.distributions_of(plan, known, rules, place_of)
 
 
-def searching_risk(plan: ParametrizedPlan, options: RiskOptions) -> Search[RiskResult]:
+def searching_risk(plan: ParametrizedPlan, options: RiskOptions) -> AnytimeSearch[RiskResult]:
     """What :func:`risk` runs."""
     from robust.probability.risk import Risk
 

@@ -29,8 +29,7 @@ from robust.errors import InputError, UnsupportedError, did_you_mean
 from robust.execute.drive import WallClock, drive, run_in_world
 from robust.numbers import Number, exact, shorten
 from robust.options import pike as asking
-from robust.options.declare import Options, named_values, not_negative, place_of, setting, spelled, texts
-from robust.options.functions import Verb
+from robust.options.declare import Options, Verb, named_values, not_negative, place_of, setting, spelled, texts
 from robust.options.shared import Solving
 from robust.pike_bridge.action_model import Instance, load_team_plan
 from robust.pike_bridge.builder import act, build, choose, k_intents, parallel, sequence, within
@@ -54,9 +53,9 @@ from robust.pike_bridge.knowledge.interface import KnowledgeBase
 from robust.pike_bridge.model import EPSILON, Guard, Literal, TeamPlan, Tpnu, check_choice
 from robust.pike_bridge.online.executive import LatestMoments, Moment, Moments, PlanExecutive
 from robust.pike_bridge.online.inquiry import why, why_failed, why_not
-from robust.pike_bridge.online.journal import Journal, JournalStep, read_journal, resume
 from robust.pike_bridge.online.progress import Completion, Decision, Estimate, Message, Outcome, parse_atom
 from robust.pike_bridge.online.reasoners import make_reasoner, reasoner_names
+from robust.pike_bridge.online.service import Journal, JournalStep, read_journal, resume
 from robust.pike_bridge.online.world import (
     Disturbance,
     Ending,

@@ -1,17 +1,16 @@
 """What every result of the package can do: show itself as text, in a notebook, as JSON, as a table and as a picture.
 
-Texts, documents and pictures are those of the command line; they are found in :mod:`robust.show` and
-:mod:`robust.draw` when they are asked for, so that a result costs nothing but itself. No answer is simply true or
+Texts, documents and pictures are those of the command line, loaded when they are asked for, so that a result costs
+nothing but itself. No answer is simply true or
 false: one that is refuted is an answer too.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from enum import Enum
-from importlib import import_module
-from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, cast
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Protocol
 
 from robust.errors import from_extra
 
@@ -53,18 +52,39 @@ class VerdictEnum(Enum):
         raise TypeError(f"{self} has no truth value: ask whether it `is {next(iter(type(self)))}`, or its .value")
 
 
+class Presenter(Protocol):
+    """What shows results of every kind."""
+
+    def text(self, result: Presented, /) -> str: ...
+
+    def page(self, result: Presented, /) -> str: ...
+
+    def document(self, result: Presented, /) -> dict[str, Any]: ...
+
+    def rows(self, result: Presented, /) -> list[dict[str, Any]]: ...
+
+
+class Painter(Protocol):
+    """What draws results of every kind."""
+
+    def draw(self, result: Presented, path: str | os.PathLike[str] | None, axes: str | Sequence[str], /) -> Figure: ...
+
+
 class Presented(NoTruthValue):
     """A result that can be shown; a class to inherit from, without fields."""
 
     __slots__ = ()
+    presenter: ClassVar[Callable[[], Presenter]]
+    painter: ClassVar[Callable[[], Painter]]
+    """These load what shows and what draws results; the package sets them, since nothing here knows them."""
 
     def __str__(self) -> str:
         """What the command prints: plain text, of one screen at most."""
-        return cast("str", _presenting().text(self))
+        return type(self).presenter().text(self)
 
     def _repr_html_(self) -> str:
         """The same for notebooks, whole and with its tables; texts of files are escaped."""
-        return cast("str", _presenting().page(self))
+        return type(self).presenter().page(self)
 
     def as_dict(self) -> dict[str, Any]:
         """What the command prints with `--json`: texts, numbers, lists and dictionaries; rationals are texts.
@@ -72,7 +92,7 @@ class Presented(NoTruthValue):
         What only the command knows is as if it was not asked for: the names of files, notes on how they were read, and
         what it found out beside.
         """
-        return cast("dict[str, Any]", _presenting().document(self))
+        return type(self).presenter().document(self)
 
     def rows(self) -> list[dict[str, Any]]:
         """The main table of the result, a dictionary for each row, as data frames are made of.
@@ -83,7 +103,7 @@ class Presented(NoTruthValue):
         Raises:
             InputError: if the result has no table.
         """
-        return cast("list[dict[str, Any]]", _presenting().rows(self))
+        return type(self).presenter().rows(self)
 
     def plot(self, path: str | os.PathLike[str] | None = None, *, axes: str | Sequence[str] = ()) -> Figure:
         """A picture of the result, as a figure of matplotlib.
@@ -98,10 +118,6 @@ class Presented(NoTruthValue):
             UnsupportedError: if matplotlib is not installed.
         """
         try:
-            return cast("Figure", import_module("robust.draw.pictures").draw(self, path, axes))
+            return type(self).painter().draw(self, path, axes)
         except ModuleNotFoundError as error:
             raise from_extra(error) or error from error
-
-
-def _presenting() -> Any:
-    return import_module("robust.show.presenting")

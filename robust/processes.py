@@ -29,7 +29,7 @@ _CHUNK = 2**16
 
 
 @dataclass(frozen=True, slots=True)
-class Ended:
+class ProcessEnd:
     """How a command ended, what it printed and what it cost.
 
     `exit_code` is negative where a signal ended it, as at the deadline, and 127 where it could not be started, which
@@ -76,7 +76,7 @@ class Processes:
         memory_mb: int = 0,
         variables: Mapping[str, str] | None = None,
         scratch: Path | None = None,
-    ) -> Ended:
+    ) -> ProcessEnd:
         """Run a command until it ends or the deadline passes; none of its descendants is left.
 
         Args:
@@ -125,7 +125,7 @@ class Processes:
                 raise StoppedError
             _read_the_rest(texts)
             facts = report.read().split() or (-signal.SIGKILL, 0, 0, 0)  # if somebody has killed the watcher
-            return Ended(
+            return ProcessEnd(
                 exit_code=int(facts[0]),
                 timed_out=timed_out,
                 stdout=texts[out.fileno()].text,

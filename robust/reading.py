@@ -87,13 +87,13 @@ def load_plan(
         network = parse_stn(text, name)
         return assemble(parsed_domain, parsed_problem, network, specs, nominal_needed=nominal_needed)
 
-    from robust.execute.convert import Ended, convert
+    from robust.execute.convert import ConversionEnd, convert
     from robust.numbers import plural
     from robust.plan.timed import parse_timed_plan
 
     timed = parse_timed_plan(text, name, reading.plan_number)
     found = convert(parsed_domain, parsed_problem, timed, **reading.conversion(specs, on_progress))
-    if found.ended is Ended.INTERRUPTED:
+    if found.ended is ConversionEnd.INTERRUPTED:
         raise KeyboardInterrupt
     made = f"made a network of {plural(len(found.stn.constraints), 'constraint')}"
     say(f"{name}: {'; '.join((*found.notes(timed), made))}")

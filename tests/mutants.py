@@ -65,7 +65,7 @@ PARTS = {
             "robust/qe/compute.py",
             "robust/qe/estimate.py",
             "robust/qe/nnf.py",
-            "robust/qe/render.py",
+            "robust/qe/region.py",
             "robust/qe/eliminate/*",
         ),
         ("tests/qe/backends", "tests/qe/test_region.py"),

@@ -170,7 +170,7 @@ class _Writer:
             case model.Holds(atom, value):
                 text = str(atom) if self.parameters is None else _symbol(atom)
                 return text if value else f"(not {text})"
-            case model.Comparison(expression, relation):
+            case model.NumericCondition(expression, relation):
                 return self._comparison(self.fixed(expression), relation)
             case model.And(operands):
                 return conjunction_text(map(self.condition, operands))
@@ -212,7 +212,7 @@ class _Writer:
         if isinstance(effect, model.AtomEffect):
             text = _symbol(effect.atom) if effect.value else f"(not {_symbol(effect.atom)})"
         else:
-            operator = "assign" if effect.operator is model.Assignment.ASSIGN else "increase"
+            operator = "assign" if effect.operator is model.AssignmentKind.ASSIGN else "increase"
             text = f"({operator} {_symbol(effect.fluent)} {self.expression(effect.expression)})"
         assert self.instance is not None
         frame = f"({effect.timing.value} {{}})" if self.instance.durative else "{}"

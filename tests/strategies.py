@@ -140,7 +140,7 @@ class _Builder:
         difference = fluent - self.expression(duration=duration and self.features.duration_in_conditions)
         relations = [model.Relation.AT_LEAST, model.Relation.AT_LEAST, model.Relation.GREATER]
         relations += [model.Relation.EQUAL, model.Relation.DIFFERENT] if self.features.equalities else []
-        return model.Comparison(difference if self.chance(0.5) else -difference, self.pick(*relations))
+        return model.NumericCondition(difference if self.chance(0.5) else -difference, self.pick(*relations))
 
     def condition(self, *, duration: bool) -> model.Condition:
         """A literal, a comparison, or a disjunction or conjunction of some, nested once at most."""
@@ -192,7 +192,7 @@ class _Builder:
         )
 
     def numeric_effect(self, durative: bool) -> model.NumericEffect:
-        operators = (model.Assignment.INCREASE, model.Assignment.INCREASE, model.Assignment.ASSIGN)
+        operators = (model.AssignmentKind.INCREASE, model.AssignmentKind.INCREASE, model.AssignmentKind.ASSIGN)
         expression = self.expression(duration=durative)
         timing, fluent = self._timing(durative), self.pick(*self.moving)
         return model.NumericEffect(timing, fluent, self.pick(*operators), expression, self.when(durative))
@@ -214,7 +214,7 @@ class _Builder:
         relation = model.Relation.EQUAL if symbol == "=" else model.Relation.AT_LEAST
         timing = self.pick(model.Timing.AT_START, model.Timing.AT_START, model.Timing.AT_END)
         return model.DurationConstraint(
-            timing, model.Comparison((duration - bound).scaled(sign), relation), f"{symbol} {bound}"
+            timing, model.NumericCondition((duration - bound).scaled(sign), relation), f"{symbol} {bound}"
         )
 
     # --- network -----------------------------------------------------------------------------------------------------
@@ -394,9 +394,9 @@ def negation(condition: model.Condition) -> model.Condition:
             return model.Truth(not value)
         case model.Holds(atom, value):
             return model.Holds(atom, not value)
-        case model.Comparison(expression, relation):
+        case model.NumericCondition(expression, relation):
             reversed_sign = relation in {model.Relation.AT_LEAST, model.Relation.GREATER}
-            return model.Comparison(-expression if reversed_sign else expression, _OPPOSITE[relation])
+            return model.NumericCondition(-expression if reversed_sign else expression, _OPPOSITE[relation])
         case model.And(operands):
             return model.Or(tuple(negation(operand) for operand in operands))
         case model.Or(operands):

@@ -7,8 +7,7 @@ import stat
 import pytest
 
 from robust.errors import InputError, Location
-from robust.files import atomic_write
-from robust.records import RecordFile, RecordFormat, read_records
+from robust.records import RecordFile, RecordFormat, atomic_write, read_records
 
 # -- whole files -----------------------------------------------------------------------------------------------------
 

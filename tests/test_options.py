@@ -8,7 +8,7 @@ import pytest
 
 from robust.errors import InputError, Location
 from robust.numbers import EXPECTED_NUMBER, exact
-from robust.options.commands import CertifyCommand, ExecuteCommand, plan_file
+from robust.options.batch import CertifyCommand, ExecuteCommand, plan_file
 from robust.options.declare import (
     as_typed,
     names,

@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from robust.errors import SolverError
-from robust.processes import KEPT, Ended, Processes, StoppedError
+from robust.processes import KEPT, ProcessEnd, Processes, StoppedError
 from robust.smt.limits import Deadline, OutOfTimeError, from_copy, stream_from_copy, uninterrupted
 from robust.watcher import CANNOT_START
 from tests.children import WAIT, Told, eventually, interrupted_after, is_running
@@ -27,7 +27,7 @@ def python(code: str) -> list[str]:
     return [sys.executable, "-S", "-c", code]
 
 
-def run(code: str, seconds: float | None = None, **options: int) -> Ended:
+def run(code: str, seconds: float | None = None, **options: int) -> ProcessEnd:
     return Processes().run(python(code), Deadline.after(seconds), **options)
 
 

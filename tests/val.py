@@ -91,7 +91,7 @@ def _excludes_instants(condition: model.Condition, *, disjunctive: bool) -> bool
         case model.And(operands) | model.Or(operands):
             within = disjunctive or isinstance(condition, model.Or)
             return any(_excludes_instants(operand, disjunctive=within) for operand in operands)
-        case model.Comparison(_, relation):
+        case model.NumericCondition(_, relation):
             return relation is model.Relation.DIFFERENT or (disjunctive and relation is model.Relation.GREATER)
         case model.Truth() | model.Holds():
             return False
@@ -125,7 +125,7 @@ def _as_val_separates(plan: model.ParametrizedPlan) -> model.ParametrizedPlan:
 
 def _without_itself(effect: model.NumericEffect) -> model.NumericEffect:
     """An increase without what it reads of its own fluent."""
-    if effect.operator is model.Assignment.ASSIGN:
+    if effect.operator is model.AssignmentKind.ASSIGN:
         return effect
 
     def other(variable: model.NumericVariable) -> model.Expression:

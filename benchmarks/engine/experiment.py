@@ -8,10 +8,9 @@ from inspect import getdoc
 from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar, get_type_hints
 
-from robust.codec import plain
 from robust.errors import RobustError
-from robust.sweeps.pool import Task, Work
-from robust.sweeps.sweep import Progress, Sweep, TaskFailure, restored, run_sweep
+from robust.json_text import plain
+from robust.sweeps.sweep import Progress, Sweep, Task, TaskFailure, Work, restored, run_sweep
 
 from .show import Panel, Table, bullets, draw, page
 

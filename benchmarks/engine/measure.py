@@ -9,12 +9,12 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
-from robust.codec import plain
 from robust.errors import UNSUPPORTED, RobustError
-from robust.processes import Ended
+from robust.json_text import plain
+from robust.processes import ProcessEnd
 from robust.qe.box import Interval
 from robust.qe.region import Region
-from robust.sweeps.measure import COMMAND, Ends, complaint, ends_of, measured
+from robust.sweeps.batch import COMMAND, Ends, complaint, ends_of, measured
 
 Files = tuple[Path, Path, Path]
 """Domain, problem and plan."""
@@ -105,7 +105,7 @@ def run_robust(verb: str, files: Files, options: Sequence[str], *, limit: float 
     return read_run(verb, measured(command, limit=limit))
 
 
-def read_run(verb: str, found: Ended) -> Run:
+def read_run(verb: str, found: ProcessEnd) -> Run:
     """The answer of a process that has ended; anything but an answer becomes ERROR with the reason."""
     cost = (round(found.seconds, 4), round(found.cpu_s, 4), round(found.memory_mb, 1))
     if found.timed_out:
@@ -125,7 +125,7 @@ def read_run(verb: str, found: Ended) -> Run:
         return Run(Ending.ERROR, *cost, message=message)
 
 
-def _envelope(answer: Mapping[str, Any], found: Ended) -> tuple[Ending, dict[str, Any]]:
+def _envelope(answer: Mapping[str, Any], found: ProcessEnd) -> tuple[Ending, dict[str, Any]]:
     statistics = answer.get("statistics")
     statistics = statistics if isinstance(statistics, dict) else {"queries": answer.get("queries")}
     search, first = answer["seconds"], answer["first_widening_s"]
@@ -143,7 +143,7 @@ def _envelope(answer: Mapping[str, Any], found: Ended) -> tuple[Ending, dict[str
     }
 
 
-def _region(answer: Mapping[str, Any], _: Ended) -> tuple[Ending, dict[str, Any]]:
+def _region(answer: Mapping[str, Any], _: ProcessEnd) -> tuple[Ending, dict[str, Any]]:
     status = Ending(answer["status"])
     facts: dict[str, Any] = {"search_s": answer.get("seconds"), "message": answer.get("reason")}
     if status is Ending.COMPLETE:
@@ -152,7 +152,7 @@ def _region(answer: Mapping[str, Any], _: Ended) -> tuple[Ending, dict[str, Any]
     return status, facts
 
 
-def _check(answer: Mapping[str, Any], _: Ended) -> tuple[Ending, dict[str, Any]]:
+def _check(answer: Mapping[str, Any], _: ProcessEnd) -> tuple[Ending, dict[str, Any]]:
     verdict = str(answer["verdict"])
     status = Ending.TIMEOUT if verdict == "unknown" else Ending.COMPLETE
     return status, {"search_s": answer.get("seconds"), "verdict": verdict}

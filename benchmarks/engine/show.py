@@ -13,8 +13,8 @@ from textwrap import fill
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from robust.draw.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
-from robust.files import atomic_write
 from robust.options.declare import place_of
+from robust.records import atomic_write
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -23,7 +23,7 @@ from typing import ClassVar
 from robust.encode.interface import EPSILON
 from robust.errors import InputError, RobustError
 from robust.execute.convert import Conversion, check_plan, convert
-from robust.execute.distances import Edge, EdgeNetwork
+from robust.execute.distances import DistanceEdge, EdgeNetwork
 from robust.execute.planners.registry import create_planner
 from robust.irr.check import Answer, CheckResult
 from robust.plan.model import ZERO, Bound, ParametrizedPlan, TemporalConstraint
@@ -75,7 +75,7 @@ class Removal(Enum):
 class Judgement:
     """One bound, and whether the plan needs it."""
 
-    edge: Edge
+    edge: DistanceEdge
     kind: Kind
     removal: Removal
 
@@ -91,7 +91,7 @@ def judge_constraints(conversion: Conversion, epsilon: Fraction, solver: str, de
     return [Judgement(one, _kind(conversion, one), _removal(conversion.plan, edges, one, check)) for one in edges]
 
 
-def edges_of(plan: ParametrizedPlan) -> Iterator[Edge]:
+def edges_of(plan: ParametrizedPlan) -> Iterator[DistanceEdge]:
     """Both sides of every constraint as lower bounds.
 
     Raises:
@@ -99,9 +99,9 @@ def edges_of(plan: ParametrizedPlan) -> Iterator[Edge]:
     """
     for one in plan.constraints:
         if one.lower is not None:
-            yield Edge(one.source, one.target, _value(one.lower))
+            yield DistanceEdge(one.source, one.target, _value(one.lower))
         if one.upper is not None:
-            yield Edge(one.target, one.source, -_value(one.upper))
+            yield DistanceEdge(one.target, one.source, -_value(one.upper))
 
 
 def _value(bound: Bound) -> Fraction:
@@ -111,11 +111,14 @@ def _value(bound: Bound) -> Fraction:
 
 
 def _removal(
-    plan: ParametrizedPlan, edges: Sequence[Edge], one: Edge, check: Callable[[ParametrizedPlan], CheckResult]
+    plan: ParametrizedPlan,
+    edges: Sequence[DistanceEdge],
+    one: DistanceEdge,
+    check: Callable[[ParametrizedPlan], CheckResult],
 ) -> Removal:
     others = [other for other in edges if other is not one]
     points = [point for point in plan.time_points if point.time is None]
-    nonnegative = [Edge(ZERO, point, Fraction(0)) for point in points if point != ZERO]
+    nonnegative = [DistanceEdge(ZERO, point, Fraction(0)) for point in points if point != ZERO]
     if EdgeNetwork(points, (*nonnegative, *others)).implies(one):
         return Removal.IMPLIED
     constraints = tuple(
@@ -125,7 +128,7 @@ def _removal(
     return verdicts[check(replace(plan, constraints=constraints)).answer]
 
 
-def _kind(conversion: Conversion, one: Edge) -> Kind:
+def _kind(conversion: Conversion, one: DistanceEdge) -> Kind:
     pair = {one.source, one.target}
     if one in {tightening.edge for tightening in conversion.tightened}:
         return Kind.NUMBERS

@@ -17,10 +17,10 @@ from fractions import Fraction
 from functools import cached_property, partial
 from typing import Any, ClassVar
 
-from robust.codec import plain
+from robust.json_text import plain
 from robust.qe.box import Box
 from robust.qe.region import Region
-from robust.sweeps.measure import box_of, ends_of
+from robust.sweeps.batch import box_of, ends_of
 
 from ..catalogue import Figure3Options
 from ..engine.experiment import Report, Results, Task

@@ -32,7 +32,7 @@ from robust.plan.stn import write_stn
 from robust.plan.timed import parse_timed_plan
 from robust.qe.box import Box, Side
 from robust.smt.limits import Deadline, OutOfTimeError
-from robust.sweeps.measure import box_of
+from robust.sweeps.batch import box_of
 
 from ..catalogue import Figure4Options
 from ..engine.experiment import Experiment, Results, Task

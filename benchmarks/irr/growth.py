@@ -16,8 +16,8 @@ from tempfile import TemporaryDirectory
 from textwrap import fill
 from typing import Any, ClassVar
 
-from robust.codec import plain
 from robust.draw.style import BLUE, VERMILION
+from robust.json_text import plain
 from robust.sweeps.sweep import restored
 
 from ..catalogue import BackendsOptions, EncodingsOptions, ScalingOptions, WideningOptions

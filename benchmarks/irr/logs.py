@@ -19,14 +19,14 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from msgspec import Meta
 
-from robust.codec import Count, Rational, Seconds, from_json
 from robust.draw.style import BLUE, GREEN, VERMILION
 from robust.errors import InputError, Location, RobustError
+from robust.json_text import Count, Rational, Seconds, from_json
 from robust.numbers import format_number
 from robust.plan.pddl.forms import read_text
 from robust.plan.timed import TimedPlan, read_timed_plan, write_timed_plan
-from robust.processes import Ended
-from robust.sweeps.measure import COMMAND, complaint, measured
+from robust.processes import ProcessEnd
+from robust.sweeps.batch import COMMAND, complaint, measured
 
 from ..catalogue import LogsOptions
 from ..engine.experiment import Experiment, Report, Task
@@ -61,7 +61,7 @@ class Cost:
     memory_mb: Seconds
 
     @staticmethod
-    def of(found: Ended) -> Cost:
+    def of(found: ProcessEnd) -> Cost:
         return Cost(round(found.cpu_s, 4), round(found.memory_mb, 1))
 
 
@@ -143,7 +143,7 @@ def measure_log(directory: Path, log: Log, validator: Path | None, limit: float 
     )
 
 
-def _answer(words: Sequence[str], limit: float | None) -> tuple[Ended, dict[str, Any]]:
+def _answer(words: Sequence[str], limit: float | None) -> tuple[ProcessEnd, dict[str, Any]]:
     found = measured([*COMMAND, *words, "--json"], limit=limit)
     answer = json.loads(found.stdout) if found.stdout.strip() else {}
     if "verdict" not in answer:
@@ -158,7 +158,7 @@ def _reason(violations: Sequence[Mapping[str, str]]) -> str:
     return f"{first['obligation']}: {first['detail']}"
 
 
-def _proof(found: Ended, answer: Mapping[str, Any]) -> Proof:
+def _proof(found: ProcessEnd, answer: Mapping[str, Any]) -> Proof:
     proved = sum(one["verdict"] == "proved" for one in answer["obligations"])
     return Proof(Cost.of(found), str(answer["verdict"]), answer["settled"], proved - answer["settled"])
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any, ClassVar
 
-from robust.codec import plain
-from robust.sweeps.measure import ends_of
+from robust.json_text import plain
+from robust.sweeps.batch import ends_of
 
 from ..catalogue import RecordedOptions
 from ..engine.experiment import Experiment, Report, Task

@@ -17,12 +17,12 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import robust
-from robust.codec import plain
 from robust.draw.style import BLUE, VERMILION
 from robust.encode.encoding import RelationalEncoding
 from robust.errors import InputError
 from robust.execute.randomness import distributions_of
 from robust.irr.containment import Containment
+from robust.json_text import plain
 from robust.plan.model import ParametrizedPlan
 from robust.probability.packing import SampledEstimate
 from robust.qe.box import Box

@@ -15,9 +15,9 @@ from random import Random
 from typing import Any
 
 from robust import stnu
-from robust.codec import plain
 from robust.draw.style import BLUE, ORANGE, VERMILION
 from robust.errors import InputError
+from robust.json_text import plain
 
 from ..catalogue import StnuOptions
 from ..engine.experiment import Experiment, Report, Task

@@ -20,15 +20,24 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any, ClassVar
 
-from robust.codec import plain
 from robust.errors import InputError
 from robust.execute.dispatchable import Guarantee, parse_executor
 from robust.execute.dispatcher import LeftBox
 from robust.execute.planners.interface import RememberingPlanner
 from robust.execute.planners.registry import create_planner
-from robust.execute.replan import REPLANS, Mission, Options, Run, RunStatus, Segment, execute, prepare_timed
+from robust.execute.replan import (
+    REPLANS,
+    Mission,
+    ReplanningOptions,
+    ReplanningRun,
+    RunStatus,
+    Segment,
+    execute,
+    prepare_timed,
+)
 from robust.execute.slices import SliceAnswer
 from robust.execute.worlds import Rules, parse_rules
+from robust.json_text import plain
 from robust.plan.parameters import ParameterSpec, parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.smt.limits import Deadline
@@ -162,7 +171,7 @@ def run_case(table: int, column: int, problem: int, seed: int, conditions: Condi
     rules, specs = uncertain_rules(table, column), uncertain_specs(table, column)
     rows = []
     for name in conditions.executors:
-        options = Options(executor=parse_executor(name), specs=specs, timeout=PREPARATION_S)
+        options = ReplanningOptions(executor=parse_executor(name), specs=specs, timeout=PREPARATION_S)
         limits: dict[str, Any] = {"planner_seconds": conditions.planner_s, "drain": conditions.drain}
         mission = Mission(domain, parsed, planner, rules, options, replans=REPLANS, **limits)
         place = (DESIGNS[table].columns[column - 1], name, posed.name, seed)
@@ -180,7 +189,7 @@ def run_case(table: int, column: int, problem: int, seed: int, conditions: Condi
     return tuple(rows)
 
 
-def broken_promises(run: Run) -> int:
+def broken_promises(run: ReplanningRun) -> int:
     """Plans that were given up or failed although every observation was inside a dynamically controllable box."""
     carried_out = [one for one in run.segments if _promises(one) and one.ending is None]
     given_up = sum(_promises(one) and one.ending is not None for one in run.segments)

@@ -40,8 +40,7 @@ from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.executive import PlanExecutive, Ranking, as_written, objection
 from robust.pike_bridge.online.reasoners import without_states
 from robust.pike_bridge.online.semantic import OnlineSemantics, Reasoner
-from robust.pike_bridge.scenarios import restrict
-from robust.pike_bridge.semantics import Execution, faults
+from robust.pike_bridge.semantics import Execution, faults, restrict
 from robust.smt.limits import NEVER, Deadline
 from robust.smt.session import Session
 from robust.smt.terms import Formula

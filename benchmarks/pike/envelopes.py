@@ -16,13 +16,13 @@ from random import Random
 from typing import Any
 
 from robust import pike
-from robust.codec import plain
 from robust.errors import InputError
+from robust.json_text import plain
 from robust.pike_bridge.action_model import shipped
 from robust.pike_bridge.envelopes.parameters import TeamParameterKind, TeamParameterSpec, parametrize, specifications
 from robust.pike_bridge.envelopes.search import LabeledRegion
 from robust.pike_bridge.model import TeamPlan, guard
-from robust.pike_bridge.semantics import Existence, Oracle
+from robust.pike_bridge.semantics import ExecutionExistence, Oracle
 
 from ..catalogue import EnvelopeOptions
 from ..engine.experiment import Experiment, Report, Task
@@ -150,7 +150,7 @@ def _compare(found: LabeledRegion, random: Random) -> tuple[int, int]:
     wrong = 0
     for each in asked:
         whole = guard({name: random.choice(domains[name]) for name in found.key} | dict(each.choices))
-        exists = oracle.decide(whole).verdict is Existence.EXISTS
+        exists = oracle.decide(whole).verdict is ExecutionExistence.EXISTS
         wrong += exists is not (each.choices in possible)
     return len(asked), wrong
 

@@ -16,10 +16,10 @@ from random import Random
 from statistics import fmean
 from typing import Any, ClassVar
 
-from robust.codec import plain
 from robust.draw.style import BLACK, BLUE, VERMILION
 from robust.errors import InputError
 from robust.execute.drive import run_in_world
+from robust.json_text import plain
 from robust.pike_bridge.builder import KIntents, k_intents
 from robust.pike_bridge.model import TeamPlan
 from robust.pike_bridge.online.progress import Succeeded

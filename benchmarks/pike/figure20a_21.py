@@ -22,9 +22,8 @@ from typing import Any, ClassVar, TypeVar
 from robust.draw.style import BLACK, BLUE
 from robust.errors import UNDECIDED, InputError
 from robust.pike_bridge.action_model import Instance
-from robust.pike_bridge.scenarios import candidate_subplans
-from robust.pike_bridge.semantics import Existence, Oracle
-from robust.sweeps.measure import COMMAND, complaint, measured
+from robust.pike_bridge.semantics import ExecutionExistence, Oracle, candidate_subplans
+from robust.sweeps.batch import COMMAND, complaint, measured
 
 from ..catalogue import Figure20aOptions, Figure21Options
 from ..engine.experiment import Experiment, Report, Task
@@ -100,7 +99,7 @@ def _feasible(seed: int, instances: int) -> tuple[int, ...]:
     def counts(index: int) -> bool:
         instance = drawn(seed, index, True)
         large = FEWEST <= len(instance.network.activities) <= MOST
-        return large and Oracle(instance.plan()).decide().verdict is Existence.EXISTS
+        return large and Oracle(instance.plan()).decide().verdict is ExecutionExistence.EXISTS
 
     return tuple(islice(filter(counts, count()), instances))
 

@@ -30,12 +30,11 @@ from robust.pike_bridge.online.progress import Decision
 from robust.pike_bridge.online.reasoners import make_reasoner, reasoner_names
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.online.world import SimulatedTeam, Story
-from robust.pike_bridge.semantics import Existence, Oracle
+from robust.pike_bridge.semantics import ExecutionExistence, Oracle
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
-from robust.sweeps.measure import complaint, measured
-from robust.sweeps.pool import text_of
+from robust.sweeps.batch import complaint, measured
 from robust.sweeps.sweep import Progress as Watching
-from robust.sweeps.sweep import restored
+from robust.sweeps.sweep import restored, text_of
 
 from ..catalogue import Figure20bOptions
 from ..engine.experiment import Experiment, Report, Task
@@ -369,9 +368,9 @@ def _search(options: Figure20bOptions, watching: Watching | None) -> Admitting:
         for index in range(options.problems):
             plan = random_plan(options.seed, index).plan()
             verdict = Oracle(plan).decide(deadline=Deadline.after(options.limit)).verdict
-            decided += verdict is not Existence.UNKNOWN
+            decided += verdict is not ExecutionExistence.UNKNOWN
             name = instance_name(options.seed, index)
-            if verdict is Existence.EXISTS:
+            if verdict is ExecutionExistence.EXISTS:
                 admitting.append(name)
             if watching is not None:
                 watching(index + 1, options.problems, f"{name}: correct execution {verdict.value}")

@@ -26,7 +26,7 @@ from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.online.world import Pace, SimulatedTeam, Story
-from robust.pike_bridge.semantics import Existence, Oracle
+from robust.pike_bridge.semantics import ExecutionExistence, Oracle
 from robust.smt.limits import Deadline, OutOfTimeError
 
 from ..catalogue import HesitationOptions
@@ -122,7 +122,7 @@ def possible_intents(plan: TeamPlan) -> list[dict[str, str]]:
     oracle = Oracle(plan)
     joint = product(*(each.domain for each in theirs))
     named = (dict(zip((each.name for each in theirs), values, strict=True)) for values in joint)
-    return [each for each in named if oracle.decide(guard(each)).verdict is Existence.EXISTS]
+    return [each for each in named if oracle.decide(guard(each)).verdict is ExecutionExistence.EXISTS]
 
 
 def drawn_intent(plan: TeamPlan, random: Random, deadline: Deadline) -> dict[str, str]:
@@ -137,7 +137,7 @@ def drawn_intent(plan: TeamPlan, random: Random, deadline: Deadline) -> dict[str
             for value in random.sample(choice.domain, len(choice.domain)):
                 made = frozenset({Assignment(choice.name, value)})
                 whole = come_up | made | guards[choice.event]
-                if oracle.decide(whole, deadline=deadline).verdict is Existence.EXISTS:
+                if oracle.decide(whole, deadline=deadline).verdict is ExecutionExistence.EXISTS:
                     intent, come_up = intent | made, whole
                     break
     return {each.variable: each.value for each in intent}
@@ -154,7 +154,7 @@ def can_be(plan: TeamPlan, intent: Guard, delay: Fraction, deadline: Deadline) -
     )
     network = replace(plan.network, constraints=(*plan.network.constraints, *late))
     verdict = Oracle(_swift(replace(plan, network=network))).decide(intent, deadline=deadline).verdict
-    return None if verdict is Existence.UNKNOWN else verdict is Existence.EXISTS
+    return None if verdict is ExecutionExistence.UNKNOWN else verdict is ExecutionExistence.EXISTS
 
 
 def _swift(plan: TeamPlan) -> TeamPlan:
@@ -242,7 +242,7 @@ def _search(options: HesitationOptions, _: object) -> list[int]:
     if options.problems < 1:
         raise InputError(f"problems is {options.problems}; expected at least 1")
     plans = ((number, random_plan(options.seed, number).plan()) for number in range(options.problems))
-    return [number for number, plan in plans if Oracle(plan).decide().verdict is Existence.EXISTS]
+    return [number for number, plan in plans if Oracle(plan).decide().verdict is ExecutionExistence.EXISTS]
 
 
 def _tasks(options: HesitationOptions, admitting: list[int]) -> list[Task]:

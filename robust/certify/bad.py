@@ -15,11 +15,18 @@ from math import lcm
 
 from robust.certify.checker.formulas import FALSE, Formulas, plus, replaced
 from robust.certify.checker.reader import Ground, Linear, constant
-from robust.certify.hints import Fact, KnownFacts, Line, Model, Side, implied, model, refutation
-from robust.certify.orders import OrderLemmas, Point, positive_circle
-from robust.certify.tape import Multiples, obligation_lines, schedule_lines, sums, texts
-from robust.encode.interface import Encoding
-from robust.encode.variables import Range
+from robust.certify.hints import Fact, KnownFacts, Line, LinearSide, Model, implied, model, refutation
+from robust.certify.tape import (
+    Multiples,
+    OrderLemmas,
+    Point,
+    obligation_lines,
+    positive_circle,
+    schedule_lines,
+    sums,
+    texts,
+)
+from robust.encode.interface import Encoding, Range
 from robust.errors import UnsupportedError
 from robust.irr.widen import DiscoveredBadSet
 from robust.qe.box import Box, Interval
@@ -87,7 +94,7 @@ class Reasons:
         self._literals: dict[int, int] = {}
         self._first: dict[int, None] = {}  # those that broke, the last one last: they will elsewhere, too
 
-    def breaking(self, assumed: Sequence[Side], like: str = "") -> tuple[int, Model] | None:
+    def breaking(self, assumed: Sequence[LinearSide], like: str = "") -> tuple[int, Model] | None:
         """An obligation, by number, that some schedule breaks where the assumptions hold, and how.
 
         Those about the same as `like`, the name of one that may break as this package writes it, are tried first.
@@ -123,7 +130,9 @@ class Reasons:
             around = Polyhedron(self._names, (side_of(total, True),))
             region = [*facts_of(around), *bounds]
             return BadPiece(around, (["cycle", circle, sums(implied(KnownFacts(region), total, strictly=True))],))
-        pins = [Side.of(plus({name: s}, constant(s * point[name]), -1), False) for name in self._names for s in _SIGNS]
+        pins = [
+            LinearSide.of(plus({name: s}, constant(s * point[name]), -1), False) for name in self._names for s in _SIGNS
+        ]
         found = self.breaking(pins)
         if found is None:
             raise UnsupportedError(f"nothing breaks at {dict(point)}, which is outside of the region")
@@ -419,7 +428,7 @@ class _Face:
                     return
             else:
                 reasons = self._reasons()
-                assumed = [Side.of(dict(form), strict) for form, strict in _box_facts(beyond)]
+                assumed = [LinearSide.of(dict(form), strict) for form, strict in _box_facts(beyond)]
                 broken = reasons.breaking(assumed, self._bad.reasons[piece])
                 if broken is not None:
                     number, how = broken

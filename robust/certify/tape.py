@@ -1,24 +1,197 @@
-"""Certificates, made with the checker's own formulas: a tape of the hints that it asks for, in its order."""
+"""Certificates, made with the checker's own formulas: a tape of the hints that it asks for, in its order.
+
+Orders of time points that a network implies for all parameter values in a region, and schedules over regions.
+"""
 
 from __future__ import annotations
 
 import gzip
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
-from itertools import islice, product
+from itertools import groupby, islice, product
+from operator import itemgetter
 from pathlib import Path
+from typing import Any
 
-from robust.certify.checker.formulas import FALSE, Formulas
-from robust.certify.checker.reader import Ground, Linear
-from robust.certify.hints import Fact, KnownFacts, Line, implied, refutation
-from robust.certify.orders import OrderLemmas, affine_times, constant_times, placed, positive_circle
-from robust.certify.refute import NotRefutedError
-from robust.encode.variables import Range
+from robust.certify.checker.formulas import FALSE, Formulas, plus, replaced
+from robust.certify.checker.reader import Ground, Linear, constant
+from robust.certify.hints import Fact, KnownFacts, Line, NotRefutedError, implied, refutation
+from robust.encode.interface import Auxiliary, Range, variable
+from robust.encode.interface import constant as term_of
 from robust.errors import RefutedError, UnsupportedError
-from robust.files import atomic_write
+from robust.network.differences import Distances
 from robust.qe.box import Box
-from robust.smt.limits import Deadline
+from robust.records import atomic_write
+from robust.smt.limits import Deadline, OutOfTimeError
+from robust.smt.session import Satisfiability, Session
+from robust.smt.terms import Formula, Terms
+
+Point = Mapping[str, Fraction]
+
+
+def least(form: Mapping[str, Fraction], ranges: Mapping[str, Range]) -> Fraction | None:
+    """The least value of a form over ranges of its names; None if there is none."""
+    total = Fraction(0)
+    for name, factor in form.items():
+        end = Fraction(1) if not name else ranges[name][factor < 0]
+        if end is None:
+            return None
+        total += factor * end
+    return total
+
+
+class OrderLemmas:
+    """Greatest lower bounds of distances between time points, each constraint at its least over the parameters' ranges.
+
+    It stands for the checker's table of known orders, and remembers which of them decided something.
+
+    Raises:
+        RefutedError: if the constraints contradict each other for all values.
+    """
+
+    def __init__(self, ground: Ground, ranges: Mapping[str, Range]) -> None:
+        self._ground = ground
+        floors = [(number, a, b, least(w, ranges)) for number, (a, b, w) in enumerate(ground.edges) if a != b]
+        self._edges = [number for number, *_, floor in floors if floor is not None]
+        bounds = ((a, b, floor) for _, a, b, floor in floors if floor is not None)
+        self._distances = Distances(range(len(ground.points)), bounds)
+        if self._distances.network.schedule is None:
+            raise RefutedError("the network allows no schedule for any of these values; expected some")
+        self._times = self._distances.network.schedule
+        self._used: dict[tuple[int, int], Fraction] = {}
+
+    def get(self, pair: tuple[int, int], default: Any = None) -> Any:
+        """At least this much after the first point is the second; as a dictionary's."""
+        a, b = pair
+        if self._times[b] < self._times[a]:
+            return default  # the least schedule contradicts any distance that would matter
+        distance = None if a == b else self._distances.least(a, b)
+        if distance is None or distance < 0:
+            return default
+        self._used[pair] = distance
+        return distance
+
+    def lemmas(self) -> Iterator[tuple[int, int, list[int], Fraction, Linear]]:
+        """For each order that was asked for: its points, its path of constraints and earlier lemmas, its length, and
+        by how much the path may be longer."""
+        edges, numbers = self._ground.edges, dict[tuple[int, int], int]()
+        ordered = sorted(self._used, key=lambda pair: (pair[0], self._slack(*pair), self._times[pair[1]]))
+        for source, pairs in groupby(ordered, key=itemgetter(0)):
+            arrivals = self._distances.network.arrivals(source)
+            for _, goal in sorted(pairs, key=lambda pair: self._depth(arrivals, pair[1], source)):
+                path, total, place = list[int](), Linear(), goal
+                while place != source:
+                    if (source, place) in numbers:
+                        path.append(len(edges) + numbers[source, place])
+                        total = plus(total, constant(self._used[source, place]))
+                        break
+                    place, origin = arrivals[place]
+                    path.append(self._edges[origin])
+                    total = plus(total, edges[path[-1]][2])
+                bound = self._used[source, goal]
+                numbers[source, goal] = len(numbers)
+                yield source, goal, path[::-1], bound, plus(total, constant(bound), -1)
+
+    def _slack(self, source: int, target: int) -> Fraction:
+        times, used = self._times, self._used[source, target]
+        return times[target] - times[source] - used * self._distances.scale
+
+    @staticmethod
+    def _depth(arrivals: Sequence[tuple[int, int]], point: int, source: int) -> int:
+        depth = 0
+        while point != source:
+            point, depth = arrivals[point][0], depth + 1
+        return depth
+
+
+def constant_times(formulas: Formulas, ranges: Mapping[str, Range]) -> dict[str, Linear] | None:
+    """The earliest times of free time points that suit the worst value of each constraint; None if there are none."""
+    split = {point: _split(tie) for point, tie in formulas.ties.items()}
+    edges: list[tuple[str, str, Fraction]] = []
+    for a, b, w in formulas.ground.edges:
+        (source, before), (target, after) = split[a], split[b]
+        slack = least(plus(plus(after, before, -1), w, -1), ranges)
+        if slack is None:
+            return None
+        edges.append((source, target, -slack))
+    distances = Distances(["", *formulas.free()], edges)
+    if distances.network.schedule is None or distances.times[""]:
+        return None
+    return {point: constant(distances.times[point]) for point in formulas.free()}
+
+
+def _split(tie: Linear) -> tuple[str, Linear]:
+    """The free time point that a time is tied to, if any, and the rest."""
+    root = next((name for name in tie if name.startswith("@")), "")
+    return root, {name: factor for name, factor in tie.items() if name != root or not root}
+
+
+def affine_times(
+    formulas: Formulas, facts: Sequence[Fact], *, solver: str, deadline: Deadline
+) -> dict[str, Linear] | None:
+    """Free time points as linear functions of the parameters that keep the network all over a region.
+
+    By Farkas' lemma each constraint's slack is a sum of multiples of the region's sides and of something that is not
+    negative; that is linear in the multipliers and in the coefficients of the functions.
+
+    Raises:
+        OutOfTimeError: if the deadline passes.
+    """
+    terms, names = Terms(), list(formulas.ground.parameters)
+    columns = ["", *names]
+    keys = [(point, column) for point in formulas.free() for column in columns]
+    sought = {key: variable(Auxiliary("coefficient", index)) for index, key in enumerate(keys)}
+    conditions: list[Formula] = []
+    count = 0
+    slacks = (formulas.slack(edge) for edge in formulas.ground.edges)
+    for form in dict.fromkeys(tuple(sorted(slack.items())) for slack in slacks):
+        rest = {column: term_of(0) for column in columns}
+        for name, factor in form:
+            if name in rest:
+                rest[name] += factor
+            else:
+                for column in columns:
+                    rest[column] += sought[name, column].scaled(factor)
+        for side, _ in facts:
+            multiplier = variable(Auxiliary("multiplier", count))
+            count += 1
+            conditions.append(terms.at_least(multiplier))
+            for name, factor in side.items():
+                rest[name] -= multiplier.scaled(factor)
+        conditions.append(terms.at_least(rest[""]))
+        conditions += [terms.equal(rest[column]) for column in names]
+    session = Session(terms, solver=solver)
+    session.add_all(conditions, deadline)
+    verdict = session.check("a schedule that is linear on a region", deadline)
+    if verdict is Satisfiability.UNKNOWN:
+        raise OutOfTimeError
+    if verdict is Satisfiability.UNSATISFIABLE:
+        return None
+    values = session.values([terms.real(each) for term in sought.values() for each in term.variables])
+    found: dict[str, Linear] = {point: {} for point in formulas.free()}
+    for (point, column), term in sought.items():
+        value = Fraction(values.get(str(next(iter(term.variables))), 0))
+        if value:
+            found[point][column] = value
+    return found
+
+
+def placed(formulas: Formulas, times: Mapping[str, Linear]) -> list[Linear]:
+    """The slack of each constraint of the network at these times."""
+    return [replaced(formulas.slack(edge), times) for edge in formulas.ground.edges]
+
+
+def evaluated(form: Linear, point: Point) -> Fraction:
+    return sum((factor * (point[name] if name else 1) for name, factor in form.items()), Fraction(0))
+
+
+def positive_circle(ground: Ground, point: Point) -> list[int] | None:
+    """Constraints in a circle that no times keep at one point of parameter space; None if there is a schedule."""
+    lengths = ((a, b, evaluated(w, point)) for a, b, w in ground.edges)
+    cycle = Distances(range(len(ground.points)), lengths).network.cycle
+    return None if cycle is None else list(cycle.origins)
+
 
 FORMAT = "robust/certificate/2"
 CORNERS = 1024

@@ -1,13 +1,21 @@
-"""`robust batch`: one question about many plans."""
+"""`robust batch`: one question about many plans.
+
+`robust bench NAME`: the experiments of the package `benchmarks`, or `robust_benchmarks` where it is installed.
+"""
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
-from typing import TYPE_CHECKING, TypeVar
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from robust.cli.build import action
-from robust.files import atomic_write
+from robust.cli.build import Command
+from robust.cli.guard import Action, Run, action
+from robust.errors import UNDECIDED
 from robust.options.batch import (
     BatchCheckCommand,
     BatchCommand,
@@ -16,8 +24,11 @@ from robust.options.batch import (
     BatchRegionCommand,
 )
 from robust.options.declare import place_of
+from robust.records import atomic_write
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from robust.cli.guard import Run
 
 EPILOG = (
@@ -51,7 +62,7 @@ def _carry_out(verb: str, options: BatchCommand, run: Run) -> int:
     if (table := options.csv) is not None:
         run.write(lambda: atomic_write(table, shown.csv_text(found), place_of("csv")))
     if (page := options.html) is not None:
-        from robust.draw.pages import batch_page
+        from robust.draw.interactive import batch_page
 
         run.write(lambda: atomic_write(page, batch_page(found), place_of("html")))
     return found.exit_code
@@ -87,3 +98,51 @@ def compare(options: BatchCompareCommand, run: Run) -> int:
     (robust envelope --method optimal), which here is found exactly; each is a process of its own with the same limit.
     """
     return _carry_out("compare", options, run)
+
+
+@dataclass(frozen=True, slots=True)
+class ExperimentCommand(Command):
+    """The command of one experiment, which is loaded when it is run."""
+
+    entry: Any
+
+    def load(self) -> Action[Any]:
+        def carry_out(options: Any, run: Run) -> int:
+            return _measure(self.entry, options, run)
+
+        carry_out.__doc__ = self.entry.help
+        return Action(self.entry.options, carry_out, None)
+
+
+def _measure(entry: Any, options: Any, run: Run) -> int:
+    with run.guard.working():
+        experiment = entry.load()
+    run.display.say("running")
+    with run.guard.handed_over():
+        report = experiment.run(options, on_result=run.display.batch)
+
+    def tell(out: Console) -> None:
+        for table in report.tables:
+            out.print(table.rich(), markup=True)
+
+    run.answer(report.as_dict, tell)
+    run.write(report.plot)
+    if not report.complete:
+        return UNDECIDED
+    return 0 if report.agrees else 1
+
+
+def _catalogue() -> Mapping[str, Any]:
+    """The experiments beside this package, or else those that are installed with it."""
+    root = Path(__file__).parents[2]
+    if not (root / "benchmarks" / "catalogue.py").is_file():
+        name = "robust_benchmarks"
+    else:
+        name = "benchmarks"
+        if name not in sys.modules:
+            sys.path.insert(0, str(root))  # before any other package of that name
+    found: Mapping[str, Any] = import_module(f"{name}.catalogue").EXPERIMENTS
+    return found
+
+
+EXPERIMENTS = {name: ExperimentCommand(entry.summary, "", entry) for name, entry in _catalogue().items()}

@@ -12,37 +12,13 @@ from dataclasses import dataclass
 from enum import StrEnum
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any
 
+from robust.cli.guard import EPILOG, Action
 from robust.options.declare import Option, Options, declared, names_of
 
 if TYPE_CHECKING:
     import typer
-
-    from robust.cli.guard import Run
-
-EPILOG = "Exit codes: 0 proved or done, 1 refuted, 2 bad input, 3 unknown, out of time or interrupted, 4 unsupported."
-Given = TypeVar("Given", bound=Options)
-
-
-@dataclass(frozen=True, slots=True)
-class Action(Generic[Given]):
-    """What a command does: `carry_out` returns the exit code, and its docstring is the help text."""
-
-    options: type[Given]
-    carry_out: Callable[[Given, Run], int]
-    epilog: str | None
-
-    @property
-    def help(self) -> str:
-        return inspect.cleandoc(self.carry_out.__doc__ or "")
-
-
-def action(
-    options: type[Given], *, epilog: str | None = EPILOG
-) -> Callable[[Callable[[Given, Run], int]], Action[Given]]:
-    """Make a function of options and a run the action of a command."""
-    return lambda carry_out: Action(options, carry_out, epilog)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,20 +10,20 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from robust.cli.build import action
+from robust.cli.guard import action
 from robust.errors import InputError, Location, RefutedError, UnsupportedError
-from robust.files import atomic_write
 from robust.numbers import exact_end, shorten
-from robust.options.commands import CertifyCommand, VerifyCommand
+from robust.options.batch import CertifyCommand, VerifyCommand
 from robust.options.declare import place_of, refuse_replacing, settings
 from robust.plan.pddl.forms import read_bytes, read_text
 from robust.qe.box import Box, Interval
+from robust.records import atomic_write
 from robust.smt.limits import Deadline, OutOfTimeError
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from robust.certify.verify import Verification
+    from robust.certify.produce import Verification
     from robust.cli.guard import Run
     from robust.execute.convert import Conversion
     from robust.plan.model import ParametrizedPlan
@@ -43,8 +43,8 @@ def certify(options: CertifyCommand, run: Run) -> int:
     written: dict[Path, str | bytes] = {}
 
     def work(folder: Path) -> tuple[int | None, float, Verification, float]:
+        from robust.certify.produce import verify
         from robust.certify.tape import packed
-        from robust.certify.verify import verify
 
         deadline = Deadline.after(run.remaining)
         started = time.perf_counter()
@@ -111,7 +111,7 @@ def verify(options: VerifyCommand, run: Run) -> int:
     box = run.only(lambda: demanded_box(options.box))
 
     def work() -> tuple[Verification, float]:
-        from robust.certify.verify import verify
+        from robust.certify.produce import verify
 
         started = time.perf_counter()
         found = verify(
@@ -127,12 +127,12 @@ def verify(options: VerifyCommand, run: Run) -> int:
 
     found, seconds = run.only(work)
 
-    from robust.certify.verify import Outcome
+    from robust.certify.produce import CheckerOutcome
     from robust.show import documents, made
 
-    if found.outcome is Outcome.UNREADABLE:
+    if found.outcome is CheckerOutcome.UNREADABLE:
         raise InputError(f"cannot read ({found.answer['reason']}), expected {CERTIFICATE}", place)
-    if found.outcome is Outcome.UNSUPPORTED:
+    if found.outcome is CheckerOutcome.UNSUPPORTED:
         raise UnsupportedError(f"the checker of certificates does not read this: {found.answer['reason']}")
     said = ("kind", "claim", "epsilon", "box", "obligations", "refuted", "reason")
     answer = made.Verify(
@@ -230,7 +230,7 @@ def _parametrized(
 def _network_of_steps(
     options: CertifyCommand, run: Run, text: str, file: str, specs: Sequence[ParameterSpec]
 ) -> tuple[Conversion, Sequence[str]]:
-    from robust.execute.convert import Ended, convert
+    from robust.execute.convert import ConversionEnd, convert
     from robust.plan.pddl.reader import read_domain, read_problem
     from robust.plan.timed import parse_timed_plan
 
@@ -248,7 +248,7 @@ def _network_of_steps(
         timeout=None if run.remaining is None else run.remaining / 2,
         on_progress=run.display.say,
     )
-    if found.ended is Ended.INTERRUPTED:
+    if found.ended is ConversionEnd.INTERRUPTED:
         raise KeyboardInterrupt
     return found, found.notes(timed)
 
@@ -276,7 +276,7 @@ def _lines(options: CertifyCommand, deadline: Deadline, run: Run) -> tuple[list[
     lines = made.of_plan() if plain else made.of_box(box, maximal=options.kind == "maximal")
     if options.alethe is None:
         return lines, None
-    from robust.certify.alethe import export
+    from robust.certify.produce import export
     from robust.encode import create_encoding
 
     encoding = create_encoding(options.encoding, plan, options.separation, deadline)
@@ -288,7 +288,7 @@ def _of_choices(options: CertifyCommand, deadline: Deadline) -> list[Any]:
     from robust.certify.produce import execution, knowledge
     from robust.pike import assumed
     from robust.pike_bridge.action_model import load_team_plan
-    from robust.pike_bridge.semantics import Existence, Oracle
+    from robust.pike_bridge.semantics import ExecutionExistence, Oracle
 
     (network,) = options.files
     plan = load_team_plan(network, epsilon=options.separation)
@@ -296,7 +296,7 @@ def _of_choices(options: CertifyCommand, deadline: Deadline) -> list[Any]:
     if options.kind == "knowledge":
         return knowledge(network, options.separation, deadline, choices)
     found = Oracle(plan, solver=options.solver).decide(assumed(plan, options.assume), deadline=deadline)
-    if found.verdict is Existence.UNKNOWN:
+    if found.verdict is ExecutionExistence.UNKNOWN:
         raise OutOfTimeError
     if found.witness is not None:
         return execution(network, options.separation, found.witness.scenario, found.witness.schedule)

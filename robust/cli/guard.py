@@ -10,6 +10,7 @@ before any file is written.
 
 from __future__ import annotations
 
+import inspect
 import os
 import signal
 import sys
@@ -17,10 +18,11 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from robust.cli.output import Display, answering, complain, noting_warnings, print_json
 from robust.errors import UNDECIDED, InputError, RobustError, SolverError
@@ -30,8 +32,7 @@ from robust.smt.limits import OutOfTimeError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from robust.api import Answer, Search
-    from robust.cli.build import Action
+    from robust.api import AnytimeSearch, SearchResult
 
 STOPS = frozenset({signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
 _NUDGE = signal.SIGALRM
@@ -239,7 +240,7 @@ class Guard:
 
 
 Found = TypeVar("Found")
-Known = TypeVar("Known", bound="Answer")
+Known = TypeVar("Known", bound="SearchResult")
 
 
 def _given_up(stopped: OutOfTimeError) -> Exception:
@@ -337,13 +338,13 @@ class Run:
         """Whether the time limit has ended what was going on."""
         return self.guard.cause is Cause.TIMEOUT
 
-    def best(self, begin: Callable[[], Search[Known]], show: Callable[[Known], None]) -> Known:
+    def best(self, begin: Callable[[], AnytimeSearch[Known]], show: Callable[[Known], None]) -> Known:
         """What a search finds until it ends or is ended; where it does not even heed that, `show` and exit.
 
         Raises:
             GivenUpError: if nothing is known.
         """
-        search: Search[Known] | None = None
+        search: AnytimeSearch[Known] | None = None
 
         def so_far() -> Known | None:
             return None if search is None else search.so_far(timed_out=self.timed_out)
@@ -368,13 +369,13 @@ class Run:
             return result if (known := so_far()) is None else known
         return result
 
-    def reply(self, begin: Callable[[], Search[Known]]) -> Known:
+    def reply(self, begin: Callable[[], AnytimeSearch[Known]]) -> Known:
         """What a search finds, as :meth:`best`; it is the answer."""
         found = self.best(begin, self.show)
         self.show(found)
         return found
 
-    def show(self, found: Answer) -> None:
+    def show(self, found: SearchResult) -> None:
         """Print a result as an answer."""
         from robust.show.presenting import print_result
 
@@ -417,6 +418,30 @@ class Run:
         from robust.show.console import console
 
         return console(color=self._color)
+
+
+EPILOG = "Exit codes: 0 proved or done, 1 refuted, 2 bad input, 3 unknown, out of time or interrupted, 4 unsupported."
+Given = TypeVar("Given", bound=Options)
+
+
+@dataclass(frozen=True, slots=True)
+class Action(Generic[Given]):
+    """What a command does: `carry_out` returns the exit code, and its docstring is the help text."""
+
+    options: type[Given]
+    carry_out: Callable[[Given, Run], int]
+    epilog: str | None
+
+    @property
+    def help(self) -> str:
+        return inspect.cleandoc(self.carry_out.__doc__ or "")
+
+
+def action(
+    options: type[Given], *, epilog: str | None = EPILOG
+) -> Callable[[Callable[[Given, Run], int]], Action[Given]]:
+    """Make a function of options and a run the action of a command."""
+    return lambda carry_out: Action(options, carry_out, epilog)
 
 
 def carry_out(guard: Guard, asked: Action[Any], given: Mapping[str, Any]) -> int:

@@ -25,9 +25,9 @@ COMMANDS: dict[str, Command | Group] = {
     "envelope": Command("How far may parameters deviate?", "robust.cli.plans:envelope"),
     "region": Command("All parameter values for which a plan is valid.", "robust.cli.plans:region"),
     "compare": Command("The exact region beside all boxes: IRR, CCMMZ and exact ones.", "robust.cli.plans:compare"),
-    "risk": Command("How likely does a plan succeed?", "robust.cli.risk:risk"),
-    "repair": Command("The least change after which a plan is valid, or robust enough.", "robust.cli.repair:repair"),
-    "validate": Command("Is a plan valid as it stands, at the times that it says?", "robust.cli.validate:validate"),
+    "risk": Command("How likely does a plan succeed?", "robust.cli.plans:risk"),
+    "repair": Command("The least change after which a plan is valid, or robust enough.", "robust.cli.plans:repair"),
+    "validate": Command("Is a plan valid as it stands, at the times that it says?", "robust.cli.making:validate"),
     "convert": Command("Make a flexible plan of a planner's output.", "robust.cli.making:convert"),
     "execute": Command("Execute in simulated worlds, and plan anew when needed.", "robust.cli.making:execute"),
     "certify": Command("Write down why a plan is valid, for a checker without solver.", "robust.cli.certify:certify"),
@@ -65,7 +65,7 @@ COMMANDS: dict[str, Command | Group] = {
         },
     ),
     "bench": Group(
-        "Measure: recorded data sets, the figures of the paper, scaling studies.", "robust.cli.bench:EXPERIMENTS"
+        "Measure: recorded data sets, the figures of the paper, scaling studies.", "robust.cli.batch:EXPERIMENTS"
     ),
 }
 """A new command is a line here, and an action where it says."""

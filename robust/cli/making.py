@@ -1,7 +1,11 @@
-"""`robust convert`, `execute` and `demo`: plans made of planners' output, carried out in simulated worlds; a tour."""
+"""`robust convert`, `execute` and `demo`: plans made of planners' output, carried out in simulated worlds; a tour.
+
+`robust validate`: schedules as they stand, one plan after the other.
+"""
 
 from __future__ import annotations
 
+import logging
 import os
 import shlex
 import sys
@@ -14,22 +18,110 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robust.cli import plans
-from robust.cli.build import Action, action, read_options
-from robust.cli.guard import Cause, GivenUpError, Run, carry_out
+from robust.cli.build import read_options
+from robust.cli.guard import Action, Cause, GivenUpError, Run, action, carry_out
 from robust.cli.output import answering, print_json
-from robust.errors import UNDECIDED, InputError, RefutedError
-from robust.files import atomic_write
-from robust.options.commands import ConvertCommand, DemoCommand, ExecuteCommand
+from robust.errors import UNDECIDED, InputError, RefutedError, RobustError
+from robust.numbers import plural
+from robust.options.batch import ConvertCommand, DemoCommand, ExecuteCommand
 from robust.options.declare import place_of
+from robust.options.verbs import ValidateCommand
+from robust.records import atomic_write
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from robust.cli.guard import Run
     from robust.execute import replan
     from robust.execute.convert import Conversion, Converting
+    from robust.execute.validate import Verdict
     from robust.plan.model import ParametrizedPlan
+    from robust.plan.pddl.syntax import Domain, Problem
     from robust.plan.timed import TimedPlan
+    from robust.show.validation import Judged
     from robust.stnu.network import Network
+
+log = logging.getLogger(__name__)
+_Files = tuple[Path, Path, Path]
+
+
+@action(ValidateCommand)
+def validate(options: ValidateCommand, run: Run) -> int:
+    """Is a plan valid as it stands, at the times that it says? If not: what breaks, when, by how much, what would help.
+
+    Any number of plans of one problem, or those of a list. robust check judges all schedules of a network.
+    """
+    from robust.show import validation
+
+    judged: list[Judged] = []
+    cause: Cause | None = None
+    try:
+        run.only(lambda: _judge_all(options, run, judged))
+    except GivenUpError as error:
+        if not judged:
+            raise
+        cause = run.guard.why(error)
+    status = "complete" if cause is None else cause.value
+    run.answer(
+        lambda: validation.validate(judged, status, options.separation, options.rounding),
+        lambda out: validation.print_verdicts(out, judged, quiet=options.quiet),
+    )
+    if cause is not None:
+        print(f"robust: {cause.message} after {plural(len(judged), 'plan')}", file=sys.stderr)
+    return max([*(one.exit_code for one in judged), 0 if cause is None else UNDECIDED])
+
+
+def _judge_all(options: ValidateCommand, run: Run, judged: list[Judged]) -> None:
+    from robust.show.validation import Judged
+    from robust.sweeps.suites import listed_files
+
+    problems = _Problems()
+    every: list[_Files] = []
+    if options.domain is not None and options.problem is not None:
+        problems.read(options.domain, options.problem)  # what is wrong with these is said once
+        every = [(options.domain, options.problem, plan) for plan in options.plans]
+    elif options.suite is not None:
+        every = listed_files(options.suite)
+    for number, (domain, problem, plan) in enumerate(every, start=1):
+        doing = f"plan {number} of {len(every)}: {plan}"
+        run.display.say(doing)
+        log.debug(doing)
+        try:
+            verdict = _judged(options, *problems.read(domain, problem), plan)
+        except RobustError as error:
+            if len(every) == 1:
+                raise
+            judged.append(Judged(domain, problem, plan, error=error))
+        else:
+            judged.append(Judged(domain, problem, plan, verdict))
+            if verdict.note:
+                run.note(f"{verdict.plan}: {verdict.note}")
+
+
+def _judged(options: ValidateCommand, domain: Domain, problem: Problem, plan: Path) -> Verdict:
+    from robust.execute.validate import read_plan, validate
+    from robust.plan.pddl.forms import read_plan_text
+
+    timed = read_plan(*read_plan_text(plan), options.plan_number)
+    return validate(domain, problem, timed, epsilon=options.separation, tolerance=options.rounding)
+
+
+class _Problems:
+    """Reads domains and problems; the last ones are kept, because plans of one problem come together."""
+
+    def __init__(self) -> None:
+        self._domain: tuple[Path, Domain] | None = None
+        self._problem: tuple[tuple[Path, Path], Problem] | None = None
+
+    def read(self, domain: Path, problem: Path) -> tuple[Domain, Problem]:
+        from robust.plan.pddl.reader import read_domain, read_problem
+
+        if self._domain is None or self._domain[0] != domain:
+            self._domain = domain, read_domain(domain)
+        if self._problem is None or self._problem[0] != (domain, problem):
+            self._problem = (domain, problem), read_problem(problem, self._domain[1])
+        return self._domain[1], self._problem[1]
+
 
 # -- convert -----------------------------------------------------------------------------------------------------------
 
@@ -108,7 +200,7 @@ def _write_stnu(options: ConvertCommand, run: Run, plan: ParametrizedPlan) -> Ne
     from robust.cli.certify import read_box
     from robust.qe.box import Box
     from robust.stnu.files import scaled, write
-    from robust.stnu.plans import network_of
+    from robust.stnu.network import network_of
 
     output = options.stnu or Path()
     nominal = Box.nominal(plan.parameters)
@@ -195,7 +287,7 @@ def _write(options: ConvertCommand, found: Conversion) -> None:
 @action(ExecuteCommand)
 def execute(options: ExecuteCommand, run: Run) -> int:
     """Execute a plan in simulated worlds, and plan anew from the state reached when an observation leaves the box."""
-    runs: list[replan.Run] = []
+    runs: list[replan.ReplanningRun] = []
     cause: Cause | None = None
     try:
         run.only(lambda: _execute_all(options, run, runs))
@@ -203,7 +295,7 @@ def execute(options: ExecuteCommand, run: Run) -> int:
         if not runs:
             raise
         cause = run.guard.why(error)
-    from robust.show import execution, made
+    from robust.show import made
 
     if (picture := options.plot) is not None:
         from robust.draw.gantt import plot_run
@@ -212,9 +304,9 @@ def execute(options: ExecuteCommand, run: Run) -> int:
 
     def tell(out: Console) -> None:
         if options.runs == 1 and runs:
-            execution.print_run(out, runs[0], options.executor, quiet=options.quiet)
+            made.print_run(out, runs[0], options.executor, quiet=options.quiet)
         else:
-            execution.print_runs(out, runs, options.executor, quiet=options.quiet)
+            made.print_runs(out, runs, options.executor, quiet=options.quiet)
         if cause is not None:
             out.print(f"{cause.message} after {len(runs)} of {options.runs} runs")
 
@@ -224,7 +316,7 @@ def execute(options: ExecuteCommand, run: Run) -> int:
     return 0 if all(not one.reason for one in runs) else 1
 
 
-def _execute_all(options: ExecuteCommand, run: Run, runs: list[replan.Run]) -> None:
+def _execute_all(options: ExecuteCommand, run: Run, runs: list[replan.ReplanningRun]) -> None:
     from robust.execute import replan
 
     mission = _mission(options, run)
@@ -238,16 +330,16 @@ def _execute_all(options: ExecuteCommand, run: Run, runs: list[replan.Run]) -> N
 def _mission(options: ExecuteCommand, run: Run) -> replan.Mission:
     from robust.execute.dispatchable import parse_executor
     from robust.execute.planners.registry import create_planner
-    from robust.execute.replan import Mission, Options
+    from robust.execute.replan import Mission, ReplanningOptions
     from robust.execute.worlds import Rules, read_rules
-    from robust.irr.methods import BoxMethod
+    from robust.irr.exact import BoxMethod
     from robust.plan.parameters import specifications
     from robust.plan.pddl.reader import read_domain, read_problem
 
     specs, beside = specifications(options.parameter, options.parameters, options.plan)
     if beside is not None:
         run.note(f"took the parameters of {beside}")
-    settings = Options(
+    settings = ReplanningOptions(
         executor=parse_executor(options.executor),
         specs=specs,
         method=BoxMethod(options.method, options.precision or Fraction(1), doubling=options.doubling),

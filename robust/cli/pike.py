@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from robust.backends import DRAKE
-from robust.cli.build import action
-from robust.cli.guard import Run
+from robust.cli.guard import Run, action
 from robust.errors import UNDECIDED, InputError, exit_code_of
 from robust.options.declare import place_of, refuse_replacing
 from robust.options.pike import (
@@ -28,7 +27,7 @@ from robust.options.pike import (
 from robust.smt.limits import Deadline, OutOfTimeError
 
 if TYPE_CHECKING:
-    from robust.api import Search
+    from robust.api import AnytimeSearch
     from robust.pike_bridge.action_model import Instance
     from robust.pike_bridge.envelopes.parameters import ParametricPlan
     from robust.pike_bridge.envelopes.search import LabeledRegion, TeamEnvelope
@@ -108,7 +107,7 @@ def plot(options: PikePlotCommand, run: Run) -> int:
 def _drawing(options: PikePlotCommand, run: Run) -> tuple[PikePlot, Callable[[], object]]:
     """What there is to see in a drawing of the plan, and what draws it."""
     from robust.pike import assumed
-    from robust.pike_bridge.scenarios import restrict
+    from robust.pike_bridge.semantics import restrict
     from robust.show import pike
 
     plan = load(options)
@@ -150,7 +149,7 @@ def run(options: PikeRunCommand, run: Run) -> int:
         return serve(run, options, seen)
     from robust.pike import searching_execution
 
-    def begin() -> Search[ExecutionRecord]:
+    def begin() -> AnytimeSearch[ExecutionRecord]:
         search = searching_execution(load(options), options.changed(timeout=run.remaining))
         run.display.say("executing")
         return search
@@ -193,7 +192,7 @@ def region(options: PikeRegionCommand, run: Run) -> int:
         count += 1
         run.display.say(f"polyhedra: {count}")
 
-    def begin() -> Search[LabeledRegion]:
+    def begin() -> AnytimeSearch[LabeledRegion]:
         return searching_region(_parametric(options), options.changed(timeout=run.remaining, on_piece=on_piece))
 
     cells: Cells | None = None
@@ -230,7 +229,7 @@ def envelope(options: PikeEnvelopeCommand, run: Run) -> int:
     """How far may durations and limits of a plan with choices deviate: for some choices, or whatever people choose?"""
     from robust.pike import searching_envelope
 
-    def begin() -> Search[TeamEnvelope]:
+    def begin() -> AnytimeSearch[TeamEnvelope]:
         asked = options.changed(timeout=run.remaining, on_stage=run.display.say)
         return searching_envelope(_parametric(options), asked)
 

@@ -1,4 +1,9 @@
-"""`robust check`, `envelope`, `region` and `compare`: questions about a plan, and what is shown of the answers."""
+"""`robust check`, `envelope`, `region` and `compare`: questions about a plan, and what is shown of the answers.
+
+`robust risk`: how likely a plan succeeds.
+
+`robust repair`: the least change after which a plan is valid, and its text with that change.
+"""
 
 from __future__ import annotations
 
@@ -6,26 +11,37 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from robust.cli.build import action
-from robust.errors import UNDECIDED, RobustError, exit_code_of
-from robust.files import atomic_write
+from robust.cli.guard import action
+from robust.errors import UNDECIDED, InputError, RobustError, exit_code_of
 from robust.options.declare import place_of
 from robust.options.shared import AskCommand
-from robust.options.verbs import CheckCommand, CompareCommand, EnvelopeCommand, RegionCommand, RepairOptions
+from robust.options.verbs import (
+    CheckCommand,
+    CompareCommand,
+    EnvelopeCommand,
+    RegionCommand,
+    RepairCommand,
+    RepairOptions,
+    RiskCommand,
+)
+from robust.records import atomic_write
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from rich.console import Console
 
-    from robust.api import Search
+    from robust.api import AnytimeSearch
     from robust.cli.guard import Run
     from robust.execute.controllability import ControllabilityReport
     from robust.irr.check import CheckResult, Counterexample
     from robust.irr.compare import Comparison
-    from robust.irr.quantities import Change
-    from robust.irr.repair import Repair
+    from robust.irr.quantities import Cost, QuantityChange
+    from robust.irr.repair import Repair, RepairSearch
     from robust.irr.search import EnvelopeResult
     from robust.plan.model import ParametrizedPlan
     from robust.probability.measure import Bounds
+    from robust.probability.risk import RiskResult
     from robust.qe.compute import RegionResult, RegionSearch
 
 HINT_SECONDS = 1
@@ -63,7 +79,7 @@ def check(options: CheckCommand, run: Run) -> int:
 
     plan: ParametrizedPlan | None = None
 
-    def begin() -> Search[CheckResult]:
+    def begin() -> AnytimeSearch[CheckResult]:
         nonlocal plan
         plan = load(options, run)
         run.display.say("encoding")
@@ -76,7 +92,9 @@ def check(options: CheckCommand, run: Run) -> int:
     return exit_code_of(result.answer.value)
 
 
-def _repair(options: CheckCommand, run: Run, plan: ParametrizedPlan, refuted: CheckResult) -> tuple[Change, ...] | None:
+def _repair(
+    options: CheckCommand, run: Run, plan: ParametrizedPlan, refuted: CheckResult
+) -> tuple[QuantityChange, ...] | None:
     """The least change of bounds for what was refuted, if it is found soon, in a copy of this process."""
     from robust.api import searching_repair
     from robust.smt.limits import Deadline, from_copy
@@ -91,7 +109,7 @@ def _repair(options: CheckCommand, run: Run, plan: ParametrizedPlan, refuted: Ch
         resource.setrlimit(resource.RLIMIT_CPU, (HINT_SECONDS, HINT_SECONDS))
         return searching_repair(plan, asked).run()
 
-    def look() -> tuple[Change, ...] | None:
+    def look() -> tuple[QuantityChange, ...] | None:
         try:
             found: Repair = from_copy(work, Deadline.after(patience), "the search for a repair")
         except RobustError:
@@ -106,14 +124,14 @@ def envelope(options: EnvelopeCommand, run: Run) -> int:
     """How far may parameters deviate, all at once, before the plan can fail? Ctrl-C prints the best box so far."""
     from robust.api import searching_envelope
     from robust.show import documents
-    from robust.show.envelopes import print_envelope
+    from robust.show.regions import print_envelope
 
     plan: ParametrizedPlan | None = None
     beside = documents.NOTHING_BESIDE
     wanted = options.controllability is not None
     exported: str | None = None
 
-    def begin() -> Search[EnvelopeResult]:
+    def begin() -> AnytimeSearch[EnvelopeResult]:
         nonlocal plan
         about_nominal = options.plot is not None or options.controllability is not None
         plan = load(options, run, nominal_needed=options.from_nominal or about_nominal)
@@ -224,7 +242,7 @@ def region(options: RegionCommand, run: Run) -> int:
         known = f"polyhedra of bad values: {found['bad']}, of good values: {found['good']}"
         run.display.say(f"{known}, open: {float(share.value):.1%}" if share else known)
 
-    def begin() -> Search[RegionResult]:
+    def begin() -> AnytimeSearch[RegionResult]:
         nonlocal search
         plan = load(options, run, nominal_needed=False)
         if options.plot is not None:
@@ -265,7 +283,7 @@ def compare(options: CompareCommand, run: Run) -> int:
     """
     from robust.api import searching_compare
 
-    def begin() -> Search[Comparison]:
+    def begin() -> AnytimeSearch[Comparison]:
         plan = load(options, run)
         if options.plot is not None:
             from robust.draw.plane import shown_axes
@@ -302,3 +320,73 @@ def _page_seconds(run: Run, result: Comparison) -> float:
     """As long as everything before took, or a minute, if that is more."""
     most = max(60.0, result.seconds)
     return most if run.remaining is None else min(most, run.remaining)
+
+
+@action(RiskCommand)
+def risk(options: RiskCommand, run: Run) -> int:
+    """How likely does the plan succeed if its parameters are random? Ctrl-C prints the bounds so far."""
+    from robust.api import searching_risk
+    from robust.show.documents import bounds_text
+
+    def follow(bounds: Bounds) -> None:
+        run.display.say(f"probability of success: {bounds_text(bounds, 4)}")
+
+    def begin() -> AnytimeSearch[RiskResult]:
+        plan = load(options, run, nominal_needed=False)
+        run.display.say("encoding")
+        callbacks = {"on_bounds": follow, "on_stage": run.display.say}
+        return searching_risk(plan, options.changed(timeout=run.remaining, **callbacks))
+
+    result = run.reply(begin)
+    if options.plot is not None:
+        run.write(partial(result.plot, options.plot))
+    return 3 if result.cut_short else 0
+
+
+@action(RepairCommand)
+def repair(options: RepairCommand, run: Run) -> int:
+    """What is the least change after which a plan is valid for every schedule that its network then allows?
+
+    What changes are bounds of the network, nominal values, or both; with --require, the plan is valid for all these
+    values of parameters as well. Ctrl-C prints the best repair so far.
+    """
+    from robust.api import searching_repair
+    from robust.plan.pddl.forms import read_plan_text
+    from robust.plan.stn import is_network
+    from robust.show import repairs as show
+
+    source = "" if options.output is None else read_plan_text(options.plan)[0]
+    if options.output is not None and not is_network(source, str(options.plan)):
+        raise InputError(
+            f"found steps in {options.plan}, expected a network (.stn): convert them first by robust convert",
+            place_of("output"),
+        )
+
+    def begin() -> RepairSearch:
+        plan = load(options, run)
+        run.display.say("encoding")
+        return searching_repair(plan, options.changed(timeout=run.remaining, on_repair=better))
+
+    def better(cost: Cost) -> None:
+        run.display.say(f"best so far: {show.price(cost, options.count)}")
+
+    def tell(found: Repair) -> None:
+        written = None if options.output is None or found.plan is None else options.output
+        run.answer(
+            lambda: show.repair_document(found, written),
+            lambda out: show.print_repair(out, found, written, quiet=options.quiet),
+        )
+
+    found = run.best(begin, tell)
+    tell(found)
+    if options.output is not None and found.plan is not None:
+        text = _text(source, options.plan, found.changes)
+        run.write(partial(atomic_write, options.output, text, place_of("output")))
+    return exit_code_of(found.status.value)
+
+
+def _text(source: str, file: Path, changes: tuple[QuantityChange, ...]) -> str:
+    """The plan as it was written, but for what changes."""
+    from robust.plan.load import BoundNumber, rewritten
+
+    return rewritten(source, str(file), {BoundNumber(one.location, one.part): one.new for one in changes})

@@ -62,9 +62,8 @@ class _Server:
     def prepare(self, load: Callable[[], TeamPlan]) -> None:
         """Read the plan and the journal, and make what decides."""
         from robust.pike_bridge.online.executive import PlanExecutive
-        from robust.pike_bridge.online.journal import Journal
         from robust.pike_bridge.online.reasoners import make_reasoner
-        from robust.pike_bridge.online.service import Service
+        from robust.pike_bridge.online.service import Journal, Service
 
         if sys.stdin is None:  # closed by the caller, as in `robust ... <&-`
             raise InputError("found no standard input, expected lines of JSON", Location("--stdio"))

@@ -8,21 +8,21 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from robust.cli.build import action
-from robust.cli.guard import Cause, GivenUpError, Run
+from robust.cli.guard import Cause, GivenUpError, Run, action
 from robust.errors import UNDECIDED, UNSUPPORTED, InputError, RobustError, did_you_mean
-from robust.files import atomic_write
 from robust.numbers import shorten
-from robust.options.commands import StnuCheckCommand, StnuDispatchCommand, StnuFiles, StnuRepairCommand
+from robust.options.batch import StnuCheckCommand, StnuDispatchCommand, StnuFiles, StnuRepairCommand
 from robust.options.declare import place_of
+from robust.records import atomic_write
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from robust.api import Search
+    from robust.api import AnytimeSearch
     from robust.show.stnu import Judged
     from robust.stnu.network import Network
-    from robust.stnu.repairs import Repair
+    from robust.stnu.repairs import NetworkRepair
+    from robust.stnu.verdicts import NetworkCheck
 
 Result = TypeVar("Result")
 
@@ -33,7 +33,7 @@ def check(options: StnuCheckCommand, run: Run) -> int:
     from robust import stnu
     from robust.show import stnu as show
 
-    def judge(network: Network) -> stnu.CheckResult:
+    def judge(network: Network) -> NetworkCheck:
         return run.only(lambda: stnu.check(network, timeout=run.remaining))
 
     found, cause = _each(options, run, judge)
@@ -73,23 +73,23 @@ def repair(options: StnuRepairCommand, run: Run) -> int:
     from robust.smt.limits import Deadline
     from robust.stnu.repairs import NetworkRepairSearch
 
-    def judge(network: Network) -> Repair:
-        def begin() -> Search[Repair]:
+    def judge(network: Network) -> NetworkRepair:
+        def begin() -> AnytimeSearch[NetworkRepair]:
             return NetworkRepairSearch(network, *_weights(options, network), Deadline.after(run.remaining))
 
         return run.best(begin, lambda last: tell(last, network))
 
-    def tell(last: Repair, network: Network) -> None:
+    def tell(last: NetworkRepair, network: Network) -> None:
         whole = [*found, show.Judged(Path(network.name), last)]
         run.answer(lambda: document(whole), lambda out: text(out, whole))
 
-    def document(whole: list[Judged[Repair]]) -> Any:
+    def document(whole: list[Judged[NetworkRepair]]) -> Any:
         return show.repair_document(whole, _status(whole, cause), written)
 
-    def text(out: Console, whole: list[Judged[Repair]]) -> None:
+    def text(out: Console, whole: list[Judged[NetworkRepair]]) -> None:
         show.print_repairs(out, whole, written, quiet=options.quiet)
 
-    found: list[Judged[Repair]] = []
+    found: list[Judged[NetworkRepair]] = []
     written: str | None = None
     cause: Cause | None = None
     _, cause = _each(options, run, judge, found)

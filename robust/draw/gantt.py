@@ -26,8 +26,8 @@ from matplotlib.ticker import MaxNLocator
 from robust.draw.style import DARK_GREY, GRID, HATCHES, LIGHT, STRONG, cut, save, without_frame, wrapped
 from robust.errors import InputError
 from robust.execute.dispatchable import Guarantee
-from robust.execute.replan import Run, Segment
-from robust.execute.worlds import Outcome
+from robust.execute.replan import ReplanningRun, Segment
+from robust.execute.worlds import InstanceOutcome
 from robust.numbers import format_number, plural, readable
 from robust.pike_bridge.online import progress
 from robust.pike_bridge.online.world import ExecutionRecord
@@ -328,7 +328,7 @@ def _width(label: str) -> float:
 # -- executions of plans -----------------------------------------------------------------------------------------------
 
 
-def plot_run(run: Run, executor: str, path: Path) -> None:
+def plot_run(run: ReplanningRun, executor: str, path: Path) -> None:
     """Draw an execution: a lane for each first argument of an action, which most domains give to who acts; below them
     one for each parameter, with the values in which the plan succeeds and those that were observed.
     """
@@ -337,7 +337,7 @@ def plot_run(run: Run, executor: str, path: Path) -> None:
     shown = names if len(names) <= _PARAMETERS else ()
     lanes = [Lane(name) for name in dict.fromkeys(_lane(one.instance) for one in executed)]
     lanes += [Lane(_parameter_lane(name), name) for name in shown]
-    kinds = {Outcome.DONE: "action", Outcome.RUNNING: "running"}
+    kinds = {InstanceOutcome.DONE: "action", InstanceOutcome.RUNNING: "running"}
     bars = [
         Bar(
             _lane(one.instance),
@@ -384,7 +384,7 @@ def _observed(segment: Segment, name: str) -> Iterator[Mark]:
             yield Mark(one.time, _parameter_lane(name), f"{readable(one.value)}{outside}", "observed")
 
 
-def _marks(run: Run) -> Iterator[Mark]:
+def _marks(run: ReplanningRun) -> Iterator[Mark]:
     for number, segment in enumerate(run.segments, start=1):
         if number > 1:
             yield Mark(segment.start, None, f"plan {number}", "next plan")

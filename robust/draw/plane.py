@@ -50,7 +50,7 @@ from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import Region
 from robust.show.pike_envelopes import Cells, cells_of, promise
 from robust.show.regions import METHOD_NAMES
-from robust.show.words import Words, named
+from robust.show.text import Words, named
 
 Corner = tuple[Fraction, Fraction]
 Segment = tuple[Corner, Corner]

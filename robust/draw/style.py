@@ -14,8 +14,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robust.files import atomic_write
 from robust.options.declare import place_of
+from robust.records import atomic_write
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

@@ -10,16 +10,16 @@ from itertools import product
 
 from robust.plan.model import (
     ActionInstance,
-    Assignment,
+    AssignmentKind,
     Atom,
     AtomEffect,
-    Comparison,
     Condition,
     ContinuousEffect,
     DurationConstraint,
     Expression,
     Fluent,
     Holds,
+    NumericCondition,
     NumericEffect,
     ParametrizedPlan,
     TimedCondition,
@@ -76,7 +76,7 @@ class Writes:
                 point = instance.at(effect.timing)
                 self.of_atom[effect.atom].append(AtomWrite(point, effect.value, effect.condition, instance))
             for numeric in instance.numeric_effects:
-                point, assigns = instance.at(numeric.timing), numeric.operator is Assignment.ASSIGN
+                point, assigns = instance.at(numeric.timing), numeric.operator is AssignmentKind.ASSIGN
                 write = FluentWrite(point, assigns, numeric.expression, numeric.condition, instance)
                 self.of_fluent[numeric.fluent].append(write)
             for continuous in instance.continuous_effects:
@@ -164,5 +164,5 @@ def names_in(condition: Condition) -> Iterator[Atom | Fluent]:
         match leaf:
             case Holds(atom):
                 yield atom
-            case Comparison(expression):
+            case NumericCondition(expression):
                 yield from fluents_in(expression)

@@ -14,7 +14,7 @@ from fractions import Fraction
 from functools import cached_property
 
 from robust.encode.effects import Writes
-from robust.encode.variables import (
+from robust.encode.interface import (
     Auxiliary,
     Linear,
     Range,
@@ -29,9 +29,9 @@ from robust.network.differences import DifferenceNetwork, Distances
 from robust.plan.model import (
     ZERO,
     ActionInstance,
-    Comparison,
     Duration,
     Fluent,
+    NumericCondition,
     NumericVariable,
     ParameterReference,
     ParametrizedPlan,
@@ -189,14 +189,14 @@ class DurationRule:
 
     name: str
     instance: ActionInstance
-    condition: Comparison
+    condition: NumericCondition
     bounds: tuple[Difference, ...]
     exact: bool
 
 
 def duration_rules(plan: ParametrizedPlan, writes: Writes) -> Iterator[DurationRule]:
     """The rules of all durative instances: not negative, and what the domain says of `?duration`."""
-    positive = Comparison(Polynomial.variable(Duration()), Relation.AT_LEAST)
+    positive = NumericCondition(Polynomial.variable(Duration()), Relation.AT_LEAST)
     for instance in plan.instances:
         if instance.durative:
             yield _rule(plan, f"{instance.identifier} {instance.action}: non-negative duration", instance, positive)
@@ -205,7 +205,7 @@ def duration_rules(plan: ParametrizedPlan, writes: Writes) -> Iterator[DurationR
                     yield _rule(plan, instance.label(duration), instance, duration.condition)
 
 
-def _rule(plan: ParametrizedPlan, name: str, instance: ActionInstance, condition: Comparison) -> DurationRule:
+def _rule(plan: ParametrizedPlan, name: str, instance: ActionInstance, condition: NumericCondition) -> DurationRule:
     def value(unknown: NumericVariable) -> Linear:
         match unknown:
             case Duration():

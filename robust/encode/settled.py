@@ -24,20 +24,20 @@ from itertools import groupby, pairwise, product
 from math import lcm
 
 from robust.encode.effects import names_in
-from robust.encode.variables import least, over_parameters
+from robust.encode.interface import least, over_parameters
 from robust.network.differences import DifferenceNetwork
 from robust.plan.model import (
     ActionInstance,
     And,
-    Assignment,
+    AssignmentKind,
     Atom,
-    Comparison,
     Condition,
     Duration,
     DurationConstraint,
     Expression,
     Fluent,
     Holds,
+    NumericCondition,
     NumericVariable,
     Or,
     ParametrizedPlan,
@@ -98,7 +98,7 @@ class Accesses:
         for added in instance.atom_effects:
             self._write(Write(at[added.timing], added.atom, added.value, True, added.condition, number))
         for effect in instance.numeric_effects:
-            assigns = effect.operator is Assignment.ASSIGN
+            assigns = effect.operator is AssignmentKind.ASSIGN
             self._read(fluents_in(effect.expression), at[effect.timing])
             self._write(Write(at[effect.timing], effect.fluent, effect.expression, assigns, effect.condition, number))
         for continuous in instance.continuous_effects:
@@ -200,7 +200,7 @@ class Settled:
 
     def _is_known(self, condition: Condition, instance: int | None, expression: Expression | None = None) -> bool:
         """Whether a condition and an expression mention nothing but fluents and durations that are fixed."""
-        expressions = [leaf.expression for leaf in leaves(condition) if isinstance(leaf, Comparison)]
+        expressions = [leaf.expression for leaf in leaves(condition) if isinstance(leaf, NumericCondition)]
         if expression is not None:
             expressions.append(expression)
         variables = {variable for one in expressions for variable in one.variables if not isinstance(variable, Fluent)}
@@ -231,7 +231,7 @@ class Settled:
             return False
         return self._history.before(point).holds(condition, self._duration(instance))
 
-    def holds_duration(self, condition: Comparison, point: int, instance: int) -> bool:
+    def holds_duration(self, condition: NumericCondition, point: int, instance: int) -> bool:
         """Whether a constraint on the duration of an instance, whose fluents are read at a point, always holds."""
         expression = condition.expression
         fluents = set(fluents_in(expression))
@@ -260,7 +260,7 @@ class Settled:
                 return any(self.holds_throughout(operand, instance) for operand in operands)
             case Holds(atom, value):
                 return atom not in self._unsteady and self._is_protected(atom, value, start, end)
-            case Comparison():
+            case NumericCondition():
                 return self._is_kept(condition, instance, start, end)
 
     def _is_protected(self, atom: Atom, value: bool, start: int, end: int) -> bool:
@@ -275,7 +275,7 @@ class Settled:
             for point, given in writes.items()
         )
 
-    def _is_kept(self, condition: Comparison, instance: int, start: int, end: int) -> bool:
+    def _is_kept(self, condition: NumericCondition, instance: int, start: int, end: int) -> bool:
         """A comparison, in all states between the writes that may come inside; each in order with each other."""
         fluents = set(fluents_in(condition.expression))
         if not self._is_known(condition, instance) or not self._are_steady(fluents):
@@ -323,7 +323,7 @@ class _State:
                 return value
             case Holds(atom, value):
                 return self.truth(atom) is value
-            case Comparison(expression, relation):
+            case NumericCondition(expression, relation):
                 return relation.holds(self.value(expression, duration))
             case And(operands):
                 return all(self.holds(operand, duration) for operand in operands)

@@ -1,7 +1,7 @@
 """The state of the relational encoding: truth of conditions and values of fluents at any moment of a plan.
 
 An order atom `t_a < t_b` that the network decides for all parameter values is a constant here; the others become linear
-atoms. All knowledge about the order of time points in the relational encoding comes through :class:`Clock`.
+atoms. All knowledge about the order of time points in the relational encoding comes through :class:`MomentOrder`.
 """
 
 from __future__ import annotations
@@ -10,19 +10,19 @@ from dataclasses import dataclass
 from enum import Enum
 
 from robust.encode.effects import AtomWrite, Flow, FluentWrite, Writes
+from robust.encode.interface import Auxiliary, Definitions, Linear, constant, initial_value, variable
 from robust.encode.network import Orders, TemporalNetwork
-from robust.encode.variables import Auxiliary, Definitions, Linear, constant, initial_value, variable
 from robust.errors import UnsupportedError
 from robust.plan.model import (
     ActionInstance,
     And,
     Atom,
-    Comparison,
     Condition,
     Duration,
     Expression,
     Fluent,
     Holds,
+    NumericCondition,
     NumericVariable,
     Or,
     ParameterReference,
@@ -34,19 +34,19 @@ from robust.plan.model import (
 from robust.smt.terms import Formula, Terms
 
 
-class Side(Enum):
+class MomentSide(Enum):
     BEFORE = "before"
     AFTER = "after"
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class StateMoment:
     """Just before or just after all that happens at the time of a time point, or a free instant, or the very end.
 
     With neither `point` nor `instant` it is the state after all time points.
     """
 
-    side: Side
+    side: MomentSide
     point: TimePoint | None = None
     instant: Auxiliary | None = None
 
@@ -56,18 +56,18 @@ class Moment:
         return f"{self.side.value} {self.point}" if self.point else "finally"
 
 
-FINALLY = Moment(Side.AFTER)
+FINALLY = StateMoment(MomentSide.AFTER)
 
 
-def before(point: TimePoint) -> Moment:
-    return Moment(Side.BEFORE, point)
+def before(point: TimePoint) -> StateMoment:
+    return StateMoment(MomentSide.BEFORE, point)
 
 
-def after(point: TimePoint) -> Moment:
-    return Moment(Side.AFTER, point)
+def after(point: TimePoint) -> StateMoment:
+    return StateMoment(MomentSide.AFTER, point)
 
 
-class Clock:
+class MomentOrder:
     """Order atoms under what is known of the network."""
 
     def __init__(self, network: TemporalNetwork, orders: Orders, terms: Terms) -> None:
@@ -75,7 +75,7 @@ class Clock:
         self.orders = orders
         self.terms = terms
 
-    def time(self, moment: Moment) -> Linear:
+    def time(self, moment: StateMoment) -> Linear:
         """The time of a moment other than the very end."""
         if moment.instant is not None:
             return variable(moment.instant)
@@ -95,14 +95,14 @@ class Clock:
         """t_first ≤ t_second."""
         return self.terms.negation(self.earlier(second, first))
 
-    def passed(self, point: TimePoint, moment: Moment) -> Formula:
+    def passed(self, point: TimePoint, moment: StateMoment) -> Formula:
         """Whether what happens at `point` belongs to the past of `moment`."""
         if moment.instant is not None:
             gap = variable(moment.instant) - self.network.places[point]
-            return self.terms.greater(gap) if moment.side is Side.BEFORE else self.terms.at_least(gap)
+            return self.terms.greater(gap) if moment.side is MomentSide.BEFORE else self.terms.at_least(gap)
         if moment.point is None:
             return self.terms.true
-        if moment.side is Side.BEFORE:
+        if moment.side is MomentSide.BEFORE:
             return self.earlier(point, moment.point)
         return self.not_later(point, moment.point)
 
@@ -113,20 +113,20 @@ class States:
     Whoever asserts a formula from here must assert what it needs of `definitions` too.
     """
 
-    def __init__(self, plan: ParametrizedPlan, writes: Writes, clock: Clock) -> None:
+    def __init__(self, plan: ParametrizedPlan, writes: Writes, clock: MomentOrder) -> None:
         self.plan = plan
         self.clock = clock
         self.terms = clock.terms
         self.writes = writes
         self.definitions = Definitions(self.terms)
-        self._values: dict[tuple[Fluent, Moment], Linear] = {}
-        self._truths: dict[tuple[Atom, Moment], Formula] = {}
-        self._open_values: dict[tuple[Fluent, Moment], Auxiliary | None] = {}
-        self._open_truths: dict[tuple[Atom, Moment], Formula | None] = {}
+        self._values: dict[tuple[Fluent, StateMoment], Linear] = {}
+        self._truths: dict[tuple[Atom, StateMoment], Formula] = {}
+        self._open_values: dict[tuple[Fluent, StateMoment], Auxiliary | None] = {}
+        self._open_truths: dict[tuple[Atom, StateMoment], Formula | None] = {}
 
     # -- conditions ----------------------------------------------------------------------------------------------
 
-    def condition(self, condition: Condition, moment: Moment, instance: ActionInstance | None = None) -> Formula:
+    def condition(self, condition: Condition, moment: StateMoment, instance: ActionInstance | None = None) -> Formula:
         """The truth of a condition at a moment; `instance` is the one whose `?duration` it mentions."""
         match condition:
             case Truth(value):
@@ -134,14 +134,14 @@ class States:
             case Holds(atom, value):
                 truth = self.atom(atom, moment)
                 return truth if value else self.terms.negation(truth)
-            case Comparison(expression, relation):
+            case NumericCondition(expression, relation):
                 return self.terms.compare(self.expression(expression, moment, instance), relation)
             case And(operands):
                 return self.terms.conjunction(self.condition(operand, moment, instance) for operand in operands)
             case Or(operands):
                 return self.terms.disjunction(self.condition(operand, moment, instance) for operand in operands)
 
-    def expression(self, expression: Expression, moment: Moment, instance: ActionInstance | None) -> Linear:
+    def expression(self, expression: Expression, moment: StateMoment, instance: ActionInstance | None) -> Linear:
         """The value of a numeric expression at a moment, over parameters and time variables."""
 
         def value(name: NumericVariable) -> Linear:
@@ -162,7 +162,7 @@ class States:
 
     # -- atoms ---------------------------------------------------------------------------------------------------
 
-    def atom(self, atom: Atom, moment: Moment) -> Formula:
+    def atom(self, atom: Atom, moment: StateMoment) -> Formula:
         """The truth of an atom at a moment: its last writer decides, an add wins over a simultaneous delete."""
         key = (atom, moment)
         if key in self._truths:
@@ -181,7 +181,7 @@ class States:
         self._truths[key] = truth
         return truth
 
-    def _atom(self, atom: Atom, moment: Moment) -> Formula:
+    def _atom(self, atom: Atom, moment: StateMoment) -> Formula:
         writes = [(write, self._happened(write, moment)) for write in self.writes.of_atom.get(atom, ())]
         deletes = [(write.point, done) for write, done in writes if not write.value and done is not self.terms.false]
         cases = []
@@ -196,7 +196,7 @@ class States:
                 cases.append(self.terms.conjunction((done, self.terms.negation(undone))))
         return self.terms.disjunction(cases)
 
-    def _happened(self, write: AtomWrite | FluentWrite, moment: Moment) -> Formula:
+    def _happened(self, write: AtomWrite | FluentWrite, moment: StateMoment) -> Formula:
         """Whether a write lies in the past of a moment and took effect."""
         passed = self.clock.passed(write.point, moment)
         if passed is self.terms.false or write.condition == Truth(True):
@@ -205,7 +205,7 @@ class States:
 
     # -- fluents -------------------------------------------------------------------------------------------------
 
-    def fluent(self, fluent: Fluent, moment: Moment) -> Linear:
+    def fluent(self, fluent: Fluent, moment: StateMoment) -> Linear:
         """The value of a fluent at a moment."""
         key = (fluent, moment)
         if key in self._values:
@@ -223,7 +223,7 @@ class States:
         self._values[key] = value
         return value
 
-    def _fluent(self, fluent: Fluent, moment: Moment) -> Linear:
+    def _fluent(self, fluent: Fluent, moment: StateMoment) -> Linear:
         initial = initial_value(self.plan, fluent)
         assignments = [
             (write, done)
@@ -249,7 +249,7 @@ class States:
                 cases.append((last, assigned + self._change(fluent, write, moment)))
         return self.definitions.choice(f"{fluent} {moment}", cases)
 
-    def _change(self, fluent: Fluent, since: FluentWrite | None, moment: Moment) -> Linear:
+    def _change(self, fluent: Fluent, since: FluentWrite | None, moment: StateMoment) -> Linear:
         """What increases and continuous effects add between an assignment (or the beginning) and a moment."""
         total = constant(0)
         for write in self.writes.of_fluent.get(fluent, ()):
@@ -267,7 +267,7 @@ class States:
                 total -= self._flowed(flow, before(since.point))
         return total
 
-    def _flowed(self, flow: Flow, moment: Moment) -> Linear:
+    def _flowed(self, flow: Flow, moment: StateMoment) -> Linear:
         """What a continuous effect has contributed by a moment: rate · (t − t_s), t clamped to [t_s, t_e]."""
         instance, rate = flow.instance, self._rate(flow)
         started, ended = self.clock.passed(instance.start, moment), self.clock.passed(instance.end, moment)

@@ -11,10 +11,9 @@ from fractions import Fraction
 from functools import cached_property
 from math import lcm
 
-from robust.encode.interface import Facet
-from robust.encode.network import Difference, DurationRule, TemporalNetwork
-from robust.encode.variables import (
+from robust.encode.interface import (
     Auxiliary,
+    Facet,
     Grid,
     IntegerForm,
     Linear,
@@ -23,10 +22,11 @@ from robust.encode.variables import (
     is_over_parameters,
     variable,
 )
+from robust.encode.network import Difference, DurationRule, TemporalNetwork
 from robust.network.differences import Cycle, delay
 from robust.plan.model import ZERO, ParameterReference, TimePoint
 from robust.smt.limits import Deadline
-from robust.smt.session import Session, Verdict
+from robust.smt.session import Satisfiability, Session
 from robust.smt.terms import Formula, Terms
 
 
@@ -159,7 +159,7 @@ class Validity:
 
     def broken_facet(
         self, box: Grid, make_session: Callable[[], Session], deadline: Deadline
-    ) -> Facet | Verdict | None:
+    ) -> Facet | Satisfiability | None:
         """A facet that some point of the box breaks; None if every point has a schedule; UNKNOWN out of time.
 
         `make_session` opens a solver session over the same terms, only if it comes to that.
@@ -205,14 +205,16 @@ class Validity:
     def _cycles(self) -> Cycles:
         return Cycles(self._edges)
 
-    def _broken_by_some_circulation(self, box: Grid, session: Session, deadline: Deadline) -> Facet | Verdict | None:
+    def _broken_by_some_circulation(
+        self, box: Grid, session: Session, deadline: Deadline
+    ) -> Facet | Satisfiability | None:
         flows = [variable(Auxiliary("flow", index)) for index in range(len(self._edges))]
         symbols = [self._terms.real(Auxiliary("flow", index)) for index in range(len(self._edges))]
         session.add(self._circulation(flows, box.ranges))
         verdict = session.check("enc_valid: a cycle that the box breaks", deadline)
-        if verdict is Verdict.UNSATISFIABLE:
+        if verdict is Satisfiability.UNSATISFIABLE:
             return None
-        if verdict is Verdict.UNKNOWN:
+        if verdict is Satisfiability.UNKNOWN:
             return verdict
         values = session.values(symbols)
         amounts = [Fraction(values.get(symbol.symbol_name(), 0)) for symbol in symbols]

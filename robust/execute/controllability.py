@@ -42,8 +42,8 @@ from robust.presented import NoTruthValue, VerdictEnum
 from robust.qe.box import Box, Face, Side
 from robust.qe.slabs import Growing
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
+from robust.smt.session import Satisfiability as SolverVerdict
 from robust.smt.session import Session, Statistics
-from robust.smt.session import Verdict as SolverVerdict
 from robust.smt.terms import Terms
 
 

@@ -33,7 +33,7 @@ from functools import cached_property
 from robust.errors import InputError, UnsupportedError
 from robust.irr.widen import BadSet, Obstacle, Widening, faces_of
 from robust.network.differences import Distances
-from robust.network.uncertain import Link, Step, Stnu, dynamic
+from robust.network.uncertain import EdgeStep, Stnu, UncertainLink, dynamic
 from robust.plan.model import (
     ZERO,
     Bound,
@@ -102,7 +102,7 @@ def finite_value(form: Form, ends: Ends) -> Fraction | None:
     return None if infinite else finite
 
 
-ParametricLink = Link[Length]
+ParametricLink = UncertainLink[Length]
 """A link whose bounds are expressions over parameters; both are the length if it is contingent."""
 
 
@@ -161,7 +161,7 @@ class ParametricStnu:
         """The requirements with the worst lengths of contingent links, for every box."""
         return _differences(self)
 
-    def form(self, step: Step) -> Form:
+    def form(self, step: EdgeStep) -> Form:
         """The weight of an edge of the distance graph, over the ends of a box: never more in a larger box."""
         link = self.links[step.link]
         bound = link.upper if step.way.is_forwards else link.lower
@@ -170,18 +170,18 @@ class ParametricStnu:
         return least(bound) if step.way.is_forwards else -greatest(bound)
 
 
-def _concrete(link: ParametricLink, ends: Ends) -> Link[Fraction]:
+def _concrete(link: ParametricLink, ends: Ends) -> UncertainLink[Fraction]:
     if not link.is_contingent:
         lower = None if link.lower is None else _extreme(greatest, link.lower, ends)
         upper = None if link.upper is None else _extreme(least, link.upper, ends)
-        return Link(link.source, link.target, lower, upper, origin=link.origin)
+        return UncertainLink(link.source, link.target, lower, upper, origin=link.origin)
     length = link.lower or _NOTHING
     low, high = _extreme(least, length, ends), _extreme(greatest, length, ends)
     if low is not None and low == high and low < 0:
-        return Link(link.source, link.target, low, low, origin=link.origin)
+        return UncertainLink(link.source, link.target, low, low, origin=link.origin)
     if low is None:
         raise InputError(f"contingent link {link.origin} has no least length; expected one of at least 0")
-    return Link(link.source, link.target, low, high, True, str(length), link.origin)
+    return UncertainLink(link.source, link.target, low, high, True, str(length), link.origin)
 
 
 def _extreme(which: Callable[[Length], Form], length: Length, ends: Ends) -> Fraction | None:

@@ -88,10 +88,10 @@ class CausalNetwork:
     """
 
     points: tuple[model.TimePoint, ...]
-    certain: tuple[distances.Edge, ...]
-    durations: tuple[distances.Edge, ...]
-    edges: tuple[distances.Edge, ...]
-    links: frozenset[distances.Edge]
+    certain: tuple[distances.DistanceEdge, ...]
+    durations: tuple[distances.DistanceEdge, ...]
+    edges: tuple[distances.DistanceEdge, ...]
+    links: frozenset[distances.DistanceEdge]
 
 
 def causal_network(original: distances.Original, pinned: Collection[str] = ()) -> CausalNetwork:
@@ -102,7 +102,7 @@ def causal_network(original: distances.Original, pinned: Collection[str] = ()) -
     durative = [instance for instance in original.plan.instances if instance.durative]
     points = tuple(point for point in original.plan.time_points if point.time is None)
     certain = (
-        *(distances.Edge(model.ZERO, point, Fraction(0)) for point in points if point != model.ZERO),
+        *(distances.DistanceEdge(model.ZERO, point, Fraction(0)) for point in points if point != model.ZERO),
         *(certain_duration(original, instance) for instance in durative),
     )
     durations = tuple(bound for instance in durative for bound in duration_edges(original, instance, pinned))
@@ -117,8 +117,8 @@ def causal_network(original: distances.Original, pinned: Collection[str] = ()) -
 
 def _over_all_edges(
     original: distances.Original, instance: model.ActionInstance, network: distances.EdgeNetwork
-) -> Iterator[distances.Edge]:
-    def protection(literals: Iterable[model.Holds]) -> list[distances.Edge]:
+) -> Iterator[distances.DistanceEdge]:
+    def protection(literals: Iterable[model.Holds]) -> list[distances.DistanceEdge]:
         return [one for literal in literals for one in _protection(original, instance, literal, network)]
 
     for part in instance.conditions:
@@ -141,7 +141,7 @@ def _kept(
     match condition:
         case model.Truth(value):
             return () if value else None
-        case model.Comparison():
+        case model.NumericCondition():
             return ()
         case model.Holds():
             return (condition,) if _holds_throughout(original, instance, condition) else None
@@ -150,7 +150,7 @@ def _kept(
             return tuple(literal for part in parts if part is not None for literal in part)
         case model.Or(operands):
             alternatives = [
-                _kept(original, instance, one, cost) for one in operands if not isinstance(one, model.Comparison)
+                _kept(original, instance, one, cost) for one in operands if not isinstance(one, model.NumericCondition)
             ]
             return min((one for one in alternatives if one), key=cost, default=None)
 
@@ -165,7 +165,7 @@ def _holds_throughout(original: distances.Original, instance: model.ActionInstan
 
 def _protection(
     original: distances.Original, instance: model.ActionInstance, literal: model.Holds, network: distances.EdgeNetwork
-) -> Iterator[distances.Edge]:
+) -> Iterator[distances.DistanceEdge]:
     """Achiever before start, contrary writers not before the end unless they are before the achiever."""
     start, end = original.times[instance.start], original.times[instance.end]
     writes = original.writes(literal.atom)
@@ -192,7 +192,7 @@ class Tightening:
     without it.
     """
 
-    edge: distances.Edge
+    edge: distances.DistanceEdge
     own: Fraction
     obligation: str
 
@@ -217,7 +217,7 @@ class Tightener:
     deadline: Deadline
     say: Callable[[str], None]
 
-    def loosened(self, edges: Sequence[distances.Edge], found: Sequence[Tightening]) -> tuple[Tightening, ...]:
+    def loosened(self, edges: Sequence[distances.DistanceEdge], found: Sequence[Tightening]) -> tuple[Tightening, ...]:
         """As few of the bounds that were found, and as loose, as the proof allows; all as they are if time is short.
 
         Raises:
@@ -234,8 +234,11 @@ class Tightener:
         return tuple(less._loosened(edges, found))
 
     def without_removable(
-        self, fixed: Sequence[distances.Edge], edges: Sequence[distances.Edge], candidates: Collection[distances.Edge]
-    ) -> list[distances.Edge]:
+        self,
+        fixed: Sequence[distances.DistanceEdge],
+        edges: Sequence[distances.DistanceEdge],
+        candidates: Collection[distances.DistanceEdge],
+    ) -> list[distances.DistanceEdge]:
         """The edges without those candidates, latest first, that the proof does not need; all if time is short.
 
         Together with the `fixed` edges they are valid.
@@ -250,13 +253,13 @@ class Tightener:
                     kept = rest
         return kept
 
-    def _breaks_without(self, one: distances.Edge, others: Sequence[distances.Edge]) -> bool:
+    def _breaks_without(self, one: distances.DistanceEdge, others: Sequence[distances.DistanceEdge]) -> bool:
         """Whether one of two schedules that break this edge only breaks an obligation: mostly, and without a solver."""
         plan, epsilon = self.original.plan, self.original.epsilon
         literals = {point: point.time for point in plan.time_points if point.time is not None}
         points = [point for point in plan.time_points if point.time is None]
         for slack in (self.original.gap, Fraction(1)):
-            broken = distances.Edge(one.target, one.source, slack - one.weight)
+            broken = distances.DistanceEdge(one.target, one.source, slack - one.weight)
             times = distances.EdgeNetwork(points, (*others, broken)).earliest
             if times is not None and simulate(plan, plan.nominal, {**literals, **times}, epsilon=epsilon).violations:
                 return True
@@ -268,13 +271,13 @@ class Tightener:
         remaining = self.deadline.remaining
         return self if remaining is None else replace(self, deadline=Deadline.after(remaining / 2))
 
-    def check(self, edges: Iterable[distances.Edge]) -> CheckResult:
+    def check(self, edges: Iterable[distances.DistanceEdge]) -> CheckResult:
         """Whether the plan is valid for every schedule that satisfies the edges."""
         return check_plan(self._plan(edges), self.original.epsilon, self.solver, self.deadline)
 
     # -- what counterexamples ask for --------------------------------------------------------------------------------
 
-    def forced(self, edges: Sequence[distances.Edge]) -> tuple[list[Tightening], CheckResult]:
+    def forced(self, edges: Sequence[distances.DistanceEdge]) -> tuple[list[Tightening], CheckResult]:
         """Bounds that make a network valid which the original schedule satisfies, and the proof.
 
         Raises:
@@ -284,7 +287,7 @@ class Tightener:
         plan = self._plan(edges)
         if is_proved(plan, self.original.epsilon, self.original.mutex):
             return [], _verdict(plan, Answer.PROVED)
-        found: dict[distances.Edge, Tightening] = {}
+        found: dict[distances.DistanceEdge, Tightening] = {}
         while True:
             self.say(f"proving the network with {len(found)} bounds on distances")
             result = self.check((*edges, *found))
@@ -321,7 +324,7 @@ class Tightener:
 
     # -- less of it --------------------------------------------------------------------------------------------------
 
-    def _loosened(self, edges: Sequence[distances.Edge], found: Sequence[Tightening]) -> Iterable[Tightening]:
+    def _loosened(self, edges: Sequence[distances.DistanceEdge], found: Sequence[Tightening]) -> Iterable[Tightening]:
         """The bounds at the ends of the widest box of bounds; those without end are dropped."""
         box = self._widened(edges, found)
         for name, one in zip(_names(found), found, strict=True):
@@ -332,7 +335,7 @@ class Tightener:
                 least = weight if interval.lower_closed else min(weight + self.original.gap, one.edge.weight)
                 yield replace(one, edge=one.edge._replace(weight=least))
 
-    def _widened(self, edges: Sequence[distances.Edge], found: Sequence[Tightening]) -> Box:
+    def _widened(self, edges: Sequence[distances.DistanceEdge], found: Sequence[Tightening]) -> Box:
         """How far all bounds can be lowered at once; as they are, where widening cannot tell in time."""
         named = dict(zip(_names(found), (one.edge for one in found), strict=True))
         plan = self._plan(edges)
@@ -349,7 +352,7 @@ class Tightener:
             raise KeyboardInterrupt
         return result.box if result.verified else Box.nominal(widened.parameters)
 
-    def _plan(self, edges: Iterable[distances.Edge]) -> model.ParametrizedPlan:
+    def _plan(self, edges: Iterable[distances.DistanceEdge]) -> model.ParametrizedPlan:
         constraints = tuple(
             model.TemporalConstraint(one.source, one.target, Polynomial.constant(one.weight), None) for one in edges
         )
@@ -393,7 +396,7 @@ class Mode(Enum):
     ESTEREL = "esterel"
 
 
-class Ended(VerdictEnum):
+class ConversionEnd(VerdictEnum):
     """How a conversion ended; if not complete, its network is proved, but not the least constrained one."""
 
     COMPLETE = "complete"
@@ -403,9 +406,9 @@ class Ended(VerdictEnum):
 
 
 _ENDINGS = {
-    Ended.TIMEOUT: "out of time",
-    Ended.INTERRUPTED: "interrupted",
-    Ended.UNDECIDED: "the solver could not decide about it",
+    ConversionEnd.TIMEOUT: "out of time",
+    ConversionEnd.INTERRUPTED: "interrupted",
+    ConversionEnd.UNDECIDED: "the solver could not decide about it",
 }
 
 
@@ -430,7 +433,7 @@ class Conversion(Presented, ask="check"):
     check: CheckResult
     tightened: tuple[Tightening, ...] = ()
     redundant: int = 0
-    ended: Ended = Ended.COMPLETE
+    ended: ConversionEnd = ConversionEnd.COMPLETE
     epsilon: Fraction = EPSILON
     solver: str = "z3"
     gap: Fraction = EPSILON
@@ -438,7 +441,7 @@ class Conversion(Presented, ask="check"):
     @property
     def cut_short(self) -> bool:
         """Whether something ended the conversion before the network was as loose as can be."""
-        return self.ended is not Ended.COMPLETE
+        return self.ended is not ConversionEnd.COMPLETE
 
     def notes(self, timed: TimedPlan) -> tuple[str, ...]:
         """What was picked and skipped of the text that the plan comes from, what was moved, and what is missing."""
@@ -517,16 +520,16 @@ class Converting:
             if self._mode is Mode.CAUSAL:
                 _assert_proved(result)
         except (UndecidedError, OutOfTimeError):
-            return self._best(Ended.UNDECIDED if self._deadline.moment is None else Ended.TIMEOUT)
+            return self._best(ConversionEnd.UNDECIDED if self._deadline.moment is None else ConversionEnd.TIMEOUT)
         except KeyboardInterrupt:
-            return self._best(Ended.INTERRUPTED)
-        return self._made(network, stn, plan, result, Ended.COMPLETE)
+            return self._best(ConversionEnd.INTERRUPTED)
+        return self._made(network, stn, plan, result, ConversionEnd.COMPLETE)
 
     def so_far(self, *, timed_out: bool) -> Conversion | None:
         """What is known if the conversion is given up now; None while the plan itself is being executed."""
         if self._parts is None:
             return None
-        return self._best(Ended.TIMEOUT if timed_out else Ended.INTERRUPTED)
+        return self._best(ConversionEnd.TIMEOUT if timed_out else ConversionEnd.INTERRUPTED)
 
     def _read(self) -> tuple[distances.Original, Parametrization, Snapped]:
         timed, epsilon = self._timed, self._epsilon
@@ -579,7 +582,7 @@ class Converting:
         redundant = len(every) - len(edges)
         return _Network((*fixed, *edges), tuple(one for one in tightened if one.edge in edges), redundant)
 
-    def _best(self, ended: Ended) -> Conversion:
+    def _best(self, ended: ConversionEnd) -> Conversion:
         """The network that was proved last, or the one whose only schedule is the plan's own; esterel: as it is."""
         assert self._parts is not None  # noqa: S101 - read before
         original, chosen, _ = self._parts
@@ -591,7 +594,7 @@ class Converting:
         return self._made(network, stn, plan, result, ended)
 
     def _made(
-        self, network: _Network, stn: STNPlan, plan: model.ParametrizedPlan, check: CheckResult, ended: Ended
+        self, network: _Network, stn: STNPlan, plan: model.ParametrizedPlan, check: CheckResult, ended: ConversionEnd
     ) -> Conversion:
         assert self._parts is not None  # noqa: S101 - read before
         original, chosen, snapped = self._parts
@@ -634,7 +637,7 @@ def convert(
 class _Network:
     """Edges of a plan; `check` is whether they are valid, where that was asked."""
 
-    edges: tuple[distances.Edge, ...]
+    edges: tuple[distances.DistanceEdge, ...]
     tightened: tuple[Tightening, ...] = ()
     redundant: int = 0
     check: CheckResult | None = None
@@ -646,7 +649,7 @@ def _rigid(original: distances.Original) -> _Network:
     edges = []
     for earlier, later in pairwise(points):
         own = original.distance(earlier, later)
-        edges += [distances.Edge(earlier, later, own), distances.Edge(later, earlier, -own)]
+        edges += [distances.DistanceEdge(earlier, later, own), distances.DistanceEdge(later, earlier, -own)]
     return _Network(tuple(edges))
 
 
@@ -657,12 +660,12 @@ def _is_propositional(plan: model.ParametrizedPlan) -> bool:
 
 
 def _without_implied_ranges(
-    durations: tuple[distances.Edge, ...], edges: Sequence[distances.Edge]
-) -> tuple[distances.Edge, ...]:
+    durations: tuple[distances.DistanceEdge, ...], edges: Sequence[distances.DistanceEdge]
+) -> tuple[distances.DistanceEdge, ...]:
     """The bounds of durations without those of ranges that all the others imply; a fixed duration keeps both."""
     kept = dict.fromkeys(durations)
     for one in durations:
-        if distances.Edge(one.target, one.source, -one.weight) not in kept:
+        if distances.DistanceEdge(one.target, one.source, -one.weight) not in kept:
             others = [other for other in kept if other != one]
             if distances.is_implied(one, (*others, *edges)):
                 del kept[one]

@@ -47,7 +47,7 @@ class Completed:
 
 
 @dataclass(frozen=True, slots=True)
-class Failed:
+class DispatchFailed:
     """An instance could not start, or was ended by a condition that does not hold: `reason` says which."""
 
     instance: str
@@ -73,7 +73,7 @@ class StateEstimate:
     fluents: Mapping[model.Fluent, Fraction] = field(default_factory=dict)
 
 
-Message = Started | Completed | Failed | Observed | StateEstimate
+Message = Started | Completed | DispatchFailed | Observed | StateEstimate
 
 # -- what is kept of them ----------------------------------------------------------------------------------------------
 
@@ -163,7 +163,7 @@ class Contradicted:
 
 
 @dataclass(frozen=True, slots=True)
-class Rejected:
+class MessageRejected:
     """A message that changes nothing, and why; execution goes on."""
 
     message: str
@@ -175,7 +175,7 @@ class Rejected:
 
 
 @dataclass(frozen=True, slots=True)
-class Succeeded:
+class DispatchSucceeded:
     """All time points have happened, and every observation was inside the box."""
 
     time: Fraction
@@ -186,7 +186,7 @@ class Succeeded:
 
 Ending = LeftBox | Missed | Unobserved | Contradicted
 """Why a plan is given up."""
-Decision = Dispatch | Ending | Rejected | Succeeded
+Decision = Dispatch | Ending | MessageRejected | DispatchSucceeded
 
 
 # -- the dispatcher ----------------------------------------------------------------------------------------------------
@@ -200,7 +200,7 @@ def is_exact(number: object) -> bool:
 def flaw(message: Message, dispatchable: Dispatchable) -> str | None:
     """What is wrong with a message by itself, in one line; None if nothing is."""
     match message:
-        case Started() | Completed() | Failed():
+        case Started() | Completed() | DispatchFailed():
             return _bad_time(message.time) or _unknown("instance", message.instance, dispatchable.plan.instance)
         case Observed(parameter, value):
             number = None if is_exact(value) else f"found {value!r} for {parameter!r}, expected an exact number"
@@ -222,7 +222,7 @@ def in_order(messages: Sequence[Message]) -> list[Message]:
     """Events by their time, starts first, then what is known about states and levels: they may arrive in any order."""
 
     def key(message: Message) -> tuple[int, Fraction, int]:
-        if isinstance(message, Started | Completed | Failed) and is_exact(message.time):
+        if isinstance(message, Started | Completed | DispatchFailed) and is_exact(message.time):
             return 0, Fraction(message.time), not isinstance(message, Started)
         return 1, Fraction(0), 0
 
@@ -279,7 +279,7 @@ class Dispatcher:
         """The first value that was observed of each parameter."""
         self.observations: list[Observation] = []
         """All values that were taken note of."""
-        self.rejected: list[Rejected] = []
+        self.rejected: list[MessageRejected] = []
         """All messages that changed nothing, although they should have."""
         self.left: list[Left] = []
         """What was left of the envelope after observations, if that is asked for."""
@@ -358,7 +358,7 @@ class Dispatcher:
                     wrong = self._event(self.dispatchable.plan.instance[instance].start, Fraction(time))
                 case Completed(instance, time):
                     wrong = self._event(self.dispatchable.plan.instance[instance].end, Fraction(time))
-                case Failed():
+                case DispatchFailed():
                     wrong = self._fail(message)
                 case Observed():
                     wrong = self._observe(message)
@@ -367,7 +367,7 @@ class Dispatcher:
                     if wrong is None and (self._estimate is None or self._estimate.time <= time):
                         self._estimate = message
         if wrong is not None:
-            self.rejected.append(Rejected(str(message), wrong, self._now))
+            self.rejected.append(MessageRejected(str(message), wrong, self._now))
             self._decisions.append(self.rejected[-1])
 
     def _future(self, time: Fraction) -> str | None:
@@ -434,7 +434,7 @@ class Dispatcher:
         interval = link.allowed if name is None else self.dispatchable.box[name]
         return LeftBox(name, name or f"the time from {link.source} to {link.target}", value, interval, time)
 
-    def _fail(self, message: Failed) -> str | None:
+    def _fail(self, message: DispatchFailed) -> str | None:
         instance = self.dispatchable.plan.instance[message.instance]
         if instance.durative and self._is_done(instance):
             return f"{message.instance} has ended already"
@@ -484,7 +484,7 @@ class Dispatcher:
             self._give_up(self._missed(stuck))
         elif not self._left and not self._open and not self._due:
             self.phase = Phase.ENDED
-            self._decisions.append(Succeeded(self._now))
+            self._decisions.append(DispatchSucceeded(self._now))
 
     def _pass_literals(self) -> None:
         while self._literals and self._literals[0][0] <= self._now:

@@ -23,13 +23,13 @@ from robust.plan.pddl.syntax import Domain
 from robust.plan.simulate import Violation, mutex_pairs, simulate
 from robust.plan.stn import InstanceDeclaration, STNConstraint
 from robust.plan.timed import TimedPlan, TimedStep
-from robust.plan.timeline import Execution, State
+from robust.plan.timeline import State, TimedExecution
 
 COARSEST = Fraction(1)
 """No planner rounds more than to whole numbers: what is further away than that is wrong, not rounded."""
 
 
-class Edge(NamedTuple):
+class DistanceEdge(NamedTuple):
     """`t_target − t_source ≥ weight`."""
 
     source: TimePoint
@@ -40,13 +40,13 @@ class Edge(NamedTuple):
         return f"{self.target} - {self.source} >= {self.weight}"
 
 
-def edge(source: TimePoint, target: TimePoint, weight: Fraction) -> Edge:
+def edge(source: TimePoint, target: TimePoint, weight: Fraction) -> DistanceEdge:
     """The edge; the time of a timed literal at one of its ends goes into the weight."""
     first, second = (point if point.time is None else ZERO for point in (source, target))
-    return Edge(first, second, weight + (source.time or 0) - (target.time or 0))
+    return DistanceEdge(first, second, weight + (source.time or 0) - (target.time or 0))
 
 
-def constraints_of(edges: Iterable[Edge], position: Mapping[TimePoint, int]) -> tuple[STNConstraint, ...]:
+def constraints_of(edges: Iterable[DistanceEdge], position: Mapping[TimePoint, int]) -> tuple[STNConstraint, ...]:
     """Edges as constraints of a plan, one for each pair, from the time point of lower `position` to that of higher.
 
     They are ordered by position of target, then source. Of several edges between the same points the strongest counts.
@@ -72,7 +72,7 @@ def constraints_of(edges: Iterable[Edge], position: Mapping[TimePoint, int]) -> 
 class EdgeNetwork(Distances[TimePoint]):
     """What edges imply; they must have a schedule, unless only :attr:`earliest` is asked for."""
 
-    def implies(self, one: Edge) -> bool:
+    def implies(self, one: DistanceEdge) -> bool:
         """Whether every schedule satisfies the edge, whose weight may have another denominator."""
         least = self.least(one.source, one.target)
         return least is not None and least >= one.weight
@@ -83,7 +83,7 @@ class EdgeNetwork(Distances[TimePoint]):
         schedule = self.network.schedule
         return None if schedule is None or schedule[0] else self.times
 
-    def needed(self, edges: Iterable[Edge], given: Iterable[Edge]) -> list[Edge]:
+    def needed(self, edges: Iterable[DistanceEdge], given: Iterable[DistanceEdge]) -> list[DistanceEdge]:
         """Of edges of the network those that imply all of them together with the given ones, and none of which can go.
 
         Where either of two can, the first one goes.
@@ -93,7 +93,7 @@ class EdgeNetwork(Distances[TimePoint]):
         return [one for one, bound in bounds.items() if bound in kept]
 
 
-def is_implied(one: Edge, others: Iterable[Edge]) -> bool:
+def is_implied(one: DistanceEdge, others: Iterable[DistanceEdge]) -> bool:
     """Whether every schedule of the other edges satisfies the edge; they must have a schedule."""
     others = tuple(others)
     points = dict.fromkeys(point for other in (*others, one) for point in (other.source, other.target))
@@ -138,9 +138,9 @@ class Original:
         return self.epsilon or min([EPSILON, *(self.distance(*pair) for pair in self.mutex)])
 
     @cached_property
-    def execution(self) -> Execution:
+    def execution(self) -> TimedExecution:
         """The states that the schedule passes through, at nominal parameter values."""
-        return Execution(self.plan, self.plan.nominal, self.times)
+        return TimedExecution(self.plan, self.plan.nominal, self.times)
 
     @cached_property
     def before(self) -> Mapping[TimePoint, State]:

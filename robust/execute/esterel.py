@@ -20,11 +20,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
-from robust.execute.distances import Edge, Original, TruthWrite, edge
+from robust.execute.distances import DistanceEdge, Original, TruthWrite, edge
 from robust.plan import model
 
 
-def esterel_edges(original: Original) -> tuple[Edge, ...]:
+def esterel_edges(original: Original) -> tuple[DistanceEdge, ...]:
     """The network of the transformer as lower bounds; the original schedule satisfies all of them."""
     return tuple(_Transformer(original).edges())
 
@@ -45,24 +45,24 @@ class _Transformer:
         nodes = [_Node(point, one) for one in original.plan.instances for point in one.time_points]
         self.nodes = sorted(nodes, key=lambda node: (original.times[node.point], not node.is_end))
 
-    def edges(self) -> Iterator[Edge]:
+    def edges(self) -> Iterator[DistanceEdge]:
         for index, node in enumerate(self.nodes):
             if node.is_end:
                 duration = self.original.distance(node.instance.start, node.point)
-                yield Edge(node.instance.start, node.point, duration)
-                yield Edge(node.point, node.instance.start, -duration)
+                yield DistanceEdge(node.instance.start, node.point, duration)
+                yield DistanceEdge(node.point, node.instance.start, -duration)
             causes = [*self._supporters(node), *self._contradicted(node, self.nodes[:index]), *self._deadlines(node)]
             if not causes:
                 causes = [self._after(model.ZERO, node.point)]
             yield from causes
 
-    def _after(self, source: model.TimePoint, target: model.TimePoint) -> Edge:
+    def _after(self, source: model.TimePoint, target: model.TimePoint) -> DistanceEdge:
         """`target` follows `source`, by ε unless the plan itself is quicker."""
         return edge(source, target, min(self.original.gap, self.original.distance(source, target)))
 
     # -- supporters ------------------------------------------------------------------------------------------------
 
-    def _supporters(self, node: _Node) -> Iterator[Edge]:
+    def _supporters(self, node: _Node) -> Iterator[DistanceEdge]:
         """From what a node needs; conditions over all count from its start on."""
         for part in _parts(node, node.instance.start):
             for leaf in self._holding(node, part):
@@ -85,7 +85,7 @@ class _Transformer:
         changes: list[model.TimePoint] = []
         if isinstance(leaf, model.Holds):
             changes = [one.point for one in self.original.writes(leaf.atom) if one.value is leaf.value]
-        elif isinstance(leaf, model.Comparison):
+        elif isinstance(leaf, model.NumericCondition):
             changes = [change for fluent in _fluents(leaf) for change in self._changes(fluent)]
         past = [one for one in changes if times[one] < limit or (over_all and times[one] == limit)]
         latest = max((times[one] for one in past), default=limit)
@@ -101,7 +101,7 @@ class _Transformer:
 
     # -- contradictions --------------------------------------------------------------------------------------------
 
-    def _contradicted(self, node: _Node, earlier: list[_Node]) -> Iterator[Edge]:
+    def _contradicted(self, node: _Node, earlier: list[_Node]) -> Iterator[DistanceEdge]:
         atoms, fluents = self._effects(node)
         for other in earlier:
             if other.instance is not node.instance and self._contradicts(atoms, fluents, other):
@@ -126,14 +126,14 @@ class _Transformer:
         for leaf in (leaf for part in parts for leaf in model.leaves(part.condition)):
             if isinstance(leaf, model.Holds) and atoms.get(leaf.atom, leaf.value) is not leaf.value:
                 return True
-            if isinstance(leaf, model.Comparison) and not fluents.isdisjoint(_fluents(leaf)):
+            if isinstance(leaf, model.NumericCondition) and not fluents.isdisjoint(_fluents(leaf)):
                 return True
         mentioned = {name for name, point in other.instance.mentioned() if point == other.point}
         return not mentioned.isdisjoint(atoms.keys() | fluents)
 
     # -- timed literals --------------------------------------------------------------------------------------------
 
-    def _deadlines(self, node: _Node) -> Iterator[Edge]:
+    def _deadlines(self, node: _Node) -> Iterator[DistanceEdge]:
         """Later timed literals that would break a condition: those of over-all conditions are for the end to meet."""
         time = self.original.times[node.point]
         for part in _parts(node, node.instance.end):

@@ -17,7 +17,7 @@ from fractions import Fraction
 
 from robust.errors import InputError, Location
 from robust.execute.dispatchable import written_fluents
-from robust.execute.distances import Edge, Original
+from robust.execute.distances import DistanceEdge, Original
 from robust.numbers import format_number
 from robust.plan import model
 from robust.plan.load import domain_parameters
@@ -111,7 +111,9 @@ def _use(
     return _Use(frozenset(used), frozenset(variables))
 
 
-def duration_edges(original: Original, instance: model.ActionInstance, pinned: Collection[str]) -> tuple[Edge, ...]:
+def duration_edges(
+    original: Original, instance: model.ActionInstance, pinned: Collection[str]
+) -> tuple[DistanceEdge, ...]:
     """Bounds on t_end − t_start; at least 0, or the gap where start and end are mutex.
 
     A duration constraint `(= ?duration e)`, and any duration of an instance in `pinned`, is the plan's own. Bounds of
@@ -121,7 +123,7 @@ def duration_edges(original: Original, instance: model.ActionInstance, pinned: C
     own = original.distance(instance.start, instance.end)
     equal = any(one.condition.relation is model.Relation.EQUAL for one in instance.durations)
     if equal or instance.identifier in pinned:
-        return Edge(instance.start, instance.end, own), Edge(instance.end, instance.start, -own)
+        return DistanceEdge(instance.start, instance.end, own), DistanceEdge(instance.end, instance.start, -own)
     lower = certain_duration(original, instance).weight
     upper: Fraction | None = None
     for is_lower, bound in _bounds(original, instance):
@@ -129,8 +131,8 @@ def duration_edges(original: Original, instance: model.ActionInstance, pinned: C
             lower = max(lower, bound)
         else:
             upper = bound if upper is None else min(upper, bound)
-    edges = (Edge(instance.start, instance.end, lower),)
-    return edges if upper is None else (*edges, Edge(instance.end, instance.start, -upper))
+    edges = (DistanceEdge(instance.start, instance.end, lower),)
+    return edges if upper is None else (*edges, DistanceEdge(instance.end, instance.start, -upper))
 
 
 def settled_durations(original: Original, pinned: Collection[str]) -> frozenset[str]:
@@ -154,10 +156,10 @@ def settled_durations(original: Original, pinned: Collection[str]) -> frozenset[
     )
 
 
-def certain_duration(original: Original, instance: model.ActionInstance) -> Edge:
+def certain_duration(original: Original, instance: model.ActionInstance) -> DistanceEdge:
     """The lower bound of t_end − t_start that holds for every duration: 0, or the gap where start and end are mutex."""
     lower = original.gap if original.is_mutex(instance.start, instance.end) else Fraction(0)
-    return Edge(instance.start, instance.end, lower)
+    return DistanceEdge(instance.start, instance.end, lower)
 
 
 def _bounds(original: Original, instance: model.ActionInstance) -> Iterator[tuple[bool, Fraction]]:
@@ -216,13 +218,13 @@ class Parametrization:
         pair = {constraint.source, constraint.target}
         return any({one.source, one.target} == pair for one in self.constraints)
 
-    def pinned_starts(self, times: Mapping[model.TimePoint, Fraction]) -> tuple[Edge, ...]:
+    def pinned_starts(self, times: Mapping[model.TimePoint, Fraction]) -> tuple[DistanceEdge, ...]:
         """Bounds that fix the start times that are parameters."""
         starts = [one.target for one in self.constraints if one.source == model.ZERO]
         return tuple(
             bound
             for start in starts
-            for bound in (Edge(model.ZERO, start, times[start]), Edge(start, model.ZERO, -times[start]))
+            for bound in (DistanceEdge(model.ZERO, start, times[start]), DistanceEdge(start, model.ZERO, -times[start]))
         )
 
 

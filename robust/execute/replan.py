@@ -20,14 +20,14 @@ from robust.encode import create_encoding
 from robust.encode.interface import EPSILON
 from robust.errors import InputError, RefutedError, RobustError, SolverError
 from robust.execute.controllability import Control, shrink
-from robust.execute.convert import Ended, convert
+from robust.execute.convert import ConversionEnd, convert
 from robust.execute.dispatchable import Blex, Dispatchable, Dreex, Executor, Guarantee, Slice, make_dispatchable
-from robust.execute.dispatcher import Dispatcher, Ending, LeftBox, Observation, Rejected
+from robust.execute.dispatcher import Dispatcher, Ending, LeftBox, MessageRejected, Observation
 from robust.execute.drive import run_in_world
 from robust.execute.planners.interface import Planner
 from robust.execute.slices import Left
-from robust.execute.worlds import Executed, Luck, Outcome, Rules, SimulatedWorld, condition_with
-from robust.irr.methods import BoxMethod
+from robust.execute.worlds import ExecutedInstance, InstanceOutcome, Luck, Rules, SimulatedWorld, condition_with
+from robust.irr.exact import BoxMethod
 from robust.numbers import format_number
 from robust.plan import model
 from robust.plan.parameters import ParameterSpec, Target
@@ -67,9 +67,9 @@ class Segment:
     guarantee: Guarantee
     start: Fraction
     end: Fraction
-    executed: tuple[Executed, ...]
+    executed: tuple[ExecutedInstance, ...]
     observations: tuple[Observation, ...]
-    rejected: tuple[Rejected, ...]
+    rejected: tuple[MessageRejected, ...]
     ending: Ending | None
     given_up: Fraction | None
     left: tuple[Left, ...] = ()
@@ -79,7 +79,7 @@ class Segment:
 
 
 @dataclass(frozen=True)
-class Run(NoTruthValue, ask="status"):
+class ReplanningRun(NoTruthValue, ask="status"):
     """One run. `reason` says in one line why it failed.
 
     `inside` says whether every observation was inside its box. `seconds` is wall time.
@@ -131,7 +131,7 @@ def remaining_problem(problem: Problem, state: State, origin: Fraction) -> Probl
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class ReplanningOptions:
     """How plans are made ready: which executor, which parameters, how the box is computed, and how long that may take.
 
     `method` finds the box, around the nominal point.
@@ -164,7 +164,7 @@ def prepare_timed(
     domain: Domain,
     problem: Problem,
     timed: TimedPlan,
-    options: Options,
+    options: ReplanningOptions,
     *,
     tolerance: Fraction | None = None,
     on_note: Callable[[str], None] | None = None,
@@ -188,7 +188,7 @@ def prepare_timed(
         solver=options.solver,
         timeout=options.timeout,
     )
-    if conversion.ended is Ended.INTERRUPTED:
+    if conversion.ended is ConversionEnd.INTERRUPTED:
         raise KeyboardInterrupt
     if on_note is not None and (notes := conversion.notes(timed)):
         on_note(f"{timed.file}: {'; '.join(notes)}")
@@ -196,7 +196,7 @@ def prepare_timed(
 
 
 def prepare_plan(
-    plan: model.ParametrizedPlan, options: Options, *, box: Box | None = None, begun: float | None = None
+    plan: model.ParametrizedPlan, options: ReplanningOptions, *, box: Box | None = None, begun: float | None = None
 ) -> Prepared:
     """A plan with its box, which is computed unless it is given.
 
@@ -220,7 +220,7 @@ REGION_SECONDS = 5.0
 """For the envelope, unless options allow less."""
 
 
-def _sliced(dispatchable: Dispatchable, executor: Slice, options: Options) -> Dispatchable:
+def _sliced(dispatchable: Dispatchable, executor: Slice, options: ReplanningOptions) -> Dispatchable:
     """With the envelope; or, where that takes too long, with what was proved of it, the box among it."""
     plan, box = dispatchable.plan, dispatchable.box
     seconds = REGION_SECONDS if options.timeout is None else min(options.timeout, REGION_SECONDS)
@@ -235,7 +235,7 @@ def _sliced(dispatchable: Dispatchable, executor: Slice, options: Options) -> Di
 
 
 @noticing_interrupts()
-def computed_box(plan: model.ParametrizedPlan, options: Options) -> Box:
+def computed_box(plan: model.ParametrizedPlan, options: ReplanningOptions) -> Box:
     """The box of a plan; errors as for :func:`prepare_plan`."""
     deadline = Deadline.after(options.timeout)
     formulas = create_encoding("relational", plan, options.epsilon, deadline)
@@ -259,7 +259,7 @@ def fitting(specs: Iterable[ParameterSpec], timed: TimedPlan) -> tuple[Parameter
     return tuple(spec for spec in specs if spec.target not in durations or spec.subject in known)
 
 
-def judged(start: model.ParametrizedPlan, executed: Sequence[Executed], epsilon: Fraction) -> Simulation:
+def judged(start: model.ParametrizedPlan, executed: Sequence[ExecutedInstance], epsilon: Fraction) -> Simulation:
     """The execution of everything that was executed, at the times at which it was; `start` is the :func:`beginning`.
 
     Durations that were not the dispatcher's to choose are facts, and break no duration constraint. An instance that
@@ -276,8 +276,8 @@ def judged(start: model.ParametrizedPlan, executed: Sequence[Executed], epsilon:
     return simulate(replace(start, instances=tuple(instances)), {}, schedule, epsilon=epsilon)
 
 
-def _as_it_was(one: Executed, identifier: str) -> model.ActionInstance:
-    done = one.outcome is Outcome.DONE
+def _as_it_was(one: ExecutedInstance, identifier: str) -> model.ActionInstance:
+    done = one.outcome is InstanceOutcome.DONE
     instance = replace(one.instance, identifier=identifier)
     if one.natural or not done:
         instance = replace(instance, durations=())
@@ -313,7 +313,7 @@ class Mission:
     problem: Problem
     planner: Planner | None = None
     rules: Rules = Rules()  # noqa: RUF009 - immutable
-    options: Options = Options()
+    options: ReplanningOptions = ReplanningOptions()
     replans: int = REPLANS
     planner_seconds: float = PLANNER_SECONDS
     planning_time: Fraction = Fraction(0)
@@ -335,7 +335,7 @@ class NoPlanError(RobustError):
     exit_code = 1
 
 
-def execute(mission: Mission, seed: int | str, prepared: Prepared | None = None) -> Run:
+def execute(mission: Mission, seed: int | str, prepared: Prepared | None = None) -> ReplanningRun:
     """One simulated run.
 
     Args:
@@ -364,7 +364,7 @@ class _Running:
         self._segments: list[Segment] = []
         self._beginning: model.ParametrizedPlan | None = None
 
-    def run(self, prepared: Prepared | None) -> Run:
+    def run(self, prepared: Prepared | None) -> ReplanningRun:
         problem, origin = self._mission.problem, Fraction(0)
         while True:
             try:
@@ -394,7 +394,7 @@ class _Running:
             origin += begin
             prepared = None
 
-    def _finished(self, dispatcher: Dispatcher) -> Run:
+    def _finished(self, dispatcher: Dispatcher) -> ReplanningRun:
         if not dispatcher.ended:
             waiting = ", ".join(dispatcher.running) or "an observation"
             return self._result(RunStatus.FAILED, f"waits for ever for {waiting}")
@@ -410,7 +410,7 @@ class _Running:
     def _fault(self) -> str | None:
         """What the simulator, told all that was executed and drawn, finds broken."""
         executed = [one for segment in self._segments for one in segment.executed]
-        if self._beginning is None or any(one.outcome is Outcome.RUNNING for one in executed):
+        if self._beginning is None or any(one.outcome is InstanceOutcome.RUNNING for one in executed):
             return "an instance did not end"
         violations = judged(self._beginning, executed, self._mission.options.epsilon).violations
         if not violations:
@@ -422,8 +422,8 @@ class _Running:
         last = self._segments[-1].ending if self._segments else None
         return text if last is None else f"{last}; {text}"
 
-    def _result(self, status: RunStatus, reason: str) -> Run:
-        return Run(status, reason, tuple(self._segments), monotonic() - self._begun, self._seed)
+    def _result(self, status: RunStatus, reason: str) -> ReplanningRun:
+        return ReplanningRun(status, reason, tuple(self._segments), monotonic() - self._begun, self._seed)
 
 
 def check_rules(prepared: Prepared, rules: Rules) -> None:

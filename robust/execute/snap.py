@@ -33,7 +33,7 @@ from robust.plan.model import (
     Timing,
 )
 from robust.plan.polynomial import Polynomial
-from robust.plan.timeline import Execution, Reading
+from robust.plan.timeline import Reading, TimedExecution
 
 
 class NearSchedules:
@@ -281,7 +281,7 @@ class _Snapping:
         times = self._spread()
         durations = {one.identifier: self._printed[one.end] - self._printed[one.start] for one in self._plan.instances}
         for _ in range(len(durations) + 1):
-            execution = Execution(self._plan, self._plan.nominal, times, durations)
+            execution = TimedExecution(self._plan, self._plan.nominal, times, durations)
             found = {one.identifier: self._allowed(execution, one) for one in self._plan.instances if one.durative}
             exact = {name: _nearest(durations[name], *limits) for name, limits in found.items()}
             if exact.items() <= durations.items():
@@ -325,7 +325,7 @@ class _Snapping:
             for point, time in self._printed.items()
         }
 
-    def _allowed(self, execution: Execution, instance: ActionInstance) -> tuple[Fraction, Fraction | None]:
+    def _allowed(self, execution: TimedExecution, instance: ActionInstance) -> tuple[Fraction, Fraction | None]:
         low, high = Fraction(0), None
         for constraint in instance.durations:
             reading = execution.reading(execution.before(instance.at(constraint.timing)), instance)

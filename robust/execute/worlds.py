@@ -54,6 +54,7 @@ from robust.execute import dispatcher
 from robust.execute.dispatchable import Dispatchable, Means, NaturalLink
 from robust.numbers import parse_number, shorten
 from robust.plan import model
+from robust.plan.parameters import DecimalText, toml_document
 from robust.plan.pddl.forms import read_text
 from robust.plan.polynomial import Polynomial
 from robust.plan.timeline import Reading, State
@@ -164,12 +165,7 @@ def read_rules(path: str | PathLike[str]) -> Rules:
 
 def parse_rules(text: str, file: str = "<world>") -> Rules:
     """The rules in a text; InputError names the rule and the key that is wrong."""
-    import tomllib  # noqa: PLC0415 - only needed here
-
-    try:
-        document = tomllib.loads(text, parse_float=_Decimal)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"found no TOML: {error}", Location(file)) from None
+    document = toml_document(text, file, "tables [[draw]]")
     for key in document:
         if key != "draw":
             message = f"found key {shorten(key)}, expected only tables [[draw]]{did_you_mean(key, ['draw'])}"
@@ -180,12 +176,6 @@ def parse_rules(text: str, file: str = "<world>") -> Rules:
     return Rules(tuple(_rule(table, f"{file}, draw {number}") for number, table in enumerate(tables, start=1)))
 
 
-class _Decimal(str):
-    """The text of a TOML float: its exact value counts."""
-
-    __slots__ = ()
-
-
 def _rule(table: Mapping[str, object], place: str) -> Rule:
     location = Location(place)
     subjects = [subject for subject in Subject if subject.value in table]
@@ -194,7 +184,7 @@ def _rule(table: Mapping[str, object], place: str) -> Rule:
         raise InputError(f"found {found}, expected one of duration, consumption and parameter", location)
     subject = subjects[0]
     name = table[subject.value]
-    if not isinstance(name, str) or not name.strip() or isinstance(name, _Decimal):
+    if not isinstance(name, str) or not name.strip():
         raise InputError(f"found {shorten(str(name))} for {subject.value!r}, expected a name", location)
     kind = table.get("distribution")
     if not isinstance(kind, str) or kind not in KEYS:
@@ -226,8 +216,8 @@ def _normal_name(subject: Subject, name: str) -> str:
 def _number(value: object, key: str, location: Location) -> Fraction:
     if isinstance(value, int) and not isinstance(value, bool):
         return Fraction(value)
-    if isinstance(value, str):
-        return parse_number(value.strip(), location)
+    if isinstance(value, str | DecimalText):
+        return parse_number(str(value).strip(), location)
     raise InputError(f"found {shorten(str(value))} for {key!r}, expected a number", location)
 
 
@@ -295,8 +285,8 @@ def expression_with(expression: model.Expression, values: Values) -> model.Expre
     return expression.substitute(value)
 
 
-def _comparison(condition: model.Comparison, values: Values) -> model.Comparison:
-    return model.Comparison(expression_with(condition.expression, values), condition.relation)
+def _comparison(condition: model.NumericCondition, values: Values) -> model.NumericCondition:
+    return model.NumericCondition(expression_with(condition.expression, values), condition.relation)
 
 
 def condition_with(condition: model.Condition, values: Values) -> model.Condition:
@@ -304,7 +294,7 @@ def condition_with(condition: model.Condition, values: Values) -> model.Conditio
     match condition:
         case model.Truth() | model.Holds():
             return condition
-        case model.Comparison():
+        case model.NumericCondition():
             return _comparison(condition, values)
         case model.And(operands) | model.Or(operands):
             return type(condition)(tuple(condition_with(one, values) for one in operands))
@@ -360,8 +350,8 @@ class WorldState:
         ]
         self.atoms.difference_update([one.atom for one in adds if not one.value])
         self.atoms.update([one.atom for one in adds if one.value])
-        for effect, value in sorted(changes, key=lambda change: change[0].operator is model.Assignment.INCREASE):
-            if effect.operator is model.Assignment.ASSIGN:
+        for effect, value in sorted(changes, key=lambda change: change[0].operator is model.AssignmentKind.INCREASE):
+            if effect.operator is model.AssignmentKind.ASSIGN:
                 self.fluents[effect.fluent] = value
             else:
                 self.fluents[effect.fluent] = reading.variable(effect.fluent) + value
@@ -386,7 +376,7 @@ class WorldState:
         return Reading(State(frozenset(self.atoms), self.fluents), {}, duration)
 
 
-class Outcome(VerdictEnum):
+class InstanceOutcome(VerdictEnum):
     """What became of an instance."""
 
     DONE = "done"
@@ -398,7 +388,7 @@ class Outcome(VerdictEnum):
 
 
 @dataclass(slots=True)
-class Executed:
+class ExecutedInstance:
     """What happened to one instance, with the values that were actual: parameters are replaced in `instance`.
 
     Times are from the beginning of the plan. `natural` says that the duration was not the dispatcher's to choose.
@@ -407,7 +397,7 @@ class Executed:
     instance: model.ActionInstance
     start: Fraction
     end: Fraction | None
-    outcome: Outcome
+    outcome: InstanceOutcome
     natural: bool
 
 
@@ -423,7 +413,7 @@ class SimulatedWorld:
 
     def __init__(self, dispatchable: Dispatchable, luck: Luck, *, levels_known: bool = False) -> None:
         self.dispatchable = dispatchable
-        self.executed: dict[str, Executed] = {}
+        self.executed: dict[str, ExecutedInstance] = {}
         plan = dispatchable.plan
         self._luck = luck
         self._values = {one.name: self._drawn(one, levels_known=levels_known) for one in plan.parameters}
@@ -484,7 +474,7 @@ class SimulatedWorld:
         """End what is running, there and then."""
         self.pass_until(now)
         for one in self._running:
-            self._finish(one, now, Outcome.STOPPED)
+            self._finish(one, now, InstanceOutcome.STOPPED)
 
     # -- instances ---------------------------------------------------------------------------------------------------
 
@@ -497,12 +487,14 @@ class SimulatedWorld:
         instance = self._actual(planned, duration)
         unmet = self.state.unmet(instance, model.Timing.AT_START, duration)
         if unmet is not None:
-            self._messages.append(dispatcher.Failed(identifier, now, f"{unmet.text} does not hold"))
+            self._messages.append(dispatcher.DispatchFailed(identifier, now, f"{unmet.text} does not hold"))
             return
         self.state.apply(instance, model.Timing.AT_START, duration)
         done = not planned.durative
-        outcome = Outcome.DONE if done else Outcome.RUNNING
-        self.executed[identifier] = Executed(instance, now, now if done else None, outcome, duration is not None)
+        outcome = InstanceOutcome.DONE if done else InstanceOutcome.RUNNING
+        self.executed[identifier] = ExecutedInstance(
+            instance, now, now if done else None, outcome, duration is not None
+        )
         if not done:
             self.state.begin_flows(instance, duration)
         self._check_at(now)
@@ -513,13 +505,13 @@ class SimulatedWorld:
         self._follow(point, now)
 
     def _complete(self, identifier: str, time: Fraction) -> None:
-        if self.executed[identifier].outcome is Outcome.RUNNING and self._end(identifier, time):
+        if self.executed[identifier].outcome is InstanceOutcome.RUNNING and self._end(identifier, time):
             self._messages.append(dispatcher.Completed(identifier, time))
 
     def _end(self, identifier: str, now: Fraction) -> bool:
         """Whether the instance ended as it should."""
         one = self.executed.get(identifier)
-        if one is None or one.outcome is not Outcome.RUNNING:
+        if one is None or one.outcome is not InstanceOutcome.RUNNING:
             return False
         self._pass(now)
         duration = now - one.start
@@ -527,7 +519,7 @@ class SimulatedWorld:
         if unmet is not None:
             self._fail(one, now, unmet.text)
             return False
-        self._finish(one, now, Outcome.DONE)
+        self._finish(one, now, InstanceOutcome.DONE)
         self.state.apply(one.instance, model.Timing.AT_END, duration)
         self._check_at(now)
         point = self.dispatchable.plan.instance[identifier].end
@@ -535,13 +527,13 @@ class SimulatedWorld:
         self._follow(point, now)
         return True
 
-    def _finish(self, one: Executed, now: Fraction, outcome: Outcome) -> None:
+    def _finish(self, one: ExecutedInstance, now: Fraction, outcome: InstanceOutcome) -> None:
         self.state.flows.pop(one.instance.identifier, None)
         one.end, one.outcome = now, outcome
 
-    def _fail(self, one: Executed, now: Fraction, condition: str) -> None:
-        self._finish(one, now, Outcome.FAILED)
-        self._messages.append(dispatcher.Failed(one.instance.identifier, now, f"{condition} does not hold"))
+    def _fail(self, one: ExecutedInstance, now: Fraction, condition: str) -> None:
+        self._finish(one, now, InstanceOutcome.FAILED)
+        self._messages.append(dispatcher.DispatchFailed(one.instance.identifier, now, f"{condition} does not hold"))
 
     # -- conditions over all -----------------------------------------------------------------------------------------
 
@@ -568,10 +560,10 @@ class SimulatedWorld:
             self._fail(one, now, condition)
 
     @property
-    def _running(self) -> list[Executed]:
-        return [one for one in self.executed.values() if one.outcome is Outcome.RUNNING]
+    def _running(self) -> list[ExecutedInstance]:
+        return [one for one in self.executed.values() if one.outcome is InstanceOutcome.RUNNING]
 
-    def _broken(self, running: Sequence[Executed]) -> list[tuple[Executed, str]]:
+    def _broken(self, running: Sequence[ExecutedInstance]) -> list[tuple[ExecutedInstance, str]]:
         found = [(one, self.state.unmet(one.instance, model.Timing.OVER_ALL)) for one in running]
         return [(one, unmet.text) for one, unmet in found if unmet is not None]
 

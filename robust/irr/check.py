@@ -15,13 +15,12 @@ from robust.plan.simulate import Simulation, simulate
 from robust.presented import Presented, VerdictEnum
 from robust.qe.box import Box
 from robust.searching import Searching, Status
-from robust.smt.export import Exporter
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
-from robust.smt.session import Session, Statistics, Verdict
+from robust.smt.session import Exporter, Satisfiability, Session, Statistics
 from robust.smt.terms import Formula
 
 if TYPE_CHECKING:
-    from robust.irr.quantities import Change
+    from robust.irr.quantities import QuantityChange
 
 
 class Answer(VerdictEnum):
@@ -72,7 +71,7 @@ class CheckResult(Presented, ask="answer"):
     solver: str = "z3"
     epsilon: Fraction = EPSILON
     every: bool = False
-    repair: tuple[Change, ...] | None = None
+    repair: tuple[QuantityChange, ...] | None = None
 
     @property
     def cut_short(self) -> bool:
@@ -166,7 +165,7 @@ class Checker(Searching[CheckResult]):
                 return False
             case Facet():
                 self._broken = found
-            case Verdict():
+            case Satisfiability():
                 # Where it was not for lack of time, obligations may be refuted or proved all the same.
                 return self._statistics.failure is not None
         return True
@@ -199,11 +198,11 @@ class Checker(Searching[CheckResult]):
             # Earlier stages hold throughout the box, so the part of the network that matters is enough for a proof.
             quick = self._within_box(self.encoding.query(obligation))
             verdict = quick.check(obligation.name, self.deadline)
-            if verdict is not Verdict.SATISFIABLE:
+            if verdict is not Satisfiability.SATISFIABLE:
                 return _ANSWERS[verdict]
         full = self._within_box(self.encoding.full_query(obligation))
         verdict = full.check(f"{obligation.name}: counterexample", self.deadline)
-        if verdict is Verdict.SATISFIABLE:
+        if verdict is Satisfiability.SATISFIABLE:
             self._counterexamples[obligation.name] = self._counterexample(obligation, full)
         return _ANSWERS[verdict]
 
@@ -232,7 +231,7 @@ class Checker(Searching[CheckResult]):
 
 
 _ANSWERS = {
-    Verdict.SATISFIABLE: Answer.REFUTED,
-    Verdict.UNSATISFIABLE: Answer.PROVED,
-    Verdict.UNKNOWN: Answer.UNKNOWN,
+    Satisfiability.SATISFIABLE: Answer.REFUTED,
+    Satisfiability.UNSATISFIABLE: Answer.PROVED,
+    Satisfiability.UNKNOWN: Answer.UNKNOWN,
 }

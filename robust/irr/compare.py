@@ -11,7 +11,7 @@ from operator import itemgetter
 from robust.encode import create_encoding
 from robust.encode.interface import EPSILON, Encoding
 from robust.irr.check import Answer, Checker
-from robust.irr.methods import BoxMethod
+from robust.irr.exact import BoxMethod
 from robust.irr.search import EnvelopeResult
 from robust.irr.widen import faces_of, least_stretch
 from robust.plan.model import ParametrizedPlan

@@ -9,17 +9,15 @@ from fractions import Fraction
 from functools import cached_property
 from typing import ClassVar, Generic, TypeVar
 
-from robust.encode.interface import Encoding, Facet, Obligation
-from robust.encode.variables import variable
+from robust.encode.interface import Encoding, Facet, Obligation, variable
 from robust.errors import InputError, Location
 from robust.plan.model import ParameterReference
 from robust.qe.box import Box, Face, Interval
 from robust.qe.constraint import LinearConstraint
 from robust.qe.nnf import FormulaReader, Junction, conjunction
 from robust.qe.polyhedron import Polyhedron
-from robust.smt.export import Exporter
 from robust.smt.limits import Deadline, OutOfTimeError, raise_if_interrupted
-from robust.smt.session import Session, Statistics, Verdict
+from robust.smt.session import Exporter, Satisfiability, Session, Statistics
 from robust.smt.terms import Formula
 
 Found = TypeVar("Found")
@@ -112,7 +110,7 @@ class Questions(ABC, Generic[Found]):
         raise_if_interrupted()
         deadline.enforce()
         facet = self.encoding.validity.broken_facet(box.grid, self.open_session, deadline)
-        if isinstance(facet, Verdict):
+        if isinstance(facet, Satisfiability):
             raise OutOfTimeError(self.statistics.failure)
         if facet is not None:
             return self._of_facet(facet, box)
@@ -225,9 +223,9 @@ class Questions(ABC, Generic[Found]):
             return None
         with session.frame(*(formula for name in question.parameters for formula in self._bounds(name, box[name]))):
             verdict = session.check(question.obligation.name, deadline, effort)
-            if verdict is Verdict.SATISFIABLE:
+            if verdict is Satisfiability.SATISFIABLE:
                 return self._of_model(question, session, box)
-        if verdict is Verdict.UNSATISFIABLE:
+        if verdict is Satisfiability.UNSATISFIABLE:
             question.proved_for = box.intervals
         elif not effort or deadline.passed or session.failure is not None:
             raise OutOfTimeError(session.failure)
@@ -247,9 +245,9 @@ class Questions(ABC, Generic[Found]):
         session.add_all(formulas, deadline)
         # What no parameter values at all can break is not asked about one box after the other.
         verdict = session.check(question.obligation.name, deadline, EFFORTS[0])
-        if verdict is Verdict.UNKNOWN:
+        if verdict is Satisfiability.UNKNOWN:
             deadline.enforce()
-        if verdict is not Verdict.UNSATISFIABLE:
+        if verdict is not Satisfiability.UNSATISFIABLE:
             question.session = session
         question.opened = True
 
@@ -403,7 +401,7 @@ def require_some_schedule(encoding: Encoding, session: Session, deadline: Deadli
         InputError: if no parameter values leave a schedule; the message names statements that contradict each other.
     """
     session.add(*encoding.network_formulas())
-    if session.check("enc_tn", deadline) is Verdict.UNSATISFIABLE:
+    if session.check("enc_tn", deadline) is Satisfiability.UNSATISFIABLE:
         facet = encoding.validity.contradiction(encoding.plan.nominal)
         place = next((item.location for item in encoding.plan.constraints if item.location), None)
         why = _contradiction(facet) if facet is not None else "its constraints contradict each other"

@@ -4,21 +4,22 @@ A box misses a bad polyhedron if and only if its ends break one of the inequalit
 the ends of the boxes that meet it; so each known bad polyhedron is a clause over the 2n ends, and the best box is found
 as in :mod:`robust.irr.conflicts`. It is checked against the envelope, and a bad point in it adds a polyhedron. When it
 is inside it is optimal: no box that misses even the known polyhedra is better.
+
+The methods that find a box, by name, and what each of them can be given.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import product
 from typing import Unpack
 
-from robust.encode.interface import Encoding
-from robust.encode.variables import Linear, variable
+from robust.encode.interface import Encoding, Linear, variable
 from robust.irr.conflicts import Candidate, Chosen, Clause, MasterProblem, Point
-from robust.irr.containment import Margins, require_some_schedule
-from robust.irr.irr import ordered
+from robust.irr.containment import Containment, Margins, require_some_schedule
+from robust.irr.irr import IncrementalRobustification, ordered
 from robust.irr.search import BoxSearch, Conduct, OutsideError
 from robust.irr.stops import JUST, declared_stop
 from robust.irr.widen import BadSet, DiscoveredBadSet, Obstacle, Widening, faces_of
@@ -30,8 +31,8 @@ from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.simplex import feasible_point, maximize
 from robust.searching import Status
-from robust.smt.export import Exporter
 from robust.smt.limits import Deadline
+from robust.smt.session import Exporter
 from robust.smt.terms import Formula
 
 ENUMERATION = 20.0
@@ -329,3 +330,45 @@ def missing(piece: Obstacle, ends: Sequence[str]) -> tuple[LinearConstraint, ...
 def end_of(face: Face) -> str:
     """The variable for an end; no parameter can have such a name."""
     return f"{face[1].value} end of {face[0]}"
+
+
+@dataclass(frozen=True, slots=True)
+class BoxMethod:
+    """How a box is found.
+
+    Attributes:
+        name: `widen`, `irr` or `optimal`.
+        beta: the precision of `irr`, in the parameters' units.
+        doubling: whether `irr` doubles its steps until the first failure, as in its published runs.
+        order: parameters in the order in which `irr` and `widen` take them; others follow in the plan's order.
+        contain_nominal: whether the `optimal` box must contain the nominal point; other boxes always do.
+    """
+
+    name: str = "widen"
+    beta: Fraction = Fraction(1)
+    doubling: bool = False
+    order: tuple[str, ...] = ()
+    contain_nominal: bool = True
+
+    def search(
+        self, formulas: Encoding, *, solver: str, exporter: Exporter | None = None, **conduct: Unpack[Conduct]
+    ) -> BoxSearch:
+        """The search for a box of a plan.
+
+        Raises:
+            InputError: if `order` names unknown or repeated parameters.
+        """
+        if self.name == "irr":
+            containment = Containment(formulas, solver=solver, exporter=exporter)
+            return IncrementalRobustification(
+                containment, beta=self.beta, doubling=self.doubling, order=self.order, **conduct
+            )
+        return ExactSearch(
+            formulas,
+            method=self.name,
+            order=self.order,
+            contain_nominal=self.contain_nominal,
+            solver=solver,
+            exporter=exporter,
+            **conduct,
+        )

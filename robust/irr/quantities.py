@@ -180,7 +180,7 @@ def changed(plan: ParametrizedPlan, changeable: Sequence[Quantity], values: Mapp
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class QuantityChange:
     """One number of the plan and what becomes of it; `serves` are the obligations that break without the change.
 
     `statement` is the one that is changed, as it was written, at `location`; `words` say the change to people.
@@ -215,14 +215,16 @@ class Change:
         return f"{self.statement}: {what} {old} to {format_number(self.new)}"
 
 
-def change_of(plan: ParametrizedPlan, quantity: Quantity, new: Fraction, serves: tuple[str, ...]) -> Change:
+def change_of(plan: ParametrizedPlan, quantity: Quantity, new: Fraction, serves: tuple[str, ...]) -> QuantityChange:
     """What becomes of a quantity of the plan."""
     if quantity.kind is Changeable.NOMINAL:
         parameter = next(one for one in plan.parameters if one.name == quantity.name)
         words = f"{quantity.name} {readable(new)} instead of {readable(parameter.nominal)}"
-        return Change(quantity, new, f"parameter {quantity.name}", parameter.location, words, serves)
+        return QuantityChange(quantity, new, f"parameter {quantity.name}", parameter.location, words, serves)
     constraint = plan.constraints[quantity.constraint]
-    return Change(quantity, new, str(constraint), constraint.location, _words(constraint, quantity, new), serves)
+    return QuantityChange(
+        quantity, new, str(constraint), constraint.location, _words(constraint, quantity, new), serves
+    )
 
 
 def _words(constraint: TemporalConstraint, quantity: Quantity, new: Fraction) -> str:

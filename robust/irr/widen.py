@@ -22,9 +22,8 @@ from robust.qe.nnf import Leaf, Model, Nnf, conjunction, implicant, names_in
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.simplex import maximize
 from robust.qe.slabs import Growing
-from robust.smt.export import Exporter
 from robust.smt.limits import Deadline
-from robust.smt.session import Session
+from robust.smt.session import Exporter, Session
 
 
 @dataclass(frozen=True, slots=True)

@@ -45,7 +45,7 @@ B = TypeVar("B")
 
 
 @dataclass(frozen=True)
-class Link(Generic[B]):
+class UncertainLink(Generic[B]):
     """`lower ≤ t_target − t_source ≤ upper`, for the dispatcher to satisfy; None is an infinite bound.
 
     If it is contingent, `t_target = t_source + d` for a length d that nature chooses between the bounds, which is
@@ -89,7 +89,7 @@ class Way(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class EdgeStep:
     """An edge of the distance graph: which link, by its index in :attr:`Stnu.links`, and which way."""
 
     link: int
@@ -110,7 +110,7 @@ class Stnu:
     """
 
     points: tuple[TimePoint, ...]
-    links: tuple[Link[Fraction], ...]
+    links: tuple[UncertainLink[Fraction], ...]
 
     def __post_init__(self) -> None:
         known = set(self.points)
@@ -132,7 +132,7 @@ class Stnu:
                 seen.add(point)
 
     @property
-    def contingents(self) -> tuple[Link[Fraction], ...]:
+    def contingents(self) -> tuple[UncertainLink[Fraction], ...]:
         return tuple(link for link in self.links if link.is_contingent)
 
     @property
@@ -141,13 +141,13 @@ class Stnu:
         ends = {link.target for link in self.contingents}
         return tuple(point for point in self.points if point not in ends)
 
-    def ends(self, step: Step) -> tuple[TimePoint, TimePoint]:
+    def ends(self, step: EdgeStep) -> tuple[TimePoint, TimePoint]:
         """Where an edge of the distance graph begins and ends."""
         link = self.links[step.link]
         return (link.source, link.target) if step.way.is_forwards else (link.target, link.source)
 
 
-def _check_contingent(link: Link[Fraction], before: Mapping[TimePoint, TimePoint]) -> None:
+def _check_contingent(link: UncertainLink[Fraction], before: Mapping[TimePoint, TimePoint]) -> None:
     if link.lower is None or link.lower < 0 or (link.upper is not None and link.upper < link.lower):
         bounds = bounds_text(link.lower, link.upper)
         raise InputError(f"contingent link {link} has length {bounds}; expected 0 <= lower <= upper")
@@ -157,7 +157,7 @@ def _check_contingent(link: Link[Fraction], before: Mapping[TimePoint, TimePoint
         raise InputError(f"contingent link {link} ends at {ZERO}, which happens at time zero")
 
 
-Weight = Callable[[Step], tuple[Fraction, Fraction]]
+Weight = Callable[[EdgeStep], tuple[Fraction, Fraction]]
 """An edge's length as (how often infinity, the rest)."""
 _ZERO = (Fraction(0), Fraction(0))
 
@@ -169,11 +169,11 @@ class NegativeCycle:
     A network is not dynamically controllable as long as the whole walk and all these pieces are negative.
     """
 
-    steps: tuple[Step, ...]
+    steps: tuple[EdgeStep, ...]
     moats: tuple[tuple[int, int], ...]
 
     @property
-    def pieces(self) -> tuple[tuple[Step, ...], ...]:
+    def pieces(self) -> tuple[tuple[EdgeStep, ...], ...]:
         """The whole walk, and the piece after each lower-case edge; equal ones once."""
         twice = self.steps + self.steps
         pieces = [self.steps, *(twice[at + 1 : at + 1 + length] for at, length in self.moats)]
@@ -183,7 +183,7 @@ class NegativeCycle:
 def weight_in(stnu: Stnu) -> Weight:
     """The lengths of edges in a network."""
 
-    def weight(step: Step) -> tuple[Fraction, Fraction]:
+    def weight(step: EdgeStep) -> tuple[Fraction, Fraction]:
         link = stnu.links[step.link]
         bound = link.upper if step.way in {Way.AT_MOST, Way.LONGEST} else link.lower
         if bound is None:
@@ -193,13 +193,13 @@ def weight_in(stnu: Stnu) -> Weight:
     return weight
 
 
-def total(steps: Iterable[Step], weight: Weight) -> tuple[Fraction, Fraction]:
+def total(steps: Iterable[EdgeStep], weight: Weight) -> tuple[Fraction, Fraction]:
     """The length of a walk."""
     infinite, finite = zip(_ZERO, *map(weight, steps), strict=True)
     return sum(infinite, Fraction(0)), sum(finite, Fraction(0))
 
 
-def negative_cycle(steps: Sequence[Step], weight: Weight) -> NegativeCycle:
+def negative_cycle(steps: Sequence[EdgeStep], weight: Weight) -> NegativeCycle:
     """The cycle that a closed walk is, without circles at a contingent link that do not make it shorter.
 
     Raises:
@@ -210,15 +210,17 @@ def negative_cycle(steps: Sequence[Step], weight: Weight) -> NegativeCycle:
         if total(walk, weight) >= _ZERO:
             raise ValueError("the walk is not negative")
         moats = [(at, _moat(walk, at, weight)) for at, step in enumerate(walk) if step.way is Way.SHORTEST]
-        breach = next((at for at, moat in moats if Step(walk[at].link, Way.LONGEST) in _after(walk, at)[:moat]), None)
+        breach = next(
+            (at for at, moat in moats if EdgeStep(walk[at].link, Way.LONGEST) in _after(walk, at)[:moat]), None
+        )
         if breach is None:
             return NegativeCycle(tuple(walk), tuple(moats))
         # without its part from a lower-case edge to the upper-case edge of the same link, a circle
         rest = _after(walk, breach)
-        walk = rest[rest.index(Step(walk[breach].link, Way.LONGEST)) + 1 : -1]
+        walk = rest[rest.index(EdgeStep(walk[breach].link, Way.LONGEST)) + 1 : -1]
 
 
-def _moat(walk: Sequence[Step], at: int, weight: Weight) -> int:
+def _moat(walk: Sequence[EdgeStep], at: int, weight: Weight) -> int:
     """The number of steps after a position that first have negative length."""
     lengths = accumulate(map(weight, _after(walk, at)), lambda one, other: (one[0] + other[0], one[1] + other[1]))
     for count, length in enumerate(lengths, start=1):
@@ -227,7 +229,7 @@ def _moat(walk: Sequence[Step], at: int, weight: Weight) -> int:
     raise ValueError("a lower-case edge cannot be reduced away")
 
 
-def _after(walk: Sequence[Step], at: int) -> list[Step]:
+def _after(walk: Sequence[EdgeStep], at: int) -> list[EdgeStep]:
     """The closed walk from behind a position round to that position."""
     return [*walk[at + 1 :], *walk[: at + 1]]
 
@@ -330,7 +332,7 @@ class CasedEdge:
     weight: int
     case: Case = Case.ORDINARY
     label: int | None = None
-    steps: tuple[Step, ...] = ()
+    steps: tuple[EdgeStep, ...] = ()
     search: BackwardSearch | None = None
 
 
@@ -412,10 +414,12 @@ def normal_form(stnu: Stnu) -> ExtendedForm:
         source, target = node[link.source], node[link.target]
         if index not in start:
             if link.upper is not None:
-                edges.append(CasedEdge(source, target, _in_units(link.upper, scale), steps=(Step(index, Way.AT_MOST),)))
+                edges.append(
+                    CasedEdge(source, target, _in_units(link.upper, scale), steps=(EdgeStep(index, Way.AT_MOST),))
+                )
             if link.lower is not None:
                 edges.append(
-                    CasedEdge(target, source, -_in_units(link.lower, scale), steps=(Step(index, Way.AT_LEAST),))
+                    CasedEdge(target, source, -_in_units(link.lower, scale), steps=(EdgeStep(index, Way.AT_LEAST),))
                 )
             continue
         middle, low = start[index], _in_units(link.lower or 0, scale)
@@ -423,8 +427,8 @@ def normal_form(stnu: Stnu) -> ExtendedForm:
         edges += [
             CasedEdge(source, middle, low),
             CasedEdge(middle, source, -low),
-            CasedEdge(middle, target, 0, Case.LOWER, index, (Step(index, Way.SHORTEST),)),
-            CasedEdge(target, middle, low - high, Case.UPPER, index, (Step(index, Way.LONGEST),)),
+            CasedEdge(middle, target, 0, Case.LOWER, index, (EdgeStep(index, Way.SHORTEST),)),
+            CasedEdge(target, middle, low - high, Case.UPPER, index, (EdgeStep(index, Way.LONGEST),)),
         ]
     return ExtendedForm(stnu, scale, infinity, start, tuple(edges))
 
@@ -442,7 +446,7 @@ class _Propagation:
         self._finished: set[int] = set()
         self.derived: list[CasedEdge] = []
 
-    def run(self) -> list[Step] | None:
+    def run(self) -> list[EdgeStep] | None:
         """A closed walk that refutes dynamic controllability; None if there is none."""
         for node in sorted(self._negative):
             if node not in self._finished:
@@ -451,7 +455,7 @@ class _Propagation:
                     return walk
         return None
 
-    def _from(self, node: int) -> list[Step] | None:
+    def _from(self, node: int) -> list[EdgeStep] | None:
         stack = [self._search(node)]
         active = {node}
         while stack:
@@ -516,7 +520,7 @@ class _Propagation:
         self.derived.append(edge)
 
 
-def _closed_walk(stack: list[BackwardSearch], node: int) -> list[Step]:
+def _closed_walk(stack: list[BackwardSearch], node: int) -> list[EdgeStep]:
     """The walk from the node where the search got stuck, back through the searches that are on, to that node."""
     first = next(index for index, search in enumerate(stack) if search.source == node)
     edges: list[CasedEdge] = []
@@ -534,7 +538,7 @@ def _path(search: BackwardSearch, node: int) -> list[CasedEdge]:
     return path
 
 
-def _steps(edges: list[CasedEdge]) -> Iterator[Step]:
+def _steps(edges: list[CasedEdge]) -> Iterator[EdgeStep]:
     """The edges of the network of which a path is made. A′ counts as A, which changes no closed walk's length."""
     todo = list(reversed(edges))
     while todo:

@@ -1,28 +1,297 @@
-"""Options of what is asked about many plans at once: of :func:`robust.batch`, and of the commands of `robust batch`."""
+"""Options of what is asked about many plans at once: of :func:`robust.batch`, and of the commands of `robust batch`.
+
+Options of commands that make, execute and certify plans, and of those about networks with uncertainty.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
+from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 from robust.backends import OFFERED
 from robust.errors import InputError, Location
-from robust.numbers import Number
-from robust.options.declare import argument, option, ordinal, place_of, positive, seconds, typed, writable
+from robust.numbers import Number, shorten
+from robust.options.declare import (
+    STNU_SUFFIXES,
+    argument,
+    beside,
+    not_negative,
+    option,
+    ordinal,
+    place_of,
+    plan_file,
+    positive,
+    seconds,
+    typed,
+    writable,
+)
 from robust.options.shared import (
     DRAWING,
     LIMIT,
     SOLVING,
     AnyBoxOptions,
     BoxOptions,
+    Colored,
     Encoded,
+    Force,
+    Json,
+    Limited,
     Output,
+    PlanFiles,
+    Planning,
     PlanningOutput,
     PlanParameters,
+    Plot,
+    SearchOptions,
     Separation,
     Solver,
+    Solving,
 )
-from robust.options.verbs import Elimination
+from robust.options.verbs import EliminationOptions
+
+
+def stnu_file(path: Path, place: Location) -> Path:
+    """InputError unless a network can be written there."""
+    if path.suffix.lower() not in STNU_SUFFIXES:
+        raise InputError(f"found {shorten(str(path))}, expected a name that ends in .stnu or .json", place)
+    return writable(path, place, "the network")
+
+
+class ConvertCommand(PlanFiles, PlanningOutput, PlanParameters, Separation, Solving, Force, Output):
+    """Of `robust convert`."""
+
+    plan: Path = argument(..., "time-triggered plan or log of a planner; - is standard input", "TIMED_PLAN")
+    output: Path | None = option(
+        None,
+        "write the plan here instead of on stdout",
+        "--output",
+        "-o",
+        metavar="PLAN.stn",
+        path=True,
+        read=plan_file,
+        also=beside,
+    )
+    mode: str = option(
+        "causal",
+        "causal: the least constrained network that is proved valid; esterel: the network of the Esterel transformer",
+        choices=("causal", "esterel"),
+    )
+    stnu: Path | None = option(
+        None,
+        "also write the network with uncertainty under the box: .stnu or .json by suffix; TIMED_PLAN may be a network "
+        "(.stn) then, which is not converted",
+        metavar="FILE",
+        path=True,
+        read=stnu_file,
+    )
+    box: Path | None = option(
+        None,
+        "for --stnu: the values that parameters may have, an answer of robust envelope in JSON; else nominal ones",
+        metavar="FILE",
+        path=True,
+    )
+
+    def check_combinations(self, given: Collection[str]) -> None:
+        if self.box is not None and self.stnu is None:
+            raise InputError("found it without --stnu, expected it only together", place_of("box"))
+
+
+class ExecuteCommand(PlanningOutput, PlanParameters, Separation, Solving, BoxOptions, Plot, Planning, Output):
+    """Of `robust execute`."""
+
+    plan: Path | None = argument(
+        None,
+        "network (.stn), time-triggered plan or log of a planner, - is standard input; left out, the planner is asked",
+        "PLAN",
+    )
+    executor: str = option(
+        "dreex",
+        "dreex: go on while observations are in the box; slice: while something is left of the envelope, with "
+        "slice:S up to S seconds to find out; blex:X: while observations are within X per cent",
+        metavar="NAME",
+    )
+    planner: str | None = option(None, "who plans and re-plans: aries, kairos or command:TEMPLATE", metavar="NAME")
+    world: Path | None = option(None, "what nature draws, in a TOML file", metavar="FILE", path=True)
+    seed: int = option(0, "of the first run; the next ones count up", metavar="N")
+    runs: int = option(1, "how many runs", metavar="N")
+    controllability: str | None = option(
+        None, "use the part of the box that is controllable so", choices=("dynamic", "strong")
+    )
+    replans: int = option(10, "re-plans after which a run fails", metavar="N")
+    planner_limit: Number = option("7", "seconds that the planner has each time", metavar="S", read=seconds)
+    planning_time: Number = option(
+        "0", "how long re-planning takes in the simulated world", metavar="T", read=not_negative
+    )
+    stop_running: bool = option(False, "stop running actions to re-plan, instead of waiting for them")
+
+    def check_combinations(self, given: Collection[str]) -> None:
+        if self.runs < 1:
+            raise InputError(f"found {self.runs}, expected at least 1 run", place_of("runs"))
+        if self.replans < 0:
+            raise InputError(f"found {self.replans}, expected at least 0 re-plans", place_of("replans"))
+        if self.plan is None and self.planner is None:
+            raise InputError("found neither PLAN nor --planner, expected one of them: where is the plan to come from?")
+
+
+WITH_CHOICES = ("execution", "knowledge")
+CERTIFICATES = ("plan", "box", "maximal", "region", *WITH_CHOICES)
+ASSUMED = "a choice that is made already; may be repeated"
+
+
+class CertifyCommand(PlanningOutput, PlanParameters, SearchOptions, Force, Output):
+    """Of `robust certify`; one file is a plan with choices, three are a domain, a problem and a plan."""
+
+    files: tuple[Path, ...] = argument(..., "DOMAIN PROBLEM PLAN, or NETWORK (.tpnu.json)", "FILES", many=True)
+    output: Path = option(
+        ...,
+        "where to write the certificate",
+        "--output",
+        "-o",
+        metavar="CERT",
+        path=True,
+        read=lambda path, place: writable(path, place, "the certificate"),
+    )
+    kind: str | None = option(
+        None,
+        "plan (default): valid at the nominal values; box: all over a box; maximal: and no valid box contains it; "
+        "region: all over the robustness envelope; of a NETWORK execution: this one is correct; knowledge: none is; "
+        "if not given, whichever is true",
+        choices=CERTIFICATES,
+    )
+    box: Path | None = option(
+        None,
+        "the box, an answer of robust envelope in JSON; else widening finds it",
+        metavar="FILE",
+        path=True,
+    )
+    assume: tuple[str, ...] = option((), ASSUMED, metavar="NAME=VALUE", many=True)
+    alethe: Path | None = option(
+        None,
+        "also write cvc5's proofs to DIR, in the Alethe format",
+        metavar="DIR",
+        path=True,
+        also=lambda folder: (*folder.glob("*.smt2"), *folder.glob("*.alethe")),
+    )
+
+    def check_combinations(self, given: Collection[str]) -> None:
+        if len(self.files) == 1:
+            if self.alethe is not None:
+                raise InputError("found --alethe with a plan with choices; expected it with DOMAIN PROBLEM PLAN")
+            if self.kind not in {None, *WITH_CHOICES}:
+                raise InputError(f"found --kind {self.kind} with a plan with choices; expected execution or knowledge")
+            return
+        kind = self.kind or "plan"
+        if kind in WITH_CHOICES or self.assume:
+            found = "--assume" if self.assume else f"--kind {kind}"
+            raise InputError(f"found {found} with DOMAIN PROBLEM PLAN; expected it with a plan with choices")
+        if kind in {"plan", "region"} and self.box is not None:
+            raise InputError(f"found --box with --kind {kind}; expected it with box or maximal")
+        if kind == "region" and self.alethe is not None:
+            raise InputError("found --alethe with --kind region; expected it with plan, box or maximal")
+
+
+class VerifyCommand(Separation, Limited, Json):
+    """Of `robust verify`."""
+
+    certificate: Path = argument(..., "a certificate", "CERT")
+    files: tuple[Path, ...] = argument(..., "DOMAIN PROBLEM PLAN, or NETWORK (.tpnu.json)", "FILES", many=True)
+    kind: str | None = option(
+        None,
+        "fail unless this, or more, is established",
+        choices=CERTIFICATES,
+    )
+    box: tuple[str, ...] = option(
+        (),
+        "fail unless all of this box is established: an answer of robust envelope in JSON; or the values of one "
+        "parameter, NAME=LOW:HIGH or NAME=VALUE: others have their nominal values; may be repeated then",
+        metavar="FILE|NAME=LOW:HIGH",
+        many=True,
+    )
+    assume: tuple[str, ...] = option(
+        (),
+        "fail unless an execution with this choice is established, or, if it is made already, that there is none",
+        metavar="NAME=VALUE",
+        many=True,
+    )
+    timeout: Number | None = option(
+        None,
+        "seconds after which the check is given up; if not given 4 seconds of processor time, and 1 for every 10 kB "
+        "that the files have beyond 120 kB",
+        metavar="S",
+        read=seconds,
+        rank=LIMIT,
+    )
+
+
+# -- networks with uncertainty -----------------------------------------------------------------------------------------
+
+
+class StnuFiles(Limited, Output):
+    """Of all of `robust stnu`."""
+
+    files: tuple[Path, ...] = argument(
+        ..., "networks: GraphML as the CSTNU tool writes it (.stnu), or JSON", "FILE", many=True
+    )
+
+
+class StnuCheckCommand(StnuFiles):
+    """Of `robust stnu check`."""
+
+
+class StnuDispatchCommand(StnuFiles):
+    """Of `robust stnu dispatch`."""
+
+    runs: int = option(1, "how many executions are simulated, as early as possible", metavar="N")
+    seed: int = option(0, "which durations the first one draws, uniformly; the next ones count up", metavar="N")
+
+    def check_combinations(self, given: Collection[str]) -> None:
+        if self.runs < 0:
+            raise InputError(f"found {self.runs}, expected at least 0 runs", place_of("runs"))
+
+
+def _link_weights(values: Sequence[str], place: Location) -> tuple[tuple[str, Fraction | None], ...]:
+    """`NAME=W` each; None is infinite."""
+    found = []
+    for text in values:
+        name, equals, value = text.rpartition("=")
+        if not equals or not name:
+            expected = "requirement=W, contingent=W or SOURCE:TARGET=W"
+            raise InputError(f"found {shorten(text)}, expected {expected}", place)
+        found.append((name, None if value == "inf" else positive(value, place)))
+    return tuple(found)
+
+
+class StnuRepairCommand(StnuFiles):
+    """Of `robust stnu repair`."""
+
+    weight: tuple[Any, ...] = option(
+        (),
+        "what a unit of change costs, above 0 or inf: of all links as requirement=W or contingent=W, of one as "
+        "SOURCE:TARGET=W; 1 if not given; may be repeated",
+        metavar="LINK=W",
+        many=True,
+        read=_link_weights,
+    )
+    output: Path | None = option(
+        None,
+        "write the repaired network here: .stnu or .json by suffix",
+        "--output",
+        "-o",
+        metavar="FILE",
+        path=True,
+        read=stnu_file,
+    )
+
+    def check_combinations(self, given: Collection[str]) -> None:
+        if self.output is not None and len(self.files) > 1:
+            raise InputError("found several networks, expected one to write", place_of("output"))
+
+
+class DemoCommand(Colored):
+    """Of `robust demo`."""
+
 
 Question = tuple[str, str, tuple[str, ...]]
 """Its name, and what is typed: the verb, and options."""
@@ -101,12 +370,12 @@ class BatchEnvelopeOptions(BatchOptions, AnyBoxOptions):
         return (self._ask("envelope", *typed(self, AnyBoxOptions)),)
 
 
-class BatchRegionOptions(BatchOptions, Elimination):
+class BatchRegionOptions(BatchOptions, EliminationOptions):
     """Of `robust.batch("region", ...)`."""
 
     @property
     def asked(self) -> tuple[Question, ...]:
-        return (self._ask("region", *typed(self, Elimination)),)
+        return (self._ask("region", *typed(self, EliminationOptions)),)
 
 
 class BatchCompareOptions(BatchOptions):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from robust.backends import DRAKE, KNOWLEDGE_BASES, REASONERS, SMT, deciding
 from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import Number, shorten
-from robust.options.commands import ASSUMED
+from robust.options.batch import ASSUMED
 from robust.options.declare import (
     Options,
     argument,
@@ -22,7 +22,7 @@ from robust.options.declare import (
     positive,
     setting,
 )
-from robust.options.shared import Force, Output, Separation, Slice, Solving
+from robust.options.shared import Force, Output, Separation, SliceOptions, Solving
 
 if TYPE_CHECKING:
     from robust.pike_bridge.online.world import Disturbance, ExecutionStep
@@ -339,11 +339,11 @@ class PikeEnvelopeOptions(ParametricOptions, Staged):
             raise InputError("expected only together with --for-all", place_of("patience"))
 
 
-class PikeRegionCommand(PikeRegionOptions, PikeCommand, Slice):
+class PikeRegionCommand(PikeRegionOptions, PikeCommand, SliceOptions):
     """Of `robust pike region`."""
 
 
-class PikeEnvelopeCommand(PikeEnvelopeOptions, PikeCommand, Slice):
+class PikeEnvelopeCommand(PikeEnvelopeOptions, PikeCommand, SliceOptions):
     """Of `robust pike envelope`."""
 
 

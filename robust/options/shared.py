@@ -157,7 +157,7 @@ class AnyBoxOptions(BoxOptions):
         return self.method != "optimal" or self.contain_nominal
 
 
-class Search(Separation, Encoded, Solving):
+class SearchOptions(Separation, Encoded, Solving):
     """What every question about a plan takes."""
 
 
@@ -217,7 +217,7 @@ class Plot(Options):
     )
 
 
-class Slice(Plot):
+class SliceOptions(Plot):
     """A picture of one or two parameters."""
 
     axes: str | Sequence[str] | None = option(

@@ -36,16 +36,16 @@ from robust.options.shared import (
     Output,
     PlanningOutput,
     Plot,
-    Search,
+    SearchOptions,
     Separation,
-    Slice,
+    SliceOptions,
     Solving,
     encoding_option,
     method_option,
 )
 
 
-class CheckOptions(Search, Export):
+class CheckOptions(SearchOptions, Export):
     """Of :func:`robust.check`."""
 
     at: Settings | Box | EnvelopeResult = option(
@@ -153,7 +153,7 @@ class EnvelopeCommand(EnvelopeOptions, Plot, AskCommand):
             raise InputError(f"found it with --method optimal, expected {expected}", place_of("export"))
 
 
-class Elimination(Options):
+class EliminationOptions(Options):
     """How an exact region is computed."""
 
     backend: str = option(
@@ -169,7 +169,7 @@ class Elimination(Options):
     learning: bool = option(True, "tell later problems what earlier ones have excluded")
 
 
-class RegionOptions(Elimination, Search):
+class RegionOptions(EliminationOptions, SearchOptions):
     """Of :func:`robust.region`."""
 
     on_piece: Callable[[Polyhedron], None] | None = option(
@@ -180,7 +180,7 @@ class RegionOptions(Elimination, Search):
     )
 
 
-class RegionCommand(RegionOptions, Slice, AskCommand):
+class RegionCommand(RegionOptions, SliceOptions, AskCommand):
     """Of `robust region`."""
 
     form: str | None = option(
@@ -195,7 +195,7 @@ class RegionCommand(RegionOptions, Slice, AskCommand):
             raise InputError("found it with --json, expected one of the two", Location("--latex"))
 
 
-class CompareOptions(Search):
+class CompareOptions(SearchOptions):
     """Of :func:`robust.compare`."""
 
     beta: Number = option("1", "the precision of irr", metavar="B", read=positive)
@@ -203,7 +203,7 @@ class CompareOptions(Search):
     on_stage: Callable[[str], None] | None = option(None, "called with the name of each stage", shown=False)
 
 
-class CompareCommand(CompareOptions, Slice, AskCommand):
+class CompareCommand(CompareOptions, SliceOptions, AskCommand):
     """Of `robust compare`."""
 
     html: Path | None = option(
@@ -216,7 +216,7 @@ class CompareCommand(CompareOptions, Slice, AskCommand):
     )
 
 
-class RiskOptions(Search):
+class RiskOptions(SearchOptions):
     """Of :func:`robust.risk`."""
 
     distributions: Mapping[str, str | Distribution] | Sequence[str] = distributions_option()

@@ -15,9 +15,8 @@ from typing import TypeAlias, assert_never
 
 import robust.examples
 from robust.errors import InputError, UnsupportedError
-from robust.files import atomic_write
 from robust.numbers import format_number
-from robust.pike_bridge.files import read_tpnu, write_tpnu
+from robust.pike_bridge.files import NOWHERE, Places, read_tpnu, validate, write_tpnu
 from robust.pike_bridge.model import (
     ALWAYS,
     EPSILON,
@@ -33,13 +32,13 @@ from robust.pike_bridge.model import (
     Tpnu,
     reachable,
 )
-from robust.pike_bridge.validate import NOWHERE, Places, validate
 from robust.plan import model as states
 from robust.plan.pddl.forms import read_text
 from robust.plan.pddl.grounding import ground_action, ground_goal
 from robust.plan.pddl.reader import parse_domain, parse_problem, read_domain, read_problem
 from robust.plan.pddl.syntax import ActionSchema, Domain, Problem
 from robust.plan.polynomial import Polynomial
+from robust.records import atomic_write
 
 
 def with_ends(network: Tpnu, epsilon: Fraction) -> Tpnu:
@@ -112,7 +111,7 @@ class StaticFacts:
                 return condition
             case states.Holds(atom, value):
                 return condition if atom in self._touched else states.Truth((atom in self._initial) == value)
-            case states.Comparison(expression, relation):
+            case states.NumericCondition(expression, relation):
                 known = self._known(expression)
                 return states.Truth(relation.holds(known.constant_term)) if known.is_constant else condition
             case states.And(operands):
@@ -270,7 +269,7 @@ class _Joining:
         is what monitoring notices that by.
         """
         simplified = (
-            self._facts.simplify(condition) if isinstance(condition, states.Comparison | states.Or) else condition
+            self._facts.simplify(condition) if isinstance(condition, states.NumericCondition | states.Or) else condition
         )
         match simplified:
             case states.Truth(value):
@@ -281,8 +280,8 @@ class _Joining:
             case states.And(operands):
                 for operand in operands:
                     yield from self._literals(operand, text, owner, declared)
-            case states.Comparison() | states.Or():
-                kind = "a numeric condition" if isinstance(simplified, states.Comparison) else "a disjunction"
+            case states.NumericCondition() | states.Or():
+                kind = "a numeric condition" if isinstance(simplified, states.NumericCondition) else "a disjunction"
                 message = f"found {kind} {text} of {owner}, expected a conjunction of literals in plans with choices"
                 raise UnsupportedError(message, declared.location)
             case _:

@@ -25,12 +25,10 @@ from robust.pike_bridge.knowledge.interface import (
 )
 from robust.pike_bridge.model import ALWAYS, Assignment, Guard, TeamPlan, check_choice
 from robust.pike_bridge.model import guard as conjunction
-from robust.pike_bridge.scenarios import candidate_subplans
 from robust.pike_bridge.searches import Announce, PikeSearch, Stoppable, Stopped, unheard
-from robust.pike_bridge.semantics import Execution, Existence, Oracle, confirmed
+from robust.pike_bridge.semantics import Execution, ExecutionExistence, Oracle, candidate_subplans, confirmed
 from robust.pike_bridge.temporal.distance_graph import Precedence, StructuralPrecedence
-from robust.pike_bridge.temporal.labeled_apsp import LabeledDistances
-from robust.pike_bridge.temporal.schedule import schedule, temporal_conflicts
+from robust.pike_bridge.temporal.labeled_apsp import LabeledDistances, schedule, temporal_conflicts
 from robust.presented import Presented, VerdictEnum
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
@@ -309,7 +307,7 @@ class Checking(Compiling, PikeSearch[PikeCheck]):
                 yield from oracle.scenarios(self.assume, deadline=self.deadline)
                 return
             answer = oracle.decide(self.assume, deadline=self.deadline)
-            if answer.verdict is Existence.UNKNOWN:
+            if answer.verdict is ExecutionExistence.UNKNOWN:
                 raise OutOfTimeError
             if answer.witness is not None:
                 yield answer.witness

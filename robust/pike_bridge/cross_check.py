@@ -14,23 +14,22 @@ from random import Random
 from typing import TypeVar
 
 from robust.errors import InputError, RobustError
-from robust.files import unwritten
 from robust.pike_bridge.action_model import Instance
 from robust.pike_bridge.compile import Compilation, Compiling, Temporal, scenarios
+from robust.pike_bridge.files import validate
 from robust.pike_bridge.knowledge import reasons_about_time
 from robust.pike_bridge.knowledge.bdd import BddKnowledgeBase
 from robust.pike_bridge.knowledge.interface import Commitment, Exclude, KnowledgeBase, Require
-from robust.pike_bridge.knowledge.network import NodeKind
+from robust.pike_bridge.knowledge.labels import NodeKind
 from robust.pike_bridge.knowledge.tms import PiTms
 from robust.pike_bridge.model import GOAL, INITIAL, Activity, Assignment, Guard, Literal, TeamPlan
-from robust.pike_bridge.scenarios import moved, restrict
 from robust.pike_bridge.searches import Announce, PikeSearch, Stoppable, Stopped, unheard
-from robust.pike_bridge.semantics import Oracle, holds
+from robust.pike_bridge.semantics import Oracle, holds, moved, restrict
 from robust.pike_bridge.theory import Theory
-from robust.pike_bridge.validate import validate
 from robust.plan.model import Atom
 from robust.plan.pddl.write import ActionText, sketched_domain, sketched_problem
 from robust.presented import NoTruthValue
+from robust.records import unwritten
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 T = TypeVar("T")

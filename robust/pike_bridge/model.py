@@ -275,7 +275,7 @@ def may_threaten(effect: Effect, condition: Condition) -> bool:
 
 
 Environment: TypeAlias = int
-"""A conjunction of assignments, as a bit mask of some :class:`Vocabulary`."""
+"""A conjunction of assignments, as a bit mask of some :class:`AssignmentVocabulary`."""
 
 EMPTY: Final[Environment] = 0
 """The environment that assigns nothing: true."""
@@ -291,7 +291,7 @@ def union(environments: Iterable[Environment]) -> Environment:
     return reduce(or_, environments, EMPTY)
 
 
-class Vocabulary:
+class AssignmentVocabulary:
     """The assignments to a fixed list of variables, and their environments."""
 
     def __init__(self, domains: Mapping[str, Sequence[str]]) -> None:

@@ -1,14 +1,20 @@
-"""From files to the parametrized planning problem: domain, problem, plan and parameter specifications put together."""
+"""From files to the parametrized planning problem: domain, problem, plan and parameter specifications put together.
+
+Other numbers in the text of a plan, with everything else left as it was written: comments, order, blanks.
+"""
 
 from __future__ import annotations
 
+import re
 import shlex
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from os import PathLike
 
 from robust.errors import InputError, Location, did_you_mean
+from robust.numbers import format_number
 from robust.plan.model import (
     ZERO,
     ActionInstance,
@@ -32,7 +38,7 @@ from robust.plan.pddl.grounding import (
 from robust.plan.pddl.reader import read_domain, read_problem
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.polynomial import Polynomial
-from robust.plan.stn import ParameterDeclaration, STNBound, STNPlan, check_interval, check_range, read_stn
+from robust.plan.stn import ParameterDeclaration, STNBound, STNPlan, check_interval, check_range, parse_stn, read_stn
 
 File = str | PathLike[str]
 
@@ -238,3 +244,45 @@ def _no_value(fluent: Fluent, reader: str, values: Mapping[Fluent, Expression], 
     remedy = f"add (= {fluent} VALUE) to the problem's :init"
     message = f"found no initial value of {fluent}, expected one because {reader}: {remedy}"
     return InputError(message + did_you_mean(str(fluent), map(str, values)), place)
+
+
+_COMMENT = re.compile(r"#[^\n]*")
+_INTERVAL = re.compile(r"c\s*:[^\[;]*\[\s*(?P<lower>[^\s,]+)\s*,\s*(?P<upper>[^\s\]]+)\s*\]")
+_DEFAULT = re.compile(r"[^;]*?\sdefault\s+(?P<default>[^\s;]+)")
+
+
+@dataclass(frozen=True, slots=True)
+class BoundNumber:
+    """A number in the text: of the statement at `location` the `lower` or `upper` bound, or the `default`."""
+
+    location: Location | None
+    part: str
+
+
+def rewritten(text: str, file: str, numbers: Mapping[BoundNumber, Fraction]) -> str:
+    """The text of a plan with other numbers.
+
+    Raises:
+        InputError: if a number does not stand in the file, because something else says it.
+    """
+    # Of the same length, so that positions stay what they are.
+    bare = _COMMENT.sub(lambda found: " " * len(found.group()), text)
+    spans = sorted(((_span(bare, file, number), value) for number, value in numbers.items()), reverse=True)
+    for (start, end), value in spans:
+        text = f"{text[:start]}{format_number(value)}{text[end:]}"
+    parse_stn(text, file)
+    return text
+
+
+def _span(bare: str, file: str, number: BoundNumber) -> tuple[int, int]:
+    place = number.location
+    pattern = _DEFAULT if number.part == "default" else _INTERVAL
+    if place is not None and place.file == file and place.line is not None and place.column is not None:
+        begin = sum(len(line) for line in bare.splitlines(keepends=True)[: place.line - 1]) + place.column - 1
+        found = pattern.match(bare, begin)
+        if found is not None:
+            return found.span(number.part)
+    raise InputError(
+        f"found no {number.part} value to replace in this file, expected it in a statement of the plan, not in options",
+        Location(file),
+    )

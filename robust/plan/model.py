@@ -159,7 +159,7 @@ class Holds:
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class NumericCondition:
     """`expression relation 0`."""
 
     expression: Expression
@@ -180,7 +180,7 @@ class Or:
     operands: tuple[Condition, ...]
 
 
-Leaf = Truth | Holds | Comparison
+Leaf = Truth | Holds | NumericCondition
 Condition = Leaf | And | Or
 """Conditions are in negation normal form, quantifiers expanded over the problem's objects; `And(())` does not occur."""
 
@@ -216,7 +216,7 @@ class DurationConstraint:
     """`?duration relation bound`, as the comparison it amounts to; `timing` says when fluents in it are read."""
 
     timing: Timing
-    condition: Comparison
+    condition: NumericCondition
     text: str
 
 
@@ -230,7 +230,7 @@ class AtomEffect:
     condition: Condition = Truth(True)
 
 
-class Assignment(Enum):
+class AssignmentKind(Enum):
     ASSIGN = "assign"
     INCREASE = "increase"
 
@@ -241,7 +241,7 @@ class NumericEffect:
 
     timing: Timing
     fluent: Fluent
-    operator: Assignment
+    operator: AssignmentKind
     expression: Expression
     condition: Condition = Truth(True)
 
@@ -508,9 +508,9 @@ def negation(condition: Condition) -> Condition:
             return Truth(not value)
         case Holds(atom, value):
             return Holds(atom, not value)
-        case Comparison(expression, relation):
+        case NumericCondition(expression, relation):
             equality = relation in (Relation.EQUAL, Relation.DIFFERENT)
-            return Comparison(expression if equality else -expression, _NEGATED[relation])
+            return NumericCondition(expression if equality else -expression, _NEGATED[relation])
         case And(operands):
             return Or(tuple(map(negation, operands)))
         case Or(operands):
@@ -527,7 +527,7 @@ def conflicts(effects: Iterable[NumericEffect]) -> Iterator[tuple[NumericEffect,
         changes.setdefault((effect.timing, effect.fluent), []).append(effect)
     for together in changes.values():
         for one, other in combinations(together, 2):
-            if Assignment.ASSIGN in (one.operator, other.operator) and not _exclude(one.condition, other.condition):
+            if AssignmentKind.ASSIGN in (one.operator, other.operator) and not _exclude(one.condition, other.condition):
                 yield one, other
 
 
@@ -537,9 +537,9 @@ def _exclude(one: Condition, other: Condition) -> bool:
     return any(set(conjuncts(negation(part))) <= set(conjuncts(b)) for a, b in pairs for part in conjuncts(a))
 
 
-def comparisons(condition: Condition) -> Iterator[Comparison]:
+def comparisons(condition: Condition) -> Iterator[NumericCondition]:
     """The comparisons in a condition, each as often as it occurs."""
-    return (leaf for leaf in leaves(condition) if isinstance(leaf, Comparison))
+    return (leaf for leaf in leaves(condition) if isinstance(leaf, NumericCondition))
 
 
 def fluents_in(expression: Expression) -> Iterator[Fluent]:

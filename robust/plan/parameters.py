@@ -174,17 +174,20 @@ def specifications(
 
 
 @dataclass(frozen=True, slots=True)
-class _Decimal:
-    """The text of a TOML float."""
+class DecimalText:
+    """The text of a TOML float: its exact value counts."""
 
     text: str
 
+    def __str__(self) -> str:
+        return self.text
 
-def toml_document(text: str, file: str) -> dict[str, object]:
+
+def toml_document(text: str, file: str, expected: str = "tables [parameters.NAME]") -> dict[str, object]:
     """The document, its floats as their texts; InputError with the place if it is not TOML."""
     import tomllib  # noqa: PLC0415 - only for parameter files
 
-    as_text: Callable[[str], _Decimal] = _Decimal
+    as_text: Callable[[str], DecimalText] = DecimalText
     try:
         return tomllib.loads(text, parse_float=as_text)
     except (ValueError, RecursionError) as error:
@@ -192,9 +195,7 @@ def toml_document(text: str, file: str) -> dict[str, object]:
         place = re.search(r" \(at line (\d+), column (\d+)\)$", reason)
         location = Location(file, int(place[1]), int(place[2])) if place else Location(file)
         reason = reason[: place.start()] if place else reason
-        raise InputError(
-            f"found text that is not TOML ({reason}), expected tables [parameters.NAME]", location
-        ) from None
+        raise InputError(f"found text that is not TOML ({reason}), expected {expected}", location) from None
 
 
 def _spec_of_table(name: str, table: object, file: str) -> ParameterSpec:
@@ -237,7 +238,7 @@ def number_text(key: str, value: object, location: Location) -> str:
             return str(value)
         case str():
             return value
-        case _Decimal(text):
+        case DecimalText(text):
             return text.replace("_", "")
     raise InputError(f'found {kind_of(value)} as {key!r}, expected a number, or one in quotes such as "1/3"', location)
 
@@ -247,7 +248,7 @@ def kind_of(value: object) -> str:
     match value:
         case bool():
             return str(value).lower()
-        case _Decimal(text):
+        case DecimalText(text):
             return text
         case int() | str():
             return shorten(str(value))

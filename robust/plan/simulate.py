@@ -18,9 +18,8 @@ from robust.numbers import format_number
 from robust.plan.model import (
     ZERO,
     ActionInstance,
-    Assignment,
+    AssignmentKind,
     Atom,
-    Comparison,
     Condition,
     Duration,
     DurationConstraint,
@@ -28,6 +27,7 @@ from robust.plan.model import (
     Fluent,
     Holds,
     Leaf,
+    NumericCondition,
     ParametrizedPlan,
     Relation,
     TemporalConstraint,
@@ -41,7 +41,7 @@ from robust.plan.model import (
     leaves,
 )
 from robust.plan.polynomial import Polynomial
-from robust.plan.timeline import Execution, Happening, Reading, State, over_time
+from robust.plan.timeline import Happening, Reading, State, TimedExecution, over_time
 from robust.presented import NoTruthValue
 
 
@@ -74,7 +74,7 @@ class _Footprint:
         for leaf in leaves(condition):
             if isinstance(leaf, Holds):
                 self.atoms_read.add(leaf.atom)
-            elif isinstance(leaf, Comparison):
+            elif isinstance(leaf, NumericCondition):
                 self.read_expression(leaf.expression)
 
 
@@ -124,7 +124,7 @@ def _enter_instance(footprint: _Footprint, instance: ActionInstance, point: Time
         if instance.at(effect.timing) == point:
             footprint.read(effect.condition)
             footprint.read_expression(effect.expression)
-            assigns = effect.operator is Assignment.ASSIGN
+            assigns = effect.operator is AssignmentKind.ASSIGN
             (footprint.assigns if assigns else footprint.increases).add(effect.fluent)
     for continuous in instance.continuous_effects:
         footprint.read_expression(continuous.rate)
@@ -222,7 +222,7 @@ def simulate(
     """
     _check_names({parameter.name for parameter in plan.parameters}, set(parameters), "parameter")
     times = _times(plan, schedule)
-    execution = Execution(plan, parameters, times)
+    execution = TimedExecution(plan, parameters, times)
     violations = (
         *(violation for instance in plan.instances for violation in _instance_violations(execution, instance)),
         *_separation_violations(plan, times, epsilon),
@@ -246,7 +246,7 @@ def _check_names(expected: set[str], found: set[str], kind: str) -> None:
         raise InputError(f"no value for {kind} '{name}'; give every {kind} of the plan a value")
 
 
-def _network_violations(execution: Execution) -> Iterator[str]:
+def _network_violations(execution: TimedExecution) -> Iterator[str]:
     """Why the schedule and the parameter values are not among those that the plan allows."""
     times = execution.times
     if times[ZERO] != 0:
@@ -279,7 +279,7 @@ def _constraint_violations(
         yield f"{found} > {_side(constraint.upper, reading)}"
 
 
-def _instance_violations(execution: Execution, instance: ActionInstance) -> Iterator[Violation]:
+def _instance_violations(execution: TimedExecution, instance: ActionInstance) -> Iterator[Violation]:
     """Duration constraints, non-negative duration, effects that disagree and all conditions of one instance."""
     duration = execution.duration(instance)
     if duration < 0:
@@ -302,7 +302,7 @@ def _instance_violations(execution: Execution, instance: ActionInstance) -> Iter
 
 
 def _duration_violation(
-    execution: Execution, instance: ActionInstance, part: DurationConstraint
+    execution: TimedExecution, instance: ActionInstance, part: DurationConstraint
 ) -> Iterator[Violation]:
     """The duration, and on the other side of the comparison what bounds it."""
     point = instance.at(part.timing)
@@ -318,7 +318,9 @@ def _duration_violation(
         yield Violation(instance.label(part), execution.times[point], detail, abs(value / factor))
 
 
-def _over_all_violation(execution: Execution, instance: ActionInstance, part: TimedCondition) -> Iterator[Violation]:
+def _over_all_violation(
+    execution: TimedExecution, instance: ActionInstance, part: TimedCondition
+) -> Iterator[Violation]:
     """The first tested instant of the open interval (start, end) at which the condition does not hold, if any."""
     label = instance.label(part)
     violations = (
@@ -329,7 +331,9 @@ def _over_all_violation(execution: Execution, instance: ActionInstance, part: Ti
     yield from islice(violations, 1)
 
 
-def _instants(execution: Execution, instance: ActionInstance, condition: Condition) -> Iterator[tuple[Fraction, State]]:
+def _instants(
+    execution: TimedExecution, instance: ActionInstance, condition: Condition
+) -> Iterator[tuple[Fraction, State]]:
     """Instants of (start, end) that decide an over-all condition, with the state at each, in order of time.
 
     Between two happenings all comparisons have constant truth between the roots of their expressions, so the roots and
@@ -337,7 +341,7 @@ def _instants(execution: Execution, instance: ActionInstance, condition: Conditi
     belong to it; the limits at start and at end do not.
     """
     start, end = execution.times[instance.start], execution.times[instance.end]
-    may_move = any(isinstance(leaf, Comparison) for leaf in leaves(condition))
+    may_move = any(isinstance(leaf, NumericCondition) for leaf in leaves(condition))
     for happening, following in execution.steps(start, end):
         if happening.time > start:
             yield happening.time, happening.after
@@ -355,7 +359,7 @@ def _interior_instants(
     """Between two happenings: every root of a comparison, and one instant in each of the intervals that they leave."""
     roots: set[Fraction] = set()
     for leaf in leaves(condition):
-        if isinstance(leaf, Comparison):
+        if isinstance(leaf, NumericCondition):
             value, slope = over_time(leaf.expression, reading, happening.slopes)
             if slope:
                 roots.add(happening.time - value / slope)
@@ -389,7 +393,7 @@ def _separation_violations(
         yield Violation(f"separation: {a}, {b}", max(times[a], times[b]), detail, epsilon - distance or None)
 
 
-def _goal_violations(execution: Execution) -> Iterator[Violation]:
+def _goal_violations(execution: TimedExecution) -> Iterator[Violation]:
     final = execution.happenings[-1]
     for goal in execution.plan.goal:
         yield from _violation(goal.label, final.time, goal.condition, execution.reading(final.after))
@@ -405,7 +409,7 @@ def _violation(label: str, time: Fraction, condition: Condition, reading: Readin
 
 def _amount(failures: tuple[Leaf, ...], reading: Reading) -> Fraction | None:
     match failures:
-        case (Comparison(expression, relation),) if relation is not Relation.DIFFERENT:
+        case (NumericCondition(expression, relation),) if relation is not Relation.DIFFERENT:
             return abs(reading.expression(expression))
     return None
 
@@ -416,7 +420,7 @@ def _reason(leaf: Leaf, reading: Reading) -> str:
             return "the condition is false"
         case Holds(atom, value):
             return f"{atom} is {'false' if value else 'true'}"
-        case Comparison(expression, relation):
+        case NumericCondition(expression, relation):
             left = {monomial: factor for monomial, factor in expression.terms.items() if factor > 0}
             right = {monomial: -factor for monomial, factor in expression.terms.items() if factor < 0}
             return f"{_side(Polynomial(left), reading)} {_VIOLATED[relation]} {_side(Polynomial(right), reading)}"

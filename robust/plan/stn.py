@@ -101,7 +101,7 @@ def parse_stn(text: str, file: str = "<plan>") -> STNPlan:
             "rename the file if it is what a planner printed",
             Location(file, line),
         )
-    return _Parser(_Scanner(text, file)).plan()
+    return _StnParser(_Scanner(text, file)).plan()
 
 
 def is_network(text: str, file: str = "") -> bool:
@@ -254,7 +254,7 @@ class _Scanner:
         raise InputError(f"found {found}, expected {expected}{hint}", self.location)
 
 
-class _Parser:
+class _StnParser:
     """One method per rule; what is declared so far is what a statement may refer to."""
 
     def __init__(self, scanner: _Scanner) -> None:

@@ -18,15 +18,15 @@ from robust.numbers import format_number
 from robust.plan.model import (
     ActionInstance,
     And,
-    Assignment,
+    AssignmentKind,
     Atom,
-    Comparison,
     Condition,
     Duration,
     Expression,
     Fluent,
     Holds,
     Leaf,
+    NumericCondition,
     NumericVariable,
     Or,
     ParameterReference,
@@ -107,7 +107,7 @@ class Reading:
                 return value
             case Holds(atom, value):
                 return (atom in self.state.atoms) is value
-            case Comparison(expression, relation):
+            case NumericCondition(expression, relation):
                 return relation.holds(self.expression(expression))
         assert_never(leaf)
 
@@ -141,7 +141,7 @@ def _combined(node: And | Or, parts: list[tuple[Leaf, ...]]) -> tuple[Leaf, ...]
     return joined if all(parts) else ()
 
 
-class Execution:
+class TimedExecution:
     """One plan under parameter values and times: its happenings, and how to read a condition of an instance.
 
     `times` gives every time point of the plan its time, and `durations` what instances read as `?duration` if that is
@@ -235,12 +235,12 @@ class Execution:
         for added in instance.atom_effects:
             if added.timing is timing and reading.holds(added.condition):
                 change.write(added.atom, added.value)
-        changed: dict[Fluent, list[tuple[Assignment, Fraction]]] = {}
+        changed: dict[Fluent, list[tuple[AssignmentKind, Fraction]]] = {}
         for effect in instance.numeric_effects:
             if effect.timing is timing and reading.holds(effect.condition):
                 amount = reading.expression(effect.expression)
                 changed.setdefault(effect.fluent, []).append((effect.operator, amount))
-                if effect.operator is Assignment.ASSIGN:
+                if effect.operator is AssignmentKind.ASSIGN:
                     change.assignments[effect.fluent] = amount
                 else:
                     change.increases.append((effect.fluent, amount))
@@ -265,15 +265,15 @@ class Execution:
         return slopes
 
 
-def _disagreements(changed: Mapping[Fluent, list[tuple[Assignment, Fraction]]]) -> Iterator[str]:
+def _disagreements(changed: Mapping[Fluent, list[tuple[AssignmentKind, Fraction]]]) -> Iterator[str]:
     """The fluents that do not have one value after changes by one action, in words."""
     for fluent, changes in changed.items():
-        if len(changes) > 1 and any(operator is Assignment.ASSIGN for operator, _ in changes):
+        if len(changes) > 1 and any(operator is AssignmentKind.ASSIGN for operator, _ in changes):
             words = (f"{_CHANGED[operator]} {format_number(amount)}" for operator, amount in changes)
             yield f"{fluent} is {' and '.join(words)}"
 
 
-_CHANGED = {Assignment.ASSIGN: "assigned", Assignment.INCREASE: "increased by"}
+_CHANGED = {AssignmentKind.ASSIGN: "assigned", AssignmentKind.INCREASE: "increased by"}
 
 
 def _moving_rate(instance: ActionInstance, fluent: Fluent) -> str:

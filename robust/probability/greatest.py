@@ -22,16 +22,15 @@ from robust.irr.exact import ExactSearch, end_of, missing
 from robust.irr.search import Conduct
 from robust.irr.widen import faces_of, least_stretch
 from robust.plan.model import Parameter
-from robust.probability.distributions import Distribution
-from robust.probability.enclosures import ONE, UNIT, Enclosure, product
+from robust.probability.distributions import ONE, UNIT, Distribution, Enclosure, product
 from robust.probability.measure import interval_probability
 from robust.probability.packing import widen_around
 from robust.qe.box import Box, Face, Interval, Side
 from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.slabs import Growing
-from robust.smt.export import Exporter
 from robust.smt.limits import Deadline, OutOfTimeError
+from robust.smt.session import Exporter
 
 FAR = 16
 """Widths of a distribution beyond which an end counts as infinite."""

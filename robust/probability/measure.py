@@ -19,8 +19,7 @@ from heapq import heappop, heappush
 from itertools import product as every
 from math import factorial, floor, lcm, prod
 
-from robust.probability.distributions import Distribution, Weights
-from robust.probability.enclosures import ONE, UNIT, Enclosure, product
+from robust.probability.distributions import ONE, UNIT, Distribution, Enclosure, Weights, product
 from robust.qe.box import Box, Interval
 from robust.qe.conjunctions import linked
 from robust.qe.constraint import LinearConstraint

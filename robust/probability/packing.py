@@ -17,9 +17,9 @@ from robust.plan.model import Parameter
 from robust.probability.distributions import Distribution
 from robust.probability.measure import box_probability
 from robust.qe.box import Box, Interval, Side
+from robust.qe.estimate import proportion_bounds
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
-from robust.qe.share import proportion_bounds
 from robust.smt.limits import Deadline
 
 CONFIDENCE = Fraction(999, 1000)

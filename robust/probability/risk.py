@@ -21,7 +21,7 @@ from fractions import Fraction
 from robust.encode import create_encoding
 from robust.encode.interface import EPSILON
 from robust.errors import InputError
-from robust.irr.methods import BoxMethod
+from robust.irr.exact import BoxMethod
 from robust.irr.search import EnvelopeResult
 from robust.irr.widen import DiscoveredBadSet
 from robust.plan.model import ParametrizedPlan

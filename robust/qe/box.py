@@ -10,7 +10,7 @@ from functools import cached_property
 from math import prod
 from typing import Any
 
-from robust.encode.variables import Grid
+from robust.encode.interface import Grid
 from robust.errors import InputError
 from robust.numbers import end, parse_end
 from robust.plan.model import Parameter

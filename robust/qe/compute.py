@@ -18,8 +18,7 @@ from graphlib import CycleError, TopologicalSorter
 from types import MappingProxyType
 
 from robust.encode import create_encoding
-from robust.encode.interface import EPSILON, Encoding, Facet, Obligation
-from robust.encode.variables import Grid, Range
+from robust.encode.interface import EPSILON, Encoding, Facet, Grid, Obligation, Range
 from robust.plan.model import ParametrizedPlan, Relation
 from robust.presented import Presented
 from robust.qe.box import Box
@@ -28,6 +27,7 @@ from robust.qe.constraint import LinearConstraint, substitute_equality
 from robust.qe.eliminate import create_eliminator
 from robust.qe.eliminate.enumerate import polyhedra_of, satisfiable
 from robust.qe.eliminate.interface import Definition, Query, Solvers, outside
+from robust.qe.estimate import OpenShare
 from robust.qe.inner import (
     EnvelopeFactor,
     FactorSearch,
@@ -40,11 +40,10 @@ from robust.qe.inner import (
 from robust.qe.nnf import FALSE, TRUE, FormulaReader, Junction, Nnf, conjunction, disjunction, names_in, negation
 from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import Region
-from robust.qe.share import OpenShare
 from robust.qe.symmetry import Symmetry, find_symmetry
 from robust.searching import Searching, Status
 from robust.smt.limits import Deadline, DiedError, OutOfTimeError
-from robust.smt.session import Session, Statistics, Verdict
+from robust.smt.session import Satisfiability, Session, Statistics
 
 
 @dataclass(frozen=True)
@@ -150,7 +149,7 @@ class ProblemBuilder:
         if clash is FALSE:
             return True
         with self._session.frame(self._reader.write(clash)):
-            return self._session.check(f"definition of {name}") is Verdict.UNSATISFIABLE
+            return self._session.check(f"definition of {name}") is Satisfiability.UNSATISFIABLE
 
 
 def declared_bounds(plan: ParametrizedPlan) -> Conjunction:
@@ -245,7 +244,7 @@ class UnschedulableValues:
 
     def _facet(self, ranges: Mapping[str, Range], deadline: Deadline) -> Facet | None:
         found = self.encoding.validity.broken_facet(Grid(ranges), self.context.session, deadline)
-        if isinstance(found, Verdict):
+        if isinstance(found, Satisfiability):
             raise OutOfTimeError(self.context.statistics.failure)
         return found
 

@@ -1,27 +1,28 @@
-"""Whether a polyhedron is covered by others: by splitting it along their sides, or by asking a solver."""
+"""Whether a polyhedron is covered by others: by splitting it along their sides, or by asking a solver.
+
+Regions as text, LaTeX, SMT-LIB and sympy expressions.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
-from robust.errors import SolverError
+from robust.errors import InputError, SolverError
 from robust.plan.model import ParameterReference
-from robust.qe import render
 from robust.qe.box import Box
-from robust.qe.constraint import LinearConstraint
-from robust.qe.estimate import VolumeBounds, sample, volume_bounds
+from robust.qe.constraint import LinearConstraint, Sense
+from robust.qe.estimate import Part, VolumeBounds, sample, volume_bounds
 from robust.qe.polyhedron import Point, Polyhedron, check_known, check_names, check_same, union_volume
-from robust.qe.render import read_region, write_region
-from robust.smt.session import Session, Verdict
+from robust.smt.session import Satisfiability, Session
 from robust.smt.terms import Formula, Terms
 
 if TYPE_CHECKING:
     import sympy
-
 
 SPLITS = 8
 """Splits after which a solver is asked: by then they have taken about as long as a query does (10 to 20 ms).
@@ -80,11 +81,11 @@ def outside_by_solver(piece: Polyhedron, cover: Sequence[Polyhedron]) -> dict[st
     session = Session(terms)
     session.add(piece.to_formula(terms), *(terms.negation(other.to_formula(terms)) for other in cover))
     match session.check("is a polyhedron covered by others"):
-        case Verdict.UNSATISFIABLE:
+        case Satisfiability.UNSATISFIABLE:
             return None
-        case Verdict.UNKNOWN:
+        case Satisfiability.UNKNOWN:
             raise SolverError(f"z3 could not decide whether a polyhedron is covered by {len(cover)} others")
-        case Verdict.SATISFIABLE:
+        case Satisfiability.SATISFIABLE:
             values = session.values(terms.real(ParameterReference(name)) for name in piece.parameters)
             point = {name: Fraction(values.get(name, 0)) for name in piece.parameters}
             if point not in piece or any(point in other for other in cover):
@@ -438,15 +439,15 @@ class Region:
 
     def to_sympy(self) -> sympy.Basic:
         """A Boolean expression over real sympy symbols named after the parameters."""
-        return render.to_sympy(self.parts())
+        return to_sympy(self.parts())
 
     def to_latex(self) -> str:
         """A formula for LaTeX's mathematical mode."""
-        return render.to_latex(self.parts())
+        return to_latex(self.parts())
 
     def to_smtlib(self, name: str = "region") -> str:
         """A `define-fun` of a predicate over the parameters, in SMT-LIB 2.6."""
-        return render.to_smtlib(self.parameters, self.parts(), name)
+        return to_smtlib(self.parameters, self.parts(), name)
 
     def as_dict(self) -> dict[str, Any]:
         """The region's part of a `robust/region/1` document, which may be extended by other keys."""
@@ -462,7 +463,7 @@ class Region:
         return Region(*read_region(document))
 
     def __str__(self) -> str:
-        return render.to_text(self.parts())
+        return to_text(self.parts())
 
 
 def _over(parameters: tuple[str, ...], polyhedron: Polyhedron) -> Polyhedron:
@@ -478,3 +479,174 @@ def _without(piece: Polyhedron, removed: Polyhedron, *, disjoint: bool) -> Seque
         return [piece]
     beyond = [piece.restricted([side]) for c in removed.simplified().constraints for side in c.negation()]
     return [part for part in beyond if not part.is_empty]
+
+
+LATEX = {"≤": r"\le", "≥": r"\ge", "<": "<", ">": ">", "=": "="}
+SIMPLE_SYMBOL = r"[A-Za-z~!@$%^&*_+=<>.?/-][A-Za-z0-9~!@$%^&*_+=<>.?/-]*"
+
+
+def to_text(parts: Sequence[Part]) -> str:
+    """One line for each polyhedron."""
+    lines: list[str] = []
+    for base, removed in parts:
+        lines.append(f"{'∪ ' if lines else ''}{{ {base} }}")
+        lines += [f"∖ {{ {piece} }}" for piece in removed]
+    return "\n".join(lines) or "∅"
+
+
+def to_latex(parts: Sequence[Part]) -> str:
+    """A formula in mathematical mode; `\\bot` and `\\top` for nothing and everything."""
+    texts = []
+    for base, removed in parts:
+        outside = [rf"\neg \left({_latex_conjunction(piece)}\right)" for piece in removed]
+        shown = [] if removed and not base.constraints else [_latex_conjunction(base)]
+        texts.append(r" \land ".join([*shown, *outside]))
+    if len(texts) > 1:
+        texts = [rf"\left({text}\right)" for text in texts]
+    return r" \lor ".join(texts) or r"\bot"
+
+
+def _latex_conjunction(piece: Polyhedron) -> str:
+    return r" \land ".join(_latex(constraint) for constraint in piece.constraints) or r"\top"
+
+
+def _latex(constraint: LinearConstraint) -> str:
+    if not constraint.coefficients:
+        return r"\top" if constraint.is_true else r"\bot"
+    left, relation, right = constraint.oriented()
+    text = signed_sum([(_latex_name(name), factor) for name, factor in left], "-", str)
+    number = (
+        str(right)
+        if right.denominator == 1
+        else rf"{'-' if right < 0 else ''}\frac{{{abs(right.numerator)}}}"
+        rf"{{{right.denominator}}}"
+    )
+    return f"{text} {LATEX[relation]} {number}"
+
+
+def signed_sum(terms: Iterable[tuple[str, Fraction]], minus: str, number: Callable[[Fraction], str]) -> str:
+    """`2 a - b`, with that sign for minus; factors of 1 are left out."""
+    text = ""
+    for name, factor in terms:
+        sign = (minus if factor < 0 else "") if not text else (f" {minus} " if factor < 0 else " + ")
+        text += sign + ("" if abs(factor) == 1 else f"{number(abs(factor))} ") + name
+    return text
+
+
+def _latex_name(name: str) -> str:
+    if len(name) == 1 and name.isalpha():
+        return name
+    escaped = re.sub(r"([#$%&_{}])", r"\\\1", name.replace("\\", r"\backslash "))
+    return rf"\mathit{{{escaped}}}"
+
+
+def to_smtlib(parameters: Sequence[str], parts: Sequence[Part], name: str) -> str:
+    """`(define-fun name ((x Real) …) Bool …)`."""
+    arguments = " ".join(f"({_symbol(parameter)} Real)" for parameter in parameters)
+    texts = []
+    for base, removed in parts:
+        literals = [_smt(constraint) for constraint in base.constraints]
+        literals += [f"(not {_junction('and', [_smt(c) for c in piece.constraints], 'true')})" for piece in removed]
+        texts.append(_junction("and", literals, "true"))
+    return f"(define-fun {_symbol(name)} ({arguments}) Bool\n  {_junction('or', texts, 'false')})\n"
+
+
+def _junction(operator: str, operands: list[str], neutral: str) -> str:
+    if len(operands) < 2:
+        return operands[0] if operands else neutral
+    return f"({operator} {' '.join(operands)})"
+
+
+def _smt(constraint: LinearConstraint) -> str:
+    if not constraint.coefficients:
+        return "true" if constraint.is_true else "false"
+    terms = [
+        _symbol(name) if factor == 1 else f"(* {_number(factor)} {_symbol(name)})"
+        for name, factor in constraint.coefficients
+    ]
+    return f"({constraint.relation.value} {_junction('+', terms, '0.0')} {_number(constraint.constant)})"
+
+
+def _number(value: Fraction | int) -> str:
+    size = f"{abs(value.numerator)}.0" if value.denominator == 1 else f"(/ {abs(value.numerator)} {value.denominator})"
+    return f"(- {size})" if value < 0 else size
+
+
+def _symbol(name: str) -> str:
+    return name if re.fullmatch(SIMPLE_SYMBOL, name) else f"|{name}|"
+
+
+def to_sympy(parts: Sequence[Part]) -> sympy.Basic:
+    """A Boolean expression over real symbols."""
+    import sympy  # noqa: PLC0415 - takes half a second to import
+
+    def junction(piece: Polyhedron) -> sympy.Basic:
+        return sympy.And(*(relational(constraint) for constraint in piece.constraints))
+
+    def relational(constraint: LinearConstraint) -> sympy.Basic:
+        form = sum(
+            (_rational(factor) * sympy.Symbol(name, real=True) for name, factor in constraint.coefficients),
+            sympy.Integer(0),
+        )
+        relation = {Sense.AT_MOST: sympy.Le, Sense.LESS: sympy.Lt, Sense.EQUAL: sympy.Eq}[constraint.relation]
+        return relation(form, _rational(constraint.constant))
+
+    def _rational(value: Fraction | int) -> sympy.Basic:
+        return sympy.Rational(value.numerator, value.denominator)
+
+    return sympy.Or(
+        *(sympy.And(junction(base), *(sympy.Not(junction(piece)) for piece in removed)) for base, removed in parts)
+    )
+
+
+SCHEMA = "robust/region/1"
+
+
+def write_region(parameters: tuple[str, ...], pieces: Iterable[Polyhedron], base: Polyhedron | None) -> dict[str, Any]:
+    """A document with rationals as strings."""
+    document: dict[str, Any] = {"schema": SCHEMA, "parameters": list(parameters)}
+    polyhedra = [{"constraints": _write(piece)} for piece in pieces]
+    if base is None:
+        return {**document, "form": "union", "polyhedra": polyhedra}
+    return {**document, "form": "difference", "base": _write(base), "minus": polyhedra}
+
+
+def read_region(
+    document: Mapping[str, Any],
+) -> tuple[tuple[str, ...], tuple[Polyhedron, ...], Polyhedron | None]:
+    """Parameters, pieces and base of a document.
+
+    Raises:
+        InputError: if a key is missing or of the wrong kind, or the schema or form is unknown.
+    """
+    if not isinstance(document, Mapping):
+        raise InputError(f"cannot read a region from {document!r}: expected a JSON object")
+    if document.get("schema", SCHEMA) != SCHEMA:
+        raise InputError(f"cannot read a region of schema {document['schema']!r}; expected {SCHEMA!r}")
+    parameters = tuple(str(name) for name in _list(document, "parameters"))
+    form = document.get("form", "union")
+    if form == "union":
+        return parameters, _pieces(parameters, document, "polyhedra"), None
+    if form == "difference":
+        base = Polyhedron(parameters, _read(_list(document, "base")))
+        return parameters, _pieces(parameters, document, "minus"), base
+    raise InputError(f"cannot read a region of form {form!r}; expected 'union' or 'difference'")
+
+
+def _write(polyhedron: Polyhedron) -> list[dict[str, Any]]:
+    return [constraint.as_dict() for constraint in polyhedron.constraints]
+
+
+def _pieces(parameters: tuple[str, ...], document: Mapping[str, Any], key: str) -> tuple[Polyhedron, ...]:
+    return tuple(Polyhedron(parameters, _read(_list(polyhedron, "constraints"))) for polyhedron in _list(document, key))
+
+
+def _read(constraints: list[Any]) -> tuple[LinearConstraint, ...]:
+    return tuple(LinearConstraint.from_dict(constraint) for constraint in constraints)
+
+
+def _list(document: Any, key: str) -> list[Any]:
+    value = document.get(key) if isinstance(document, Mapping) else None
+    if not isinstance(value, list):
+        raise InputError(f"cannot read a region: expected a list under {key!r}, found {value!r}")
+    return value

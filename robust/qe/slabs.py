@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import lcm
 
-from robust.encode.variables import Grid
+from robust.encode.interface import Grid
 from robust.qe.box import Box, Face, Side
 from robust.qe.constraint import LinearConstraint, Sense
 

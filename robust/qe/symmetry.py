@@ -23,11 +23,11 @@ from typing import Any, TypeVar
 from robust.plan.model import (
     And,
     Atom,
-    Comparison,
     Condition,
     Expression,
     Fluent,
     Holds,
+    NumericCondition,
     Or,
     ParameterReference,
     ParametrizedPlan,
@@ -353,7 +353,7 @@ def _condition(condition: Condition) -> Fact:
             return "truth", condition.value
         case Holds():
             return "holds", _variable(condition.atom), condition.value
-        case Comparison():
+        case NumericCondition():
             return "comparison", _polynomial(condition.expression), condition.relation
         case And():
             return "and", _Bag(map(_condition, condition.operands))

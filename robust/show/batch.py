@@ -14,15 +14,15 @@ from msgspec import UNSET, UnsetType
 from rich.console import Console
 from rich.text import Text
 
-from robust.codec import Count, JsonObject, Rational, Seconds, like, one_of
+from robust.json_text import Count, JsonObject, Rational, Seconds, like, one_of
 from robust.numbers import duration, plural
 from robust.qe.box import interval_text
 from robust.qe.region import Region
 from robust.show.console import colour_of, show_table, table
 from robust.show.documents import Document, Ends, box_of, document
 from robust.show.regions import in_form, region_lines
-from robust.sweeps import measure
 from robust.sweeps.batch import CCMMZ, IRR, REGION, Batch, BatchRow, PlanRun, Solved
+from robust.sweeps.batch import box_of as measured_box
 
 NAMES = {IRR: "IRR", CCMMZ: "CCMMZ", REGION: "region"}
 """What is compared, as people call it."""
@@ -47,7 +47,7 @@ def answer_lines(run: PlanRun) -> list[str]:
 
 def box_texts(run: PlanRun) -> dict[str, str]:
     """Intervals for people, by parameter."""
-    intervals = measure.box_of(run.box or {}).intervals
+    intervals = measured_box(run.box or {}).intervals
     return {name: interval_text(interval) for name, interval in intervals.items()}
 
 
@@ -326,7 +326,7 @@ def _solved(found: Solved) -> SolvedPlans:
 
 
 def _answered(run: PlanRun) -> Answered:
-    return like(Answered, run, box=None if run.box is None else box_of(measure.box_of(run.box)))
+    return like(Answered, run, box=None if run.box is None else box_of(measured_box(run.box)))
 
 
 def _compared(found: Batch, row: BatchRow) -> ComparedPlan:
@@ -352,7 +352,7 @@ def exact_box(run: PlanRun) -> str | None:
     """The box in one cell, exactly: `a [1/3, 7/2); b [0, inf)`."""
     if run.box is None:
         return None
-    return "; ".join(f"{name} {interval}" for name, interval in measure.box_of(run.box).intervals.items())
+    return "; ".join(f"{name} {interval}" for name, interval in measured_box(run.box).intervals.items())
 
 
 _RUN: Mapping[str, Column] = {

@@ -2,6 +2,8 @@
 
 The published schemas in :mod:`robust.show.schemas` are those of these types. An object that `--json` prints is one of
 :data:`DOCUMENTS`, and names itself in `schema`.
+
+Probabilities as text: decimals rounded outwards, so that what is printed is as certain as what was found.
 """
 
 from __future__ import annotations
@@ -9,28 +11,78 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from math import floor
 from typing import TYPE_CHECKING, Annotated, Any
 
 from msgspec import UNSET, Meta, UnsetType
 
 from robust.backends import ENCODINGS, SOLVERS
-from robust.codec import Count, End, JsonObject, Rational, Seconds, like, one_of, plain
 from robust.errors import RobustError
+from robust.json_text import Count, End, JsonObject, Rational, Seconds, like, one_of, plain
 from robust.numbers import exact_end
 from robust.qe.box import Side
-from robust.show.probabilities import Range, range_of
 
 if TYPE_CHECKING:
     from robust.execute.controllability import ControllabilityReport, Widest
     from robust.execute.controllable_boxes import Loss
     from robust.irr import check as checks
-    from robust.irr.quantities import Change
+    from robust.irr.quantities import QuantityChange
     from robust.irr.search import EnvelopeResult
     from robust.irr.stops import Stop
     from robust.plan.model import Parameter
     from robust.plan.simulate import Violation
     from robust.probability.measure import Bounds
     from robust.qe.box import Box, Face, Interval
+
+DIGITS = 9
+"""Decimals of probabilities in JSON, rounded outwards."""
+
+
+def decimal(value: Fraction, places: int, *, up: bool) -> str:
+    """A probability as a decimal, rounded up or down."""
+    scaled = value * 10**places
+    whole = -floor(-scaled) if up else floor(scaled)
+    return f"{whole // 10**places}.{whole % 10**places:0{places}d}"
+
+
+def places_for(within: Fraction) -> int:
+    """Decimals for people: one more than is asked for."""
+    places = 4
+    while Fraction(1, 10 ** (places - 1)) > within and places < DIGITS:
+        places += 1
+    return places
+
+
+def bounds_text(bounds: Bounds, places: int) -> str:
+    """`0.8588 to 0.8590`, rounded outwards; `0.5275` where both are the same."""
+    lower, upper = decimal(bounds.lower, places, up=False), decimal(bounds.upper, places, up=True)
+    if bounds.width < Fraction(1, 10**DIGITS):
+        return f"{float(bounds.lower):.{places}f}"
+    return lower if lower == upper else f"{lower} to {upper}"
+
+
+def greatest_text(result: EnvelopeResult, probability: Bounds) -> str:
+    """How probable a box is, and how much more probable another may be."""
+    own = f"probability of the box: {bounds_text(probability, 4)}"
+    if result.bound is None:
+        return f"{own}; {'' if result.cut_short else 'a local optimum: '}how probable others may be is not known"
+    return f"{own}; no box has more than {decimal(min(Fraction(1), result.bound), 4, up=True)}"
+
+
+Probability = Annotated[str, Meta(pattern=r"^[01]\.[0-9]+$", description="a decimal")]
+
+
+class Range(JsonObject):
+    """bounds, rounded outwards: the probability is certainly between them"""
+
+    lower: Probability
+    upper: Probability
+
+
+def range_of(bounds: Bounds) -> Range:
+    """Bounds as decimals."""
+    return Range(lower=decimal(bounds.lower, DIGITS, up=False), upper=decimal(bounds.upper, DIGITS, up=True))
+
 
 Document = dict[str, Any]
 Solver = Annotated[str, one_of(*SOLVERS)]
@@ -188,7 +240,7 @@ class PlanChange(JsonObject):
     serves: list[str]
 
 
-def changes_of(found: Sequence[Change]) -> list[PlanChange]:
+def changes_of(found: Sequence[QuantityChange]) -> list[PlanChange]:
     """Changes of a plan."""
     return [
         like(

@@ -14,7 +14,7 @@ from msgspec import UNSET, Meta, UnsetType
 from rich.console import Console
 from rich.text import Text
 
-from robust.codec import Count, JsonObject, Rational, Seconds, like, one_of
+from robust.json_text import Count, JsonObject, Rational, Seconds, like, one_of
 from robust.numbers import duration, format_number, plural, readable
 from robust.pike_bridge.action_model import Instance
 from robust.pike_bridge.compile import PikeCheck, Sizes

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from rich.console import Console
 from rich.text import Text
 
-from robust.codec import Count, End, JsonObject, Rational, Seconds, like, one_of
+from robust.json_text import Count, End, JsonObject, Rational, Seconds, like, one_of
 from robust.numbers import duration, exact_end, plural, readable
 from robust.pike_bridge.envelopes.parameters import ParametricPlan, TeamParameter, TeamParameterKind
 from robust.pike_bridge.envelopes.pieces import (
@@ -25,8 +25,7 @@ from robust.plan.polynomial import Polynomial
 from robust.qe.box import Interval, Side, interval_text
 from robust.qe.constraint import LinearConstraint, Sense
 from robust.qe.polyhedron import Polyhedron
-from robust.qe.region import Region, absorb
-from robust.qe.render import signed_sum
+from robust.qe.region import Region, absorb, signed_sum
 from robust.show.documents import Document, Ended, SearchEnded, document, ends_of
 from robust.show.region_documents import Constraint as ConstraintRecord
 from robust.show.region_documents import Polyhedron as PolyhedronRecord

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 from msgspec import UNSET, Meta, UnsetType
 
 from robust.backends import OFFERED, SPLITTINGS
-from robust.codec import Count, End, JsonObject, Rational, Seconds, like, one_of
+from robust.json_text import Count, End, JsonObject, Rational, Seconds, like, one_of
 from robust.numbers import approximate, exact_end
 from robust.show.documents import (
     Document,

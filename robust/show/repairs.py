@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 from rich.text import Text
 
-from robust.codec import Count, JsonObject, Rational, Seconds, like, one_of
 from robust.irr.conflicts import RepairStatus
 from robust.irr.quantities import Cost
 from robust.irr.repair import Repair
+from robust.json_text import Count, JsonObject, Rational, Seconds, like, one_of
 from robust.numbers import duration, plural, readable
 from robust.qe.box import Box
 from robust.show.console import colour_of

@@ -10,15 +10,25 @@ from msgspec import UNSET, UnsetType
 from rich.console import Console
 from rich.text import Text
 
-from robust.codec import Count, JsonObject, Rational, Seconds, like, one_of
+from robust.json_text import Count, JsonObject, Rational, Seconds, like, one_of
 from robust.numbers import duration, plural
 from robust.probability.measure import Bounds
 from robust.probability.packing import SampledEstimate
 from robust.probability.risk import METHODS, BlameShare, RiskResult, RiskStatus
 from robust.searching import Status
 from robust.show.console import show_table, table
-from robust.show.documents import Document, Ends, Noted, box_of, document
-from robust.show.probabilities import Range, bounds_text, decimal, places_for, range_of
+from robust.show.documents import (
+    Document,
+    Ends,
+    Noted,
+    Range,
+    bounds_text,
+    box_of,
+    decimal,
+    document,
+    places_for,
+    range_of,
+)
 from robust.show.text import stopped
 
 # -- JSON --------------------------------------------------------------------------------------------------------------

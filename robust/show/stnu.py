@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar
 
 from rich.text import Text
 
-from robust.codec import Count, End, JsonObject, Rational, Seconds, like, one_of
 from robust.errors import UNDECIDED, exit_code_of
+from robust.json_text import Count, End, JsonObject, Rational, Seconds, like, one_of
 from robust.numbers import exact_end, format_number, plural, readable
 from robust.show.console import colour_of
 from robust.show.documents import Document, Ended, Noted, document
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
     from robust.errors import RobustError
     from robust.stnu.network import Network
-    from robust.stnu.repairs import Repair
-    from robust.stnu.verdicts import CheckResult, DispatchResult, Execution
+    from robust.stnu.repairs import NetworkRepair
+    from robust.stnu.verdicts import DispatchResult, NetworkCheck, NetworkExecution
 
 Result = TypeVar("Result")
 
@@ -33,7 +33,7 @@ class Dispatched:
     """A dispatchable network and simulated executions of it."""
 
     found: DispatchResult
-    executions: tuple[Execution, ...]
+    executions: tuple[NetworkExecution, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,10 +78,10 @@ def _print_all(
         out.print(Text(", ".join(f"{count} {word}" for word, count in counts.items()), style="dim"))
 
 
-def print_checks(out: Console, judged: Sequence[Judged[CheckResult]], *, quiet: bool) -> None:
+def print_checks(out: Console, judged: Sequence[Judged[NetworkCheck]], *, quiet: bool) -> None:
     """The verdicts; unless `quiet` also the cycle that refutes control."""
 
-    def more(result: CheckResult) -> None:
+    def more(result: NetworkCheck) -> None:
         if not quiet and result.cycle:
             for edge in result.cycle:
                 out.print(Text(f"  {edge}"), soft_wrap=True)
@@ -92,7 +92,7 @@ def print_checks(out: Console, judged: Sequence[Judged[CheckResult]], *, quiet: 
     _print_all(out, judged, _verdict_line, more)
 
 
-def _verdict_line(result: CheckResult) -> str:
+def _verdict_line(result: NetworkCheck) -> str:
     return result.network.size if result.reason is None else result.reason
 
 
@@ -128,10 +128,10 @@ def print_dispatches(out: Console, judged: Sequence[Judged[Dispatched]], *, quie
     _print_all(out, judged, line, more)
 
 
-def print_repairs(out: Console, judged: Sequence[Judged[Repair]], written: str | None, *, quiet: bool) -> None:
+def print_repairs(out: Console, judged: Sequence[Judged[NetworkRepair]], written: str | None, *, quiet: bool) -> None:
     """The changes and what they cost; unless `quiet` with the conflicts that they serve."""
 
-    def line(found: Repair) -> str:
+    def line(found: NetworkRepair) -> str:
         match found.status.value:
             case "unneeded":
                 return "the network is controllable as it is"
@@ -142,7 +142,7 @@ def print_repairs(out: Console, judged: Sequence[Judged[Repair]], written: str |
         cost = f"{plural(len(found.changes), 'change')} at cost {readable(found.cost or Fraction(0))}"
         return cost if not found.gap else f"{cost}, at most {readable(found.gap)} above the least"
 
-    def more(found: Repair) -> None:
+    def more(found: NetworkRepair) -> None:
         for change in found.changes:
             out.print(Text(f"  {change}"), soft_wrap=True)
             for reason in () if quiet else change.serves:
@@ -159,7 +159,7 @@ def _alone(result: Result) -> list[Judged[Result]]:
     return [Judged(Path(found.name), result)]
 
 
-def print_one_check(out: Console, result: CheckResult, *, quiet: bool) -> None:
+def print_one_check(out: Console, result: NetworkCheck, *, quiet: bool) -> None:
     """One verdict."""
     print_checks(out, _alone(result), quiet=quiet)
 
@@ -169,7 +169,7 @@ def print_one_dispatch(out: Console, result: DispatchResult, *, quiet: bool) -> 
     print_dispatches(out, _alone(Dispatched(result, ())), quiet=quiet)
 
 
-def print_one_repair(out: Console, result: Repair, *, quiet: bool) -> None:
+def print_one_repair(out: Console, result: NetworkRepair, *, quiet: bool) -> None:
     """One repair."""
     print_repairs(out, _alone(result), None, quiet=quiet)
 
@@ -221,11 +221,11 @@ class StnuCheck(Noted, tag_field="schema", tag="robust/stnu-check/1"):
     results: list[CheckedNetwork]
 
 
-def check_document(judged: Sequence[Judged[CheckResult]], status: str) -> Document:
+def check_document(judged: Sequence[Judged[NetworkCheck]], status: str) -> Document:
     return document(StnuCheck(status=status, results=[_checked(one.file, one.result, one.error) for one in judged]))
 
 
-def _checked(file: Path, result: CheckResult | None, error: RobustError | None) -> CheckedNetwork:
+def _checked(file: Path, result: NetworkCheck | None, error: RobustError | None) -> CheckedNetwork:
     if result is None:
         return CheckedNetwork(file=str(file), verdict="unknown", cycle=[], reason=None, seconds=None, error=str(error))
     cycle = [like(CycleEdge, edge, value=exact_end(edge.value, upper=False)) for edge in result.cycle]
@@ -340,7 +340,7 @@ def _dispatched(one: Judged[Dispatched]) -> DispatchedNetwork:
     )
 
 
-def _execution(run: Execution) -> SimulatedExecution:
+def _execution(run: NetworkExecution) -> SimulatedExecution:
     events = [like(Happening, event) for event in run.events]
     return like(SimulatedExecution, run, lengths=dict(run.lengths), events=events, violated=list(run.violated))
 
@@ -398,12 +398,12 @@ class StnuRepair(Noted, tag_field="schema", tag="robust/stnu-repair/1"):
     written: str | None
 
 
-def repair_document(judged: Sequence[Judged[Repair]], status: str, written: str | None) -> Document:
+def repair_document(judged: Sequence[Judged[NetworkRepair]], status: str, written: str | None) -> Document:
     results = [_repaired(one) for one in judged]
     return document(StnuRepair(status=status, results=results, written=written))
 
 
-def _repaired(one: Judged[Repair]) -> RepairedNetwork:
+def _repaired(one: Judged[NetworkRepair]) -> RepairedNetwork:
     found = one.result
     if found is None:
         return RepairedNetwork(
@@ -433,7 +433,7 @@ def _repaired(one: Judged[Repair]) -> RepairedNetwork:
     return like(RepairedNetwork, found, file=str(one.file), repair=found.status.value, changes=changes, error=None)
 
 
-def one_check(result: CheckResult) -> Document:
+def one_check(result: NetworkCheck) -> Document:
     """Of one network."""
     return check_document(found := _alone(result), ended(found))
 
@@ -443,7 +443,7 @@ def one_dispatch(result: DispatchResult) -> Document:
     return dispatch_document(found := _alone(Dispatched(result, ())), ended(found))
 
 
-def one_repair(result: Repair) -> Document:
+def one_repair(result: NetworkRepair) -> Document:
     """Of one network."""
     return repair_document(found := _alone(result), ended(found), None)
 

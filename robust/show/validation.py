@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated
 from msgspec import Meta
 from rich.text import Text
 
-from robust.codec import Count, JsonObject, Rational, like, one_of
 from robust.errors import UNSUPPORTED
+from robust.json_text import Count, JsonObject, Rational, like, one_of
 from robust.numbers import format_number, plural
 from robust.show.console import colour_of
 from robust.show.documents import Document, Ended, Noted, document

@@ -1,8 +1,12 @@
-"""Incremental sessions with a solver: frames of assertions, time limits, models, and what was asked at what cost."""
+"""Incremental sessions with a solver: frames of assertions, time limits, models, and what was asked at what cost.
+
+Every query as an SMT-LIB file that any solver can read.
+"""
 
 from __future__ import annotations
 
 import logging
+import re
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -10,14 +14,18 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from fractions import Fraction
 from importlib import import_module
+from io import StringIO
+from pathlib import Path
 from typing import Any
 
 from pysmt.exceptions import SolverAPINotFound, SolverReturnedUnknownResultError
 from pysmt.logics import QF_LRA
+from pysmt.smtlib.printers import SmtDagPrinter
+from pysmt.utils import quote
 
 from robust.errors import SolverError, did_you_mean
 from robust.presented import VerdictEnum
-from robust.smt.export import Exporter
+from robust.records import Folder
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError, from_copy, raise_if_interrupted
 from robust.smt.terms import Formula, Terms
 
@@ -54,7 +62,7 @@ Value = Fraction | bool
 log = logging.getLogger(__name__)
 
 
-class Verdict(VerdictEnum):
+class Satisfiability(VerdictEnum):
     """What a solver says of a query; UNKNOWN covers time-outs and crashes."""
 
     SATISFIABLE = "sat"
@@ -86,7 +94,7 @@ class Backend(ABC):
         self._solver.pop()
 
     @abstractmethod
-    def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]], effort: int = 0) -> Verdict:
+    def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]], effort: int = 0) -> Satisfiability:
         """Decide the asserted formulas; `symbols` gives those whose values may be asked for afterwards.
 
         With an effort the answer may be UNKNOWN after so many steps of the solver, if it counts them.
@@ -117,7 +125,7 @@ class Z3(Backend):
         solver.converter = terms.translations.setdefault(self.name, solver.converter)
         return solver
 
-    def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]], effort: int = 0) -> Verdict:
+    def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]], effort: int = 0) -> Satisfiability:
         remaining = deadline.remaining
         # Zero means "no limit" to z3, and a limit that has passed must still return at once.
         milliseconds = 4294967295 if remaining is None else max(1, int(remaining * 1000))
@@ -128,8 +136,8 @@ class Z3(Backend):
         before = self._steps() if effort else 0
         self._model = None
         verdict = _solve(self._solver)
-        given_up = effort and verdict is Verdict.UNKNOWN and self._steps() - before >= effort
-        if verdict is Verdict.UNKNOWN and not given_up and self._was_interrupted(deadline):
+        given_up = effort and verdict is Satisfiability.UNKNOWN and self._steps() - before >= effort
+        if verdict is Satisfiability.UNKNOWN and not given_up and self._was_interrupted(deadline):
             # z3's own handler takes the signal while it works, so Python never hears of it.
             raise KeyboardInterrupt
         return verdict
@@ -187,21 +195,21 @@ class Cvc5(Backend):
     def pop(self) -> None:
         self._frames.pop()
 
-    def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]], effort: int = 0) -> Verdict:
-        def answer() -> tuple[Verdict, Mapping[str, Value]]:
+    def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]], effort: int = 0) -> Satisfiability:
+        def answer() -> tuple[Satisfiability, Mapping[str, Value]]:
             for term in (term for frame in self._frames for term in frame):
                 self._solver.cvc5.assertFormula(term)
             verdict = _solve(self._solver)
-            return verdict, super(Cvc5, self).values(symbols()) if verdict is Verdict.SATISFIABLE else {}
+            return verdict, super(Cvc5, self).values(symbols()) if verdict is Satisfiability.SATISFIABLE else {}
 
         self.failure = None
         try:
             verdict, self._values = from_copy(answer, deadline, self.name)
         except OutOfTimeError:
-            return Verdict.UNKNOWN
+            return Satisfiability.UNKNOWN
         except SolverError as error:
             self.failure = error.message
-            return Verdict.UNKNOWN
+            return Satisfiability.UNKNOWN
         return verdict
 
     def values(self, symbols: Iterable[Formula]) -> dict[str, Value]:
@@ -235,11 +243,11 @@ def _pysmt_solver(terms: Terms, name: str, module: str, solver_class: str) -> An
     return solver
 
 
-def _solve(solver: Any) -> Verdict:
+def _solve(solver: Any) -> Satisfiability:
     try:
-        return Verdict.SATISFIABLE if solver.solve() else Verdict.UNSATISFIABLE
+        return Satisfiability.SATISFIABLE if solver.solve() else Satisfiability.UNSATISFIABLE
     except SolverReturnedUnknownResultError:
-        return Verdict.UNKNOWN
+        return Satisfiability.UNKNOWN
 
 
 def _python_value(constant: Formula) -> Value:
@@ -314,20 +322,20 @@ class Session:
     def assertions(self) -> list[Formula]:
         return [formula for frame in self._frames for formula in frame]
 
-    def check(self, question: str, deadline: Deadline = NEVER, effort: int = 0) -> Verdict:
+    def check(self, question: str, deadline: Deadline = NEVER, effort: int = 0) -> Satisfiability:
         """Whether the assertions have a model; `question` names the query in logs and exported files.
 
         With an effort the solver may give up after so many of its steps, the same ones in every run: UNKNOWN.
         """
         raise_if_interrupted()
         if deadline.passed:
-            return Verdict.UNKNOWN
+            return Satisfiability.UNKNOWN
         started = time.perf_counter()
         verdict = self._backend.check(deadline, self._asserted_symbols, effort)
         seconds = time.perf_counter() - started
         self._count(verdict, seconds)
         self.failure = None
-        if verdict is Verdict.UNKNOWN and self._backend.failure is not None:
+        if verdict is Satisfiability.UNKNOWN and self._backend.failure is not None:
             self.failure = f"{self._backend.failure}, asked: {question}"
             self.statistics.failures.append(self.failure)
         log.debug("%s: %s in %.4f s", question, verdict.value, seconds)
@@ -343,13 +351,62 @@ class Session:
     def _asserted_symbols(self) -> set[Formula]:
         return set().union(*self._symbols)
 
-    def _count(self, verdict: Verdict, seconds: float) -> None:
+    def _count(self, verdict: Satisfiability, seconds: float) -> None:
         self.statistics.queries += 1
         self.statistics.seconds += seconds
         match verdict:
-            case Verdict.SATISFIABLE:
+            case Satisfiability.SATISFIABLE:
                 self.statistics.satisfiable += 1
-            case Verdict.UNSATISFIABLE:
+            case Satisfiability.UNSATISFIABLE:
                 self.statistics.unsatisfiable += 1
-            case Verdict.UNKNOWN:
+            case Satisfiability.UNKNOWN:
                 self.statistics.unknown += 1
+
+
+class Exporter:
+    """Writes numbered `.smt2` files into a directory, one for each query, with the question and the answer as comments.
+
+    Raises:
+        InputError: if the directory cannot be made. A file that cannot be written is a warning.
+    """
+
+    def __init__(self, directory: str | Path) -> None:
+        self._folder = Folder(directory, "SMT-LIB files")
+        self._count = 0
+
+    def write(self, terms: Terms, assertions: Iterable[Formula], question: str, answer: str) -> Path:
+        self._count += 1
+        stem = re.sub(r"[^A-Za-z0-9.]+", "-", question).strip("-")[:60]
+        return self._folder.write(f"{self._count:05d}-{stem}.smt2", smtlib(terms, assertions, question, answer))
+
+
+def smtlib(terms: Terms, assertions: Iterable[Formula], question: str, answer: str) -> str:
+    """One query as an SMT-LIB 2.6 script; shared subterms are bound by `let`.
+
+    Symbols that have a reserved word for a name are written with a space before it.
+    """
+    conjunction = terms.conjunction(assertions)
+    renamed = {
+        symbol: terms.manager.Symbol(f" {symbol.symbol_name()}", symbol.symbol_type())
+        for symbol in terms.variables(conjunction)
+        if symbol.symbol_name() in RESERVED
+    }
+    if renamed:
+        conjunction = terms.environment.substituter.substitute(conjunction, renamed)
+    symbols = sorted(terms.variables(conjunction), key=lambda symbol: symbol.symbol_name())
+    lines = [f"; {line}" for line in question.splitlines()]
+    lines += [f"; answer: {answer}", "(set-logic QF_LRA)"]
+    lines += [f"(declare-fun {quote(symbol.symbol_name())} () {symbol.symbol_type()})" for symbol in symbols]
+    for assertion in conjunction.args() if conjunction.is_and() else [conjunction]:
+        buffer = StringIO()
+        SmtDagPrinter(buffer).printer(assertion)
+        lines.append(f"(assert {buffer.getvalue()})")
+    return "\n".join([*lines, "(check-sat)", ""])
+
+
+_RESERVED = (
+    "_ ! as let exists forall match par true false not and or xor ite distinct div mod abs to_real to_int is_int "
+    "Bool Int Real String BINARY DECIMAL HEXADECIMAL NUMERAL STRING assert check-sat declare-fun"
+)
+RESERVED = frozenset(_RESERVED.split())
+"""Words of SMT-LIB and of its theories that quoting does not turn into ordinary symbols for every solver."""

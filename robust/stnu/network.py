@@ -6,6 +6,8 @@ network that is examined, the decision is a time point of its own, `commit(A,C)`
 between 0 and `upper − lower` pass. This is what the extended normal form of Morris (2014) says of such a link.
 
 An origin, where a file names one, happens first: no other time point of the file happens before it.
+
+The network with uncertainty of a plan under a box of parameter values.
 """
 
 from __future__ import annotations
@@ -17,10 +19,11 @@ from fractions import Fraction
 from functools import cached_property
 
 from robust.errors import InputError, Location
+from robust.execute.controllable_boxes import ends_of, parametric_stnu
 from robust.network import uncertain
 from robust.numbers import format_number, plural, shorten
-from robust.plan.model import ZERO, TimePoint, TimePointKind
-from robust.qe.box import Side
+from robust.plan.model import ZERO, ParametrizedPlan, TimePoint, TimePointKind
+from robust.qe.box import Box, Side
 
 _NOTHING = Fraction(0)
 
@@ -191,10 +194,10 @@ class Network:
     def examined(self) -> Examined:
         """The network whose controllability is decided; the execution begins at time zero of it."""
         points = {name: instant(name) for name in self.nodes}
-        links: list[uncertain.Link[Fraction]] = []
+        links: list[uncertain.UncertainLink[Fraction]] = []
         roles: list[tuple[Role, int]] = []
 
-        def add(role: Role, number: int, link: uncertain.Link[Fraction]) -> None:
+        def add(role: Role, number: int, link: uncertain.UncertainLink[Fraction]) -> None:
             links.append(link)
             roles.append((role, number))
 
@@ -203,19 +206,29 @@ class Network:
             if link.is_contingent and link.lower is not None and link.lower < 0:
                 decision = points[self.decisions[link.target]] = instant(self.decisions[link.target])
                 length = None if link.upper is None else link.upper - link.lower
-                add(Role.SETTLED, number, uncertain.Link(decision, source, -link.lower, -link.lower, origin=str(link)))
-                span = uncertain.Link(decision, target, _NOTHING, length, True, link.ends, str(link))
+                add(
+                    Role.SETTLED,
+                    number,
+                    uncertain.UncertainLink(decision, source, -link.lower, -link.lower, origin=str(link)),
+                )
+                span = uncertain.UncertainLink(decision, target, _NOTHING, length, True, link.ends, str(link))
                 add(Role.SPAN, number, span)
             else:
                 name = link.ends if link.is_contingent else ""
-                whole = uncertain.Link(source, target, link.lower, link.upper, link.is_contingent, name, str(link))
+                whole = uncertain.UncertainLink(
+                    source, target, link.lower, link.upper, link.is_contingent, name, str(link)
+                )
                 add(Role.WHOLE, number, whole)
         for name, point in points.items():
-            add(Role.IMPLICIT, -1, uncertain.Link(ZERO, point, _NOTHING, None, origin=f"{name} >= 0"))
+            add(Role.IMPLICIT, -1, uncertain.UncertainLink(ZERO, point, _NOTHING, None, origin=f"{name} >= 0"))
         for name in self.nodes:
             if self.origin is not None and name != self.origin:
                 first = f"{name} not before {self.origin}"
-                add(Role.IMPLICIT, -1, uncertain.Link(points[self.origin], points[name], _NOTHING, None, origin=first))
+                add(
+                    Role.IMPLICIT,
+                    -1,
+                    uncertain.UncertainLink(points[self.origin], points[name], _NOTHING, None, origin=first),
+                )
         return Examined(uncertain.Stnu((ZERO, *points.values()), tuple(links)), tuple(roles))
 
 
@@ -250,7 +263,7 @@ class Edge:
 _CASES = {uncertain.Way.SHORTEST: "lower", uncertain.Way.LONGEST: "upper"}
 
 
-def edges_of(network: Network, steps: Sequence[uncertain.Step]) -> Iterator[Edge]:
+def edges_of(network: Network, steps: Sequence[uncertain.EdgeStep]) -> Iterator[Edge]:
     """Steps of a walk through the distance graph of the examined network, by names."""
     examined = network.examined
     for step in steps:
@@ -259,3 +272,30 @@ def edges_of(network: Network, steps: Sequence[uncertain.Step]) -> Iterator[Edge
         bound = link.upper if step.way in {uncertain.Way.AT_MOST, uncertain.Way.LONGEST} else link.lower
         value = None if bound is None else bound if step.way.is_forwards else -bound
         yield Edge(str(source), str(target), value, _CASES.get(step.way, "ordinary"), link.origin)
+
+
+def network_of(plan: ParametrizedPlan, box: Box, name: str, origin: str = "Z") -> Network:
+    """A network that is controllable if a dispatcher can carry out the plan for all values in the box.
+
+    Durations are contingent links. Time zero is `origin`. What no network with uncertainty can express, such as a
+    parameter that several links share, is taken to be independent and hidden, so the network may demand more.
+
+    Raises:
+        InputError: if an infinite end of the box makes a requirement infinitely strong, a duration may be negative, or
+            requirements contradict each other for some values in the box.
+        UnsupportedError: for a bound that is not linear in the parameters.
+    """
+    found = parametric_stnu(plan, box).at(ends_of(box))
+
+    def node(point: TimePoint) -> str:
+        return origin if point == ZERO else str(point)
+
+    names = [node(point) for point in found.points]
+    if len(set(names)) < len(names):
+        raise InputError(f"found a time point called {origin!r} in the plan, expected other names")
+    links = tuple(
+        Link(node(link.source), node(link.target), link.lower, link.upper, link.is_contingent)
+        for link in found.links
+        if link.source != link.target and (link.lower is not None or link.upper is not None)
+    )
+    return Network(name, tuple(names), links, origin)

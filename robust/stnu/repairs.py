@@ -17,10 +17,10 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import inf
 
-from robust.encode.variables import variable
+from robust.encode.interface import variable
 from robust.errors import InputError, Location
 from robust.irr.conflicts import Candidate, Chosen, Clause, Point, RepairSearching, RepairStatus
-from robust.network.uncertain import NegativeCycle, Step, Way, dynamic, explain
+from robust.network.uncertain import EdgeStep, NegativeCycle, Way, dynamic, explain
 from robust.numbers import Number, exact, format_number
 from robust.plan.model import ParameterReference
 from robust.plan.polynomial import Polynomial
@@ -42,7 +42,7 @@ Form = Mapping[Bound, int]
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class LinkChange:
     """One bound of a link moves by `amount`; `serves` are the conflicts that make it necessary, in words."""
 
     link: Link
@@ -61,7 +61,7 @@ class Change:
 
 
 @dataclass(frozen=True)
-class Repair(Presented, ask="status"):
+class NetworkRepair(Presented, ask="status"):
     """What a search found: `network` is the repaired one, None if there is none; no repair costs less than `bound`.
 
     `conflicts` and `candidates` are how many were met and examined; `name` is that of the network.
@@ -69,7 +69,7 @@ class Repair(Presented, ask="status"):
 
     status: RepairStatus
     network: Network | None
-    changes: tuple[Change, ...]
+    changes: tuple[LinkChange, ...]
     bound: Fraction
     conflicts: int
     candidates: int
@@ -98,7 +98,7 @@ def repair(
     contingent: Number | None = 1,
     weights: Mapping[tuple[str, str], Number | None] | None = None,
     timeout: Number | None = None,
-) -> Repair:
+) -> NetworkRepair:
     """The cheapest repair of a network.
 
     Args:
@@ -130,7 +130,7 @@ def _weight(value: Number | None, name: str) -> Fraction | None:
     return weight
 
 
-class NetworkRepairSearch(RepairSearching[Fraction, Repair]):
+class NetworkRepairSearch(RepairSearching[Fraction, NetworkRepair]):
     """One search for the least change of a network; a point is by how much each bound is changed."""
 
     def __init__(
@@ -262,8 +262,8 @@ class NetworkRepairSearch(RepairSearching[Fraction, Repair]):
             )
         return self._network.with_links(links)
 
-    def _result(self, status: Status, reason: str | None = None) -> Repair:
-        return Repair(
+    def _result(self, status: Status, reason: str | None = None) -> NetworkRepair:
+        return NetworkRepair(
             self.repaired(status),
             None if self.best is None else self._changed(self.best.point),
             () if self.best is None else tuple(self._changes(self.best)),
@@ -275,14 +275,14 @@ class NetworkRepairSearch(RepairSearching[Fraction, Repair]):
             self._network.name,
         )
 
-    def _changes(self, repair: Candidate[Fraction]) -> Iterator[Change]:
+    def _changes(self, repair: Candidate[Fraction]) -> Iterator[LinkChange]:
         for name, amount in sorted(repair.point.items(), key=lambda item: self._bound_of[item[0]][0]):
             number, side = self._bound_of[name]
             link = self._network.links[number]
             chosen = repair.chosen.items()
             serves = dict.fromkeys(self.clauses[known].reason for known, choice in chosen if name in choice.parameters)
             new = (link.bound(side) or _NOTHING) + _direction(link, side) * amount
-            yield Change(link, side, new, amount, amount * self._weight[name], tuple(serves))
+            yield LinkChange(link, side, new, amount, amount * self._weight[name], tuple(serves))
 
 
 class _Zeros(dict[str, Fraction]):
@@ -301,12 +301,12 @@ def _direction(link: Link, side: Side) -> int:
     return 1 if (side is Side.UPPER) != link.is_contingent else -1
 
 
-def _is_endless(network: Network, step: Step) -> bool:
+def _is_endless(network: Network, step: EdgeStep) -> bool:
     """Whether an edge is infinitely negative, whatever is changed."""
     return step.way is Way.LONGEST and network.examined.stnu.links[step.link].upper is None
 
 
-def _form(network: Network, step: Step) -> Form:
+def _form(network: Network, step: EdgeStep) -> Form:
     """The length of an edge in terms of the bounds of the network's links."""
     role, number = network.examined.roles[step.link]
     lower, upper = (number, Side.LOWER), (number, Side.UPPER)

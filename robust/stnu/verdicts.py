@@ -23,7 +23,7 @@ from robust.network.dispatchable import (
     needed_waits,
     strategy,
 )
-from robust.network.uncertain import Link, Wait, dynamic, explain
+from robust.network.uncertain import UncertainLink, Wait, dynamic, explain
 from robust.numbers import Number
 from robust.plan.model import ZERO, TimePoint
 from robust.presented import NoTruthValue, Presented, VerdictEnum
@@ -38,7 +38,7 @@ UNBOUNDED = 10
 """How far beyond its least length, in multiples of it and 1, a link without an upper bound is drawn."""
 
 
-class Verdict(VerdictEnum):
+class NetworkVerdict(VerdictEnum):
     """Whether a dispatcher that sees contingent links end can satisfy all requirements."""
 
     CONTROLLABLE = "controllable"
@@ -47,13 +47,13 @@ class Verdict(VerdictEnum):
 
 
 @dataclass(frozen=True)
-class CheckResult(Presented, ask="verdict"):
+class NetworkCheck(Presented, ask="verdict"):
     """The verdict about a network; `cycle` is the witness of an uncontrollable one, `reason` the same in words, or why
     there is no verdict.
     """
 
     network: Network
-    verdict: Verdict
+    verdict: NetworkVerdict
     cycle: tuple[Edge, ...]
     reason: str | None
     seconds: float
@@ -65,10 +65,10 @@ class CheckResult(Presented, ask="verdict"):
 
     @property
     def is_controllable(self) -> bool:
-        return self.verdict is Verdict.CONTROLLABLE
+        return self.verdict is NetworkVerdict.CONTROLLABLE
 
 
-def check(network: Source, *, timeout: Number | None = None) -> CheckResult:
+def check(network: Source, *, timeout: Number | None = None) -> NetworkCheck:
     """Whether a network is dynamically controllable.
 
     Reaction at the moment of an observation is allowed; where time must pass, a requirement says so.
@@ -86,14 +86,14 @@ def check(network: Source, *, timeout: Number | None = None) -> CheckResult:
     try:
         answer = dynamic(network.examined.stnu, deadline(timeout))
     except OutOfTimeError:
-        return CheckResult(network, Verdict.UNKNOWN, (), "out of time", time.perf_counter() - started)
+        return NetworkCheck(network, NetworkVerdict.UNKNOWN, (), "out of time", time.perf_counter() - started)
     if answer.cycle is None:
-        return CheckResult(network, Verdict.CONTROLLABLE, (), None, time.perf_counter() - started)
+        return NetworkCheck(network, NetworkVerdict.CONTROLLABLE, (), None, time.perf_counter() - started)
     cycle = tuple(edges_of(network, answer.cycle.steps))
     if not refutes(network, cycle):
         raise RuntimeError(f"the witness for {network.name} does not hold")
     reason = explain(network.examined.stnu, answer.cycle)
-    return CheckResult(network, Verdict.UNCONTROLLABLE, cycle, reason, time.perf_counter() - started)
+    return NetworkCheck(network, NetworkVerdict.UNCONTROLLABLE, cycle, reason, time.perf_counter() - started)
 
 
 def refutes(network: Network, cycle: Sequence[Edge]) -> bool:
@@ -172,7 +172,7 @@ class Occurrence:
 
 
 @dataclass(frozen=True, slots=True)
-class Execution(NoTruthValue, ask="violated"):
+class NetworkExecution(NoTruthValue, ask="violated"):
     """What happened when nature drew these lengths of contingent links, by their ends; `violated` are requirements."""
 
     seed: int
@@ -188,11 +188,11 @@ class DispatchResult(Presented, ask="checked"):
     `derived` is how many ordinary edges follow from the network in all.
     """
 
-    checked: CheckResult
+    checked: NetworkCheck
     requirements: tuple[Requirement, ...]
     waits: tuple[Wait, ...]
     derived: int
-    tables: DispatchNetwork[Link[Fraction]] | None
+    tables: DispatchNetwork[UncertainLink[Fraction]] | None
     seconds: float
 
     @property
@@ -204,7 +204,7 @@ class DispatchResult(Presented, ask="checked"):
     def network(self) -> Network:
         return self.checked.network
 
-    def execute(self, seed: int = 0) -> Execution:
+    def execute(self, seed: int = 0) -> NetworkExecution:
         """An execution as early as possible; lengths of contingent links are drawn uniformly.
 
         Raises:
@@ -216,7 +216,9 @@ class DispatchResult(Presented, ask="checked"):
         lengths = {link.target: _drawn(draw, link) for link in self.tables.natural.values()}
         return self.execute_with(lengths, seed)
 
-    def execute_with(self, lengths: Mapping[TimePoint, Fraction] | Mapping[str, Fraction], seed: int = 0) -> Execution:
+    def execute_with(
+        self, lengths: Mapping[TimePoint, Fraction] | Mapping[str, Fraction], seed: int = 0
+    ) -> NetworkExecution:
         """The same with given lengths of contingent links, by their ends, from where the link begins.
 
         Raises:
@@ -236,7 +238,7 @@ class DispatchResult(Presented, ask="checked"):
             for point, moment in sorted(times.items(), key=lambda item: (item[1], order[item[0]]))
             if point != ZERO
         )
-        return Execution(seed, {str(end): size for end, size in lengths.items()}, events, self._violated(times))
+        return NetworkExecution(seed, {str(end): size for end, size in lengths.items()}, events, self._violated(times))
 
     def _violated(self, times: Mapping[TimePoint, Fraction]) -> tuple[str, ...]:
         return tuple(
@@ -263,7 +265,7 @@ def dispatch(network: Source, *, timeout: Number | None = None) -> DispatchResul
     started = time.perf_counter()
     network = network_of(network)
     checked = check(network, timeout=timeout)
-    if checked.verdict is not Verdict.CONTROLLABLE:
+    if checked.verdict is not NetworkVerdict.CONTROLLABLE:
         return DispatchResult(checked, (), (), 0, None, time.perf_counter() - started)
     answer = dynamic(network.examined.stnu, deadline(timeout))
     full = strategy(answer, answer.form.stnu.contingents)
@@ -293,14 +295,14 @@ def dispatch(network: Source, *, timeout: Number | None = None) -> DispatchResul
 # -- executions --------------------------------------------------------------------------------------------------------
 
 
-def _drawn(draw: Random, link: Link[Fraction]) -> Fraction:
+def _drawn(draw: Random, link: UncertainLink[Fraction]) -> Fraction:
     low = link.lower or _NOTHING
     width = UNBOUNDED * (low + 1) if link.upper is None else link.upper - low
     return low + width * Fraction(draw.randint(0, GRAIN), GRAIN)
 
 
 def run_early(
-    tables: DispatchNetwork[Link[Fraction]], lengths: Mapping[TimePoint, Fraction]
+    tables: DispatchNetwork[UncertainLink[Fraction]], lengths: Mapping[TimePoint, Fraction]
 ) -> Iterable[tuple[TimePoint, Fraction]]:
     """When each time point happens if all happen as early as they may.
 

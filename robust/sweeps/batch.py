@@ -2,12 +2,15 @@
 
 Tasks carry the texts of the files, so that workers of a cluster need none of them, and so that a store tells a plan
 that has changed from the one of before.
+
+Whole processes of `robust`, as a user runs them, and the boxes that they answer as exact text.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -18,15 +21,55 @@ from statistics import median
 from typing import Any
 
 from robust.errors import UNDECIDED, UNSUPPORTED, InputError, RobustError
+from robust.numbers import parse_end
 from robust.plan.pddl.forms import read_plan_text, read_text
 from robust.presented import NoTruthValue, Presented
-from robust.processes import Ended, Processes
+from robust.processes import ProcessEnd, Processes
 from robust.qe.box import Box, Interval
 from robust.smt.limits import Deadline
-from robust.sweeps.measure import COMMAND, Ends, box_of, complaint, ends_of, measured
-from robust.sweeps.pool import Task
 from robust.sweeps.suites import Suite, SuitePlan, read_suite
-from robust.sweeps.sweep import Progress, Sweep, run_sweep
+from robust.sweeps.sweep import Progress, Sweep, Task, run_sweep
+
+COMMAND = (sys.executable, "-m", "robust")
+"""The command line of this package, as found by this interpreter."""
+
+Ends = tuple[str, str]
+"""An interval as exact text: `1/3`, `7/4 (open)`, `-inf`; equal ends have equal texts."""
+OPEN = " (open)"
+"""What such a text ends in where the interval has not its end."""
+
+
+def measured(command: Sequence[str], *, limit: float | None = None, processes: Processes | None = None) -> ProcessEnd:
+    """Run a process to the end, or to the limit in seconds; it ends with this one, and when this one is interrupted.
+
+    Raises:
+        StoppedError: if `processes` are stopped.
+    """
+    return (processes or Processes()).run(command, Deadline.after(limit))
+
+
+def complaint(found: ProcessEnd) -> str:
+    """The last line on stderr, or what is known without one."""
+    lines = [line.strip() for line in found.stderr.splitlines() if line.strip()]
+    return lines[-1] if lines else f"exit code {found.exit_code} without a message"
+
+
+def ends_of(interval: Interval) -> Ends:
+    """The interval as text."""
+    lower = "-inf" if interval.lower is None else str(interval.lower) + ("" if interval.lower_closed else OPEN)
+    upper = "inf" if interval.upper is None else str(interval.upper) + ("" if interval.upper_closed else OPEN)
+    return lower, upper
+
+
+def box_of(texts: Mapping[str, Ends]) -> Box:
+    """The box of such texts."""
+
+    def interval(lower: str, upper: str) -> Interval:
+        closed = {"lower_closed": not lower.endswith(OPEN), "upper_closed": not upper.endswith(OPEN)}
+        return Interval(parse_end(lower.removesuffix(OPEN)), parse_end(upper.removesuffix(OPEN)), **closed)
+
+    return Box({name: interval(*ends) for name, ends in texts.items()})
+
 
 GRACE = 5.0
 """Seconds beyond the limit of a plan after which its process is killed: until then it answers with what it knows."""
@@ -354,7 +397,7 @@ def _with_names(run: PlanRun, called: Mapping[str, str]) -> PlanRun:
     return replace(run, message=message)
 
 
-def _read_run(verb: str, found: Ended) -> PlanRun:
+def _read_run(verb: str, found: ProcessEnd) -> PlanRun:
     """What a process answered, or why that is no answer.
 
     Raises:

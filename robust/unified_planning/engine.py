@@ -152,7 +152,7 @@ class RobustValidator(Engine, PlanValidatorMixin):  # type: ignore[misc]
 
     def _validate(self, problem: up.AbstractProblem, plan: up_plans.Plan) -> ValidationResult:
         epsilon = getattr(problem, "epsilon", None)
-        judge = _Judge(problem, plan, self._epsilon if epsilon is None else Fraction(epsilon))
+        judge = _PlanJudge(problem, plan, self._epsilon if epsilon is None else Fraction(epsilon))
         try:
             return judge.result(self._timeout)
         except RobustError as error:
@@ -165,7 +165,7 @@ def _result(status: ValidationResultStatus, message: str | None = None, **known:
 
 
 @dataclass(frozen=True)
-class _Judge:
+class _PlanJudge:
     """Judges one plan."""
 
     problem: up.Problem

@@ -8,8 +8,7 @@ import time
 from collections import Counter
 from dataclasses import dataclass
 
-from robust.sweeps.pool import Task
-from robust.sweeps.sweep import run_sweep
+from robust.sweeps.sweep import Task, run_sweep
 
 
 @dataclass(frozen=True)

@@ -21,9 +21,8 @@ import robust
 from benchmarks.engine.show import quantile
 from benchmarks.engine.stats import LineFit, Mean, Pairing, Proportion
 from robust.errors import InputError, UnsupportedError
-from robust.sweeps import pool
-from robust.sweeps.pool import ATTEMPTS, Task
-from robust.sweeps.sweep import SCHEMA, Store, key_of
+from robust.sweeps import sweep as pool
+from robust.sweeps.sweep import ATTEMPTS, SCHEMA, Store, Task, key_of
 from tests.benchmarks.conftest import navigation
 from tests.benchmarks.squares import Squared, attempts, deadly, square, sweep_of, task
 from tests.children import eventually, is_running

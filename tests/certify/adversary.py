@@ -28,10 +28,8 @@ from robust.certify.bad import face_lines, region_lines
 from robust.certify.checker import choices, reader
 from robust.certify.checker.claims import Claim
 from robust.certify.checker.formulas import FALSE, Formulas, plus
-from robust.certify.hints import KnownFacts, Line, implied, model, refutation
-from robust.certify.orders import OrderLemmas, constant_times
-from robust.certify.refute import NotRefutedError
-from robust.certify.tape import good_lines, header
+from robust.certify.hints import KnownFacts, Line, NotRefutedError, implied, model, refutation
+from robust.certify.tape import OrderLemmas, constant_times, good_lines, header
 from robust.encode import create_encoding
 from robust.errors import RobustError
 from robust.pike_bridge.action_model import Instance

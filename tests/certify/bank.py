@@ -29,7 +29,7 @@ from robust.encode import create_encoding
 from robust.errors import RobustError
 from robust.irr.widen import DiscoveredBadSet
 from robust.pike_bridge.action_model import load_team_plan
-from robust.pike_bridge.semantics import Existence, Oracle
+from robust.pike_bridge.semantics import ExecutionExistence, Oracle
 from robust.plan.load import load_plan
 from robust.plan.simulate import simulate
 from robust.qe.box import Interval, Side
@@ -463,7 +463,7 @@ def with_choices(folder: Path) -> Iterator[tuple[str, Holds]]:
         path = random_plan(seed, 0, Shape(top=4, inner=2)).write(folder / f"choices-{seed}")
         plan = load_team_plan(path)
         found = Oracle(plan).decide()
-        yield f"oracle {seed}", partial(networks.decides, path=path, exists=found.verdict is Existence.EXISTS)
+        yield f"oracle {seed}", partial(networks.decides, path=path, exists=found.verdict is ExecutionExistence.EXISTS)
         if found.witness is not None:
             yield (
                 f"executions {seed}",
@@ -523,7 +523,7 @@ def random_networks(folder: Path) -> Iterator[tuple[str, Holds]]:
         found = Oracle(plan).decide()
         yield (
             f"oracle of network {seed}",
-            partial(networks.decides, path=path, exists=found.verdict is Existence.EXISTS),
+            partial(networks.decides, path=path, exists=found.verdict is ExecutionExistence.EXISTS),
         )
         if found.witness is not None:
             known = networks.executions(plan, found.witness, Random(seed))

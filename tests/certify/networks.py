@@ -18,7 +18,7 @@ from robust.certify.hints import KnownFacts, Line, model
 from robust.certify.tape import header
 from robust.errors import InputError, UnsupportedError
 from robust.pike_bridge.action_model import load_team_plan
-from robust.pike_bridge.semantics import Execution, Existence, Oracle, faults
+from robust.pike_bridge.semantics import Execution, ExecutionExistence, Oracle, faults
 from robust.smt.limits import Deadline
 from tests.certify import tools
 from tests.certify.tools import Checker
@@ -293,7 +293,7 @@ def is_true(path: Path, lines: list[Line]) -> bool:
     except InputError:
         return False
     if lines[0][1] == "knowledge":
-        return Oracle(plan).decide().verdict is Existence.NONE
+        return Oracle(plan).decide().verdict is ExecutionExistence.NONE
     _, numbers, times = lines[1]
     document = json.loads(path.read_text(encoding="utf-8"))
     scenario = {each["name"]: each["domain"][number] for each, number in zip(document["choices"], numbers, strict=True)}

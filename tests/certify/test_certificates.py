@@ -10,18 +10,24 @@ import pytest
 from benchmarks.generators.team_plans import Shape, random_plan
 from benchmarks.suite import read_deliveries, read_suite
 from robust.api import check, envelope, region
-from robust.certify.alethe import export
 from robust.certify.bad import declared_bounds, face_lines, region_lines
 from robust.certify.checker import reader
 from robust.certify.checker.formulas import Formulas
-from robust.certify.orders import OrderLemmas, affine_times, constant_times, positive_circle
-from robust.certify.produce import PlanCertificate, knowledge
-from robust.certify.tape import box_facts, good_lines, header
+from robust.certify.produce import PlanCertificate, export, knowledge
+from robust.certify.tape import (
+    OrderLemmas,
+    affine_times,
+    box_facts,
+    constant_times,
+    good_lines,
+    header,
+    positive_circle,
+)
 from robust.encode import create_encoding
 from robust.encode.encoding import RelationalEncoding
 from robust.errors import InputError, RefutedError, UnsupportedError
 from robust.pike_bridge.action_model import load_team_plan
-from robust.pike_bridge.semantics import Existence, Oracle
+from robust.pike_bridge.semantics import ExecutionExistence, Oracle
 from robust.plan.load import load_plan
 from robust.qe.box import Box, Interval
 from robust.smt.limits import Deadline, OutOfTimeError
@@ -216,9 +222,9 @@ def test_plans_with_choices(tmp_path) -> None:
         try:
             lines = knowledge(path, tools.EPSILON, Deadline.after(60))
             code, answer = tools.command(lines, tmp_path / "c", [path])
-            assert (code, answer["kind"], verdict) == (0, "knowledge", Existence.NONE)
+            assert (code, answer["kind"], verdict) == (0, "knowledge", ExecutionExistence.NONE)
         except RefutedError:
-            assert verdict is Existence.EXISTS
+            assert verdict is ExecutionExistence.EXISTS
         seen.add(verdict)
     assert len(seen) == 2
 

@@ -15,8 +15,8 @@ import tokenize
 import pytest
 
 from robust.api import envelope
+from robust.certify.produce import FOLDER, CheckerOutcome, verify
 from robust.certify.tape import write
-from robust.certify.verify import FOLDER, Outcome, verify
 from robust.plan.load import load_plan
 from robust.qe.box import Interval
 from tests.certify import tools
@@ -146,14 +146,14 @@ def test_old_certificates_are_refused(tmp_path):
 
 def test_it_is_a_process_with_limits(box, tmp_path):
     found = verify(box[0], tools.NAVIGATION, epsilon=tools.EPSILON, kind="box")
-    assert found.outcome is Outcome.ESTABLISHED
+    assert found.outcome is CheckerOutcome.ESTABLISHED
     assert found.answer["files"].keys() == {"domain", "problem", "plan"}
     heavy = tmp_path / "heavy.cert"
     heavy.write_bytes(gzip.compress(b'["robust/certificate/2","plan",null]\n[' + b"[" * (80 << 20) + b"\n"))
-    assert verify(heavy, tools.NAVIGATION, epsilon=tools.EPSILON).outcome is Outcome.REJECTED
+    assert verify(heavy, tools.NAVIGATION, epsilon=tools.EPSILON).outcome is CheckerOutcome.REJECTED
     nothing = tmp_path / "nothing.cert"
     nothing.write_bytes(b"no gzip")
-    assert verify(nothing, tools.NAVIGATION, epsilon=tools.EPSILON).outcome is Outcome.UNREADABLE
+    assert verify(nothing, tools.NAVIGATION, epsilon=tools.EPSILON).outcome is CheckerOutcome.UNREADABLE
 
 
 # -- forgeries ---------------------------------------------------------------------------------------------------------

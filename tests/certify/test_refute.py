@@ -10,11 +10,20 @@ import pytest
 from robust.certify.checker import proofs
 from robust.certify.checker.formulas import Formulas, plus
 from robust.certify.checker.reader import Ground, Model
-from robust.certify.hints import Conflict, KnownFacts, Side, contradiction, implied, model, refutation
-from robust.certify.refute import NotRefutedError, PropositionalSolver
+from robust.certify.hints import (
+    Conflict,
+    KnownFacts,
+    LinearSide,
+    NotRefutedError,
+    PropositionalSolver,
+    contradiction,
+    implied,
+    model,
+    refutation,
+)
 from robust.plan.polynomial import Polynomial
 from robust.smt.limits import Deadline
-from robust.smt.session import Session, Verdict
+from robust.smt.session import Satisfiability, Session
 from robust.smt.terms import Terms
 from tests.certify import tools
 
@@ -73,14 +82,14 @@ def test_contradictions_agree_with_a_solver(seed):
     for _ in range(random.randint(1, 7)):
         factors = {name: random.randint(-2, 2) for name in random.sample("xyz", random.randint(1, 3))}
         factors = tuple(sorted((name, factor) for name, factor in factors.items() if factor)) or (("x", 1),)
-        sides.append(Side(factors, random.randint(-3, 3), random.random() < 0.4))
+        sides.append(LinearSide(factors, random.randint(-3, 3), random.random() < 0.4))
     terms = Terms()
     session = Session(terms)
     for each in sides:
         form = Polynomial({(name,): Fraction(factor) for name, factor in each.factors}) + each.constant
         session.add(terms.greater(form) if each.strict else terms.at_least(form))
     found = contradiction(sides)
-    assert isinstance(found, Conflict) == (session.check("sides") is Verdict.UNSATISFIABLE)
+    assert isinstance(found, Conflict) == (session.check("sides") is Satisfiability.UNSATISFIABLE)
     if isinstance(found, dict):
         assert all(side.holds(found) for side in sides)
         return
@@ -161,7 +170,7 @@ def test_refutations_agree_with_a_solver_and_are_accepted(seed):
     terms = Terms()
     session = Session(terms)
     session.add(term_of(terms, formulas.circuit, literal))
-    if session.check("formulas") is Verdict.SATISFIABLE:
+    if session.check("formulas") is Satisfiability.SATISFIABLE:
         assert model(formulas, KnownFacts([]), literal, NONE) is not None
         with pytest.raises(NotRefutedError):
             refutation(formulas, KnownFacts([]), literal, NONE)

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 import robust
 from robust.backends import KNOWLEDGE_BASES
-from robust.cli.build import Action, Group, application, read
+from robust.cli.build import Group, application, read
+from robust.cli.guard import Action
 from robust.cli.main import COMMANDS
 from robust.errors import InputError
 from robust.irr.check import Answer

@@ -12,8 +12,7 @@ import jsonschema
 import pytest
 
 from robust.pike_bridge.action_model import load_team_plan
-from robust.pike_bridge.online.journal import read_journal
-from robust.pike_bridge.online.service import CLOSING
+from robust.pike_bridge.online.service import CLOSING, read_journal
 from robust.show.schemas import schema
 from tests.cli.running import COMMAND, LOAD, REPOSITORY, environment
 from tests.cli.running import process as robust_process

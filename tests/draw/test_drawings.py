@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robust.draw.gantt import Bar, Chart, Lane, Mark, _ChartDrawing, draw_chart
+from robust.draw.pictures import plot_envelope
 from robust.draw.plane import draw_region
-from robust.draw.plots import plot_envelope
 from robust.draw.style import EDGE, REMOVED, save
 from robust.draw.tpnu import layered, plot_network
 from robust.errors import InputError

@@ -18,7 +18,7 @@ from types import SimpleNamespace
 import pytest
 
 from robust.api import compare
-from robust.draw import pages
+from robust.draw import interactive as pages
 from robust.draw.interactive import comparison_data, comparison_page, shown_region
 from robust.encode import create_encoding
 from robust.numbers import format_number, parse_number
@@ -28,7 +28,7 @@ from robust.qe.constraint import LinearConstraint, Sense
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
 from robust.reading import load_plan
-from robust.show.words import Words
+from robust.show.text import Words
 from tests.cli import inputs
 from tests.cli.running import EXAMPLES, command, example
 from tests.draw.browser import browser, press, settle

@@ -20,8 +20,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from robust.api import check, compare
-from robust.draw.interactive import comparison_data
-from robust.draw.pages import part
+from robust.draw.interactive import comparison_data, part
 from robust.errors import InputError, UnsupportedError
 from robust.irr.check import Answer
 from robust.numbers import format_number
@@ -29,7 +28,7 @@ from robust.qe.broken import Breaks, what_breaks
 from robust.qe.constraint import LinearConstraint, Sense
 from robust.reading import load_plan
 from robust.show.regions import METHOD_NAMES
-from robust.show.words import Words
+from robust.show.text import Words
 from tests.cli import inputs
 from tests.cli.running import EXAMPLES, example
 from tests.draw.test_interactive import earliest, node

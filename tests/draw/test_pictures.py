@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from robust.api import compare, risk
-from robust.draw import gantt, plane, plots, tpnu
+from robust.draw import gantt, pictures, plane, tpnu
 from robust.draw.gantt import Bar, Chart, Lane, Mark
 from robust.draw.style import BOX_LINES, HATCHES, LIGHT, STRONG
 from robust.irr.search import EnvelopeResult, Step
@@ -24,7 +24,7 @@ from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
 from robust.reading import load_plan
 from robust.searching import Status
-from robust.show.words import Words, named
+from robust.show.text import Words, named
 from tests.cli.running import EXAMPLES, command, example
 from tests.draw.pictures import DAY
 from tests.qe.polyhedra import eq, le, lt, polygon, rectangle
@@ -111,7 +111,7 @@ def found(intervals, nominal=1):
 def test_boxes(intervals, long):
     words = {name: f"{LONG} ({name})" if long else f"move {name}" for name in intervals}
     result = found(intervals)
-    figure = plots._figure(result, plots._rows(result, words))
+    figure = pictures._figure(result, pictures._rows(result, words))
     ends = [end for pair in intervals.values() for end in pair]
     needed = [f"{text} = 1" for text in words.values()]
     assert_readable(figure, "nominal value", *needed, *(["no end on this side"] if None in ends else []))
@@ -209,9 +209,11 @@ def test_names_are_words_of_actions():
 def test_probabilities():
     plan = load_plan(*example())
     both = risk(plan, ["to_ridge=normal::5", "to_crater=normal::5"], within="0.01")
-    assert_readable(plots._risk_figure(both), "take-sample scout crater needs (lit crater) all the time", "not valid")
+    assert_readable(
+        pictures._risk_figure(both), "take-sample scout crater needs (lit crater) all the time", "not valid"
+    )
     one = risk(plan, ["to_ridge=normal::5", "to_crater=constant:40"], within="0.01")
-    assert_readable(plots._risk_figure(one), "fixed: drive scout ridge crater = 40")
+    assert_readable(pictures._risk_figure(one), "fixed: drive scout ridge crater = 40")
 
 
 def test_a_comparison_of_a_plan(tmp_path):

@@ -13,15 +13,14 @@ import z3
 from robust.api import check
 from robust.encode import create_encoding
 from robust.encode.encoding import RelationalEncoding
-from robust.encode.interface import EPSILON, Encoding, Facet, Obligation
+from robust.encode.interface import EPSILON, Encoding, Facet, Grid, Obligation, Range
 from robust.encode.positions.encoding import PositionsEncoding
-from robust.encode.variables import Grid, Range
 from robust.irr.check import Answer, CheckResult
 from robust.irr.containment import Containment
 from robust.plan.model import ParametrizedPlan, TimePoint
 from robust.qe.box import Box
 from robust.smt.limits import NEVER
-from robust.smt.session import Session, Verdict
+from robust.smt.session import Satisfiability, Session
 from robust.smt.terms import Formula
 from tests.sampling import Network
 
@@ -58,8 +57,8 @@ def is_broken(
         symbol = next(s for s in encoding.unknowns() if s.symbol_name() == name)
         session.add(terms.manager.Equals(symbol, terms.number(value)))
     verdict = session.check(obligation.name)
-    assert verdict is not Verdict.UNKNOWN
-    return verdict is Verdict.SATISFIABLE
+    assert verdict is not Satisfiability.UNKNOWN
+    return verdict is Satisfiability.SATISFIABLE
 
 
 def follows(encoding: Encoding, facet: Facet, ranges: Mapping[str, Range]) -> None:
@@ -69,7 +68,7 @@ def follows(encoding: Encoding, facet: Facet, ranges: Mapping[str, Range]) -> No
     assert facet.origins
     session = Session(encoding.terms)
     session.add(*encoding.network_formulas(), encoding.terms.greater(-facet.expression))
-    assert session.check("a facet follows from the network") is Verdict.UNSATISFIABLE
+    assert session.check("a facet follows from the network") is Satisfiability.UNSATISFIABLE
 
 
 def in_z3(encoding: Encoding, formulas: Iterable[Formula]) -> Any:
@@ -89,7 +88,7 @@ def hidden(encoding: Encoding, formulas: Iterable[Formula]) -> list[Any]:
     ]
 
 
-def difference(left: Encoding, right: Encoding) -> Verdict:
+def difference(left: Encoding, right: Encoding) -> Satisfiability:
     """Parameter values with a schedule for which only the left encoding says that an obligation can break."""
     network, bad_left = left.network_formulas(), [left.query(o) for o in left.obligations]
     bad_right = [right.query(o) for o in right.obligations]
@@ -102,8 +101,8 @@ def difference(left: Encoding, right: Encoding) -> Verdict:
     solver.add(in_z3(left, network), z3.Or(*(in_z3(left, query) for query in bad_left)), *never)
     answer = solver.check()
     if answer == z3.unknown:
-        return Verdict.UNKNOWN
-    return Verdict.SATISFIABLE if answer == z3.sat else Verdict.UNSATISFIABLE
+        return Satisfiability.UNKNOWN
+    return Satisfiability.SATISFIABLE if answer == z3.sat else Satisfiability.UNSATISFIABLE
 
 
 def both(plan: ParametrizedPlan, epsilon: Fraction = Fraction(1, 1000)) -> tuple[Encoding, Encoding]:

@@ -22,7 +22,7 @@ from robust.encode.interface import Stage
 from robust.irr.check import Answer, CheckResult
 from robust.plan import model
 from robust.plan.load import load_plan
-from robust.plan.model import ZERO, Assignment, Holds, NumericEffect, ParametrizedPlan, TimePoint
+from robust.plan.model import ZERO, AssignmentKind, Holds, NumericEffect, ParametrizedPlan, TimePoint
 from robust.plan.simulate import simulate
 from tests.encode.asking import refuted
 from tests.plan import building
@@ -183,7 +183,7 @@ class Drawing:
         random = self.random
         amount = random.choice([value(F), value(G), building.number(0)]) + random.choice([0, 1, 1, 2])
         timing = random.choice([START, END]) if durative else START
-        operator = random.choice([Assignment.ASSIGN, Assignment.ASSIGN, Assignment.INCREASE])
+        operator = random.choice([AssignmentKind.ASSIGN, AssignmentKind.ASSIGN, AssignmentKind.INCREASE])
         return NumericEffect(timing, random.choice([F, F, G]), operator, amount, self._guard())
 
     def _guard(self) -> model.Condition:
@@ -225,7 +225,7 @@ def contradictory(plan: ParametrizedPlan, schedule: dict[TimePoint, Fraction]) -
         for effect in (*one.atom_effects, *one.numeric_effects)
     ]
     literals = (
-        NumericEffect(START, one.target, Assignment.ASSIGN, building.number(Fraction(one.value)))
+        NumericEffect(START, one.target, AssignmentKind.ASSIGN, building.number(Fraction(one.value)))
         for one in plan.timed_literals
         if isinstance(one.target, model.Fluent)
     )
@@ -236,13 +236,13 @@ def contradictory(plan: ParametrizedPlan, schedule: dict[TimePoint, Fraction]) -
         pairs = [
             {a, b}
             for (a, one), (b, other) in combinations(numeric, 2)
-            if one.fluent == other.fluent and Assignment.ASSIGN in (one.operator, other.operator)
+            if one.fluent == other.fluent and AssignmentKind.ASSIGN in (one.operator, other.operator)
         ]
         if pairs:
             return {point for pair in pairs if len(pair) == 1 for point in pair}, True
         amounts = [(one, one.expression.evaluate(dict(values))) for _, one in numeric]
         for one, amount in amounts:
-            values[one.fluent] = amount + (values[one.fluent] if one.operator is Assignment.INCREASE else 0)
+            values[one.fluent] = amount + (values[one.fluent] if one.operator is AssignmentKind.INCREASE else 0)
         writes = [one for _, one in now if isinstance(one, model.AtomEffect)]
         atoms = (atoms - {one.atom for one in writes if not one.value}) | {one.atom for one in writes if one.value}
     return set(), False
@@ -254,7 +254,7 @@ def _true(condition: model.Condition, atoms: set[model.Atom], values: dict[model
             return truth
         case Holds(atom, truth):
             return (atom in atoms) is truth
-        case model.Comparison(expression, relation):
+        case model.NumericCondition(expression, relation):
             return relation.holds(expression.evaluate(dict(values)))
         case model.And(operands):
             return all(_true(one, atoms, values) for one in operands)

@@ -25,11 +25,21 @@ from robust.errors import InputError, UnsupportedError
 from robust.irr.check import Answer, CheckResult
 from robust.plan import model
 from robust.plan.load import load_plan
-from robust.plan.model import ZERO, And, Assignment, AtomEffect, Comparison, Holds, NumericEffect, Or, ParametrizedPlan
+from robust.plan.model import (
+    ZERO,
+    And,
+    AssignmentKind,
+    AtomEffect,
+    Holds,
+    NumericCondition,
+    NumericEffect,
+    Or,
+    ParametrizedPlan,
+)
 from robust.plan.simulate import simulate
 from robust.qe.box import Interval
 from robust.searching import Status
-from robust.smt.session import Verdict
+from robust.smt.session import Satisfiability
 from tests.encode.asking import both, difference, first_broken, is_broken
 from tests.plan import building
 from tests.plan.building import ALL, END, RANDOM, START, TRUE, F, G, P, action, between, drawn, flow, number, value
@@ -52,7 +62,7 @@ def tangled(draw) -> ParametrizedPlan:
     """Unordered actions whose effects read what the others write: who comes first decides what a fluent is."""
     k = building.reference("k")
     leaf = st.builds(
-        lambda left, right, constant, relation: Comparison(left - right + number(constant), relation),
+        lambda left, right, constant, relation: NumericCondition(left - right + number(constant), relation),
         st.sampled_from([value(F), value(G)]),
         st.sampled_from([value(F), value(G), k, number(0)]),
         st.integers(-2, 2),
@@ -72,7 +82,7 @@ def tangled(draw) -> ParametrizedPlan:
     )
     when = st.one_of(st.just(TRUE), st.just(TRUE), condition)
     timing = st.sampled_from([START, END])
-    numeric = st.builds(NumericEffect, timing, st.sampled_from([F, G]), st.sampled_from(Assignment), amount, when)
+    numeric = st.builds(NumericEffect, timing, st.sampled_from([F, G]), st.sampled_from(AssignmentKind), amount, when)
     atoms = st.builds(AtomEffect, timing, st.just(P), st.booleans(), when)
     flows = st.builds(flow, st.sampled_from([F, G]), st.sampled_from([-1, 1, 2]))
     condition_of = st.tuples(st.sampled_from([START, END, ALL]), condition)
@@ -319,22 +329,22 @@ def same_obligations(plan: ParametrizedPlan, seen: Counter[Answer]) -> None:
         seen[answer] += 1
 
 
-def same_envelope(plan: ParametrizedPlan) -> Verdict:
+def same_envelope(plan: ParametrizedPlan) -> Satisfiability:
     """Equivalence for all parameter values, by quantifiers; UNKNOWN if the solver gives up."""
     relational, positions = both(plan)
     try:
         answers = [difference(relational, positions), difference(positions, relational)]
     except UnsupportedError:
-        return Verdict.UNKNOWN
-    assert Verdict.SATISFIABLE not in answers
-    return answers[0] if Verdict.UNKNOWN not in answers else Verdict.UNKNOWN
+        return Satisfiability.UNKNOWN
+    assert Satisfiability.SATISFIABLE not in answers
+    return answers[0] if Satisfiability.UNKNOWN not in answers else Satisfiability.UNKNOWN
 
 
 @pytest.mark.parametrize(
     ("count", "options"), [(15, {}), *(pytest.param(150, one, marks=SLOW) for one in ({}, {"tame": True}))]
 )
 def test_same_envelopes(count: int, options: dict[str, bool]) -> None:
-    seen: Counter[Verdict] = Counter()
+    seen: Counter[Satisfiability] = Counter()
 
     @drawn(count)
     @given(plan=plans(**VERY_SMALL, **options))
@@ -342,7 +352,7 @@ def test_same_envelopes(count: int, options: dict[str, bool]) -> None:
         seen[same_envelope(plan)] += 1
 
     run()
-    assert seen[Verdict.UNSATISFIABLE] > 10
+    assert seen[Satisfiability.UNSATISFIABLE] > 10
 
 
 # -- boxes of recorded instances: those of the original runs, and of the other encoding -------------------------------

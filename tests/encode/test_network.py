@@ -11,12 +11,12 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from robust.encode.effects import Writes, mutex_pairs
+from robust.encode.interface import Auxiliary, Linear, TimeVariable, constant, least, variable
 from robust.encode.network import Difference, IndependentParts, Inequality, Orders, TemporalNetwork, duration_rules
-from robust.encode.variables import Auxiliary, Linear, TimeVariable, constant, least, variable
 from robust.plan import model
 from robust.plan.model import ZERO, DurationConstraint, Parameter, ParameterReference, TimePoint, TimePointKind
 from robust.plan.simulate import mutex_pairs as simulated_mutex_pairs
-from robust.smt.session import Session, Verdict
+from robust.smt.session import Satisfiability, Session
 from robust.smt.terms import Terms
 from tests.plan import building
 from tests.plan.building import DURATION, RANDOM, above, action, at, at_least, between, drawn, instant, number, plan_of
@@ -129,7 +129,7 @@ def test_sampled_schedules_satisfy_the_network_and_its_places(plan, random) -> N
 
 
 def test_the_network_as_formulas_has_a_model_exactly_if_there_is_a_schedule() -> None:
-    found: Counter[Verdict] = Counter()
+    found: Counter[Satisfiability] = Counter()
 
     @drawn(30)
     @given(plans(linear=True), RANDOM)
@@ -140,12 +140,12 @@ def test_the_network_as_formulas_has_a_model_exactly_if_there_is_a_schedule() ->
         session.add(*(terms.at_least(inequality.expression) for inequality in network.inequalities))
         session.add(*(terms.equal(variable(ParameterReference(name)) - value) for name, value in values.items()))
         verdict = session.check("network")
-        assert (verdict is Verdict.SATISFIABLE) == Network(plan, values).consistent
+        assert (verdict is Satisfiability.SATISFIABLE) == Network(plan, values).consistent
         found[verdict] += 1
 
     run()
-    assert found[Verdict.SATISFIABLE] >= 5
-    assert found[Verdict.UNSATISFIABLE] >= 1
+    assert found[Satisfiability.SATISFIABLE] >= 5
+    assert found[Satisfiability.UNSATISFIABLE] >= 1
 
 
 def test_mutex_pairs_are_those_of_the_simulator() -> None:

@@ -10,7 +10,7 @@ from robust.encode import create_encoding, encoding
 from robust.encode.effects import mutex_pairs
 from robust.encode.settled import proved
 from robust.errors import UnsupportedError
-from robust.smt.session import Session, Verdict
+from robust.smt.session import Satisfiability, Session
 from tests.strategies import plans
 
 EPSILON = Fraction(1, 1000)
@@ -30,7 +30,7 @@ def compare(plan, monkeypatch, seen):
         if obligation.name in names:
             session = Session(alone.terms)
             session.add(*alone.full_query(obligation))
-            assert session.check("proved by paths") is Verdict.UNSATISFIABLE, obligation.name
+            assert session.check("proved by paths") is Satisfiability.UNSATISFIABLE, obligation.name
         seen[obligation.name in names] += 1
 
 

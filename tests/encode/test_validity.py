@@ -17,14 +17,21 @@ from hypothesis import strategies as st
 from robust.backends import ENCODINGS
 from robust.encode import create_encoding
 from robust.encode.encoding import RelationalEncoding
-from robust.encode.interface import Encoding, Facet
+from robust.encode.interface import Encoding, Facet, Grid, Range, is_over_parameters
 from robust.encode.positions.encoding import PositionsEncoding
-from robust.encode.variables import Grid, Range, is_over_parameters
 from robust.plan import model
-from robust.plan.model import ZERO, Comparison, DurationConstraint, Parameter, ParametrizedPlan, Relation, TimedLiteral
+from robust.plan.model import (
+    ZERO,
+    DurationConstraint,
+    NumericCondition,
+    Parameter,
+    ParametrizedPlan,
+    Relation,
+    TimedLiteral,
+)
 from robust.plan.polynomial import Polynomial
 from robust.smt.limits import NEVER, Deadline
-from robust.smt.session import Session, Verdict
+from robust.smt.session import Satisfiability, Session
 from tests.encode.asking import follows, hidden, in_z3, sampled
 from tests.plan import building
 from tests.plan.building import DURATION, RANDOM, START, P, at, between, drawn, instant, number, plan_of, reference
@@ -51,7 +58,7 @@ def networks(draw) -> tuple[ParametrizedPlan, dict[str, Range]]:
         rules = []
         for rule in range(draw(st.integers(0, 1))):
             sign, relation = draw(st.sampled_from(SIDES))
-            condition = Comparison((DURATION - bound()).scaled(sign), relation)
+            condition = NumericCondition((DURATION - bound()).scaled(sign), relation)
             rules.append(DurationConstraint(START, condition, f"rule {rule}"))
         durative = draw(st.booleans()) or bool(rules)
         instances.append(building.action(f"i{index}", *rules) if durative else instant(f"i{index}"))
@@ -118,7 +125,7 @@ def judge(plan: ParametrizedPlan, ranges: dict[str, Range], random: Random, name
     encoding = create_encoding(name, plan)
     make_session = Mock(wraps=lambda: Session(encoding.terms, solver=solver))
     facet = encoding.validity.broken_facet(Grid(ranges), make_session, NEVER)
-    assert not isinstance(facet, Verdict)
+    assert not isinstance(facet, Satisfiability)
     by = ", by solver" if make_session.called else ""
     if facet is None or facet.obligation is None:
         assert (facet is not None) == some_point_has_no_schedule(encoding, ranges)
@@ -169,7 +176,7 @@ def test_broken_facets_are_right(encoding, solver, count) -> None:
     assert outcomes["obligation"] + outcomes["facet of an infinite box"] >= 5, outcomes
 
 
-def ask(encoding: Encoding, box: dict[str, Range], deadline: Deadline = NEVER) -> Facet | Verdict | None:
+def ask(encoding: Encoding, box: dict[str, Range], deadline: Deadline = NEVER) -> Facet | Satisfiability | None:
     return encoding.validity.broken_facet(Grid(box), lambda: Session(encoding.terms), deadline)
 
 
@@ -195,7 +202,7 @@ WORST_APART = plan_of(FIRST, THEN, constraints=CIRCLE, parameters=(Parameter("k"
 def test_edges_at_their_worst_at_different_points_of_the_box() -> None:
     encoding = RelationalEncoding(WORST_APART)
 
-    def asked(low: int | None, high: int | None) -> Facet | Verdict | None:
+    def asked(low: int | None, high: int | None) -> Facet | Satisfiability | None:
         return ask(encoding, {"k": tuple(None if e is None else Fraction(e) for e in (low, high))})
 
     assert (asked(-4, 1000), asked(-4, None)) == (None, None)
@@ -209,7 +216,7 @@ def test_edges_at_their_worst_at_different_points_of_the_box() -> None:
 def test_out_of_time_is_unknown_and_spoils_nothing(encoding) -> None:
     box = {"k": (Fraction(-4), Fraction(1000))}
     asked = create_encoding(encoding, WORST_APART)
-    assert ask(asked, box, Deadline.after(0)) is Verdict.UNKNOWN
+    assert ask(asked, box, Deadline.after(0)) is Satisfiability.UNKNOWN
     assert ask(asked, box) is None
 
 

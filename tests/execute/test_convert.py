@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from robust.errors import InputError
-from robust.execute.convert import Conversion, Ended, Mode
+from robust.execute.convert import Conversion, ConversionEnd, Mode
 from robust.execute.distances import InvalidPlanError, Original
 from robust.execute.esterel import esterel_edges
 from robust.execute.parametrization import option_of, write_specs
@@ -141,7 +141,7 @@ def test_bounds_that_numbers_need_are_found_and_loosened():
 
 def test_out_of_time_the_network_allows_the_schedule_of_the_plan_only():
     found = house("0: (draw) [2]\n0: (heat) [10]\n11: (bathe) [5]", timeout=1e-9)
-    assert (found.ended, found.check.answer) == (Ended.TIMEOUT, Answer.PROVED)
+    assert (found.ended, found.check.answer) == (ConversionEnd.TIMEOUT, Answer.PROVED)
     assert sample_schedules(found.plan, {}, Random(1), 5) == [dict(found.schedule)]  # noqa: S311 - reproducible
     whole = house("0: (draw) [2]\n0: (heat) [10]\n11: (bathe) [5]")
     assert set(found.check.obligations) == set(whole.check.obligations)

@@ -14,14 +14,14 @@ from robust.execute.dispatcher import (
     Completed,
     Dispatch,
     Dispatcher,
-    Failed,
+    DispatchFailed,
+    DispatchSucceeded,
     LeftBox,
+    MessageRejected,
     Observed,
     Phase,
-    Rejected,
     Started,
     StateEstimate,
-    Succeeded,
 )
 from robust.execute.drive import run_in_world
 from robust.execute.worlds import Luck, SimulatedWorld
@@ -50,7 +50,7 @@ EPSILON = F(1, 1000)
 
 def told(dispatcher, now, *messages):
     """The decisions of one step as texts; rejections and endings as they are."""
-    plain = Dispatch | Succeeded
+    plain = Dispatch | DispatchSucceeded
     return [str(one) if isinstance(one, plain) else one for one in dispatcher.step(F(now), messages)]
 
 
@@ -113,7 +113,7 @@ def test_an_observation_above_the_box_ends_the_plan_when_it_is_overdue():
     assert [(one.value, one.inside) for one in dispatcher.observations] == [(31, False)]
 
 
-CALLED = 12, Failed("c", F(12), "nobody answers")
+CALLED = 12, DispatchFailed("c", F(12), "nobody answers")
 OBSERVED = (7, WORKED), (8,), (10, Completed("f", F(10)), Observed("need", F(5), "f"))
 ELSEWHERE = (7, WORKED), (8,), (10, Completed("f", F(10)), Observed("need", F(5), "c"))
 POOR = StateEstimate(F(8), frozenset({Atom("open")}), {Fluent("stock"): F(3), Fluent("need", ("b",)): F(4)})
@@ -195,7 +195,7 @@ def test_a_value_that_is_seen_bounds_what_else_it_stands_for():
         (7, Observed("first", True), "found True for 'first', expected an exact number"),
         (7, Observed("first", F(9)), "first = 7 was observed already; the first value stands"),
         (7, StateEstimate(F(99), frozenset()), "found time 99, which is yet to come"),
-        (7, Failed("w1", F(7), "late"), "w1 has ended already"),
+        (7, DispatchFailed("w1", F(7), "late"), "w1 has ended already"),
         (7, "hello", "found str, expected a message"),
     ],
 )
@@ -205,7 +205,7 @@ def test_faulty_messages_are_rejected_in_one_line_and_change_nothing(now, messag
         told(dispatcher, 7, WORKED)
     before = dispatcher.times
     (rejected,) = told(dispatcher, now, message)
-    assert isinstance(rejected, Rejected)
+    assert isinstance(rejected, MessageRejected)
     assert (rejected.reason, "\n" in str(rejected)) == (reason, False)
     assert (dispatcher.times, dispatcher.phase, dispatcher.rejected) == (before, Phase.DISPATCHING, [rejected])
 

@@ -6,7 +6,7 @@ from itertools import product
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robust.execute.distances import Edge, EdgeNetwork, constraints_of, edge, is_implied
+from robust.execute.distances import DistanceEdge, EdgeNetwork, constraints_of, edge, is_implied
 from robust.plan.model import ZERO, TimePoint, TimePointKind
 from robust.plan.stn import STNConstraint
 from tests.network.oracles import longest_paths
@@ -25,7 +25,7 @@ def networks(draw):
     """Edges that a drawn schedule satisfies."""
     times = {point: Fraction(draw(st.integers(0, 6)), draw(st.sampled_from([1, 3]))) for point in POINTS}
     pairs = draw(st.lists(st.tuples(st.sampled_from(POINTS), st.sampled_from(POINTS), st.integers(0, 2)), max_size=12))
-    return [Edge(a, b, times[b] - times[a] - slack) for a, b, slack in pairs if a != b]
+    return [DistanceEdge(a, b, times[b] - times[a] - slack) for a, b, slack in pairs if a != b]
 
 
 @settings(max_examples=300, deadline=None, derandomize=True)
@@ -47,27 +47,34 @@ def test_longest_paths_implied_edges_and_earliest_schedules(edges, slack):
     network = EdgeNetwork(POINTS, edges)
     for a, b in product(POINTS, POINTS):
         least = implied(edges, a, b) if a != b else 0
-        assert network.implies(Edge(a, b, Fraction(slack))) is (least is not None and least >= slack)
-    nonnegative = [*edges, *(Edge(ZERO, point, Fraction(0)) for point in POINTS[1:])]
+        assert network.implies(DistanceEdge(a, b, Fraction(slack))) is (least is not None and least >= slack)
+    nonnegative = [*edges, *(DistanceEdge(ZERO, point, Fraction(0)) for point in POINTS[1:])]
     possible = all((implied(nonnegative, point, ZERO) or Fraction(-1)) <= 0 for point in POINTS)
     schedule = {point: implied(nonnegative, ZERO, point) for point in POINTS}
     assert EdgeNetwork(POINTS, nonnegative).earliest == (schedule if possible else None)
     for one in edges:
         rest = [other for other in edges if other != one]
-        looser = Edge(one.source, one.target, one.weight - slack)
+        looser = DistanceEdge(one.source, one.target, one.weight - slack)
         known = implied(rest, one.source, one.target)
         assert is_implied(looser, rest) is (known is not None and known >= looser.weight)
 
 
 def test_contradictions_have_no_schedule():
-    assert EdgeNetwork(POINTS, [Edge(A, B, Fraction(1)), Edge(B, A, Fraction(0))]).earliest is None
-    assert EdgeNetwork(POINTS, [Edge(A, ZERO, Fraction(0)), Edge(ZERO, A, Fraction(1))]).earliest is None
+    assert EdgeNetwork(POINTS, [DistanceEdge(A, B, Fraction(1)), DistanceEdge(B, A, Fraction(0))]).earliest is None
+    assert (
+        EdgeNetwork(POINTS, [DistanceEdge(A, ZERO, Fraction(0)), DistanceEdge(ZERO, A, Fraction(1))]).earliest is None
+    )
 
 
 def test_constraints_have_the_strongest_bounds_and_edges_the_times_of_timed_literals():
-    edges = [Edge(A, B, Fraction(1)), Edge(A, B, Fraction(2)), Edge(B, A, Fraction(-5)), Edge(ZERO, A, Fraction(0))]
+    edges = [
+        DistanceEdge(A, B, Fraction(1)),
+        DistanceEdge(A, B, Fraction(2)),
+        DistanceEdge(B, A, Fraction(-5)),
+        DistanceEdge(ZERO, A, Fraction(0)),
+    ]
     first, second = STNConstraint(A, ZERO, Fraction(0), None), STNConstraint(B, A, Fraction(2), Fraction(5))
     assert constraints_of(edges, {ZERO: 0, A: 1, B: 2}) == (first, second)
     literal = TimePoint(TimePointKind.TIMED_LITERAL, time=Fraction(7))
-    assert edge(literal, A, Fraction(1)) == Edge(ZERO, A, Fraction(8))
-    assert edge(A, literal, Fraction(1)) == Edge(A, ZERO, Fraction(-6))
+    assert edge(literal, A, Fraction(1)) == DistanceEdge(ZERO, A, Fraction(8))
+    assert edge(A, literal, Fraction(1)) == DistanceEdge(A, ZERO, Fraction(-6))

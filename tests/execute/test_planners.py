@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from benchmarks.generators.delivery import DeliveryVariant, delivery_domain, table_problems
 from robust.errors import InputError, UnsupportedError
 from robust.execute.planners import aries
-from robust.execute.planners import command as kairos
+from robust.execute.planners import interface as kairos
 from robust.execute.planners.interface import PlannerAnswer, PlannerStatus, check
 from robust.execute.planners.registry import create_planner
 from robust.numbers import parse_number

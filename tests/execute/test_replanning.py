@@ -9,10 +9,10 @@ import pytest
 from robust.errors import InputError, UnsupportedError
 from robust.execute import replan
 from robust.execute.dispatchable import Blex
-from robust.execute.dispatcher import Dispatcher, LeftBox, Rejected
+from robust.execute.dispatcher import Dispatcher, LeftBox, MessageRejected
 from robust.execute.drive import drive, run_in_world
 from robust.execute.planners.interface import PlannerAnswer, PlannerStatus
-from robust.execute.worlds import Luck, Outcome, Rules, SimulatedWorld, Subject
+from robust.execute.worlds import InstanceOutcome, Luck, Rules, SimulatedWorld, Subject
 from robust.plan.model import Atom, Fluent, TimedLiteral
 from robust.plan.parameters import parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem
@@ -71,7 +71,9 @@ LATE = constant(Subject.DURATION, "(work a)", 45)
 
 
 def mission(*rules, planner=None, specs=SPECS, **more):
-    return replan.Mission(DOMAIN_READ, PROBLEM_READ, planner, Rules(rules), options=replan.Options(specs=specs), **more)
+    return replan.Mission(
+        DOMAIN_READ, PROBLEM_READ, planner, Rules(rules), options=replan.ReplanningOptions(specs=specs), **more
+    )
 
 
 def prepared(chosen):
@@ -114,7 +116,7 @@ def test_a_run_re_plans_from_the_state_reached():
     assert Atom("done", ("a",)) in problem.atoms
     assert [one.time for one in problem.timed_literals] == [15 - EPSILON]
     assert [(one.instance.action, one.outcome) for one in (*first.executed, *second.executed)] == [
-        ("work", Outcome.DONE), ("fetch", Outcome.DONE), ("work", Outcome.DONE),
+        ("work", InstanceOutcome.DONE), ("fetch", InstanceOutcome.DONE), ("work", InstanceOutcome.DONE),
     ]  # fmt: skip
     assert second.executed[0].start == 45 + EPSILON
     assert all(one.time >= second.start for one in second.observations)
@@ -127,7 +129,7 @@ def test_planning_may_take_time_in_the_world_and_running_actions_may_be_stopped(
     assert [one.time for one in planner.problems[0].timed_literals] == [12 - EPSILON]
     planner = Scripted(silent_after=0)
     (segment,) = ran(LATE, planner=planner, drain=False).segments
-    assert [(one.outcome, one.end) for one in segment.executed] == [(Outcome.STOPPED, segment.given_up)]
+    assert [(one.outcome, one.end) for one in segment.executed] == [(InstanceOutcome.STOPPED, segment.given_up)]
     assert segment.given_up < 45
     # the effect at the start has happened, that at the end has not
     assert not planner.problems[0].atoms & {Atom("ready", ("a",)), Atom("done", ("a",))}
@@ -140,9 +142,9 @@ def test_a_plan_that_is_given_up_when_all_is_done_has_succeeded():
     chosen = replace(chosen, options=replace(chosen.options, executor=Blex(F(1, 10))))
     run = replan.execute(chosen, 0, prepared(chosen))
     assert (run.status, run.reason, run.replans, planner.problems) == (replan.RunStatus.SUCCEEDED, "", 0, [])
-    assert (run.inside, run.segments[-1].executed[-1].outcome) == (False, Outcome.DONE)
+    assert (run.inside, run.segments[-1].executed[-1].outcome) == (False, InstanceOutcome.DONE)
     stopped = replan.execute(replace(chosen, drain=False), 0, prepared(chosen))
-    assert (len(planner.problems), stopped.segments[0].executed[-1].outcome) == (1, Outcome.STOPPED)
+    assert (len(planner.problems), stopped.segments[0].executed[-1].outcome) == (1, InstanceOutcome.STOPPED)
     rules = Rules((constant(Subject.DURATION, "(work b)", 90),))
     late = replan.execute(replace(chosen, rules=rules), 0, prepared(chosen))
     assert late.status is replan.RunStatus.FAILED  # what has to hold during the action does not
@@ -251,7 +253,7 @@ def test_driving_decides_as_simulation_does(plan):
     dispatcher, announced = asyncio.run(in_real_time())
     assert dispatcher.times == simulated.times
     assert dispatcher.ending == simulated.ending is None
-    assert not [one for one in announced if isinstance(one, Rejected)]
+    assert not [one for one in announced if isinstance(one, MessageRejected)]
 
 
 def test_the_judge_finds_what_the_executive_does_not():

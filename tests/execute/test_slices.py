@@ -11,9 +11,9 @@ import pytest
 from robust.errors import InputError
 from robust.execute.controllable_boxes import Dynamically, ends_of, parametric_stnu
 from robust.execute.dispatchable import Dispatchable, Guarantee, Slice, make_dispatchable, parse_executor
-from robust.execute.dispatcher import Completed, Dispatcher, Failed, LeftBox
+from robust.execute.dispatcher import Completed, Dispatcher, DispatchFailed, LeftBox
 from robust.execute.drive import run_in_world
-from robust.execute.replan import Options, prepare_plan
+from robust.execute.replan import ReplanningOptions, prepare_plan
 from robust.execute.slices import Observations, SliceAnswer, continued
 from robust.execute.worlds import Luck, SimulatedWorld
 from robust.plan.simulate import simulate
@@ -52,7 +52,7 @@ def sliced(dispatchable: Dispatchable, *, seconds: float | None = None, timeout:
 def in_series():
     """Two tasks one after the other, each planned for 10, that have to be done by 30."""
     plan = tasks("parameter second default 10;" + working(*CHAIN), problem=nothing_else("ab"))
-    return prepare_plan(plan, Options(executor=Slice(None))).dispatchable
+    return prepare_plan(plan, ReplanningOptions(executor=Slice(None))).dispatchable
 
 
 def boxes_of(dispatcher):
@@ -116,7 +116,7 @@ def test_what_fails_because_it_lasts_too_long_has_left_its_interval(failed):
     dispatcher.step(F(0))
     dispatcher.step(F(4), [Completed("w1", F(4))])
     dispatcher.step(F(4001, 1000))
-    dispatcher.step(failed, [Failed("w2", failed, "closed")])
+    dispatcher.step(failed, [DispatchFailed("w2", failed, "closed")])
     assert str(dispatcher.ending) == "second exceeds 25.999", "it is not overdue before 30.001"
 
 
@@ -151,7 +151,7 @@ def test_a_parameter_of_several_actions_keeps_an_interval_until_the_last():
         "w2.end - .zero in [0, 30]",
     )
     plan = tasks(working(*constraints), problem=nothing_else("ab"))
-    dispatchable = prepare_plan(plan, Options(executor=Slice(None))).dispatchable
+    dispatchable = prepare_plan(plan, ReplanningOptions(executor=Slice(None))).dispatchable
     dispatcher = Dispatcher(dispatchable)
     dispatcher.step(F(0))
     dispatcher.step(F(12), [Completed("w1", F(12))])

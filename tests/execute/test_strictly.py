@@ -19,7 +19,7 @@ from robust.plan import model
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.simulate import mutex_pairs, simulate
 from robust.plan.timed import parse_timed_plan
-from robust.show.words import Words
+from robust.show.text import Words
 from tests.encode.test_conflicts import Drawing, on_a_grid
 from tests.execute.plans import errand, errands
 from tests.pddl_text import pddl_text

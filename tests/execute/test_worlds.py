@@ -9,9 +9,9 @@ from statistics import fmean
 import pytest
 
 from robust.errors import InputError
-from robust.execute.dispatcher import Completed, Contradicted, Dispatch, Dispatcher, Failed, Observed
+from robust.execute.dispatcher import Completed, Contradicted, Dispatch, Dispatcher, DispatchFailed, Observed
 from robust.execute.drive import WallClock, drive, run_in_world
-from robust.execute.worlds import Below, Luck, Outcome, Rule, Rules, SimulatedWorld, Subject, parse_rules
+from robust.execute.worlds import Below, InstanceOutcome, Luck, Rule, Rules, SimulatedWorld, Subject, parse_rules
 from robust.plan.model import Atom, Fluent
 from tests.execute.plans import PLAN, constant, tasks_dispatchable
 
@@ -153,7 +153,7 @@ def test_without_rules_nature_does_what_is_planned():
     assert dispatcher.ending is None
     lengths = {name: one.end - one.start for name, one in world.executed.items()}
     assert lengths == {"w1": 10, "f": 2, "w2": 5, "c": 0}
-    assert {one.outcome for one in world.executed.values()} == {Outcome.DONE}
+    assert {one.outcome for one in world.executed.values()} == {InstanceOutcome.DONE}
     assert world.state.fluents[Fluent("stock")] == 6
     assert Atom("done", ("b",)) in world.state.atoms
 
@@ -162,7 +162,7 @@ def test_an_action_whose_condition_does_not_hold_does_not_start():
     _, world = world_of()
     plan = world.dispatchable.plan
     world.receive(F(1), [Dispatch(plan.instance["w2"].start, F(1))])
-    assert world.messages(F(1)) == [Failed("w2", F(1), "(ready b) does not hold")]
+    assert world.messages(F(1)) == [DispatchFailed("w2", F(1), "(ready b) does not hold")]
     assert world.executed == {}
 
 
@@ -171,9 +171,12 @@ def test_an_action_whose_condition_stops_to_hold_at_60_fails(length, fails):
     dispatchable, world = world_of(constant(Subject.DURATION, "w1", length), box={"first": (4, 100)})
     world.receive(F(0), [Dispatch(dispatchable.plan.instance["w1"].start, F(0))])
     assert world.next_time == 60
-    said = Failed("w1", F(60), "(open) does not hold") if fails else Completed("w1", F(60))
+    said = DispatchFailed("w1", F(60), "(open) does not hold") if fails else Completed("w1", F(60))
     assert world.messages(F(60)) == [said]
-    assert (world.executed["w1"].outcome, world.executed["w1"].end) == (Outcome.FAILED if fails else Outcome.DONE, 60)
+    assert (world.executed["w1"].outcome, world.executed["w1"].end) == (
+        InstanceOutcome.FAILED if fails else InstanceOutcome.DONE,
+        60,
+    )
     assert world.messages(F(90)) == []
     assert (Atom("done", ("a",)) in world.state.atoms) is not fails
 

@@ -12,7 +12,7 @@ from robust.plan.load import load_plan
 from robust.plan.model import ZERO, Parameter, ParametrizedPlan
 from robust.plan.polynomial import Polynomial
 from robust.qe.box import Box
-from robust.smt.session import Session, Verdict
+from robust.smt.session import Satisfiability, Session
 from tests.plan.building import DURATION, END, action, at, at_least, at_most, between, number, plan_of, reference
 from tests.strategies import plans
 
@@ -68,7 +68,7 @@ def fail_at_query(monkeypatch, number: int, error) -> None:
         if len(count) < number:
             return original(self, question, deadline, *effort)
         if error == "time":
-            return Verdict.UNKNOWN
+            return Satisfiability.UNKNOWN
         raise error
 
     monkeypatch.setattr(Session, "check", failing)

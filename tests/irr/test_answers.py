@@ -26,7 +26,7 @@ from robust.qe.box import Box, Interval, Side
 from robust.qe.polyhedron import Polyhedron
 from robust.searching import Status
 from robust.smt.limits import Deadline
-from robust.smt.session import Session, Statistics, Verdict
+from robust.smt.session import Satisfiability, Session, Statistics
 from tests.cli.running import EXAMPLES
 from tests.irr.building import ask_solvers, fail_at_query, lasts, loose, parameter, shipped, timed, weighted
 from tests.plan.building import DURATION, END, START, F, G, above, action, at_most, number, plan_of, reference, value
@@ -101,7 +101,7 @@ def test_nothing_is_examined_where_schedules_are_not_known_to_exist(monkeypatch)
     options = {"at": ["k=0:5"], "on_obligation": lambda *one: seen.append(one)}
     known = check(loose(1), **options)
     assert (known.answer, len(seen), known.statistics.queries) == (Answer.PROVED, 1, 1)
-    monkeypatch.setattr(Session, "check", lambda *_: Verdict.UNKNOWN)
+    monkeypatch.setattr(Session, "check", lambda *_: Satisfiability.UNKNOWN)
     unknown = check(loose(1), **options)
     assert (unknown.answer, len(seen), unknown.cut_short, unknown.timed_out) == (Answer.UNKNOWN, 1, True, False)
 

@@ -4,7 +4,7 @@ from fractions import Fraction
 from functools import cache
 from itertools import chain, combinations, product
 
-from robust.network.uncertain import Link, Stnu
+from robust.network.uncertain import Stnu, UncertainLink
 from robust.plan.model import ZERO, TimePoint, TimePointKind
 
 
@@ -20,9 +20,11 @@ def network(requirements, contingents):
     def number(bound):
         return None if bound is None else Fraction(bound)
 
-    links = [Link(places[a], places[b], number(low), number(high)) for a, b, low, high in requirements]
-    links += [Link(ZERO, places[name], Fraction(0), None) for name in names]
-    links += [Link(places[a], places[c], number(low), number(high), True, c) for a, c, low, high in contingents]
+    links = [UncertainLink(places[a], places[b], number(low), number(high)) for a, b, low, high in requirements]
+    links += [UncertainLink(ZERO, places[name], Fraction(0), None) for name in names]
+    links += [
+        UncertainLink(places[a], places[c], number(low), number(high), True, c) for a, c, low, high in contingents
+    ]
     return Stnu(tuple(places.values()), tuple(links))
 
 

@@ -10,9 +10,9 @@ import pytest
 from robust.errors import InputError
 from robust.network.dispatchable import Windows, strategy
 from robust.network.uncertain import (
-    Link,
-    Step,
+    EdgeStep,
     Stnu,
+    UncertainLink,
     Wait,
     Way,
     dynamic,
@@ -103,7 +103,7 @@ def confirm(stnu, cycle):
     for at, length in cycle.moats:
         moat = twice[at + 1 : at + 1 + length]
         assert total(moat, weight) < (0, 0)
-        assert Step(cycle.steps[at].link, Way.LONGEST) not in moat
+        assert EdgeStep(cycle.steps[at].link, Way.LONGEST) not in moat
 
 
 def slow(*values):
@@ -159,18 +159,21 @@ def test_the_explanation_names_what_contradicts(requirements, contingents, text)
 def test_a_walk_that_proves_nothing_is_no_certificate():
     stnu = network([("x", "c", -5, 3)], [("Z", "c", 1, 10)])
     with pytest.raises(ValueError, match="not negative"):
-        negative_cycle([Step(0, Way.AT_MOST), Step(0, Way.AT_LEAST)], weight_in(stnu))
+        negative_cycle([EdgeStep(0, Way.AT_MOST), EdgeStep(0, Way.AT_LEAST)], weight_in(stnu))
 
 
 @pytest.mark.parametrize(
     ("links", "message"),
     [
-        ([Link(ZERO, point("c"), Fraction(3), Fraction(2), True)], "expected 0 <= lower <= upper"),
-        ([Link(ZERO, point("c"), Fraction(-1), Fraction(2), True)], "expected 0 <= lower <= upper"),
-        ([Link(point("x"), ZERO, Fraction(0), Fraction(2), True)], "which happens at time zero"),
-        ([Link(ZERO, point("c"), Fraction(1), None, True)] * 2, "where another one ends already"),
-        ([Link(ZERO, point("d"), None, None)], "not in the network"),
-        ([Link(*map(point, pair), Fraction(1), Fraction(2), True) for pair in ("xc", "cx")], "go round in a circle"),
+        ([UncertainLink(ZERO, point("c"), Fraction(3), Fraction(2), True)], "expected 0 <= lower <= upper"),
+        ([UncertainLink(ZERO, point("c"), Fraction(-1), Fraction(2), True)], "expected 0 <= lower <= upper"),
+        ([UncertainLink(point("x"), ZERO, Fraction(0), Fraction(2), True)], "which happens at time zero"),
+        ([UncertainLink(ZERO, point("c"), Fraction(1), None, True)] * 2, "where another one ends already"),
+        ([UncertainLink(ZERO, point("d"), None, None)], "not in the network"),
+        (
+            [UncertainLink(*map(point, pair), Fraction(1), Fraction(2), True) for pair in ("xc", "cx")],
+            "go round in a circle",
+        ),
     ],
 )
 def test_networks_that_make_no_sense(links, message):
@@ -314,14 +317,14 @@ def test_the_rest_stays_controllable():
 
 def rest_of(stnu, times, now):
     """The network with what has happened as facts, and all else not before now."""
-    links = [Link(ZERO, one, time, time) for one, time in times.items()]
-    links += [Link(ZERO, one, now, None) for one in stnu.points if one not in times]
+    links = [UncertainLink(ZERO, one, time, time) for one, time in times.items()]
+    links += [UncertainLink(ZERO, one, now, None) for one in stnu.points if one not in times]
     for link in stnu.links:
         if not link.is_contingent:
             links.append(link)
         elif link.target not in times:
             least = max(link.lower, now - times[link.source]) if link.source in times else link.lower
-            links.append(Link(link.source, link.target, least, link.upper, True))
+            links.append(UncertainLink(link.source, link.target, least, link.upper, True))
     return Stnu(stnu.points, tuple(links))
 
 

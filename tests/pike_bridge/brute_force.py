@@ -7,7 +7,7 @@ from copy import copy
 from fractions import Fraction
 from itertools import combinations, pairwise, product
 
-from robust.pike_bridge.model import Vocabulary, guard
+from robust.pike_bridge.model import AssignmentVocabulary, guard
 
 Bound = tuple[Fraction, int]
 """A number and how many infinitesimals are added to it."""
@@ -126,7 +126,7 @@ class ExactPrecedence:
     """Precedence and temporal conflicts by looking at every scenario."""
 
     def __init__(self, network):
-        self.vocabulary = Vocabulary(network.domains)
+        self.vocabulary = AssignmentVocabulary(network.domains)
         self._guards = network.guards
         self._subplans = [
             (self.vocabulary.encode(guard(scenario)), candidate_subplan(network, scenario))
@@ -163,7 +163,7 @@ class Ignorance:
     """A precedence that knows nothing."""
 
     def __init__(self, network):
-        self.vocabulary = Vocabulary(network.domains)
+        self.vocabulary = AssignmentVocabulary(network.domains)
 
     def precedes(self, first, second, context):
         return False

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robust.pike_bridge.model import Assignment, Vocabulary, bits, contradicts, entails, guard, union
+from robust.pike_bridge.model import Assignment, AssignmentVocabulary, bits, contradicts, entails, guard, union
 from robust.pike_bridge.temporal.distance_graph import LabeledValueSet
 from robust.pike_bridge.theory import is_consistent
 
 DOMAINS = {"w": ("only",), "x": ("1", "2"), "y": ("1", "2", "3"), "z": ("1", "2")}
-VOCABULARY = Vocabulary(DOMAINS)
+VOCABULARY = AssignmentVocabulary(DOMAINS)
 SCENARIOS = [frozenset(map(Assignment, DOMAINS, values)) for values in product(*DOMAINS.values())]
 ENCODED = [VOCABULARY.encode(scenario) for scenario in SCENARIOS]
 conjunctions = st.frozensets(st.sampled_from(VOCABULARY.assignments), max_size=4)

@@ -17,7 +17,7 @@ from robust.pike_bridge.online.progress import Completion, Failed, Succeeded
 from robust.pike_bridge.online.reasoners import make_reasoner, reasoner_names
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.online.world import Human, Pace, Story
-from robust.pike_bridge.semantics import Execution, Existence, Oracle, faults, holds
+from robust.pike_bridge.semantics import Execution, ExecutionExistence, Oracle, faults, holds
 from robust.plan.model import Atom
 from tests.pike_bridge.online import examples
 from tests.pike_bridge.online.examples import KITCHEN, working
@@ -86,7 +86,7 @@ def test_oracle_and_referee_mean_the_same_by_before(epsilon):
         for scenario, times in executions(plan, random, 4):
             correct = is_correct(plan, scenario, times)
             assert (faults(plan, Execution(scenario, times)) == ()) == correct
-            assert (oracle.decide(guard(scenario), times).verdict is Existence.EXISTS) == correct
+            assert (oracle.decide(guard(scenario), times).verdict is ExecutionExistence.EXISTS) == correct
             seen[correct] += 1
     assert seen[False] > 20
     assert seen[True] > 3
@@ -122,7 +122,7 @@ def refereed(number, epsilon):
     for scenario, times in chain(executions(plan, random, 1), near(plan, random)):
         correct = is_correct(plan, scenario, times)
         assert (faults(plan, Execution(scenario, times)) == ()) == correct, number
-        assert (oracle.decide(guard(scenario), times).verdict is Existence.EXISTS) == correct, number
+        assert (oracle.decide(guard(scenario), times).verdict is ExecutionExistence.EXISTS) == correct, number
         found += correct
     return found
 
@@ -132,7 +132,7 @@ def carried_out(number, epsilon):
     plan, names = drawn(number, epsilon), reasoner_names()
     patience = Fraction(0) if number // len(names) % 2 else None
     executive = PlanExecutive(plan, make_reasoner(names[number % len(names)]), patience=patience)
-    possible = Oracle(plan).decide().verdict is Existence.EXISTS
+    possible = Oracle(plan).decide().verdict is ExecutionExistence.EXISTS
     assert executive.prepare() == possible, number
 
     def check(executive, now, _found):
@@ -200,7 +200,7 @@ def close(*bounds, epsilon):
 )
 def test_before_is_by_epsilon_or_strictly(bounds, epsilon, possible):
     plan = close(*bounds, epsilon=epsilon)
-    assert (Oracle(plan).decide().verdict is Existence.EXISTS) == possible
+    assert (Oracle(plan).decide().verdict is ExecutionExistence.EXISTS) == possible
     subjects = [ExaminedBackend(backend, temporal) for backend in BACKENDS for temporal in Temporal]
     outcome = cross_check(plan, subjects, samples=1)
     assert outcome.scenarios == possible

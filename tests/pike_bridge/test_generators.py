@@ -17,7 +17,7 @@ from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.builder import k_intents
 from robust.pike_bridge.causal import augment
 from robust.pike_bridge.model import EPSILON, GOAL, INITIAL
-from robust.pike_bridge.semantics import Existence, Oracle
+from robust.pike_bridge.semantics import ExecutionExistence, Oracle
 from robust.pike_bridge.temporal.labeled_apsp import LabeledDistances
 from tests.pike_bridge import stories
 from tests.pike_bridge.satisfiability import assignment, random_clauses, sat_plan, satisfies
@@ -47,9 +47,9 @@ def test_coffee_and_bagel_take_too_long_only_because_of_the_limit():
     plan = stories.kitchen().plan()
     coffee = next(a for a in plan.network.activities if "make-coffee" in a.action).guard
     bagel = next(a for a in plan.network.activities if "toast" in a.action).guard
-    assert Oracle(plan).decide(coffee | bagel).verdict is Existence.NONE
-    assert Oracle(plan).decide(coffee).verdict is Existence.EXISTS
-    assert Oracle(plan).decide(bagel).verdict is Existence.EXISTS
+    assert Oracle(plan).decide(coffee | bagel).verdict is ExecutionExistence.NONE
+    assert Oracle(plan).decide(coffee).verdict is ExecutionExistence.EXISTS
+    assert Oracle(plan).decide(bagel).verdict is ExecutionExistence.EXISTS
 
 
 def test_wing_adapts_to_what_the_human_picks():
@@ -77,13 +77,13 @@ def test_figures_7_and_8_dominance(figure, producers):
 @pytest.mark.parametrize(
     ("consumed", "threatened", "expected"),
     [
-        (3, 1, Existence.EXISTS),
-        (3, 2, Existence.NONE),
-        (3, 3, Existence.NONE),
-        (3, 4, Existence.EXISTS),
-        (5, 6, Existence.EXISTS),
-        ("2.9", 4, Existence.NONE),
-        ("5.1", 6, Existence.NONE),
+        (3, 1, ExecutionExistence.EXISTS),
+        (3, 2, ExecutionExistence.NONE),
+        (3, 3, ExecutionExistence.NONE),
+        (3, 4, ExecutionExistence.EXISTS),
+        (5, 6, ExecutionExistence.EXISTS),
+        ("2.9", 4, ExecutionExistence.NONE),
+        ("5.1", 6, ExecutionExistence.NONE),
     ],
 )
 def test_figure_9_bounds_the_time_from_producer_to_consumer(consumed, threatened, expected):

@@ -28,7 +28,7 @@ from robust.pike_bridge.knowledge import Registration
 from robust.pike_bridge.knowledge.interface import Require
 from robust.pike_bridge.knowledge.sat import SatKnowledgeBase
 from robust.pike_bridge.model import ALWAYS, Activity, Assignment, Condition, Effect, TeamPlan, guard
-from robust.pike_bridge.semantics import Execution, Existence, Oracle, faults
+from robust.pike_bridge.semantics import Execution, ExecutionExistence, Oracle, faults
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.pike_bridge.brute_force import broken_constraints, correct_scenarios, holds, is_met
 from tests.pike_bridge.online.examples import kitchen
@@ -133,7 +133,7 @@ def test_deciding_under_assumptions_is_looking_among_scenarios(plan):
     correct = scenarios_of(oracle)
     for environment in (guard({choice.name: value}) for choice in plan.network.choices for value in choice.domain):
         with_value = {scenario for scenario in correct if environment <= scenario}
-        assert (oracle.decide(environment).verdict is Existence.EXISTS) == bool(with_value)
+        assert (oracle.decide(environment).verdict is ExecutionExistence.EXISTS) == bool(with_value)
         assert scenarios_of(oracle, environment) == with_value
 
 
@@ -161,14 +161,14 @@ def test_what_is_not_executed_yet_lies_in_the_future():
     witness = oracle.decide(schedule=begun, now=Fraction(7)).witness
     assert all(time >= 7 for event, time in witness.schedule.items() if event not in begun)
     del begun["e1"]
-    assert oracle.decide(schedule=begun).verdict is Existence.EXISTS
-    assert oracle.decide(schedule=begun, now=Fraction(7)).verdict is Existence.NONE
+    assert oracle.decide(schedule=begun).verdict is ExecutionExistence.EXISTS
+    assert oracle.decide(schedule=begun, now=Fraction(7)).verdict is ExecutionExistence.NONE
 
 
 def test_events_that_are_executed_are_activated():
     plan = threatened_plan()
     spoil, oracle = plan.network.activities[2], Oracle(plan)
-    assert oracle.decide(guard({"x": "wait"}), {spoil.source: Fraction(0)}).verdict is Existence.NONE
+    assert oracle.decide(guard({"x": "wait"}), {spoil.source: Fraction(0)}).verdict is ExecutionExistence.NONE
     witness = oracle.decide(schedule={spoil.source: Fraction(3)}).witness
     assert (witness.scenario, witness.schedule[spoil.source]) == ({"x": "spoil"}, 3)
 
@@ -181,14 +181,14 @@ def test_unknown_names_are_errors_and_without_time_there_is_no_verdict():
         oracle.decide(schedule={"nowhere": Fraction(0)})
     with pytest.raises(SolverError, match="unknown solver"):
         Oracle(threatened_plan(), solver="abacus")
-    assert oracle.decide(deadline=Deadline.after(0)).verdict is Existence.UNKNOWN
+    assert oracle.decide(deadline=Deadline.after(0)).verdict is ExecutionExistence.UNKNOWN
     with pytest.raises(OutOfTimeError):
         list(oracle.scenarios(deadline=Deadline.after(0)))
 
 
 def test_a_plan_without_events_is_correct():
     answer = Oracle(TeamPlan(network(""), (), ())).decide()
-    assert (answer.verdict, answer.witness) == (Existence.EXISTS, Execution({}, {}))
+    assert (answer.verdict, answer.witness) == (ExecutionExistence.EXISTS, Execution({}, {}))
 
 
 BACKENDS = ("bdd", "pitms", "atms", "sat")
@@ -313,4 +313,4 @@ def test_cross_checks_out_of_time():
     late = cross_check(plan, [ExaminedBackend("pitms", Temporal.APSP)], limit=0)
     assert late.out_of_time == ["pitms (apsp)"]
     assert late.scenarios == 27
-    assert Oracle(plan).decide().verdict is Existence.EXISTS
+    assert Oracle(plan).decide().verdict is ExecutionExistence.EXISTS

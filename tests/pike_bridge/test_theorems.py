@@ -21,10 +21,9 @@ from robust.pike_bridge.knowledge.interface import Require
 from robust.pike_bridge.knowledge.sat import SatKnowledgeBase
 from robust.pike_bridge.knowledge.tms import PiTms
 from robust.pike_bridge.model import ALWAYS, EPSILON, INITIAL, Activity, Condition, Effect, TeamPlan, guard, may_produce
-from robust.pike_bridge.semantics import Execution, Existence, Oracle, faults
+from robust.pike_bridge.semantics import Execution, ExecutionExistence, Oracle, faults
 from robust.pike_bridge.temporal.distance_graph import StructuralPrecedence
-from robust.pike_bridge.temporal.labeled_apsp import LabeledDistances
-from robust.pike_bridge.temporal.schedule import temporal_conflicts
+from robust.pike_bridge.temporal.labeled_apsp import LabeledDistances, temporal_conflicts
 from robust.pike_bridge.theory import Not, Some, Theory, conjunction, is_consistent
 from tests.pike_bridge.brute_force import (
     ExactPrecedence,
@@ -340,7 +339,7 @@ def temporal_conflicts_are_inconsistency(network):
     for scenario in scenarios(network.domains):
         environment = guard(scenario)
         consistent = candidate_subplan(network, scenario).consistent
-        assert (oracle.decide(environment).verdict is Existence.EXISTS) == consistent
+        assert (oracle.decide(environment).verdict is ExecutionExistence.EXISTS) == consistent
         for several in conflicts:
             assert any(one <= environment for one in several) != consistent
         seen["consistent subplans" if consistent else "inconsistent subplans"] += 1
@@ -435,7 +434,7 @@ def executions_correspond(plan, random, *, most=4):
             correct = _correct(plan, scenario, schedule)
             assert (faults(plan, Execution(scenario, schedule)) == ()) == correct
             verdict = oracle.decide(guard(scenario), schedule).verdict
-            assert (verdict is Existence.EXISTS) == correct
+            assert (verdict is ExecutionExistence.EXISTS) == correct
             assert extends(result, scenario, schedule) == correct
             if _size(result.network) <= MOST_SCENARIOS:
                 extensions = _models(result, scenario)
@@ -464,7 +463,7 @@ def partial_executions_correspond(plan, random, *, most=4):
             chosen |= guard({name: begun[name] for name in random.sample(list(begun), 1)})
         extending = [each for each in everything if chosen <= guard(each)]
         correct = any(next(correct_orders(plan, each, executed), None) is not None for each in extending)
-        assert (oracle.decide(chosen, executed).verdict is Existence.EXISTS) == correct
+        assert (oracle.decide(chosen, executed).verdict is ExecutionExistence.EXISTS) == correct
         assert extends(result, dict(chosen), executed) == correct
         if _size(result.network) <= MOST_SCENARIOS:
             possible = (each for scenario in extending for each in _models(result, scenario))

@@ -41,15 +41,15 @@ def expression_of(amount: Amount) -> model.Expression:
     return amount if isinstance(amount, Polynomial) else number(amount)
 
 
-def compared(relation: model.Relation, left: Amount, right: Amount) -> model.Comparison:
-    return model.Comparison(expression_of(left) - expression_of(right), relation)
+def compared(relation: model.Relation, left: Amount, right: Amount) -> model.NumericCondition:
+    return model.NumericCondition(expression_of(left) - expression_of(right), relation)
 
 
 at_least, above = partial(compared, model.Relation.AT_LEAST), partial(compared, model.Relation.GREATER)
 equal, different = partial(compared, model.Relation.EQUAL), partial(compared, model.Relation.DIFFERENT)
 
 
-def at_most(left: Amount, right: Amount) -> model.Comparison:
+def at_most(left: Amount, right: Amount) -> model.NumericCondition:
     return at_least(right, left)
 
 
@@ -60,13 +60,13 @@ def _atom_effect(
 
 
 def _changed(
-    how: model.Assignment, fluent: model.Fluent, amount: Amount, timing: model.Timing = START
+    how: model.AssignmentKind, fluent: model.Fluent, amount: Amount, timing: model.Timing = START
 ) -> model.NumericEffect:
     return model.NumericEffect(timing, fluent, how, expression_of(amount))
 
 
 add, delete = partial(_atom_effect, True), partial(_atom_effect, False)
-assign, increase = partial(_changed, model.Assignment.ASSIGN), partial(_changed, model.Assignment.INCREASE)
+assign, increase = partial(_changed, model.AssignmentKind.ASSIGN), partial(_changed, model.AssignmentKind.INCREASE)
 
 
 def flow(fluent: model.Fluent, rate: Amount) -> model.ContinuousEffect:
@@ -209,7 +209,7 @@ DISAGREES = "effects of a agree"
 ONE_TO_THREE = tuple(instant(f"i{n}", increase(F, n)) for n in (1, 2, 3))
 ADD_DELETE, DELETE_ADD = instant("a", add(P), delete(P)), instant("a", delete(P), add(P))
 NEED_Q = instant("a", add(Q), add(P, START, model.Holds(Q)))
-LATE_EFFECT = model.NumericEffect(END, G, model.Assignment.ASSIGN, number(1), at_least(f, 4))
+LATE_EFFECT = model.NumericEffect(END, G, model.AssignmentKind.ASSIGN, number(1), at_least(f, 4))
 LATE = plan_of(action("a", LATE_EFFECT, flow(F, 2)), goal=at_least(g, 1))
 WATCH, NEVER = action("a", (ALL, model.Holds(P))), plan_of(action("a", (ALL, model.Truth(False))))
 BY_ITSELF, HELPER = action("a", (ALL, model.Holds(P)), add(P), delete(P, END)), instant("b", add(P))

@@ -7,7 +7,7 @@ import pytest
 from robust.errors import InputError, UnsupportedError
 from robust.plan import model
 from robust.plan.simulate import Violation, simulate
-from robust.plan.timeline import Execution
+from robust.plan.timeline import TimedExecution
 from tests.plan.building import (
     ALL,
     CONTRADICTORY,
@@ -146,7 +146,10 @@ def test_a_deep_condition_does_not_exhaust_the_stack():
         deep = model.Or((model.And((deep, model.Truth(True))),))
     plan = plan_of(instant("a", (START, deep)), atoms=(P,))
     assert run(plan, {"a": 1}).valid
-    assert Execution(plan, {}, {model.ZERO: Fraction(0), plan.instances[0].start: Fraction(1)}).happenings[0].time == 0
+    assert (
+        TimedExecution(plan, {}, {model.ZERO: Fraction(0), plan.instances[0].start: Fraction(1)}).happenings[0].time
+        == 0
+    )
 
 
 POURING, WAITING = action("a", flow(F, 1)), instant("w", (START, at_least(value(F), 0)))

@@ -7,8 +7,7 @@ import mpmath
 import pytest
 
 from robust.errors import InputError, Location
-from robust.probability.distributions import Below, Distribution, parse_distribution
-from robust.probability.enclosures import UNIT, exp_minus, normal
+from robust.probability.distributions import UNIT, Below, Distribution, exp_minus, normal, parse_distribution
 
 F = Fraction
 PLACE = Location("here")

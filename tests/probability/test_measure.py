@@ -12,8 +12,8 @@ from robust.probability.distributions import parse_distribution
 from robust.probability.measure import Bounds, Measure, RegionMeasure, box_probability
 from robust.qe.box import Box, Interval
 from robust.qe.constraint import LinearConstraint
+from robust.qe.estimate import proportion_bounds
 from robust.qe.polyhedron import Polyhedron, union_volume
-from robust.qe.share import proportion_bounds
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 F = Fraction

@@ -21,7 +21,7 @@ from robust.probability.measure import box_probability
 from robust.probability.packing import Packing
 from robust.probability.risk import Risk, RiskStatus
 from robust.qe.box import Box
-from robust.qe.share import proportion_bounds
+from robust.qe.estimate import proportion_bounds
 from robust.smt.limits import NEVER, Deadline
 from tests.irr.building import lasts, parametric, shipped, timed
 from tests.plan.building import drawn

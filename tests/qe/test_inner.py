@@ -19,12 +19,12 @@ from robust.errors import UnsupportedError
 from robust.plan.load import load_plan
 from robust.plan.model import Atom, Parameter, ParametrizedPlan
 from robust.plan.polynomial import Polynomial
-from robust.qe import generalize, inner
+from robust.qe import inner
 from robust.qe.box import Box, Interval
 from robust.qe.compute import RegionResult, RegionStatus
+from robust.qe.estimate import POINTS, Samples, proportion_bounds
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
-from robust.qe.share import POINTS, Samples, proportion_bounds
 from robust.qe.symmetry import Symmetry, find_symmetry
 from tests.plan import building
 from tests.plan.building import (
@@ -265,8 +265,8 @@ def test_the_generator_needs_so_many_polyhedra(tmp_path: Path, parameters: int) 
 
 
 def test_what_cannot_be_lifted_is_found_without_symmetry(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(generalize, "MOST_IMAGES", 1)
-    monkeypatch.setattr(generalize, "SOME_IMAGES", 1)
+    monkeypatch.setattr(inner, "MOST_IMAGES", 1)
+    monkeypatch.setattr(inner, "SOME_IMAGES", 1)
     plan = generator(tmp_path, 2)
     result = region(plan)
     assert result.is_exact

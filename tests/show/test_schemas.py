@@ -9,7 +9,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from robust.codec import schema_of
+from robust.json_text import schema_of
 from robust.show import (
     batch,
     documents,

@@ -9,10 +9,9 @@ import pytest
 import z3
 
 from robust.api import check, envelope
-from robust.encode.variables import Auxiliary, variable
+from robust.encode.interface import Auxiliary, variable
 from robust.plan.model import ZERO, Or, Parameter, ParameterReference
-from robust.smt.export import Exporter, smtlib
-from robust.smt.session import Session
+from robust.smt.session import Exporter, Session, smtlib
 from robust.smt.terms import Terms
 from tests.plan.building import ALL, END, F, above, action, between, different, flow, plan_of, reference, value
 

@@ -18,15 +18,15 @@ from random import Random
 
 import pytest
 
-from robust.encode.variables import Auxiliary, constant, variable
+from robust.encode.interface import Auxiliary, constant, variable
 from robust.errors import SolverError
 from robust.smt.limits import Deadline
-from robust.smt.session import BACKENDS, Session, Statistics, Verdict
+from robust.smt.session import BACKENDS, Satisfiability, Session, Statistics
 from robust.smt.terms import Formula, Terms
 
 X_NAME, Y_NAME = Auxiliary("x", 1), Auxiliary("y", 2)
 X, Y = variable(X_NAME), variable(Y_NAME)
-SAT, UNSAT, UNKNOWN = Verdict.SATISFIABLE, Verdict.UNSATISFIABLE, Verdict.UNKNOWN
+SAT, UNSAT, UNKNOWN = Satisfiability.SATISFIABLE, Satisfiability.UNSATISFIABLE, Satisfiability.UNKNOWN
 PATIENCE = 15
 """Seconds of delay to forgive a busy machine; the queries in question take minutes."""
 both_solvers = pytest.mark.parametrize("solver", sorted(BACKENDS))

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robust.encode.variables import Auxiliary, constant, variable
+from robust.encode.interface import Auxiliary, constant, variable
 from robust.errors import UnsupportedError
 from robust.plan.model import Relation
-from robust.smt.session import Session, Verdict
+from robust.smt.session import Satisfiability, Session
 from robust.smt.terms import Terms
 
 X, Y = Auxiliary("x", 1), Auxiliary("y", 2)
@@ -92,7 +92,7 @@ def test_deep_formulas_do_not_hit_the_recursion_limit(terms) -> None:
     assert terms.size(formula) > 10_000
     session = Session(terms)
     session.add(formula)
-    assert session.check("deep") is Verdict.SATISFIABLE
+    assert session.check("deep") is Satisfiability.SATISFIABLE
 
 
 @given(
@@ -106,5 +106,5 @@ def test_a_comparison_means_what_it_says(factors, relation, x, y, solver) -> Non
     session = Session(terms, solver=solver)
     session.add(terms.equal(variable(X) - x), terms.equal(variable(Y) - y))
     session.add(terms.compare(expression, relation))
-    expected = Verdict.SATISFIABLE if relation.holds(a * x + b * y + c) else Verdict.UNSATISFIABLE
+    expected = Satisfiability.SATISFIABLE if relation.holds(a * x + b * y + c) else Satisfiability.UNSATISFIABLE
     assert session.check("comparison") is expected

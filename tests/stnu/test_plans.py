@@ -4,7 +4,7 @@ from robust import stnu
 from robust.errors import InputError
 from robust.execute.controllability import Control, Controllability, ControlVerdict
 from robust.stnu.files import graphml, network_json, parse_graphml, parse_network_json
-from robust.stnu.plans import network_of
+from robust.stnu.network import network_of
 from tests.execute.test_controllability_boxes import MEET, box_of, random_box
 
 

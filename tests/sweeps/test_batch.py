@@ -19,7 +19,7 @@ import pytest
 import robust
 from benchmarks.generators.delivery import scaling_instance
 from benchmarks.generators.sizes import unordered_instance
-from robust.draw.pages import batch_page
+from robust.draw.interactive import batch_page
 from robust.errors import InputError, UnsupportedError
 from robust.qe.box import Box, Interval
 from robust.show.batch import batch as document
@@ -27,8 +27,7 @@ from robust.show.batch import csv_text, exact_box, print_batch
 from robust.show.console import console
 from robust.show.schemas import schema
 from robust.sweeps import batch as batches
-from robust.sweeps.batch import Asked, Batch, BatchRow, PlanRun, run_batch, volume_ratio, worst
-from robust.sweeps.measure import box_of
+from robust.sweeps.batch import Asked, Batch, BatchRow, PlanRun, box_of, run_batch, volume_ratio, worst
 from robust.sweeps.suites import SuitePlan
 from tests.children import eventually, is_running
 from tests.draw.browser import browser

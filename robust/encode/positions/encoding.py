@@ -1,42 +1,208 @@
-"""The encoding over positions: over-all conditions in the states, and all obligations by name [IRR §2]."""
+"""The encoding over positions: over-all conditions in the states, and all obligations by name [IRR §2].
+
+enc_valid of the positions encoding: ∃t. enc_tn by elimination of the times, one after the other [IRR §4, line 1].
+
+Fourier–Motzkin elimination of a variable of a difference network joins every lower bound with every upper bound, which
+are edges of a graph: `t_target − t_source ≥ weight`, weight over parameters. Between two nodes there may be many
+weights; those that never matter within the box in question are redundant. What remains on loops are the facets.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
 from functools import cached_property
 from itertools import permutations
 from typing import assert_never
 
 from robust.encode.effects import Writes
-from robust.encode.interface import EPSILON, Encoding, Obligation, Stage
+from robust.encode.interface import (
+    EPSILON,
+    Auxiliary,
+    Definitions,
+    Encoding,
+    Facet,
+    Grid,
+    Obligation,
+    Stage,
+    is_over_parameters,
+    least,
+    variable,
+)
 from robust.encode.network import Difference, Orders, TemporalNetwork, duration_rules
-from robust.encode.positions.formulas import Positions, Reader, Setting, State, Trajectory
-from robust.encode.positions.projection import Projection
-from robust.encode.variables import Auxiliary, Definitions, variable
+from robust.encode.positions.formulas import Positions, PositionState, Reader, Setting, Trajectory
 from robust.plan.model import (
+    ZERO,
     ActionInstance,
-    Comparison,
     Condition,
     DurationConstraint,
     GoalCondition,
+    NumericCondition,
+    ParameterReference,
     ParametrizedPlan,
     Relation,
     TimedCondition,
+    TimePoint,
     Timing,
     comparisons,
     conjuncts,
     fluents_in,
 )
 from robust.plan.simulate import mutex_pairs
-from robust.smt.limits import NEVER, Deadline
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError
+from robust.smt.session import Satisfiability, Session
 from robust.smt.terms import Formula, Terms
+
+CROWDED = 6
+"""With more weights than this between two nodes a solver is asked which of them are redundant."""
+
+
+class Projection:
+    """Decides boxes against enc_valid by elimination within the box; facets found are kept and tried first."""
+
+    def __init__(self, network: TemporalNetwork, terms: Terms) -> None:
+        self._terms = terms
+        self._edges: list[Difference] = []
+        self.facets: list[Facet] = []
+        for inequality in network.inequalities:
+            if is_over_parameters(inequality.expression):
+                self.facets.append(Facet(inequality.expression, inequality.origins))
+            else:
+                self._edges.append(inequality.as_difference())
+
+    def broken_facet(
+        self, box: Grid, make_session: Callable[[], Session], deadline: Deadline
+    ) -> Facet | Satisfiability | None:
+        """A facet that some point of the box breaks; None if every point has a schedule; UNKNOWN out of time.
+
+        `make_session` opens a solver session over the same terms, only if it comes to that.
+        """
+        if (known := self.known_facet(box)) is not None:
+            return known
+        try:
+            broken = _Elimination(self._edges, box, self._terms, make_session, deadline).broken_loop()
+        except OutOfTimeError:
+            return Satisfiability.UNKNOWN
+        if broken is not None:
+            self.facets.append(broken)
+        return broken
+
+    def known_facet(self, box: Grid) -> Facet | None:
+        """A facet that some point of the box breaks, of those that a search has met."""
+        return next((facet for facet in self.facets if facet.breaks_in(box)), None)
+
+    def contradiction(self, values: Mapping[str, Fraction]) -> Facet | None:
+        """Statements of the network that cannot hold together at one point; None if it has a schedule there."""
+        ranges = {name: (value, value) for name, value in values.items()}
+        found = self.broken_facet(Grid(ranges), lambda: Session(self._terms), NEVER)
+        return found if isinstance(found, Facet) else None
+
+
+class _Elimination:
+    """One elimination of all time variables; redundancy is judged within the box only."""
+
+    def __init__(
+        self,
+        edges: list[Difference],
+        box: Grid,
+        terms: Terms,
+        make_session: Callable[[], Session],
+        deadline: Deadline,
+    ) -> None:
+        self._box = box
+        self._terms = terms
+        self._make_session = make_session
+        self._deadline = deadline
+        self._session: Session | None = None
+        self._outgoing: dict[TimePoint, dict[TimePoint, list[Difference]]] = defaultdict(dict)
+        self._incoming: dict[TimePoint, set[TimePoint]] = defaultdict(set)
+        self._broken: Facet | None = None
+        for edge in edges:
+            self._join(edge.source, edge.target, [edge])
+
+    def broken_loop(self) -> Facet | None:
+        """The first facet that breaks in the box.
+
+        Raises:
+            OutOfTimeError: if the deadline passes.
+        """
+        waiting = {node for node in (*self._outgoing, *self._incoming) if node != ZERO}
+        while waiting and self._broken is None:
+            # The variable with the fewest joins; by name among equals, so that runs repeat.
+            node = min(waiting, key=lambda n: (len(self._outgoing[n]) * len(self._incoming[n]), n))
+            waiting.remove(node)
+            self._eliminate(node)
+        return self._broken
+
+    def _eliminate(self, node: TimePoint) -> None:
+        after = self._outgoing.pop(node)
+        before = {source: self._outgoing[source].pop(node) for source in self._incoming.pop(node)}
+        for target in after:
+            self._incoming[target].discard(node)
+        for source, firsts in before.items():
+            for target, seconds in after.items():
+                self._join(source, target, list(self._sums(firsts, seconds)))
+                if self._broken is not None:
+                    return
+
+    def _sums(self, firsts: list[Difference], seconds: list[Difference]) -> Iterator[Difference]:
+        for first in firsts:
+            self._deadline.enforce()
+            for second in seconds:
+                origins = tuple(dict.fromkeys((*first.origins, *second.origins)))
+                yield Difference(first.source, second.target, first.weight + second.weight, origins)
+
+    def _join(self, source: TimePoint, target: TimePoint, edges: list[Difference]) -> None:
+        if source == target:
+            facets = (Facet(-edge.weight, edge.origins) for edge in edges)
+            self._broken = self._broken or next((facet for facet in facets if facet.breaks_in(self._box)), None)
+            return
+        known = self._outgoing[source].setdefault(target, [])
+        self._incoming[target].add(source)
+        for edge in edges:
+            self._deadline.enforce()
+            if not any(self._is_covered(edge, by) for by in known):
+                known[:] = [*(other for other in known if not self._is_covered(other, edge)), edge]
+        if len(known) > CROWDED:
+            self._outgoing[source][target] = list(self._without_redundant(known))
+
+    def _is_covered(self, edge: Difference, by: Difference) -> bool:
+        """Whether the weight of `by` is at least as great all over the box."""
+        margin = least(by.weight - edge.weight, self._box.ranges)
+        return margin is not None and margin >= 0
+
+    def _without_redundant(self, edges: list[Difference]) -> Iterator[Difference]:
+        """Leave out every edge whose weight nowhere in the box exceeds all the others that are left."""
+        session = self._session = self._session or self._open_session()
+        left = list(edges)
+        for edge in edges:
+            others = [other for other in left if other is not edge]
+            with session.frame(*(self._terms.greater(edge.weight - other.weight) for other in others)):
+                verdict = session.check("enc_valid: a redundant bound", self._deadline)
+            if verdict is Satisfiability.UNKNOWN:
+                raise OutOfTimeError
+            if verdict is Satisfiability.UNSATISFIABLE:
+                left = others
+            else:
+                yield edge
+
+    def _open_session(self) -> Session:
+        session = self._make_session()
+        for name, (low, high) in self._box.ranges.items():
+            value = variable(ParameterReference(name))
+            if low is not None:
+                session.add(self._terms.at_least(value - low))
+            if high is not None:
+                session.add(self._terms.at_least(-value + high))
+        return session
+
 
 Part = TimedCondition | DurationConstraint | GoalCondition
 """What is proved: each is an obligation."""
 
 
-class OverAll:
+class PositionedOverAll:
     """Violations of over-all conditions."""
 
     def __init__(self, trajectory: Trajectory) -> None:
@@ -87,14 +253,14 @@ class OverAll:
             yield self._false_at_instant(instance, condition, step)
             yield from self._false_at_ends(instance, condition, step)
 
-    def _moves(self, leaf: Comparison) -> bool:
+    def _moves(self, leaf: NumericCondition) -> bool:
         return any(self._writes.flows.get(fluent) for fluent in fluents_in(leaf.expression))
 
-    def _false(self, condition: Condition, state: State, instance: ActionInstance) -> Formula:
+    def _false(self, condition: Condition, state: PositionState, instance: ActionInstance) -> Formula:
         return self._terms.negation(self._reader.holds(condition, state, instance))
 
     def _false_in_interior(
-        self, instance: ActionInstance, condition: Condition, moving: Comparison, step: int
+        self, instance: ActionInstance, condition: Condition, moving: NumericCondition, step: int
     ) -> Formula:
         """All else is constant in the interior, so the condition is false there where its only moving part is."""
         broken = self._broken_in_interior(instance, moving, step)
@@ -104,7 +270,7 @@ class OverAll:
         )
         return self._terms.negation(holds)
 
-    def _broken_in_interior(self, instance: ActionInstance, moving: Comparison, step: int) -> Formula:
+    def _broken_in_interior(self, instance: ActionInstance, moving: NumericCondition, step: int) -> Formula:
         """Whether a linear function leaves a relation to zero somewhere between its limits `left` and `right`."""
         terms = self._terms
         left = self._reader.value(moving.expression, self._trajectory.after[step], instance)
@@ -142,7 +308,7 @@ class OverAll:
             self._terms.greater(instant - self._positions.time(step)),
             self._terms.greater(self._positions.time(step + 1) - instant),
         )
-        return self._terms.conjunction((*inside, self._false(condition, State(left.atoms, moved), instance)))
+        return self._terms.conjunction((*inside, self._false(condition, PositionState(left.atoms, moved), instance)))
 
 
 class PositionsEncoding(Encoding):
@@ -223,7 +389,7 @@ class PositionsEncoding(Encoding):
 
     def _duration_obligations(self) -> Iterator[Obligation]:
         for rule in self._rules:
-            holds = self._reader.holds(rule.condition, State({}, {}), rule.instance)
+            holds = self._reader.holds(rule.condition, PositionState({}, {}), rule.instance)
             yield Obligation(rule.name, Stage.DURATION, self.terms.negation(holds))
 
     def _separation_obligations(self) -> Iterator[Obligation]:
@@ -283,8 +449,8 @@ class PositionsEncoding(Encoding):
         return Trajectory(setting, self._deadline)
 
     @cached_property
-    def _overall(self) -> OverAll:
-        return OverAll(self._trajectory)
+    def _overall(self) -> PositionedOverAll:
+        return PositionedOverAll(self._trajectory)
 
     @cached_property
     def _axioms(self) -> list[Formula]:

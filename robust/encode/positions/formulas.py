@@ -13,19 +13,19 @@ from functools import cache
 from typing import assert_never
 
 from robust.encode.effects import AtomWrite, Flow, FluentWrite, Writes
+from robust.encode.interface import Auxiliary, Case, Definitions, Linear, constant, initial_value, variable
 from robust.encode.network import Orders, TemporalNetwork
-from robust.encode.variables import Auxiliary, Case, Definitions, Linear, constant, initial_value, variable
 from robust.errors import UnsupportedError
 from robust.plan.model import (
     ActionInstance,
     And,
     Atom,
-    Comparison,
     Condition,
     Duration,
     Expression,
     Fluent,
     Holds,
+    NumericCondition,
     NumericVariable,
     Or,
     ParameterReference,
@@ -157,7 +157,7 @@ class Positions:
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class PositionState:
     """The written atoms and fluents that matter at one moment; the others keep their initial values."""
 
     atoms: Mapping[Atom, Formula]
@@ -172,7 +172,7 @@ class Reader:
         self._network = network
         self._terms = terms
 
-    def value(self, expression: Expression, state: State, instance: ActionInstance | None) -> Linear:
+    def value(self, expression: Expression, state: PositionState, instance: ActionInstance | None) -> Linear:
         """The value of an expression; `instance` is the one whose `?duration` it mentions."""
 
         def value(name: NumericVariable) -> Linear:
@@ -193,9 +193,9 @@ class Reader:
     def holds(
         self,
         condition: Condition,
-        state: State,
+        state: PositionState,
         instance: ActionInstance | None = None,
-        leaf: Callable[[Comparison], Formula | None] = lambda _: None,
+        leaf: Callable[[NumericCondition], Formula | None] = lambda _: None,
     ) -> Formula:
         """The truth of a condition; where `leaf` returns a formula, it stands for that comparison's truth."""
         match condition:
@@ -204,7 +204,7 @@ class Reader:
             case Holds(atom, value):
                 truth = state.atoms.get(atom, self._terms.truth(atom in self._plan.initial_atoms))
                 return truth if value else self._terms.negation(truth)
-            case Comparison(expression, relation):
+            case NumericCondition(expression, relation):
                 replaced = leaf(condition)
                 if replaced is not None:
                     return replaced
@@ -324,7 +324,7 @@ class Flows:
                     f"{flow.instance.identifier} {flow.instance.action}: non-linear continuous effect on "
                     f"{flow.effect.fluent}: its rate reads {fluent}, which the plan changes; expected a constant rate"
                 )
-        return self._setting.reader.value(flow.effect.rate, State({}, {}), flow.instance)
+        return self._setting.reader.value(flow.effect.rate, PositionState({}, {}), flow.instance)
 
 
 @dataclass(slots=True)
@@ -357,12 +357,12 @@ class Trajectory:
         self.setting = setting
         self.flows = Flows(setting)
         self._fluents = relevant_fluents(setting.plan, writes)
-        initial = State(
+        initial = PositionState(
             {atom: self._terms.truth(atom in setting.plan.initial_atoms) for atom in writes.of_atom},
             {fluent: initial_value(setting.plan, fluent) for fluent in self._fluents},
         )
-        self.before: list[State] = [initial]
-        self.after: list[State] = [initial]
+        self.before: list[PositionState] = [initial]
+        self.after: list[PositionState] = [initial]
         happening = _Happening()
         for position in range(1, setting.positions.last + 1):
             deadline.enforce()
@@ -371,13 +371,13 @@ class Trajectory:
             self.after.append(self._after(position, happening))
 
     @property
-    def final(self) -> State:
+    def final(self) -> PositionState:
         """The state after all time points."""
         return self.after[-1]
 
     # -- steps ---------------------------------------------------------------------------------------------------
 
-    def _before(self, position: int) -> State:
+    def _before(self, position: int) -> PositionState:
         """Frame axioms, with continuous change; within a happening, the state before its first position."""
         same, previous = self._positions.same(position), self.before[-1]
         left = self.after[-1]
@@ -388,16 +388,18 @@ class Trajectory:
             name = f"{fluent} before position {position}"
             fluents[fluent] = self._definitions.choice(name, [(same, previous.fluents[fluent])], arrived)
         named = {a: self._definitions.truth(f"{a} before position {position}", t) for a, t in atoms.items()}
-        return State(named, fluents)
+        return PositionState(named, fluents)
 
-    def _after(self, position: int, happening: _Happening) -> State:
+    def _after(self, position: int, happening: _Happening) -> PositionState:
         before = self.before[position]
         atoms = {}
         for atom, truth in before.atoms.items():
             kept = self._terms.conjunction((truth, self._terms.negation(happening.deleted[atom])))
             after = self._terms.disjunction((happening.added[atom], kept))
             atoms[atom] = self._definitions.truth(f"{atom} after position {position}", after)
-        return State(atoms, {fluent: base + happening.increase[fluent] for fluent, base in happening.base.items()})
+        return PositionState(
+            atoms, {fluent: base + happening.increase[fluent] for fluent, base in happening.base.items()}
+        )
 
     # -- effects -------------------------------------------------------------------------------------------------
 

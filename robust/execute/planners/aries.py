@@ -23,14 +23,13 @@ from unified_planning.environment import Environment
 
 from robust.encode.interface import EPSILON
 from robust.errors import InputError, Location, UnsupportedError, missing
-from robust.execute.planners.command import MEMORY_MB, judged
-from robust.execute.planners.interface import PlannerAnswer, PlannerStatus, last_valid_plan
+from robust.execute.planners.interface import MEMORY_MB, PlannerAnswer, PlannerStatus, judged, last_valid_plan
 from robust.numbers import format_number
 from robust.plan.model import Atom, Fluent, TimedLiteral, Timing
 from robust.plan.pddl import syntax
 from robust.plan.pddl.declarations import fits
 from robust.plan.timed import TimedPlan, TimedStep
-from robust.processes import Ended, Processes
+from robust.processes import ProcessEnd, Processes
 from robust.smt.limits import Deadline
 
 Bindings = Mapping[str, up.FNode]
@@ -48,7 +47,7 @@ def integer(value: Fraction, what: str, location: Location | None) -> int:
     return value.numerator
 
 
-class Vocabulary:
+class AriesVocabulary:
     """Types, objects and fluents of a problem; functions become fluents when they are first mentioned.
 
     `ticked` are functions of time, counted in ticks: a function that durations mention as well as conditions is two.
@@ -192,7 +191,7 @@ def unified_problem(domain: syntax.Domain, problem: syntax.Problem, ticks: int, 
     Raises:
         UnsupportedError: for what Aries does not solve.
     """
-    words = Vocabulary(domain, problem, ticks)
+    words = AriesVocabulary(domain, problem, ticks)
     defaults = {words.bool: words.manager.FALSE()}
     unified = up.Problem("p", words.environment, initial_defaults=defaults)
     unified.add_objects(list(words.objects.values()))
@@ -212,7 +211,7 @@ def pddl_name(name: str) -> str:
     return name.partition("_")[2]
 
 
-def _set_initial_state(unified: up.Problem, problem: syntax.Problem, words: Vocabulary) -> None:
+def _set_initial_state(unified: up.Problem, problem: syntax.Problem, words: AriesVocabulary) -> None:
     for atom in sorted(problem.atoms):
         unified.set_initial_value(words.ground(words.predicates[atom.predicate], atom.arguments), True)
     for fluent, value in problem.fluents.items():
@@ -223,7 +222,9 @@ def _set_initial_state(unified: up.Problem, problem: syntax.Problem, words: Voca
                 unified.set_initial_value(words.ground(known[fluent.function], fluent.arguments), number)
 
 
-def _add_timed_literal(unified: up.Problem, literal: TimedLiteral, problem: syntax.Problem, words: Vocabulary) -> None:
+def _add_timed_literal(
+    unified: up.Problem, literal: TimedLiteral, problem: syntax.Problem, words: AriesVocabulary
+) -> None:
     exact = literal.time * words.ticks
     match literal.target:
         case Atom(predicate, arguments):
@@ -239,7 +240,7 @@ def _add_timed_literal(unified: up.Problem, literal: TimedLiteral, problem: synt
             assert_never(literal.target)
 
 
-def _action(schema: syntax.ActionSchema, words: Vocabulary, longest: int) -> up.Action:
+def _action(schema: syntax.ActionSchema, words: AriesVocabulary, longest: int) -> up.Action:
     kind = up.DurativeAction if schema.durative else up.InstantaneousAction
     parameters = {f"v_{one.name}": words.type(one) for one in schema.parameters}
     action: Any = kind(f"a_{schema.name}", parameters, words.environment)
@@ -259,7 +260,9 @@ def _action(schema: syntax.ActionSchema, words: Vocabulary, longest: int) -> up.
     return action
 
 
-def _duration(schema: syntax.ActionSchema, bindings: Bindings, words: Vocabulary, longest: int) -> up.DurationInterval:
+def _duration(
+    schema: syntax.ActionSchema, bindings: Bindings, words: AriesVocabulary, longest: int
+) -> up.DurationInterval:
     """The bounds as a closed interval; strict ones are left to the check of the plan."""
     lower, upper = [], []
     for one in schema.durations:
@@ -276,7 +279,7 @@ def _duration(schema: syntax.ActionSchema, bindings: Bindings, words: Vocabulary
     return ups.ClosedDurationInterval(lower[0] if lower else make(0), upper[0] if upper else make(longest))
 
 
-def _changes(effects: tuple[syntax.LiftedEffect, ...], bindings: Bindings, words: Vocabulary) -> Iterator[Change]:
+def _changes(effects: tuple[syntax.LiftedEffect, ...], bindings: Bindings, words: AriesVocabulary) -> Iterator[Change]:
     for effect in effects:
         match effect:
             case syntax.LiteralEffect(timing, proposition, value):
@@ -379,7 +382,7 @@ def _in_units(plan: TimedPlan, domain: syntax.Domain, ticks: int) -> TimedPlan:
     return TimedPlan(tuple(steps), plan.file)
 
 
-def _verdict(ended: Ended) -> PlannerStatus | None:
+def _verdict(ended: ProcessEnd) -> PlannerStatus | None:
     if "NO PLAN" in ended.stdout:
         return PlannerStatus.NO_PLAN
     return PlannerStatus.CRASHED if ended.stderr.startswith("Error:") else None

@@ -56,7 +56,7 @@ class TooLargeError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class FactChange:
     """One end of an action, by numbers of facts: what holds just before it, and what it makes true and false."""
 
     needs: frozenset[int]
@@ -73,8 +73,8 @@ class RelaxedAction:
 
     name: str
     shortest: int
-    start: Change
-    end: Change | None
+    start: FactChange
+    end: FactChange | None
     during: frozenset[int]
 
     @property
@@ -181,7 +181,7 @@ class _Constants:
         match condition:
             case model.Holds(atom, value):
                 return not self.fixed(atom.predicate) or self.holds(atom) is value
-            case model.Comparison(expression, relation):
+            case model.NumericCondition(expression, relation):
                 known = self.value(expression)
                 return known is None or not known.is_constant or relation.holds(known.constant_term)
             case model.And(operands):
@@ -290,11 +290,11 @@ def _action(ground: model.ActionInstance, shortest: int, number: Mapping[model.A
         timed = (one for one in ground.conditions if one.timing is timing)
         return frozenset(number[atom] for one in timed for atom in _needed(one.condition) if atom in number)
 
-    def change(timing: model.Timing) -> Change:
+    def change(timing: model.Timing) -> FactChange:
         effects = [one for one in ground.atom_effects if one.timing is timing and one.atom in number]
         adds = frozenset(number[one.atom] for one in effects if one.value)
         deletes = frozenset(number[one.atom] for one in effects if not one.value and one.condition == model.Truth(True))
-        return Change(needs(timing), adds, deletes - adds)
+        return FactChange(needs(timing), adds, deletes - adds)
 
     start = change(model.Timing.AT_START)
     during = needs(model.Timing.OVER_ALL) if shortest else frozenset()
@@ -475,7 +475,7 @@ class EarliestTimes:
             ]
             self._achieve((fact,), time, values)
 
-    def _broken(self, change: Change) -> Iterator[int]:
+    def _broken(self, change: FactChange) -> Iterator[int]:
         """The running actions that something breaks: facts that it makes false hold during them."""
         if change.deletes:
             for number, action in enumerate(self._problem.actions):

@@ -7,8 +7,7 @@ from fractions import Fraction
 
 from robust.encode.interface import EPSILON
 from robust.errors import InputError, did_you_mean, missing
-from robust.execute.planners.command import command_planner, kairos_planner
-from robust.execute.planners.interface import Planner
+from robust.execute.planners.interface import Planner, command_planner, kairos_planner
 from robust.execute.planners.reachability import ReachabilityFirst
 
 

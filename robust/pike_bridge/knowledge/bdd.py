@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 from robust.errors import from_extra
 from robust.pike_bridge.knowledge import interface
-from robust.pike_bridge.knowledge.diagrams import NOTHING, UNIT, Families
+from robust.pike_bridge.knowledge.goal import NOTHING, UNIT, Families
 from robust.pike_bridge.knowledge.orders import race
 from robust.pike_bridge.model import Assignment, Guard
 from robust.pike_bridge.theory import Formula, Theory, assignments_of, evaluate, interpret, is_consistent

@@ -11,7 +11,7 @@ from robust.pike_bridge.model import Assignment, Constraint, Guard, Tpnu, guard
 from robust.pike_bridge.theory import Theory, interpret
 from robust.plan.polynomial import Polynomial
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
-from robust.smt.session import Session, Value, Verdict
+from robust.smt.session import Satisfiability, Session, Value
 from robust.smt.terms import Formula as Term
 from robust.smt.terms import Terms
 
@@ -185,11 +185,11 @@ class SatKnowledgeBase(KnowledgeBase):
 def satisfiable(session: Session, question: str, deadline: Deadline) -> bool:
     """The solver's word; OutOfTimeError if the deadline passes or it does not know, SolverError if it failed."""
     match session.check(question, deadline):
-        case Verdict.SATISFIABLE:
+        case Satisfiability.SATISFIABLE:
             return True
-        case Verdict.UNSATISFIABLE:
+        case Satisfiability.UNSATISFIABLE:
             return False
-        case Verdict.UNKNOWN if session.failure is not None:
+        case Satisfiability.UNKNOWN if session.failure is not None:
             raise SolverError(session.failure)
-        case Verdict.UNKNOWN:
+        case Satisfiability.UNKNOWN:
             raise OutOfTimeError

@@ -16,8 +16,8 @@ from robust.pike_bridge.model import ALWAYS, Assignment, Guard, TeamPlan
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.patience import Patience, openings, values_of
 from robust.pike_bridge.online.semantic import Reasoner, SemanticReasoner
-from robust.pike_bridge.scenarios import restrict
 from robust.pike_bridge.searches import PikeSearch, Stoppable, Stopped
+from robust.pike_bridge.semantics import restrict
 from robust.smt.limits import NEVER, Deadline
 
 Ranking = Callable[[Sequence[str]], Sequence[str]]

@@ -9,8 +9,8 @@ from functools import cached_property
 from itertools import takewhile
 from typing import Any, ClassVar, TypeAlias
 
-from robust.codec import plain
 from robust.errors import InputError, did_you_mean
+from robust.json_text import plain
 from robust.numbers import format_number
 from robust.pike_bridge.model import Activity, Assignment, check_choice, may_produce, starts_with
 from robust.pike_bridge.online.executive import PlanExecutive

@@ -21,8 +21,7 @@ from robust.pike_bridge.knowledge.interface import Commitment, Exclude, Require
 from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.online.semantic import News, Reasoner, SemanticReasoner
 from robust.pike_bridge.temporal.distance_graph import LabeledValueSet
-from robust.pike_bridge.temporal.labeled_apsp import LabeledDistances
-from robust.pike_bridge.temporal.schedule import most_general
+from robust.pike_bridge.temporal.labeled_apsp import LabeledDistances, most_general
 from robust.smt.limits import NEVER, Deadline
 from robust.smt.terms import Terms
 
@@ -36,7 +35,7 @@ class ExecutionFacts:
     def __init__(self, compilation: Compilation, progress: Progress) -> None:
         self._progress = progress
         self.knowledge = compilation.knowledge
-        self.vocabulary = model.Vocabulary(compilation.augmented.network.domains)
+        self.vocabulary = model.AssignmentVocabulary(compilation.augmented.network.domains)
         self.known: model.Environment = 0
         """All assignments that hold by what has happened."""
         self._conflicts: list[model.Environment] = []
@@ -121,7 +120,7 @@ class LabeledWindows:
     """
 
     def __init__(self, network: model.Tpnu, distances: LabeledDistances, deadline: Deadline) -> None:
-        self.vocabulary: model.Vocabulary = distances.vocabulary
+        self.vocabulary: model.AssignmentVocabulary = distances.vocabulary
         self.guards: Mapping[str, model.Environment] = {
             event.name: self.vocabulary.encode(event.guard) for event in network.events
         }

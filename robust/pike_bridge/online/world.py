@@ -24,9 +24,9 @@ from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.explain import Fact, conflict
 from robust.pike_bridge.online.inquiry import Inquiry, StepReasons
-from robust.pike_bridge.online.journal import JournalStep
 from robust.pike_bridge.online.reasoners import make_reasoner, without_states
 from robust.pike_bridge.online.semantic import Reasoner, SemanticReasoner
+from robust.pike_bridge.online.service import JournalStep
 from robust.pike_bridge.searches import PikeSearch, Stopped
 from robust.pike_bridge.semantics import Execution, faults, holds
 from robust.presented import Presented, VerdictEnum

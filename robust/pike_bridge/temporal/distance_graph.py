@@ -16,7 +16,7 @@ from math import inf, lcm
 from operator import itemgetter
 from typing import Generic, NamedTuple, Protocol, TypeAlias, TypeVar
 
-from robust.pike_bridge.model import Constraint, Environment, Tpnu, Vocabulary, bits, entails, union
+from robust.pike_bridge.model import AssignmentVocabulary, Constraint, Environment, Tpnu, bits, entails, union
 from robust.smt.limits import NEVER, Deadline
 
 
@@ -28,7 +28,7 @@ class Precedence(Protocol):
     here, so callers leave them out.
     """
 
-    vocabulary: Vocabulary
+    vocabulary: AssignmentVocabulary
 
     def precedes(self, first: str, second: str, context: Environment) -> bool:
         """first ≺ second in the context: in every temporally consistent execution in which both events and the context
@@ -53,7 +53,7 @@ class DistanceEdge(NamedTuple):
 class DistanceGraph:
     """Edges between the places of events, over the environments of `vocabulary`."""
 
-    vocabulary: Vocabulary
+    vocabulary: AssignmentVocabulary
     events: tuple[str, ...]
     guards: tuple[Environment, ...]
     """The guard of each event, by place."""
@@ -78,7 +78,7 @@ def distance_graph(network: Tpnu) -> DistanceGraph:
     The label of an edge is the guard of its constraint together with those of its two events, which guards of
     constraints entail anyway [PIKE, Definition 2.1]. Edges whose label contradicts itself never hold and are left out.
     """
-    vocabulary = Vocabulary(network.domains)
+    vocabulary = AssignmentVocabulary(network.domains)
     places = {event.name: place for place, event in enumerate(network.events)}
     guards = tuple(vocabulary.encode(event.guard) for event in network.events)
     constraints = network.temporal_constraints
@@ -111,7 +111,7 @@ class LabeledValueSet(Generic[V]):
 
     __slots__ = ("pairs", "vocabulary")
 
-    def __init__(self, vocabulary: Vocabulary, pairs: Iterable[LabeledValue[V]] = ()) -> None:
+    def __init__(self, vocabulary: AssignmentVocabulary, pairs: Iterable[LabeledValue[V]] = ()) -> None:
         self.vocabulary = vocabulary
         self.pairs: list[LabeledValue[V]] = []
         """By increasing value; not to be kept while the set changes."""
@@ -213,7 +213,7 @@ class StructuralPrecedence:
     def __init__(self, network: Tpnu, deadline: Deadline = NEVER, *, epsilon: Fraction = Fraction(0)) -> None:
         graph = distance_graph(network)
         self._least = epsilon * graph.scale
-        self.vocabulary: Vocabulary = graph.vocabulary
+        self.vocabulary: AssignmentVocabulary = graph.vocabulary
         self._guards = graph.guards
         self._places = graph.places
         self._deadline = deadline

@@ -233,7 +233,7 @@ _TOKEN = re.compile(rf"(?:\s+|;.*)|(?P<OPEN>\()|(?P<CLOSE>\))|{_WORDS}|(?P<BAD>[
 
 
 @dataclass(slots=True)
-class _Open:
+class _OpenForm:
     """A form whose end has not been read."""
 
     items: list[Item]
@@ -246,14 +246,14 @@ class _Open:
 def read_forms(text: str, file: str) -> tuple[Item, ...]:
     """The forms of a file; parentheses match, and words are well formed."""
     top: list[Item] = []
-    stack: list[_Open] = []
-    astray: tuple[_Open, _Open] | None = None
+    stack: list[_OpenForm] = []
+    astray: tuple[_OpenForm, _OpenForm] | None = None
     closed: Location | None = None
     for match, location in _tokens(text, file):
         items = stack[-1].items if stack else top
         match match.lastgroup:
             case "OPEN":
-                stack.append(_Open([], location))
+                stack.append(_OpenForm([], location))
                 if len(stack) > DEEPEST:
                     raise fault(location, f"at most {DEEPEST} of them", found="too many nested forms")
             case "CLOSE" if not stack:
@@ -292,7 +292,7 @@ def _bad_word(word: str, where: Location) -> InputError:
     return fault(where, expected, found=quote(word.lower()), hint=hint)
 
 
-def _unclosed(stack: list[_Open], astray: tuple[_Open, _Open] | None) -> InputError:
+def _unclosed(stack: list[_OpenForm], astray: tuple[_OpenForm, _OpenForm] | None) -> InputError:
     """The file ends before all forms do; `astray` is the first section found inside of another one."""
     opened, where = stack[-1], "the end of the file"
     if astray is not None:

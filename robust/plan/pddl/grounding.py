@@ -12,10 +12,9 @@ from typing import TypeVar, assert_never
 from robust.errors import InputError, Location, UnsupportedError, did_you_mean
 from robust.plan.model import (
     ActionInstance,
-    Assignment,
+    AssignmentKind,
     Atom,
     AtomEffect,
-    Comparison,
     Condition,
     ContinuousEffect,
     Duration,
@@ -25,6 +24,7 @@ from robust.plan.model import (
     GoalCondition,
     Holds,
     Mention,
+    NumericCondition,
     NumericEffect,
     NumericVariable,
     ParameterReference,
@@ -129,19 +129,19 @@ def _comparison(comparator: syntax.Comparator, difference: Expression, positive:
     return ground if positive else negation(ground)
 
 
-def comparison(comparator: syntax.Comparator, difference: Expression) -> Comparison:
+def comparison(comparator: syntax.Comparator, difference: Expression) -> NumericCondition:
     """`difference comparator 0`."""
     match comparator:
         case syntax.Comparator.AT_LEAST:
-            return Comparison(difference, Relation.AT_LEAST)
+            return NumericCondition(difference, Relation.AT_LEAST)
         case syntax.Comparator.GREATER:
-            return Comparison(difference, Relation.GREATER)
+            return NumericCondition(difference, Relation.GREATER)
         case syntax.Comparator.AT_MOST:
-            return Comparison(-difference, Relation.AT_LEAST)
+            return NumericCondition(-difference, Relation.AT_LEAST)
         case syntax.Comparator.LESS:
-            return Comparison(-difference, Relation.GREATER)
+            return NumericCondition(-difference, Relation.GREATER)
         case syntax.Comparator.EQUAL:
-            return Comparison(difference, Relation.EQUAL)
+            return NumericCondition(difference, Relation.EQUAL)
 
 
 def expression(lifted: syntax.NumericExpression, context: Context) -> Expression:
@@ -261,7 +261,7 @@ def ground_action(  # noqa: PLR0917 (all that a line of a plan says)
 def _with_duration(instance: ActionInstance, parameter: str) -> ActionInstance:
     """The instance with `(= ?duration parameter)` in place of what fixes its duration."""
     first, *others = instance.fixing
-    condition = Comparison(_variable(Duration()) - _variable(ParameterReference(parameter)), Relation.EQUAL)
+    condition = NumericCondition(_variable(Duration()) - _variable(ParameterReference(parameter)), Relation.EQUAL)
     varied = replace(first, condition=condition, text=f"(= ?duration {parameter})")
     kept = (varied if one is first else one for one in instance.durations if one not in others)
     return replace(instance, durations=tuple(kept))
@@ -293,7 +293,7 @@ def fluents_read(instance: ActionInstance) -> frozenset[Fluent]:
     read = {name for _, name in _reads(instance) if isinstance(name, Fluent)}
     read |= {one.name for one in instance.mentions if one.needs_value and isinstance(one.name, Fluent)}
     read |= {effect.fluent for effect in instance.continuous_effects}
-    increased = (effect.fluent for effect in instance.numeric_effects if effect.operator is Assignment.INCREASE)
+    increased = (effect.fluent for effect in instance.numeric_effects if effect.operator is AssignmentKind.INCREASE)
     return frozenset(read.union(increased))
 
 
@@ -318,7 +318,7 @@ def _reads(instance: ActionInstance) -> Iterator[tuple[Timing, Name]]:
         for leaf in leaves(part.condition):
             if isinstance(leaf, Holds):
                 yield part.timing, leaf.atom
-            elif isinstance(leaf, Comparison):
+            elif isinstance(leaf, NumericCondition):
                 yield from ((part.timing, fluent) for fluent in fluents_in(leaf.expression))
     for effect in instance.numeric_effects:
         yield from ((effect.timing, fluent) for fluent in fluents_in(effect.expression))
@@ -539,14 +539,14 @@ class _Effects:
 def _numeric(effect: syntax.NumericUpdate, context: Context, when: Condition) -> NumericEffect:
     target = fluent(effect.target, context)
     value = expression(effect.expression, context)
-    operator = Assignment.ASSIGN
+    operator = AssignmentKind.ASSIGN
     match effect.update:
         case syntax.Update.ASSIGN:
             pass
         case syntax.Update.INCREASE:
-            operator = Assignment.INCREASE
+            operator = AssignmentKind.INCREASE
         case syntax.Update.DECREASE:
-            operator, value = Assignment.INCREASE, -value
+            operator, value = AssignmentKind.INCREASE, -value
         case syntax.Update.SCALE_UP:
             value = _variable(target) * value
         case syntax.Update.SCALE_DOWN:

@@ -19,7 +19,7 @@ from robust.qe.constraint import LinearConstraint, trim
 from robust.qe.eliminate.interface import Eliminator, Query, Solvers, outside, without
 from robust.qe.nnf import BoolLeaf, FormulaReader, Leaf, Model, Nnf, implicant, names_in, negation
 from robust.smt.limits import Deadline, OutOfTimeError
-from robust.smt.session import Session, Verdict
+from robust.smt.session import Satisfiability, Session
 
 L = TypeVar("L", bound=Leaf)
 
@@ -80,9 +80,9 @@ def satisfiable(session: Session, question: str, deadline: Deadline) -> bool:
         OutOfTimeError: if the solver does not decide before the deadline, or fails.
     """
     verdict = session.check(question, deadline)
-    if verdict is Verdict.UNKNOWN:
+    if verdict is Satisfiability.UNKNOWN:
         raise OutOfTimeError(session.failure)
-    return verdict is Verdict.SATISFIABLE
+    return verdict is Satisfiability.SATISFIABLE
 
 
 @dataclass(frozen=True)

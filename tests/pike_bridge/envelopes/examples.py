@@ -8,7 +8,7 @@ from benchmarks.generators.team_plans import Shape
 from benchmarks.generators.team_plans import random_plan as structured_plan
 from robust.pike_bridge.envelopes.parameters import TeamParameterKind, TeamParameterSpec, parametrize, specifications
 from robust.pike_bridge.model import guard
-from robust.pike_bridge.semantics import Existence, Oracle
+from robust.pike_bridge.semantics import ExecutionExistence, Oracle
 
 SMALL = Shape(top=3, squeeze=Fraction(0), threat_share=0.1, producer_share=0.8, inner_share=0.6)
 
@@ -79,7 +79,7 @@ def disagreements(region, values, draw, most=8):
     wrong, found = [], 0
     for each in asked:
         assignment = guard({name: draw.choice(domains[name]) for name in region.key} | dict(each.choices))
-        exists = oracle.decide(assignment).verdict is Existence.EXISTS
+        exists = oracle.decide(assignment).verdict is ExecutionExistence.EXISTS
         found += exists
         if exists != (each.choices in possible):
             wrong.append((assignment, values))

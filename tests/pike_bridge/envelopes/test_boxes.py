@@ -13,7 +13,7 @@ from robust.pike_bridge.envelopes.pieces import _CertainOrder
 from robust.pike_bridge.envelopes.search import TeamEnvelopeSearch
 from robust.pike_bridge.model import guard
 from robust.pike_bridge.online.world import Ending, Rehearsal, Story
-from robust.pike_bridge.semantics import Existence, Oracle
+from robust.pike_bridge.semantics import ExecutionExistence, Oracle
 from robust.plan.pddl.write import ActionText, sketched_domain, sketched_problem
 from robust.qe.box import Side
 from robust.qe.region import Region
@@ -30,7 +30,7 @@ def holds_by_oracle(plan, values, assume, for_all):
     oracle = Oracle(plan.at(values))
     domains = plan.plan.network.domains
     return all(
-        oracle.decide(assume | guard(dict(zip(for_all, each, strict=True)))).verdict is Existence.EXISTS
+        oracle.decide(assume | guard(dict(zip(for_all, each, strict=True)))).verdict is ExecutionExistence.EXISTS
         for each in product(*(domains[name] for name in for_all))
     )
 

@@ -4,7 +4,7 @@ from fractions import Fraction
 
 import pytest
 
-from robust.pike_bridge.envelopes.differences import ParametricEdge, cycles
+from robust.pike_bridge.envelopes.pieces import ParametricEdge, cycles
 from robust.plan.model import Parameter
 from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Polyhedron

@@ -14,14 +14,13 @@ from benchmarks.generators.team_plans import FEASIBLE, random_plan
 from robust.pike_bridge.compile import Compiling
 from robust.pike_bridge.knowledge import create_knowledge_base
 from robust.pike_bridge.knowledge.bdd import BddKnowledgeBase
-from robust.pike_bridge.knowledge.diagrams import FALSE, NOTHING, TRUE, UNIT, Families, Functions
+from robust.pike_bridge.knowledge.goal import FALSE, NOTHING, TRUE, UNIT, Families, Functions
 from robust.pike_bridge.knowledge.interface import Effort, Exclude, KnowledgeStatistics, OutOfSpaceError, Require
-from robust.pike_bridge.knowledge.labels import environments, split
-from robust.pike_bridge.knowledge.network import TruthMaintenance, encode
+from robust.pike_bridge.knowledge.labels import TruthMaintenance, encode, environments, split
 from robust.pike_bridge.knowledge.orders import FIRST_TRY, MORE, elimination_order, force_order, race
 from robust.pike_bridge.knowledge.tms import PiTms
-from robust.pike_bridge.model import Assignment, Vocabulary, guard
-from robust.pike_bridge.semantics import Existence, Oracle
+from robust.pike_bridge.model import Assignment, AssignmentVocabulary, guard
+from robust.pike_bridge.semantics import ExecutionExistence, Oracle
 from robust.pike_bridge.theory import All, Theory
 from robust.smt.limits import Deadline
 from tests.pike_bridge.knowledge.theories import allowed, models, theories
@@ -84,7 +83,7 @@ def test_functions_are_those_of_brute_force(disjunctions, conflicts, data):
 def test_the_goal_is_that_of_explicit_labels(theory, data):
     """The πTMS as the paper has it: the goal is a node, whose label is propagated to [PIKE, Algorithms 6 and 7]."""
     whole = Theory(theory.domains, (All(theory.constraints),), theory.conflicts)
-    vocabulary, effort = Vocabulary(theory.domains), Effort(KnowledgeStatistics())
+    vocabulary, effort = AssignmentVocabulary(theory.domains), Effort(KnowledgeStatistics())
     network = encode(whole)
     maintenance = TruthMaintenance(network, vocabulary, consensus=True, resolve=split)
     maintenance.run(effort)
@@ -127,7 +126,7 @@ def test_random_plans_have_the_same_answers_from_every_algorithm(seed, top):
     fresh = Compiling(drawn, "pitms").compile().knowledge
     for _ in range(6):
         asked = one(drawn.network.domains) if drawn.network.domains else frozenset()
-        exists = oracle.decide(asked).verdict is Existence.EXISTS
+        exists = oracle.decide(asked).verdict is ExecutionExistence.EXISTS
         assert fresh.could_commit([Require(asked)]) == exists
 
 

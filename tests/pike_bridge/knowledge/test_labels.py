@@ -7,15 +7,15 @@ from hypothesis import strategies as st
 from robust.pike_bridge.knowledge import labels
 from robust.pike_bridge.knowledge.bdd import BddKnowledgeBase
 from robust.pike_bridge.knowledge.interface import Effort, Exclude, KnowledgeStatistics, OutOfSpaceError, Require
-from robust.pike_bridge.knowledge.network import NodeKind, simplify
+from robust.pike_bridge.knowledge.labels import NodeKind, simplify
 from robust.pike_bridge.knowledge.tms import Atms, PiTms
-from robust.pike_bridge.model import Assignment, Vocabulary, guard
+from robust.pike_bridge.model import Assignment, AssignmentVocabulary, guard
 from robust.pike_bridge.theory import All, Is, Not, Some, Theory, conjunction, is_consistent
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.pike_bridge.brute_force import scenarios
 from tests.pike_bridge.knowledge.theories import allowed, commitments, models, prime_implicants, satisfies, theories
 
-VOCABULARY = Vocabulary({"x": ("1", "2", "3"), "y": ("1", "2", "3"), "z": ("1", "2")})
+VOCABULARY = AssignmentVocabulary({"x": ("1", "2", "3"), "y": ("1", "2", "3"), "z": ("1", "2")})
 FIELDS = [VOCABULARY.field(variable) for variable in VOCABULARY.variables]
 partial = st.lists(st.sampled_from(VOCABULARY.assignments), max_size=3, unique_by=lambda one: one.variable).map(dict)
 several = st.lists(partial, max_size=5)
@@ -122,7 +122,7 @@ def test_counting_models(found):
 
 
 def test_long_work_looks_at_the_clock():
-    many = Vocabulary({f"v{at}": ("1", "2") for at in range(24)})
+    many = AssignmentVocabulary({f"v{at}": ("1", "2") for at in range(24)})
     halves = [
         {sum(map(many.field, half)): {many.encode(guard(one)) & many.made for one in scenarios(half)}}
         for half in ({f"v{at}": ("1", "2") for at in range(start, start + 12)} for start in (0, 12))

@@ -7,8 +7,8 @@ from robust.pike_bridge.model import guard
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.online.world import Pace, SimulatedTeam, Story
-from robust.pike_bridge.semantics import Existence, Oracle, Semantics
-from robust.smt.session import Session, Verdict
+from robust.pike_bridge.semantics import ExecutionExistence, Oracle, Semantics
+from robust.smt.session import Satisfiability, Session
 
 
 class Hesitant(SimulatedTeam):
@@ -28,7 +28,7 @@ def joint_values(plan):
 def possible_intents(plan):
     """The joint values of the choices of people with which a correct execution exists."""
     oracle = Oracle(plan)
-    return [each for each in joint_values(plan) if oracle.decide(guard(each)).verdict is Existence.EXISTS]
+    return [each for each in joint_values(plan) if oracle.decide(guard(each)).verdict is ExecutionExistence.EXISTS]
 
 
 def execute(plan, intent, delay, *, patience, reasoner=SemanticReasoner, observe=lambda *_: None, pace=Pace.LEAST):
@@ -76,4 +76,4 @@ class Continuations:
                 if activity.target == event:
                     asked.append(semantics.not_earlier(event, late, activity.guard))
         with self._session.frame(*asked):
-            return self._session.check("an intent") is Verdict.SATISFIABLE
+            return self._session.check("an intent") is Satisfiability.SATISFIABLE

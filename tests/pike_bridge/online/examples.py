@@ -14,9 +14,9 @@ from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.progress import Failed, Outcome
 from robust.pike_bridge.online.semantic import Reasoner, SemanticReasoner
 from robust.pike_bridge.online.world import Disturbance, SimulatedTeam, Story
-from robust.pike_bridge.semantics import Execution, Existence, Oracle, Semantics, faults, holds
+from robust.pike_bridge.semantics import Execution, ExecutionExistence, Oracle, Semantics, faults, holds
 from robust.plan.model import Atom
-from robust.smt.session import Session, Verdict
+from robust.smt.session import Satisfiability, Session
 
 KITCHEN = Path(__file__).parents[3] / "robust" / "examples" / "kitchen" / "kitchen.tpnu.json"
 SOLVABLE = (0, 4, 5, 16, 17, 19, 26, 34, 42, 53, 70, 71, 83, 87, 92, 94, 103, 108, 119, 121)
@@ -91,7 +91,7 @@ def confirming(plan, asked):
         progress = executive.progress
         if not progress.void:
             answer = oracle.decide(guard(progress.chosen), progress.times, now=progress.now)
-            expected = Existence.NONE if isinstance(executive.outcome, Failed) else Existence.EXISTS
+            expected = ExecutionExistence.NONE if isinstance(executive.outcome, Failed) else ExecutionExistence.EXISTS
             assert answer.verdict is expected, (plan.name, now)
             asked.append(now)
 
@@ -136,7 +136,7 @@ def is_left(plan, progress):
             session.add(semantics.guard(label), semantics.at(event, progress.times[event]))
         else:
             session.add(semantics.not_earlier(event, progress.now))
-    return session.check("what is left") is Verdict.SATISFIABLE
+    return session.check("what is left") is Satisfiability.SATISFIABLE
 
 
 class Compared(Reasoner):

@@ -23,7 +23,7 @@ from robust.pike_bridge.builder import act, build, choose, k_intents, parallel, 
 from robust.pike_bridge.model import EPSILON, guard
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.reasoners import make_reasoner
-from robust.pike_bridge.semantics import Existence, Oracle
+from robust.pike_bridge.semantics import ExecutionExistence, Oracle
 from robust.plan.model import Atom
 from robust.plan.pddl.write import ActionText, sketched_domain, sketched_problem
 from robust.smt.limits import Deadline, OutOfTimeError
@@ -144,8 +144,8 @@ def test_draws_are_within_bounds_and_on_the_grid():
 def test_the_first_guess_is_the_first_feasible_intent():
     plan = load_team_plan(KITCHEN)
     found = Guesser(plan).guess(Facts(), {}, Deadline())
-    assert Oracle(plan).decide(guard(found)).verdict is Existence.EXISTS
-    feasible = (each for each in humans(plan) if Oracle(plan).decide(guard(each)).verdict is Existence.EXISTS)
+    assert Oracle(plan).decide(guard(found)).verdict is ExecutionExistence.EXISTS
+    feasible = (each for each in humans(plan) if Oracle(plan).decide(guard(each)).verdict is ExecutionExistence.EXISTS)
     assert next(feasible).items() <= found.items()
 
 

@@ -14,9 +14,9 @@ from robust.pike_bridge.online.explain import About, Situation, conflict
 from robust.pike_bridge.online.inquiry import Inquiry, Obstacle, WhyChosen, WhyNot, why, why_failed, why_not
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.online.world import Ending, Human, Pace, Rehearsal, SimulatedTeam, Story
-from robust.pike_bridge.semantics import Execution, Existence, Oracle, faults
+from robust.pike_bridge.semantics import Execution, ExecutionExistence, Oracle, faults
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
-from robust.smt.session import Session, Verdict
+from robust.smt.session import Satisfiability, Session
 from tests.pike_bridge.online.examples import (
     BROKEN,
     MUG,
@@ -188,7 +188,7 @@ def test_possible_values_are_those_of_the_oracle():
     for choice in kitchen().network.choices:
         made = [(value, guard(progress.chosen | {choice.name: value})) for value in choice.domain]
         answers = [(value, oracle.decide(chosen, progress.times, now=progress.now)) for value, chosen in made]
-        expected = tuple(value for value, answer in answers if answer.verdict is Existence.EXISTS)
+        expected = tuple(value for value, answer in answers if answer.verdict is ExecutionExistence.EXISTS)
         assert executive.possible_values(choice.name) == expected
 
 
@@ -285,8 +285,8 @@ def contradict(situation, statements):
     session = Session(situation.semantics.terms, solver="cvc5")
     session.add(*situation.semantics.domains, *(each.formula for each in statements))
     verdict = session.check("a test")
-    assert verdict is not Verdict.UNKNOWN
-    return verdict is Verdict.UNSATISFIABLE
+    assert verdict is not Satisfiability.UNKNOWN
+    return verdict is Satisfiability.UNSATISFIABLE
 
 
 def check_moment(executive):

@@ -14,7 +14,7 @@ from robust.pike_bridge.online.progress import Completion, Executed, Progress
 from robust.pike_bridge.online.reasoners import make_reasoner, reasoner_names
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.online.world import Disturbance, Human, Pace, Story
-from robust.pike_bridge.semantics import Existence, Oracle
+from robust.pike_bridge.semantics import ExecutionExistence, Oracle
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from tests.pike_bridge import stories as figures
 from tests.pike_bridge.online.examples import SOLVABLE, Compared, confirming, drawn, kitchen, watch, working
@@ -208,7 +208,7 @@ def test_unknown_reasoners_are_named():
 @each_backend
 def test_many_executions_stay_correct_until_they_fail(backend):
     plans = [(number, contested(number)) for number in range(1000)]
-    plans = [(number, plan) for number, plan in plans if Oracle(plan).decide().verdict is Existence.EXISTS]
+    plans = [(number, plan) for number, plan in plans if Oracle(plan).decide().verdict is ExecutionExistence.EXISTS]
     plans += [(number, drawn(index)) for index in SOLVABLE for number in range(3)]
     asked = []
     for number, plan in plans:

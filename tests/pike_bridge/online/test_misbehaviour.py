@@ -13,12 +13,11 @@ import pytest
 
 from robust.pike_bridge.model import Activity, Event
 from robust.pike_bridge.online.executive import PlanExecutive
-from robust.pike_bridge.online.journal import Journal
 from robust.pike_bridge.online.progress import Failed, Succeeded
 from robust.pike_bridge.online.reasoners import make_reasoner, reasoner_names
 from robust.pike_bridge.online.semantic import SemanticReasoner
-from robust.pike_bridge.online.service import CLOSING, Service, read_request
-from robust.pike_bridge.semantics import Existence, Oracle
+from robust.pike_bridge.online.service import CLOSING, Journal, Service, read_request
+from robust.pike_bridge.semantics import ExecutionExistence, Oracle
 from tests.pike_bridge import stories
 from tests.pike_bridge.online.examples import SOLVABLE, Compared, drawn, is_correct, is_left
 from tests.pike_bridge.online.test_patience import contested
@@ -131,7 +130,7 @@ class Misbehaved:
 
 
 def possible(plan):
-    return Oracle(plan).decide().verdict is Existence.EXISTS
+    return Oracle(plan).decide().verdict is ExecutionExistence.EXISTS
 
 
 def compared(backend):

@@ -14,7 +14,7 @@ from robust.pike_bridge.online.progress import Chosen, Excluded, Executed, Faile
 from robust.pike_bridge.online.reasoners import make_reasoner
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.online.world import Pace
-from robust.pike_bridge.semantics import Existence, Oracle
+from robust.pike_bridge.semantics import ExecutionExistence, Oracle
 from tests.pike_bridge import stories
 from tests.pike_bridge.online.delays import Continuations, execute, joint_values, possible_intents
 from tests.pike_bridge.online.examples import SOLVABLE, confirming, drawn, is_correct
@@ -203,7 +203,7 @@ def test_the_latest_moments_are_those_of_the_oracle(name):
     for choice, value, possible, latest in LatestMoments(plan).run().moments:
         assert possible
         made = guard({choice: value})
-        for moment, verdict in ((latest, Existence.EXISTS), (latest + plan.epsilon, Existence.NONE)):
+        for moment, verdict in ((latest, ExecutionExistence.EXISTS), (latest + plan.epsilon, ExecutionExistence.NONE)):
             assert oracle.decide(made, {**begin, events[choice]: moment}).verdict is verdict
 
 

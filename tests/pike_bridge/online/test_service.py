@@ -16,10 +16,18 @@ import pytest
 from robust.errors import InputError
 from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.online.executive import PlanExecutive
-from robust.pike_bridge.online.journal import Journal, JournalStep, plan_digest, read_journal, resume
 from robust.pike_bridge.online.progress import JSON, Chosen, Decision, Estimate, Executed, Message
 from robust.pike_bridge.online.semantic import SemanticReasoner
-from robust.pike_bridge.online.service import CLOSING, Service, read_request
+from robust.pike_bridge.online.service import (
+    CLOSING,
+    Journal,
+    JournalStep,
+    Service,
+    plan_digest,
+    read_journal,
+    read_request,
+    resume,
+)
 from robust.pike_bridge.online.world import Human, Pace, Rehearsal, Story
 from robust.show.schemas import schema
 from robust.smt.limits import OutOfTimeError

@@ -9,7 +9,7 @@ from robust.errors import Location
 from robust.plan.model import (
     ActionInstance,
     And,
-    Assignment,
+    AssignmentKind,
     Atom,
     AtomEffect,
     Condition,
@@ -165,8 +165,8 @@ def test_durative_action() -> None:
         ContinuousEffect(total, number(1)),
     )
     assert move.numeric_effects == (
-        NumericEffect(Timing.AT_START, total, Assignment.INCREASE, number(-3)),
-        NumericEffect(Timing.AT_END, total, Assignment.INCREASE, DURATION, busy),
+        NumericEffect(Timing.AT_START, total, AssignmentKind.INCREASE, number(-3)),
+        NumericEffect(Timing.AT_END, total, AssignmentKind.INCREASE, DURATION, busy),
     )
     hub = Atom("open", ("hub",))
     assert set(move.atom_effects) >= {
@@ -179,17 +179,17 @@ def test_durative_action() -> None:
 @pytest.mark.parametrize(
     ("text", "operator", "expected"),
     [
-        ("(assign (f) (k))", Assignment.ASSIGN, fluent("k")),
-        ("(increase (f) 2)", Assignment.INCREASE, number(2)),
-        ("(decrease f (* 2 (k)))", Assignment.INCREASE, fluent("k").scaled(-2)),
-        ("(scale-up (f) 3)", Assignment.ASSIGN, fluent("f").scaled(3)),
-        ("(scale-up (f) (k))", Assignment.ASSIGN, fluent("f") * fluent("k")),
-        ("(scale-down (f) 4)", Assignment.ASSIGN, fluent("f").scaled(Fraction(1, 4))),
-        ("(scale-down (f) (g))", Assignment.ASSIGN, fluent("f").scaled(Fraction(1, 4))),
-        ("(assign (f) (/ 1 (h a)))", Assignment.ASSIGN, number(Fraction(1, 2))),
+        ("(assign (f) (k))", AssignmentKind.ASSIGN, fluent("k")),
+        ("(increase (f) 2)", AssignmentKind.INCREASE, number(2)),
+        ("(decrease f (* 2 (k)))", AssignmentKind.INCREASE, fluent("k").scaled(-2)),
+        ("(scale-up (f) 3)", AssignmentKind.ASSIGN, fluent("f").scaled(3)),
+        ("(scale-up (f) (k))", AssignmentKind.ASSIGN, fluent("f") * fluent("k")),
+        ("(scale-down (f) 4)", AssignmentKind.ASSIGN, fluent("f").scaled(Fraction(1, 4))),
+        ("(scale-down (f) (g))", AssignmentKind.ASSIGN, fluent("f").scaled(Fraction(1, 4))),
+        ("(assign (f) (/ 1 (h a)))", AssignmentKind.ASSIGN, number(Fraction(1, 2))),
     ],
 )
-def test_numeric_effects(text: str, operator: Assignment, expected: Expression) -> None:
+def test_numeric_effects(text: str, operator: AssignmentKind, expected: Expression) -> None:
     never = "(= (h a) 2) (at 4 (= (h b) 1))"
     assert effects(text, init=never).numeric_effects == (
         NumericEffect(Timing.AT_START, Fluent("f"), operator, expected),

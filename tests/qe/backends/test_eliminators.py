@@ -23,7 +23,7 @@ from robust.qe.eliminate.z3_tactics import to_z3
 from robust.qe.nnf import FALSE, TRUE, BoolLeaf, FormulaReader, Nnf, conjunction, disjunction, names_in, negation
 from robust.qe.simplex import feasible_point
 from robust.smt.limits import Deadline, OutOfTimeError
-from robust.smt.session import Session, Verdict
+from robust.smt.session import Satisfiability, Session
 from robust.smt.terms import Formula, Terms
 from tests.plan.building import drawn
 
@@ -200,7 +200,7 @@ MODELS = st.fixed_dictionaries({**dict.fromkeys(SYMBOLS, NUMBERS), "p": st.boole
 def is_valid(terms: Terms, formula: Formula) -> bool:
     session = Session(terms)
     session.add(terms.negation(formula))
-    return session.check("validity") is Verdict.UNSATISFIABLE
+    return session.check("validity") is Satisfiability.UNSATISFIABLE
 
 
 def holds(formula: Nnf, model: dict[str, Fraction | bool]) -> bool:

@@ -29,7 +29,7 @@ from robust.qe.nnf import FormulaReader, conjunction
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
 from robust.smt.limits import NEVER, Deadline, noticing_interrupts
-from robust.smt.session import Session, Verdict
+from robust.smt.session import Satisfiability, Session
 from tests.children import interrupted_after
 from tests.irr.building import shipped
 from tests.plan import building
@@ -245,7 +245,7 @@ def test_queries_are_named_timed_and_counted(monkeypatch: pytest.MonkeyPatch, ba
     asked: list[str] = []
     original = Session.check
 
-    def check_and_note(self: Session, question: str, deadline: Deadline = NEVER) -> Verdict:
+    def check_and_note(self: Session, question: str, deadline: Deadline = NEVER) -> Satisfiability:
         assert question.startswith("definition of ") or deadline.moment is not None, question
         asked.append(question)
         return original(self, question, deadline)
