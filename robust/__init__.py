@@ -10,10 +10,8 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING
 
-from robust.presented import Painter, Presented, Presenter
-
+TYPE_CHECKING = False  # true to type checkers; `typing` itself would delay the moment from which Ctrl-C is answered
 if TYPE_CHECKING:
     from robust import pike, stnu
     from robust.api import batch, check, compare, envelope, region, repair, risk
@@ -36,6 +34,7 @@ if TYPE_CHECKING:
     from robust.irr.repair import Repair
     from robust.irr.search import EnvelopeResult, Step
     from robust.plan.model import ParametrizedPlan
+    from robust.presented import Painter, Presented, Presenter
     from robust.probability.distributions import Distribution
     from robust.probability.measure import Bounds
     from robust.probability.risk import RiskResult, RiskStatus
@@ -161,17 +160,15 @@ def __getattr__(name: str) -> object:
     return getattr(import_module(_HOME[name]), name)
 
 
-def _presenter() -> Presenter:
-    from robust.show import presenting  # noqa: PLC0415 - shows what is asked for only
+def presenter() -> Presenter:
+    """What shows results; no result knows it, so that none costs more than itself."""
+    from robust.show import presenting  # noqa: PLC0415 - loads what prints
 
     return presenting
 
 
-def _painter() -> Painter:
+def painter() -> Painter:
+    """What draws results."""
     from robust.draw import pictures  # noqa: PLC0415 - loads matplotlib
 
     return pictures
-
-
-Presented.presenter = staticmethod(_presenter)
-Presented.painter = staticmethod(_painter)

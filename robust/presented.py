@@ -8,10 +8,11 @@ false: one that is refuted is an answer too.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from enum import Enum
 from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Protocol
 
+import robust
 from robust.errors import from_extra
 
 if TYPE_CHECKING:
@@ -74,17 +75,14 @@ class Presented(NoTruthValue):
     """A result that can be shown; a class to inherit from, without fields."""
 
     __slots__ = ()
-    presenter: ClassVar[Callable[[], Presenter]]
-    painter: ClassVar[Callable[[], Painter]]
-    """These load what shows and what draws results; the package sets them, since nothing here knows them."""
 
     def __str__(self) -> str:
         """What the command prints: plain text, of one screen at most."""
-        return type(self).presenter().text(self)
+        return robust.presenter().text(self)
 
     def _repr_html_(self) -> str:
         """The same for notebooks, whole and with its tables; texts of files are escaped."""
-        return type(self).presenter().page(self)
+        return robust.presenter().page(self)
 
     def as_dict(self) -> dict[str, Any]:
         """What the command prints with `--json`: texts, numbers, lists and dictionaries; rationals are texts.
@@ -92,7 +90,7 @@ class Presented(NoTruthValue):
         What only the command knows is as if it was not asked for: the names of files, notes on how they were read, and
         what it found out beside.
         """
-        return type(self).presenter().document(self)
+        return robust.presenter().document(self)
 
     def rows(self) -> list[dict[str, Any]]:
         """The main table of the result, a dictionary for each row, as data frames are made of.
@@ -103,7 +101,7 @@ class Presented(NoTruthValue):
         Raises:
             InputError: if the result has no table.
         """
-        return type(self).presenter().rows(self)
+        return robust.presenter().rows(self)
 
     def plot(self, path: str | os.PathLike[str] | None = None, *, axes: str | Sequence[str] = ()) -> Figure:
         """A picture of the result, as a figure of matplotlib.
@@ -118,6 +116,6 @@ class Presented(NoTruthValue):
             UnsupportedError: if matplotlib is not installed.
         """
         try:
-            return type(self).painter().draw(self, path, axes)
+            return robust.painter().draw(self, path, axes)
         except ModuleNotFoundError as error:
             raise from_extra(error) or error from error
