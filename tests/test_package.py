@@ -221,3 +221,11 @@ def test_public_names_are_sorted_and_each_has_a_home():
 def test_a_name_that_does_not_exist_is_an_attribute_error():
     with pytest.raises(AttributeError, match="no attribute 'envelop'"):
         robust.envelop  # noqa: B018 - the access is the test
+
+
+def test_nothing_is_imported_before_signals_are_blocked():
+    """From then on Ctrl-C shows no traceback; what the interpreter loads by itself is not ours."""
+    code = "import sys; before = set(sys.modules); import robust.cli; print(*sorted(set(sys.modules) - before))"
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert {"robust", "robust.cli"} <= {*ran.stdout.split()}
+    assert not {"typing", "dataclasses", "re", "rich", "msgspec", "robust.errors"} & {*ran.stdout.split()}

@@ -15,6 +15,7 @@ import zlib
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
+from tomllib import TOMLDecodeError
 from typing import Any
 
 from .choices import check_choices, members, network_of
@@ -22,9 +23,9 @@ from .claims import Box, Claim, Range, check, nominal
 from .proofs import Rejected, Tape, demand
 from .reader import Ground, Unsupported, ground, need, number
 
-FORMAT, OLD = "robust/certificate/2", "robust/certificate/1"
+FORMAT, OLD, LATE = "robust/certificate/2", "robust/certificate/1", (3, "unknown")
 KINDS = ("plan", "box", "maximal", "region", "knowledge", "execution")
-MALFORMED = (ArithmeticError, AttributeError, LookupError, MemoryError, RecursionError, TypeError, ValueError)
+MALFORMED = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
 LONGEST, EXPANDED = 1 << 20, 32  # bytes of a certificate that is unpacked: these, and as many for each of its own
 SMALL = 120_000
 """Bytes of all files; what is above that may take time and memory of its own."""
@@ -127,10 +128,10 @@ def report(arguments: Any, inputs: Inputs) -> tuple[int, dict[str, Any]]:
         epsilon = number(arguments.epsilon)
         need(epsilon >= 0, "epsilon has to be 0 or more")
         claim = checked(Path(arguments.certificate), [*map(Path, arguments.files)], epsilon, inputs, arguments)
-    except (Rejected, OSError, EOFError, zlib.error, UnicodeError, Unsupported) as error:
-        known = {Rejected: (1, "rejected"), TimeoutError: (3, "unknown"), Unsupported: (4, "unsupported")}
+    except (Rejected, OSError, EOFError, zlib.error, UnicodeError, MemoryError, Unsupported, TOMLDecodeError) as error:
+        known = {Rejected: (1, "rejected"), TimeoutError: LATE, MemoryError: LATE, Unsupported: (4, "unsupported")}
         code, verdict = known.get(type(error), (2, "unreadable"))
-        return code, {"verdict": verdict, "reason": plain(str(error))}
+        return code, {"verdict": verdict, "reason": plain(str(error) or "out of memory")}
     except MALFORMED as error:
         return 1, {"verdict": "rejected", "reason": f"malformed ({type(error).__name__})"}
     text = plain(f"{claim.text}, epsilon = {claim.epsilon}")

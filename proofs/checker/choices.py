@@ -27,6 +27,7 @@ class Numeral(str):
 
 
 BOUND: set[type] = {type(None), str, Numeral}
+VARIED = {"name", "duration", "at-least", "at-most", "hesitation"}
 SPAN: dict[str, set[type]] = {"from": {str}, "to": {str}, "lower": BOUND, "upper": BOUND, "guard": {dict}}
 KEYS: dict[str, dict[str, set[type]]] = {
     "choices": {"name": {str}, "domain": {list}, "controllable": {bool}, "at": {str}},
@@ -52,6 +53,9 @@ def network_of(text: str) -> dict[str, Any]:
     need(found.keys() <= {"format", "name", "domain", "problem", "parameters", *KEYS}, "found an unknown key")
     need(all(is_name(found.get(key)) for key in ("name", "domain", "problem")), "expected a name and files")
     need(type(found.setdefault("parameters", [])) is list and "events" in found, "expected lists")
+    for each in found["parameters"]:  # of envelopes; nothing here depends on them
+        known = type(each) is dict and "name" in each and len(each) == 2 and each.keys() <= VARIED
+        need(known and all(map(is_name, each.values())), "found a parameter with attributes, or malformed")
     for kind, types in KEYS.items():
         need(type(found.setdefault(kind, [])) is list, f"expected a list of {kind}")
         for each in found[kind]:

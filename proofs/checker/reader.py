@@ -181,7 +181,7 @@ class Model:
                 self.action(kind, rest)
         self.things(parts.get(":objects", []))
         twice = self.functions.keys() & (self.predicates.keys() | self.objects.keys())
-        need(not twice, f"found functions that are predicates or objects, too: {twice}")
+        need(not twice, f"found functions that are predicates or objects, too: {sorted(twice)}")
         for fact in parts[":init"]:
             self.fact(fact)
         self.goal = parts[":goal"][0]
@@ -430,7 +430,8 @@ class Ground:
     def beside(self, text: str) -> None:
         """The TOML file beside a plan: which of its parameters are durations of actions, or initial values."""
         document = tomllib.loads(text)
-        need(document.keys() <= {"parameters"} or "parameters" not in document, "found other tables than parameters")
+        like = {key for key in document if key[:5].lower() == "param"}
+        need(not like or document.keys() == {"parameters"}, "found other tables than parameters")
         for name, table in document.get("parameters", {}).items():
             need(type(table) is dict and len(table) == 1, f"found parameter {name!r} beside the plan with attributes")
             [(kind, subject)] = table.items()

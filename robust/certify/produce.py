@@ -95,7 +95,7 @@ def prove(problem: str, name: str, deadline: Deadline) -> str:
     if result.isUnknown():
         raise OutOfTimeError
     if result.isSat():
-        raise RefutedError(f"{name!r} breaks for some of these values; expected values for which it holds")
+        raise RefutedError(f"found a schedule that breaks {name!r}, expected none; `robust check` shows one")
     text = solver.proofToString(solver.getProof()[0], cvc5.ProofFormat.ALETHE).decode()
     if not text.lstrip().startswith("("):
         raise SolverError(f"cvc5 has no Alethe proof of {name!r}: {text[:200]}")

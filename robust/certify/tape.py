@@ -315,7 +315,7 @@ def obligation_lines(
             try:
                 refutations.append(refutation(formulas, known, literal, deadline, also))
             except NotRefutedError:
-                message = f"{label!r} breaks for some of these values; expected values for which it holds"
+                message = f"found a schedule that breaks {label!r}, expected none; `robust check` shows one"
                 raise RefutedError(message) from None
         if on_obligation is not None:
             on_obligation(number + 1, len(obligations), label)

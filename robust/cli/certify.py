@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 from robust.cli.guard import action
 from robust.errors import InputError, Location, RefutedError, UnsupportedError
-from robust.numbers import exact_end, shorten
+from robust.numbers import exact_end, quoted, shorten
 from robust.options.batch import CertifyCommand, VerifyCommand
 from robust.options.declare import place_of, refuse_replacing, settings
+from robust.plan.parameters import specifications
 from robust.plan.pddl.forms import read_bytes, read_text
 from robust.qe.box import Box, Interval
 from robust.records import atomic_write
@@ -107,7 +108,8 @@ def verify(options: VerifyCommand, run: Run) -> int:
     if not run.only(lambda: read_bytes(options.certificate, CERTIFICATE, LARGEST)).startswith(GZIP):
         raise InputError(f"found a file that is not compressed by gzip, expected {CERTIFICATE}", place)
     for file in _files(options):
-        run.only(partial(read_bytes, file))
+        run.only(partial(read_text, file))
+    run.only(partial(specifications, (), None, options.files[-1]))  # reads what is beside it
     box = run.only(lambda: demanded_box(options.box))
 
     def work() -> tuple[Verification, float]:
@@ -133,7 +135,8 @@ def verify(options: VerifyCommand, run: Run) -> int:
     if found.outcome is CheckerOutcome.UNREADABLE:
         raise InputError(f"cannot read ({found.answer['reason']}), expected {CERTIFICATE}", place)
     if found.outcome is CheckerOutcome.UNSUPPORTED:
-        raise UnsupportedError(f"the checker of certificates does not read this: {found.answer['reason']}")
+        names = ", ".join(map(quoted, options.files))
+        raise UnsupportedError(f"the checker of certificates does not read one of {names}: {found.answer['reason']}")
     said = ("kind", "claim", "epsilon", "box", "obligations", "refuted", "reason")
     answer = made.Verify(
         verdict=found.answer["verdict"],
@@ -165,7 +168,6 @@ def _network(options: CertifyCommand, run: Run) -> dict[Path, str]:
     """What is written beside the certificate, because it is about that: a network that is made of steps, or that other
     parameters than its own are put into, first; and a file of those that are not in the network."""
     from robust.execute.parametrization import write_specs
-    from robust.plan.parameters import specifications
     from robust.plan.pddl.forms import read_plan_text
     from robust.plan.stn import is_network, write_stn
 

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from robust.cli.output import Display, answering, complain, noting_warnings, print_json
 from robust.errors import UNDECIDED, InputError, RobustError, SolverError
-from robust.options.declare import Options, as_typed
+from robust.options.declare import WRITTEN, Options, as_typed
 from robust.smt.limits import OutOfTimeError
 
 if TYPE_CHECKING:
@@ -248,10 +248,6 @@ def _given_up(stopped: OutOfTimeError) -> Exception:
     return GivenUpError(Cause.TIMEOUT) if stopped.reason is None else SolverError(stopped.reason)
 
 
-_WRITTEN = ("output", "plot", "html", "csv", "stnu")
-"""Options that name a file for the answer."""
-
-
 class Run:
     """One run of one command: its display, its time limit, and its answer; a context manager."""
 
@@ -264,7 +260,7 @@ class Run:
         self._notes: list[str] = []
         self._writes: list[Callable[[], object]] = []
         self._failed = 0
-        given = (getattr(options, name, None) for name in _WRITTEN)
+        given = (getattr(options, name, None) for name in WRITTEN)
         self._files = [path for path in given if isinstance(path, Path)]
         self._color: str = getattr(options, "color", "auto")
         self.display = Display(shown=hasattr(options, "quiet") and not talks, what="reading", color=self._color)

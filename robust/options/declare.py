@@ -239,17 +239,26 @@ class Options:
         self._check_files()
 
     def _check_files(self) -> None:
-        """InputError if an option is a file that is typed as argument: what is read would be overwritten; or if files
-        would be that no option names."""
+        """InputError if a file is to be written that is read, or twice, or whose name a terminal would not show as it
+        is; or if files would be overwritten that no option names."""
         files = [(one, getattr(self, name), place_of(name)) for name, one in self.declarations.items() if one.path]
-        read = [(one, file) for one, value, _ in files if one.argument for file in (value if one.many else [value])]
-        for one, path, place in files:
-            if one.argument or one.many or path is None or not os.path.isfile(path):
+        uses: dict[str, str] = {}
+        for name, one in self.declarations.items():
+            if one.path and name not in WRITTEN and (value := getattr(self, name)):
+                for file in map(Path, value if one.many else [value]):
+                    uses[os.path.realpath(file)] = "which is read"
+                    if one.argument and file.suffix not in {"", ".pddl"}:
+                        beside = os.path.realpath(file.with_suffix(".toml"))
+                        uses.setdefault(beside, f"where parameters of {quoted(file)} are read")
+        for name in WRITTEN:
+            path = getattr(self, name, None)
+            if not isinstance(path, Path) or (path.exists() and not path.is_file()):
                 continue
-            for other, file in read:
-                if file is not None and os.path.isfile(file) and os.path.samefile(path, file):
-                    found = f"found {quoted(path)}, which is {other.metavar}, expected another file"
-                    raise InputError(found, place)
+            if not str(path).isprintable():
+                raise InputError(f"found {quoted(path)}, expected a name without control characters", place_of(name))
+            if use := uses.get(os.path.realpath(path)):
+                raise InputError(f"found {quoted(path)}, {use}, expected another file", place_of(name))
+            uses[os.path.realpath(path)] = f"which {spelled(name)} names"
         named = {Path(file) for one, value, _ in files if value for file in (value if one.many else [value])}
         for one, path, place in files:
             if one.also is not None and path is not None:
@@ -396,6 +405,10 @@ def writable(path: Path, place: Location, what: str) -> Path:
     if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
         raise InputError(f"cannot write {quoted(path)}, expected a file that can be written", place)
     return path
+
+
+WRITTEN = ("output", "plot", "html", "csv", "stnu")
+"""Options that name a file for the answer."""
 
 
 def refuse_replacing(files: Iterable[Path], place: Location, *, force: bool) -> None:

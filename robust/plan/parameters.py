@@ -29,6 +29,7 @@ from __future__ import annotations
 import os
 import re
 import shlex
+import warnings
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
@@ -37,7 +38,7 @@ from os import PathLike
 from pathlib import Path
 from typing import assert_never
 
-from robust.errors import InputError, Location, did_you_mean
+from robust.errors import InputError, InputWarning, Location, did_you_mean
 from robust.numbers import shorten
 from robust.plan.model import ZERO, Expression, Fluent, ParameterReference, TimePoint
 from robust.plan.pddl.forms import read_text
@@ -167,7 +168,12 @@ def specifications(
     beside = None if plan is None or not Path(plan).name else Path(plan).with_suffix(".toml")
     if beside is None or not os.path.isfile(beside):  # of no name at all, however long, does this raise
         return given, None
-    if "parameters" not in toml_document(read_text(beside), str(beside)):
+    document = toml_document(read_text(beside), str(beside))
+    for key in document.keys() - {"parameters"}:
+        if key[:5].lower() == "param":
+            message = f"{beside}: found table {shorten(key)}, which is not read; expected [parameters.NAME]"
+            warnings.warn(message, InputWarning, stacklevel=2)
+    if "parameters" not in document:
         return given, None
     said = {(one.target, one.subject) for one in given}
     return (*(one for one in read_parameter_file(beside) if (one.target, one.subject) not in said), *given), beside

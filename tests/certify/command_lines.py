@@ -271,14 +271,14 @@ def of_texts(place: Path) -> Iterator[tuple[Any, Words]]:
             yield code, (str(place / "plan.cert"), *names, "--json")
     texts_beside, beside = forgeries.BESIDE
     paths = tools.written(texts_beside, folder_in(place, "beside"))
-    for code, text in ((1, beside), (4, "[parameters.y]\n"), (1, "= \n")):
+    for code, text in ((1, beside), (4, "[parameters.y]\n"), (2, "= \n"), (4, "[parameter.k]\n")):
         paths[2].with_suffix(".toml").write_text(text, encoding="utf-8")
         yield code, (str(place / "plan.cert"), *map(str, paths), "--json")
 
 
 # -- what no file brings about -----------------------------------------------------------------------------------------
 
-MALFORMED = (ZeroDivisionError, AttributeError, KeyError, MemoryError, RecursionError, TypeError, ValueError)
+MALFORMED = (ZeroDivisionError, AttributeError, KeyError, RecursionError, TypeError, ValueError)
 
 
 def reports_errors(by: Checker) -> bool:
@@ -289,6 +289,7 @@ def reports_errors(by: Checker) -> bool:
         (EOFError, 2, "unreadable"), (zlib.error, 2, "unreadable"), (UnicodeError, 2, "unreadable"),
     ):  # fmt: skip
         wanted.append((error("text"), code, verdict, "text"))
+    wanted.append((MemoryError(), 3, "unknown", "out of memory"))
     for error, code, verdict, reason in wanted:
 
         def checked(*_: object, error: Exception = error) -> None:

@@ -186,12 +186,47 @@ def test_nothing_is_replaced_that_nobody_named(here, name):
         assert name == "check" or Path(file).read_text(encoding="utf-8") != "# kept\n"
 
 
-def test_what_is_read_is_not_replaced_even_by_force(here):
-    shutil.copy(NAVIGATION / "world.toml", "mine.toml")
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        (
+            ("convert", *STEPS, "-o", "mine.stn", "--parameters", "mine.toml", "--force"),
+            "--output: found 'mine.toml', which is another option, expected another name",
+        ),
+        (
+            ("envelope", *example(), "--parameters", "mine.toml", "--export", "csv", "-o", "mine.toml"),
+            "--output: found 'mine.toml', which is read, expected another file",
+        ),
+        (
+            ("certify", *example()[:2], "mine.stn", "-o", "mine.toml"),
+            "--output: found 'mine.toml', where parameters of 'mine.stn' are read, expected another file",
+        ),
+        (
+            ("envelope", *example(), "--export", "csv", "-o", "new.svg", "--plot", "new.svg"),
+            "--plot: found 'new.svg', which --output names, expected another file",
+        ),
+        (
+            ("certify", *example(), "-o", "new\nestablished: new.cert"),
+            r"--output: found 'new\nestablished: new.cert', expected a name without control characters",
+        ),
+    ],
+)
+def test_a_file_has_one_use(here, words, error):
+    """Even --force replaces nothing that is read, and no line of an answer comes from the name of a file."""
     Path("mine.toml").write_text("", encoding="utf-8")
-    ended = command("convert", *STEPS, "-o", "mine.stn", "--parameters", "mine.toml", "--force")
+    shutil.copy(example()[2], "mine.stn")
+    ended = command(*words)
     assert_one_line(ended)
-    assert "found 'mine.toml', which is another option, expected another name" in ended.err
+    assert error in ended.err
+    assert (Path("mine.toml").read_text(encoding="utf-8"), list(here.glob("new*"))) == ("", [])
+
+
+def test_a_table_like_parameters_beside_a_plan_is_named(here):
+    shutil.copy(example()[2], "mine.stn")
+    Path("mine.toml").write_text('[parameter.k]\nduration = "i"\n', encoding="utf-8")
+    ended = command("check", *example()[:2], "mine.stn")
+    assert ended.code == 0
+    assert "mine.toml: found table 'parameter', which is not read; expected [parameters.NAME]" in ended.err
 
 
 def test_a_store_is_no_device(here):

@@ -153,7 +153,8 @@ def _compare_schedules(
     result: CheckResult,
 ) -> None:
     assert result.answer in {Answer.PROVED, Answer.REFUTED}
-    assert list(result.obligations) == [obligation.name for obligation in RelationalEncoding(plan).obligations]
+    names = (obligation.name for obligation in RelationalEncoding(plan).obligations)
+    assert list(result.obligations) == list(dict.fromkeys(names)), "goals that are drawn may say a thing twice"
     for schedule in schedules:
         simulation = simulate(plan, at, schedule)
         assert simulation.network_violations == ()
