@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from typing import Generic, TypeVar
+from collections.abc import Callable
+from typing import Generic, TypeAlias, TypeVar
 
-from robust.presented import VerdictEnum
+from robust.presented import Presented, VerdictEnum
 from robust.smt.limits import OutOfTimeError
 
 Result = TypeVar("Result")
@@ -24,6 +25,28 @@ class Status(VerdictEnum):
 
 DECIDED = (Status.COMPLETE, Status.INVALID)
 """Nothing ended the search before it was done."""
+Announce: TypeAlias = Callable[[str], None]
+"""Called with the name of each stage that begins."""
+
+
+def unheard(_stage: str) -> None:
+    """An :data:`Announce` for nobody."""
+
+
+class Stoppable(Presented):
+    """A result whose `status` says how the search for it ended, as a :class:`Status` or its value."""
+
+    status: Status | str
+
+    @property
+    def cut_short(self) -> bool:
+        """Whether something ended the search before it was done."""
+        return Status(self.status) not in DECIDED
+
+
+def stopped_as(stopped: OutOfTimeError) -> tuple[Status, str | None]:
+    """How a search ended, and which failure of a solver ended it if it is UNKNOWN."""
+    return Status.TIMEOUT if stopped.reason is None else Status.UNKNOWN, stopped.reason
 
 
 class Searching(ABC, Generic[Result]):
@@ -33,20 +56,31 @@ class Searching(ABC, Generic[Result]):
         self._started = time.perf_counter()
 
     def run(self) -> Result:
-        """What is found until the search is done, out of time, interrupted by Ctrl-C or ended by a failed solver."""
+        """What is found until the search is done, out of time, interrupted by Ctrl-C or ended by a failed solver.
+
+        Raises:
+            KeyboardInterrupt: if nothing is known that is worth an answer.
+        """
         return self._result(*self._ending())
 
-    def so_far(self, *, timed_out: bool) -> Result:
-        """What is known if the search is given up now, because time is out or else by an interruption."""
-        return self._result(Status.TIMEOUT if timed_out else Status.INTERRUPTED)
+    def so_far(self, *, timed_out: bool) -> Result | None:
+        """What is known if the search is given up now, out of time or else interrupted; None: nothing."""
+        return self._result(Status.TIMEOUT if timed_out else Status.INTERRUPTED) if self._begun else None
+
+    @property
+    def _begun(self) -> bool:
+        """Whether anything is known that is worth an answer."""
+        return True
 
     def _ending(self) -> tuple[Status, str | None]:
         """Search; how that ended, and which failure of a solver ended it if it is UNKNOWN."""
         try:
             self._search()
         except OutOfTimeError as stopped:
-            return Status.TIMEOUT if stopped.reason is None else Status.UNKNOWN, stopped.reason
+            return stopped_as(stopped)
         except KeyboardInterrupt:
+            if not self._begun:
+                raise
             return Status.INTERRUPTED, None
         return Status.COMPLETE, None
 

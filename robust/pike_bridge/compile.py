@@ -25,11 +25,11 @@ from robust.pike_bridge.knowledge.interface import (
 )
 from robust.pike_bridge.model import ALWAYS, Assignment, Guard, TeamPlan, check_choice
 from robust.pike_bridge.model import guard as conjunction
-from robust.pike_bridge.searches import Announce, PikeSearch, Stoppable, Stopped, unheard
 from robust.pike_bridge.semantics import Execution, ExecutionExistence, Oracle, candidate_subplans, confirmed
 from robust.pike_bridge.temporal.distance_graph import Precedence, StructuralPrecedence
 from robust.pike_bridge.temporal.labeled_apsp import LabeledDistances, schedule, temporal_conflicts
 from robust.presented import Presented, VerdictEnum
+from robust.searching import Announce, Searching, Status, Stoppable, unheard
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 
@@ -197,7 +197,7 @@ class Sizes(Stoppable, ask="satisfiable"):
 
 
 @dataclass
-class Measuring(Compiling, PikeSearch[Sizes]):
+class Measuring(Compiling, Searching[Sizes]):
     """Compiles a plan, and asks how large the parts are.
 
     Args:
@@ -218,9 +218,8 @@ class Measuring(Compiling, PikeSearch[Sizes]):
         }
         self._sizes = Sizes(self.backend, self.temporal.value, self.solver, counts=self.counts, seconds=self.seconds)
 
-    def _answer(self, stopped: Stopped | None) -> Sizes:
-        self._sizes.status = stopped or self._sizes.status
-        self._sizes.statistics = asdict(self.statistics)
+    def _result(self, status: Status, reason: str | None = None) -> Sizes:
+        self._sizes.status, self._sizes.statistics = status.value, asdict(self.statistics)
         return self._sizes
 
     def _search(self) -> None:
@@ -264,7 +263,7 @@ def checked_assumptions(plan: TeamPlan, assume: Mapping[str, str], place: Locati
 
 
 @dataclass
-class Checking(Compiling, PikeSearch[PikeCheck]):
+class Checking(Compiling, Searching[PikeCheck]):
     """Decides whether a correct execution exists.
 
     Args:
@@ -283,8 +282,8 @@ class Checking(Compiling, PikeSearch[PikeCheck]):
         complete = not self.all_scenarios
         self._known = PikeCheck(self.backend, unknown, None, scenarios, complete, self.seconds, plan=self.plan)
 
-    def _answer(self, stopped: Stopped | None) -> PikeCheck:
-        self._known.interrupted = stopped == "interrupted"
+    def _result(self, status: Status, reason: str | None = None) -> PikeCheck:
+        self._known.interrupted = status is Status.INTERRUPTED
         return self._known
 
     def _search(self) -> None:

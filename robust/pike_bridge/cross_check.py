@@ -23,13 +23,13 @@ from robust.pike_bridge.knowledge.interface import Commitment, Exclude, Knowledg
 from robust.pike_bridge.knowledge.labels import NodeKind
 from robust.pike_bridge.knowledge.tms import PiTms
 from robust.pike_bridge.model import GOAL, INITIAL, Activity, Assignment, Guard, Literal, TeamPlan
-from robust.pike_bridge.searches import Announce, PikeSearch, Stoppable, Stopped, unheard
 from robust.pike_bridge.semantics import Oracle, holds, moved, restrict
 from robust.pike_bridge.theory import Theory
 from robust.plan.model import Atom
 from robust.plan.pddl.write import ActionText, sketched_domain, sketched_problem
 from robust.presented import NoTruthValue
 from robust.records import unwritten
+from robust.searching import Announce, Searching, Status, Stoppable, unheard
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 T = TypeVar("T")
@@ -150,7 +150,7 @@ class Crossed(Stoppable, ask="outcome"):
 
 
 @dataclass
-class Crossing(PikeSearch[Crossed]):
+class Crossing(Searching[Crossed]):
     """A cross-check of all back ends; where they differ, a small plan that shows it is written to a directory."""
 
     plan: TeamPlan
@@ -167,8 +167,9 @@ class Crossing(PikeSearch[Crossed]):
     def _begun(self) -> bool:
         return self._crossed.outcome is not None
 
-    def _answer(self, stopped: Stopped | None) -> Crossed:
-        self._crossed.status = stopped or self._crossed.status
+    def _result(self, status: Status, reason: str | None = None) -> Crossed:
+        if status is not Status.COMPLETE:
+            self._crossed.status = status.value
         return self._crossed
 
     def _search(self) -> None:

@@ -115,14 +115,18 @@ class Z3(Backend):
         self._model: Any = None
         """Of the last check, once it was asked for."""
         solver = _pysmt_solver(terms, self.name, "z3", "Z3Solver")
-        if proving:
-            import z3  # noqa: PLC0415 - slow to import
+        import z3  # noqa: PLC0415 - slow to import
 
+        # All sessions of one environment share what has been translated already, in a context of its own: in a common
+        # one, models depend on everything that was translated before.
+        if self.name not in terms.translations:
+            terms.translations[self.name] = type(solver.converter)(terms.environment, z3.Context())
+        solver.converter = terms.translations[self.name]
+        context = solver.converter.ctx
+        solver.z3 = z3.SimpleSolver(context) if proving else z3.SolverFor(str(QF_LRA), context)
+        if proving:
             # Without tactics in between, and with z3's earlier arithmetic: hard proofs take half the time.
-            solver.z3 = z3.SimpleSolver()
             solver.z3.set("arith.solver", 2)
-        # All sessions of one environment share what has been translated already.
-        solver.converter = terms.translations.setdefault(self.name, solver.converter)
         return solver
 
     def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]], effort: int = 0) -> Satisfiability:

@@ -24,6 +24,7 @@ from math import lcm
 from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias
 
+from robust.errors import SolverError
 from robust.network.differences import Elimination
 from robust.pike_bridge.envelopes.parameters import ParametricPlan
 from robust.pike_bridge.knowledge.sat import satisfiable
@@ -34,8 +35,8 @@ from robust.plan.polynomial import Polynomial
 from robust.qe.box import Box
 from robust.qe.constraint import LinearConstraint
 from robust.qe.nnf import FormulaReader, Leaf, Nnf, conjunction, implicant
-from robust.qe.polyhedron import Polyhedron
-from robust.smt.limits import NEVER, Deadline
+from robust.qe.polyhedron import Point, Polyhedron
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Session, Value
 from robust.smt.terms import Formula, Terms
 
@@ -220,7 +221,7 @@ Statement: TypeAlias = BoundStatement | OrderStatement | WaitingStatement
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class GoodPiece:
     """Parameter values, within their bounds, for which some correct execution exists whatever a label leaves open.
 
     `because` has the statements behind each constraint of the polyhedron.
@@ -338,23 +339,23 @@ def question(parametric: ParametricPlan, key: Sequence[str], assume: Guard = ALW
     return ParametricQuestion(terms, reader, formulas, semantics.statements, semantics.choices, label, semantics.guard)
 
 
-class Pieces:
-    """Finds all pieces; `found` are those by now, and `queries` counts the questions to the solver."""
+class GoodPieces:
+    """Finds all good pieces; `found` are those by now, and `queries` counts the questions to the solver."""
 
     def __init__(self, asked: ParametricQuestion, parameters: Sequence[Parameter], *, solver: str = "z3") -> None:
         self._asked = asked
         self._parameters = tuple(parameters)
         self._names = tuple(one.name for one in parameters)
         self._solver = solver
-        self.found: list[Piece] = []
+        self.found: list[GoodPiece] = []
         self.queries = 0
 
-    def search(self, deadline: Deadline = NEVER) -> Iterator[Piece]:
+    def search(self, deadline: Deadline = NEVER) -> Iterator[GoodPiece]:
         """Each piece as it is found.
 
         Raises:
-            OutOfTimeError: if the deadline passes first.
-            SolverError: if the solver is unknown, not installed, or fails.
+            OutOfTimeError: if the deadline passes first, or the solver fails, with a reason then.
+            SolverError: if the solver is unknown or not installed.
         """
         asked, terms = self._asked, self._asked.terms
         session = Session(terms, solver=self._solver)
@@ -364,15 +365,18 @@ class Pieces:
         symbols = asked.choices.union(*map(terms.variables, asked.formulas))
         while True:
             self.queries += 1
-            if not satisfiable(session, "parameter values with another correct execution", deadline):
-                return
+            try:
+                if not satisfiable(session, "parameter values with another correct execution", deadline):
+                    return
+            except SolverError as failure:
+                raise OutOfTimeError(failure.message) from failure
             piece = self._piece(whole, session.values(symbols), deadline)
             self.found.append(piece)
             yield piece
             inside = terms.conjunction((asked.guard(piece.label), piece.polyhedron.to_formula(terms)))
             session.add(terms.negation(inside))
 
-    def _piece(self, whole: Nnf, values: Mapping[str, Value], deadline: Deadline) -> Piece:
+    def _piece(self, whole: Nnf, values: Mapping[str, Value], deadline: Deadline) -> GoodPiece:
         chosen: dict[Leaf, None] = {}
         if not implicant(whole, values, chosen):
             raise ValueError("the solver's model does not satisfy the plan's formulas")
@@ -392,7 +396,7 @@ class Pieces:
         found += cycles(edges, self._parameters, deadline)
         because = {cycle.constraint: tuple(dict.fromkeys(statements[at] for at in cycle.origins)) for cycle in found}
         polyhedron = Polyhedron(self._names, tuple(because))
-        return Piece(self._asked.label(values), polyhedron, because)
+        return GoodPiece(self._asked.label(values), polyhedron, because)
 
     def _edge(self, constraint: LinearConstraint, origin: int) -> ParametricEdge | None:
         """The edge that an inequality is; None if it is about parameters only."""
@@ -413,20 +417,24 @@ class Combination:
     """Values of choices, and the polyhedra in which some correct execution has them; choices left out do not matter."""
 
     choices: Guard
-    pieces: tuple[Piece, ...]
+    pieces: tuple[GoodPiece, ...]
 
     @property
     def polyhedra(self) -> tuple[Polyhedron, ...]:
         """Of the pieces."""
         return tuple(piece.polyhedron for piece in self.pieces)
 
+    def allows(self, values: Point) -> bool:
+        """Whether some piece has these parameter values."""
+        return any(values in polyhedron for polyhedron in self.polyhedra)
 
-def combinations(pieces: Sequence[Piece], domains: Mapping[str, tuple[str, ...]]) -> Iterator[Combination]:
+
+def combinations(pieces: Sequence[GoodPiece], domains: Mapping[str, tuple[str, ...]]) -> Iterator[Combination]:
     """Combinations of values that cover all there are, each once, with the pieces of each.
 
     Choices are told apart only where that makes a difference.
     """
-    pending: list[tuple[Guard, tuple[Piece, ...]]] = [(ALWAYS, tuple(pieces))]
+    pending: list[tuple[Guard, tuple[GoodPiece, ...]]] = [(ALWAYS, tuple(pieces))]
     while pending:
         chosen, possible = pending.pop()
         decided = {one.variable for one in chosen}

@@ -7,36 +7,24 @@ exact widening, as for plans without choices, inside polyhedra instead of formul
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
 from robust.errors import InputError, Location
 from robust.irr.stops import JUST
 from robust.irr.widen import Widening, faces_of, touching
 from robust.numbers import Number, exact
+from robust.pike_bridge.envelopes import pieces
 from robust.pike_bridge.envelopes.parameters import ParametricPlan
-from robust.pike_bridge.envelopes.pieces import (
-    BoundStatement,
-    Combination,
-    ParametricQuestion,
-    Piece,
-    Pieces,
-    Statement,
-    combinations,
-    question,
-    waiting_question,
-)
-from robust.pike_bridge.model import ALWAYS, Guard, check_choice
-from robust.pike_bridge.searches import Announce, PikeSearch, Stopped, unheard
+from robust.pike_bridge.envelopes.pieces import Combination, GoodPiece, Statement
+from robust.pike_bridge.model import ALWAYS, Guard, check_choice, contradicts, guard
 from robust.plan.model import Parameter
-from robust.presented import Presented
 from robust.qe.box import Box, Face
 from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import Region, outside
-from robust.searching import Status
+from robust.searching import Announce, Searching, Status, Stoppable, stopped_as, unheard
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 ENUMERATING = 0.8
@@ -45,7 +33,7 @@ ENUMERATING = 0.8
 
 def uncontrollable(plan: ParametricPlan) -> tuple[str, ...]:
     """The choices of people and nature."""
-    return tuple(one.name for one in plan.plan.network.choices if not one.controllable)
+    return tuple(choice.name for choice in plan.plan.network.choices if not choice.controllable)
 
 
 def checked_choices(plan: ParametricPlan, names: Sequence[str], where: str) -> tuple[str, ...]:
@@ -59,37 +47,34 @@ def checked_choices(plan: ParametricPlan, names: Sequence[str], where: str) -> t
 
 
 @dataclass
-class LabeledRegion(Presented, ask="combinations"):
-    """For which parameter values which choices lead to a correct execution; `status` says whether this is all."""
+class LabeledRegion(Stoppable, ask="combinations"):
+    """For which parameter values which choices lead to a correct execution.
+
+    Attributes:
+        key: the choices that are distinguished; the others are existentially quantified.
+        pieces: polyhedra of parameter values, each with the choices that it needs.
+        status: whether these are all; if a solver failed, `reason` says how.
+    """
 
     plan: ParametricPlan
     key: tuple[str, ...]
-    """The choices that are told apart; the others are as it suits."""
     assume: Guard = ALWAYS
-    pieces: tuple[Piece, ...] = ()
+    pieces: tuple[GoodPiece, ...] = ()
     status: Status = Status.COMPLETE
+    reason: str | None = None
     queries: int = 0
     seconds: float = 0.0
 
     @property
-    def cut_short(self) -> bool:
-        """Whether something ended the search before it was done."""
-        return self.status is not Status.COMPLETE
-
-    @property
     def combinations(self) -> tuple[Combination, ...]:
         """Combinations of values that cover all there are, with the pieces of each; without, it is impossible."""
-        return tuple(combinations(self.pieces, self.plan.plan.network.domains))
+        return tuple(pieces.combinations(self.pieces, self.plan.plan.network.domains))
 
     def region(self, choices: Mapping[str, str]) -> Region:
         """The parameter values for which some correct execution has these choices."""
-        known = dict(choices)
-        fitting = [
-            piece.polyhedron.restricted(self.plan.declared_box.constraints())
-            for piece in self.pieces
-            if all(known.get(variable, value) == value for variable, value in piece.label)
-        ]
-        return Region.union_of(self.plan.names, fitting)
+        wanted, bounds = guard(choices), self.plan.declared_box.constraints()
+        fitting = (piece.polyhedron for piece in self.pieces if not contradicts(wanted, piece.label))
+        return Region.union_of(self.plan.names, [polyhedron.restricted(bounds) for polyhedron in fitting])
 
     def possible(self, values: Mapping[str, Number]) -> tuple[Guard, ...]:
         """The combinations for which some correct execution exists with these parameter values.
@@ -99,10 +84,10 @@ class LabeledRegion(Presented, ask="combinations"):
         """
         for name in (*values, *self.plan.names):
             if name not in values or name not in self.plan.names:
-                found = f"values of {', '.join(map(str, values))}" if values else "no values"
-                raise InputError(f"found {found}, expected one of each parameter: {', '.join(self.plan.names)}")
+                given = f"values of {', '.join(map(str, values))}" if values else "no values"
+                raise InputError(f"found {given}, expected one of each parameter: {', '.join(self.plan.names)}")
         point = {name: exact(value, Location(f"value of {name}")) for name, value in values.items()}
-        return tuple(each.choices for each in self.combinations if any(point in one for one in each.polyhedra))
+        return tuple(combination.choices for combination in self.combinations if combination.allows(point))
 
     def exactly(self, deadline: Deadline = NEVER) -> tuple[tuple[tuple[Combination, ...], Region], ...]:
         """The parameter values cut into regions, with the combinations that are possible in each, and no others.
@@ -116,24 +101,24 @@ class LabeledRegion(Presented, ask="combinations"):
             following = []
             for possible, parts in cells:
                 inside: list[Polyhedron] = []
-                left = parts
-                for piece in combination.polyhedra:
+                rest = parts
+                for polyhedron in combination.polyhedra:
                     deadline.enforce()
-                    met = [part.intersection(piece) for part in left]
-                    inside += [part for part in met if not part.is_empty]
-                    left = [rest for part in left for rest in part.minus(piece)]
+                    common = [part.intersection(polyhedron) for part in rest]
+                    inside += [part for part in common if not part.is_empty]
+                    rest = [outer for part in rest for outer in part.minus(polyhedron)]
                 following += [((*possible, combination), inside)] if inside else []
-                following += [(possible, left)] if left else []
+                following += [(possible, rest)] if rest else []
             cells = following
         return tuple((possible, Region.union_of(self.plan.names, parts)) for possible, parts in cells)
 
 
-class LabeledRegionSearch(PikeSearch[LabeledRegion]):
+class LabeledRegionSearch(Searching[LabeledRegion]):
     """Finds a labeled region.
 
     Args:
         plan: the plan with its parameters.
-        key: the choices that are told apart; those of people and nature, if not given.
+        key: the choices to distinguish; if not given, those of people and nature.
         assume: choices that are made already.
         on_piece: called with each piece as it is found.
 
@@ -149,25 +134,24 @@ class LabeledRegionSearch(PikeSearch[LabeledRegion]):
         assume: Guard = ALWAYS,
         solver: str = "z3",
         deadline: Deadline = NEVER,
-        on_piece: Callable[[Piece], None] = lambda _piece: None,
+        on_piece: Callable[[GoodPiece], None] = lambda _piece: None,
     ) -> None:
+        super().__init__()
         names = uncontrollable(plan) if key is None else checked_choices(plan, key, "choices")
-        made = {one.variable for one in assume}
-        self._known = LabeledRegion(plan, tuple(name for name in names if name not in made), assume)
-        asked = question(plan, self._known.key, assume)
-        self._pieces = Pieces(asked, plan.declared, solver=solver)
+        self._known = LabeledRegion(plan, tuple(name for name in names if name not in dict(assume)), assume)
+        asked = pieces.question(plan, self._known.key, assume)
+        self._pieces = pieces.GoodPieces(asked, plan.declared, solver=solver)
         self._deadline = deadline
         self._on_piece = on_piece
-        self._started = time.perf_counter()
 
     def _search(self) -> None:
         for piece in self._pieces.search(self._deadline):
             self._on_piece(piece)
 
-    def _answer(self, stopped: Stopped | None) -> LabeledRegion:
+    def _result(self, status: Status, reason: str | None = None) -> LabeledRegion:
         known = self._known
         known.pieces, known.queries = tuple(self._pieces.found), self._pieces.queries
-        known.status, known.seconds = Status(stopped or "complete"), time.perf_counter() - self._started
+        known.status, known.reason, known.seconds = status, reason, self._seconds()
         return known
 
 
@@ -188,7 +172,7 @@ class TeamStop:
 
 
 @dataclass
-class TeamEnvelope(Presented, ask="verified"):
+class TeamEnvelope(Stoppable, ask="verified"):
     """A box of parameter values, and what it promises.
 
     Of the choices in `for_all`, every combination leads to a correct execution for all values in the box, if what
@@ -205,6 +189,8 @@ class TeamEnvelope(Presented, ask="verified"):
     status: Status = Status.COMPLETE
     combinations: tuple[Combination, ...] = ()
     stops: dict[Face, TeamStop] = field(default_factory=dict)
+    reason: str | None = None
+    """If a solver failed: how."""
     broken: Guard | None = None
     possible: bool = True
     """Of the broken choices: whether other parameter values would help."""
@@ -215,11 +201,6 @@ class TeamEnvelope(Presented, ask="verified"):
     seconds: float = 0.0
 
     @property
-    def cut_short(self) -> bool:
-        """Whether something ended the search before it was done."""
-        return self.status not in {Status.COMPLETE, Status.INVALID}
-
-    @property
     def verified(self) -> bool:
         """Whether what is promised holds for all values in the box; if not, there are none in it."""
         return not self.box.is_empty
@@ -228,8 +209,8 @@ class TeamEnvelope(Presented, ask="verified"):
     def region(self) -> Region:
         """The parameter values for which what the box promises is so, as far as polyhedra were found."""
         region = Region.union_of(self.plan.names, [Polyhedron.of_box(self.plan.names, self.plan.declared_box)])
-        for each in self.combinations:
-            region = region.intersection(Region.union_of(self.plan.names, each.polyhedra))
+        for combination in self.combinations:
+            region = region.intersection(Region.union_of(self.plan.names, combination.polyhedra))
         return region
 
 
@@ -237,12 +218,12 @@ class UnionBadSet:
     """The parameter values that are outside the bounds, or in no polyhedron of some combination."""
 
     def __init__(self, parameters: Sequence[Parameter], alternatives: Sequence[Combination]) -> None:
-        self._names = tuple(one.name for one in parameters)
+        self._names = tuple(parameter.name for parameter in parameters)
         sides = Box.declared(parameters).constraints()
         self._bounds = [Polyhedron(self._names, tuple(side.negation())) for side in sides]
         self._alternatives = alternatives
-        self.stops: dict[Polyhedron, TeamStop] = {one: TeamStop(ALWAYS, None, declared=True) for one in self._bounds}
-        """Why each polyhedron that was found is bad."""
+        self.stops = {bound: TeamStop(ALWAYS, None, declared=True) for bound in self._bounds}
+        """Why each bad piece is bad."""
         self._sides: dict[Polyhedron, tuple[tuple[LinearConstraint, tuple[Statement, ...]], ...]] = {}
         self.checks = 0
 
@@ -269,9 +250,9 @@ class UnionBadSet:
         chosen: dict[LinearConstraint, tuple[LinearConstraint, tuple[Statement, ...]]] = {}
         for piece in combination.pieces:
             broken = {
-                side: (one, piece.because.get(one, ()))
-                for one in piece.polyhedron.constraints
-                for side in one.negation()
+                side: (constraint, piece.because.get(constraint, ()))
+                for constraint in piece.polyhedron.constraints
+                for side in constraint.negation()
                 if side.evaluate(point)
             }
             if not broken.keys() & chosen.keys():
@@ -282,13 +263,13 @@ class UnionBadSet:
         self._sides.setdefault(bad, tuple(chosen.values()))
         return bad
 
-    def stop(self, piece: Polyhedron, face: Face, box: Box) -> TeamStop:
-        """Why a box ends at a polyhedron, by the inequality that holds the face back: the whole box satisfies it."""
-        stop = self.stops[piece]
+    def stop(self, bad: Polyhedron, face: Face, box: Box) -> TeamStop:
+        """Why a box ends at a bad piece, by the inequality that holds the face back: the whole box satisfies it."""
+        stop = self.stops[bad]
         name, side = face
         towards = [
             (constraint, statements)
-            for constraint, statements in self._sides.get(piece, ())
+            for constraint, statements in self._sides.get(bad, ())
             if any(known == name and factor * side.sign > 0 for known, factor in constraint.coefficients)
         ]
         for constraint, statements in towards:
@@ -297,7 +278,7 @@ class UnionBadSet:
         return TeamStop(stop.choices, *towards[0]) if towards else stop
 
 
-class TeamEnvelopeSearch(PikeSearch[TeamEnvelope]):
+class TeamEnvelopeSearch(Searching[TeamEnvelope]):
     """Finds a box of parameter values around the nominal ones.
 
     Args:
@@ -321,15 +302,18 @@ class TeamEnvelopeSearch(PikeSearch[TeamEnvelope]):
         deadline: Deadline = NEVER,
         on_stage: Announce = unheard,
     ) -> None:
+        super().__init__()
         names = checked_choices(plan, for_all, "--for-all")
-        for one in assume:
-            if one.variable in names:
-                raise InputError(f"--for-all: found {one.variable!r}, which is assumed to be {one.value}; expected one")
+        for variable, value in sorted(assume):
+            if variable in names:
+                expected = "expected a choice that is not assumed"
+                raise InputError(
+                    f"found {variable!r}, which is assumed to be {value}, {expected}", Location("--for-all")
+                )
         self._known = TeamEnvelope(plan, assume, names, waiting, Box.nothing(plan.declared))
         self._solver = solver
         self._deadline = deadline
         self._say = on_stage
-        self._started = time.perf_counter()
         self._bad = UnionBadSet(plan.declared, ())
 
     def _search(self) -> None:
@@ -341,10 +325,11 @@ class TeamEnvelopeSearch(PikeSearch[TeamEnvelope]):
             self._say("widening")
             self._widen()
 
-    def _answer(self, stopped: Stopped | None) -> TeamEnvelope:
+    def _result(self, status: Status, reason: str | None = None) -> TeamEnvelope:
         known = self._known
-        known.status = known.status if stopped is None else Status(stopped)
-        known.seconds, known.boxes = time.perf_counter() - self._started, self._bad.checks
+        if status is not Status.COMPLETE:
+            known.status, known.reason = status, reason
+        known.seconds, known.boxes = self._seconds(), self._bad.checks
         return known
 
     # -- polyhedra -----------------------------------------------------------------------------------------------------
@@ -353,49 +338,48 @@ class TeamEnvelopeSearch(PikeSearch[TeamEnvelope]):
         """The combinations in all of which the box must be, as far as they are found in time."""
         known = self._known
         self._say("choices and polyhedra")
-        pieces = self._enumerated(question(known.plan, known.for_all, known.assume), deadline)
-        alternatives = tuple(combinations(pieces, known.plan.plan.network.domains))
+        good = self._enumerated(pieces.question(known.plan, known.for_all, known.assume), deadline)
+        alternatives = tuple(pieces.combinations(good, known.plan.plan.network.domains))
         if not known.waiting or len(alternatives) < 2 or not all(each.pieces for each in alternatives):
             return alternatives
         self._say("waiting")
-        asked = waiting_question(known.plan, [each.choices for each in alternatives], known.assume)
+        asked = pieces.waiting_question(known.plan, [each.choices for each in alternatives], known.assume)
         return (Combination(ALWAYS, tuple(self._enumerated(asked, deadline))),)
 
-    def _enumerated(self, asked: ParametricQuestion, deadline: Deadline) -> list[Piece]:
-        """All pieces, or those that are found in time."""
-        search = Pieces(asked, self._known.plan.declared, solver=self._solver)
+    def _enumerated(self, asked: pieces.ParametricQuestion, deadline: Deadline) -> list[GoodPiece]:
+        """All good pieces, or those that are found in time and before a solver fails."""
+        known = self._known
+        search = pieces.GoodPieces(asked, known.plan.declared, solver=self._solver)
         try:
             for number, _ in enumerate(search.search(deadline), 1):
                 self._say(f"polyhedra: {number}")
-        except OutOfTimeError:
-            self._known.status = Status.TIMEOUT
-        self._known.queries += search.queries
+        except OutOfTimeError as stopped:
+            known.status, known.reason = stopped_as(stopped)
+        known.queries += search.queries
         return search.found
 
     def _is_inside(self) -> bool:
         """Whether the nominal values are; if not, what is broken is noted."""
-        known = self._known
-        nominal = known.plan.nominal
-        for each in known.combinations:
-            if not any(nominal in one for one in each.polyhedra):
-                if known.status is Status.COMPLETE:
-                    known.status = Status.INVALID
-                known.broken, known.possible = each.choices, bool(each.pieces)
-                if each.pieces:
-                    known.needed = _fewest_broken(each.polyhedra, nominal)
-                return False
-        known.box = Box.nominal(known.plan.declared)
-        return True
+        known, nominal = self._known, self._known.plan.nominal
+        broken = next((each for each in known.combinations if not each.allows(nominal)), None)
+        if broken is None:
+            known.box = Box.nominal(known.plan.declared)
+            return True
+        if known.status is Status.COMPLETE:
+            known.status = Status.INVALID
+        known.broken, known.possible = broken.choices, bool(broken.pieces)
+        known.needed = _fewest_broken(broken.polyhedra, nominal) if broken.pieces else ()
+        return False
 
     # -- boxes ---------------------------------------------------------------------------------------------------------
 
     def _widen(self) -> None:
         known, parameters = self._known, self._known.plan.declared
-        pieces: list[Polyhedron] = []
+        bad_pieces: list[Polyhedron] = []
         Widening(
             bad=self._bad,
             parameters=parameters,
-            pieces=pieces,
+            pieces=bad_pieces,
             groups=[faces_of(parameters)],
             deadline=self._deadline,
             on_box=self._keep,
@@ -403,34 +387,29 @@ class TeamEnvelopeSearch(PikeSearch[TeamEnvelope]):
         for face in faces_of(parameters):
             end = known.box[face[0]].end(face[1])
             if end is not None:
-                known.stops[face] = self._stop(face, end, pieces)
+                known.stops[face] = self._stop(face, end, bad_pieces)
 
     def _keep(self, box: Box) -> None:
         self._known.box = box
 
-    def _stop(self, face: Face, end: Fraction, pieces: Sequence[Polyhedron]) -> TeamStop:
+    def _stop(self, face: Face, end: Fraction, bad_pieces: Sequence[Polyhedron]) -> TeamStop:
         box = self._known.box
-        touched = [self._bad.stop(piece, face, box) for piece in touching(pieces, box, face)]
+        touched = list(touching(bad_pieces, box, face))
         if not touched:
-            piece = self._bad.piece_in(box.moved(face, end + face[1].sign * JUST), self._deadline)
-            touched = [] if piece is None else [self._bad.stop(piece, face, box)]
-        stop = min(touched, key=lambda one: (not one.declared, len(one.statements)), default=TeamStop(ALWAYS, None))
-        return TeamStop(stop.choices, stop.constraint, stop.statements, stop.declared, self._is_own(stop, face))
-
-    def _is_own(self, stop: TeamStop, face: Face) -> bool:
-        """Whether all that holds a face back are bounds of the one thing that the parameter is about."""
-        parameter = next(one for one in self._known.plan.parameters if one.name == face[0])
-        places = {one.place if isinstance(one, BoundStatement) else None for one in stop.statements}
-        return len(places) == 1 and places <= set(parameter.places)
+            beyond = self._bad.piece_in(box.moved(face, end + face[1].sign * JUST), self._deadline)
+            touched = [] if beyond is None else [beyond]
+        stops = (self._bad.stop(bad, face, box) for bad in touched)
+        stop = min(stops, key=lambda each: (not each.declared, len(each.statements)), default=TeamStop(ALWAYS, None))
+        # Its own bounds hold a face back if all statements are about what the parameter is about.
+        parameter = next(each for each in self._known.plan.parameters if each.name == face[0])
+        places = {each.place if isinstance(each, pieces.BoundStatement) else None for each in stop.statements}
+        return replace(stop, own=len(places) == 1 and places <= set(parameter.places))
 
 
 def _fewest_broken(polyhedra: Sequence[Polyhedron], values: Point) -> tuple[LinearConstraint, ...]:
     """What the values break, of the polyhedron of which they break fewest inequalities, and by least."""
 
-    def broken(one: Polyhedron) -> tuple[LinearConstraint, ...]:
-        return tuple(constraint for constraint in one.constraints if not constraint.evaluate(values))
+    def cost(broken: tuple[LinearConstraint, ...]) -> tuple[int, Fraction]:
+        return len(broken), sum((each.value(values) - each.constant for each in broken), Fraction(0))
 
-    def cost(constraints: tuple[LinearConstraint, ...]) -> tuple[int, Fraction]:
-        return len(constraints), sum((one.value(values) - one.constant for one in constraints), Fraction(0))
-
-    return min(map(broken, polyhedra), key=cost)
+    return min((tuple(each for each in one.constraints if not each.evaluate(values)) for one in polyhedra), key=cost)

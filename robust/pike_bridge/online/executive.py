@@ -16,8 +16,8 @@ from robust.pike_bridge.model import ALWAYS, Assignment, Guard, TeamPlan
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.patience import Patience, openings, values_of
 from robust.pike_bridge.online.semantic import Reasoner, SemanticReasoner
-from robust.pike_bridge.searches import PikeSearch, Stoppable, Stopped
 from robust.pike_bridge.semantics import restrict
+from robust.searching import Searching, Status, Stoppable
 from robust.smt.limits import NEVER, Deadline
 
 Ranking = Callable[[Sequence[str]], Sequence[str]]
@@ -354,7 +354,7 @@ class Moments(Stoppable, ask="feasible"):
 
 
 @dataclass
-class LatestMoments(PikeSearch[Moments]):
+class LatestMoments(Searching[Moments]):
     """Finds, for each uncontrollable choice and value, the greatest time that its event has in a correct execution.
 
     A patient executive begins at 0; its first steps are taken, as far as nothing is begun and nobody can choose. From
@@ -376,12 +376,12 @@ class LatestMoments(PikeSearch[Moments]):
     def _begun(self) -> bool:
         return self._known.feasible is not None
 
-    def _answer(self, stopped: Stopped | None) -> Moments:
-        self._known.status = stopped or self._known.status
+    def _result(self, status: Status, reason: str | None = None) -> Moments:
+        self._known.status = status.value
         return self._known
 
     def _search(self) -> None:
-        executive = self._started()
+        executive = self._beginning()
         progress, known = executive.progress, self._known
         reasoner = SemanticReasoner(progress, solver=self.solver)
         known.feasible = not executive.ended or isinstance(executive.outcome, said.Succeeded)
@@ -391,7 +391,7 @@ class LatestMoments(PikeSearch[Moments]):
             latest = reasoner.latest(intent.guard, intent.events, self.deadline) if possible else None
             known.moments.append(Moment(choice, value, possible, latest))
 
-    def _started(self) -> PlanExecutive:
+    def _beginning(self) -> PlanExecutive:
         """An executive that has done what it does before anyone else can."""
         plan = restrict(self.plan, self.assume)
         executive = PlanExecutive(plan, partial(SemanticReasoner, solver=self.solver), deadline=self.deadline)

@@ -27,9 +27,9 @@ from robust.pike_bridge.online.inquiry import Inquiry, StepReasons
 from robust.pike_bridge.online.reasoners import make_reasoner, without_states
 from robust.pike_bridge.online.semantic import Reasoner, SemanticReasoner
 from robust.pike_bridge.online.service import JournalStep
-from robust.pike_bridge.searches import PikeSearch, Stopped
 from robust.pike_bridge.semantics import Execution, faults, holds
 from robust.presented import Presented, VerdictEnum
+from robust.searching import DECIDED, Searching, Status
 from robust.smt.limits import NEVER, Deadline
 
 
@@ -280,7 +280,7 @@ class ExecutionRecord(Presented, ask="ending"):
 
 
 @dataclass
-class Rehearsal(PikeSearch[ExecutionRecord]):
+class Rehearsal(Searching[ExecutionRecord]):
     """Executes a plan with a simulated team.
 
     Args:
@@ -341,9 +341,9 @@ class Rehearsal(PikeSearch[ExecutionRecord]):
     def _search(self) -> None:
         run_in_world(self, self._world)
 
-    def _answer(self, stopped: Stopped | None) -> ExecutionRecord:
-        if stopped is not None:
-            return self._record(Ending(stopped))
+    def _result(self, status: Status, reason: str | None = None) -> ExecutionRecord:
+        if status not in DECIDED:
+            return self._record(Ending(status.value))
         outcome = self._executive.outcome
         wrong = self._faults() if isinstance(outcome, said.Succeeded) else ()
         if wrong and not self.drake:
