@@ -362,7 +362,7 @@ def _outcome(
     if not isinstance(chosen, str):
         raise InputError(f"found {shorten(repr(value))}, expected a value, or a value and a time", place)
     check_choice(plan.network.domains, name, chosen, place)
-    if next(each.controllable for each in plan.network.choices if each.name == name):
+    if next(choice.controllable for choice in plan.network.choices if choice.name == name):
         raise InputError(f"{name} is for the executive to choose; expected an uncontrollable choice", place)
     return name, (chosen, None if time is None else _time(time, text or name, "outcome"))
 

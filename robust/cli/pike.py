@@ -10,20 +10,8 @@ from typing import TYPE_CHECKING, TypeVar
 from robust.backends import DRAKE
 from robust.cli.guard import Run, action
 from robust.errors import UNDECIDED, InputError, exit_code_of
+from robust.options import pike as asking
 from robust.options.declare import place_of, refuse_replacing
-from robust.options.pike import (
-    K_INTENTS,
-    MomentsOptions,
-    PikeCheckCommand,
-    PikeCompileCommand,
-    PikeEnvelopeCommand,
-    PikeNewCommand,
-    PikePlotCommand,
-    PikeRegionCommand,
-    PikeRunCommand,
-    Staged,
-    TeamPlanFile,
-)
 from robust.smt.limits import Deadline, OutOfTimeError
 
 if TYPE_CHECKING:
@@ -36,10 +24,10 @@ if TYPE_CHECKING:
     from robust.show.pike import PikePlot
     from robust.show.pike_envelopes import Cells
 
-Asked = TypeVar("Asked", bound=Staged)
+Asked = TypeVar("Asked", bound=asking.Staged)
 
 
-def load(options: TeamPlanFile) -> TeamPlan:
+def load(options: asking.TeamPlanFile) -> TeamPlan:
     """The plan of a command."""
     from robust.pike_bridge.action_model import load_team_plan
 
@@ -54,8 +42,8 @@ def _within(options: Asked, run: Run) -> Asked:
     return options.changed(timeout=run.remaining, on_stage=run.display.say)
 
 
-@action(PikeCheckCommand)
-def check(options: PikeCheckCommand, run: Run) -> int:
+@action(asking.PikeCheckCommand)
+def check(options: asking.PikeCheckCommand, run: Run) -> int:
     """Is there a correct execution of a plan with choices, given some of the choices? If so, show one."""
     if options.cross:
         return _cross(options, run)
@@ -68,23 +56,23 @@ def check(options: PikeCheckCommand, run: Run) -> int:
     return exit_code_of(found) if result.complete or found == "refuted" else UNDECIDED
 
 
-def _cross(options: PikeCheckCommand, run: Run) -> int:
+def _cross(options: asking.PikeCheckCommand, run: Run) -> int:
     from robust.pike import searching_differences
 
     crossed = run.reply(lambda: searching_differences(load(options), _within(options, run)))
     return 1 if crossed.outcome is not None and not crossed.outcome.agree else exit_code_of(crossed.status)
 
 
-def _patience(options: PikeCheckCommand, run: Run) -> int:
+def _patience(options: asking.PikeCheckCommand, run: Run) -> int:
     from robust.pike import searching_moments
 
-    asked = MomentsOptions(assume=options.assume, solver=options.solver, timeout=run.remaining)
+    asked = asking.MomentsOptions(assume=options.assume, solver=options.solver, timeout=run.remaining)
     found = run.reply(lambda: searching_moments(load(options), asked))
     return 1 if found.feasible is False else exit_code_of(found.status)
 
 
-@action(PikeCompileCommand)
-def compile_(options: PikeCompileCommand, run: Run) -> int:
+@action(asking.PikeCompileCommand)
+def compile_(options: asking.PikeCompileCommand, run: Run) -> int:
     """Compile a plan with choices for execution: sizes, and seconds of each stage."""
     from robust.pike import searching_sizes
 
@@ -92,8 +80,8 @@ def compile_(options: PikeCompileCommand, run: Run) -> int:
     return exit_code_of(sizes.status)
 
 
-@action(PikePlotCommand)
-def plot(options: PikePlotCommand, run: Run) -> int:
+@action(asking.PikePlotCommand)
+def plot(options: asking.PikePlotCommand, run: Run) -> int:
     """Draw events, activities, choices and guards of a plan; with assumptions, only what they leave."""
     from robust.show import pike
     from robust.show.documents import document
@@ -104,7 +92,7 @@ def plot(options: PikePlotCommand, run: Run) -> int:
     return 0
 
 
-def _drawing(options: PikePlotCommand, run: Run) -> tuple[PikePlot, Callable[[], object]]:
+def _drawing(options: asking.PikePlotCommand, run: Run) -> tuple[PikePlot, Callable[[], object]]:
     """What there is to see in a drawing of the plan, and what draws it."""
     from robust.pike import assumed
     from robust.pike_bridge.semantics import restrict
@@ -115,7 +103,7 @@ def _drawing(options: PikePlotCommand, run: Run) -> tuple[PikePlot, Callable[[],
     links = None
     if options.links:
         from robust.pike_bridge.causal import augment
-        from robust.pike_bridge.temporal.distance_graph import StructuralPrecedence
+        from robust.pike_bridge.distance_graph import StructuralPrecedence
 
         run.display.say("links")
         links = augment(plan, StructuralPrecedence(plan.network, epsilon=plan.separation)).links
@@ -136,8 +124,8 @@ def _drawing(options: PikePlotCommand, run: Run) -> tuple[PikePlot, Callable[[],
 # -- run ---------------------------------------------------------------------------------------------------------------
 
 
-@action(PikeRunCommand)
-def run(options: PikeRunCommand, run: Run) -> int:
+@action(asking.PikeRunCommand)
+def run(options: asking.PikeRunCommand, run: Run) -> int:
     """Execute a plan with choices: dispatch, recognise intent, adapt, watch for what goes wrong."""
     if options.stdio:
         from robust.cli.serving import serve
@@ -163,7 +151,7 @@ def run(options: PikeRunCommand, run: Run) -> int:
 # -- envelopes ---------------------------------------------------------------------------------------------------------
 
 
-def _parametric(options: PikeRegionCommand | PikeEnvelopeCommand) -> ParametricPlan:
+def _parametric(options: asking.PikeRegionCommand | asking.PikeEnvelopeCommand) -> ParametricPlan:
     """The plan with its parameters; InputError if there are none, or one is wrong."""
     from robust.pike import parametric
 
@@ -179,8 +167,8 @@ def _parametric(options: PikeRegionCommand | PikeEnvelopeCommand) -> ParametricP
     return plan
 
 
-@action(PikeRegionCommand)
-def region(options: PikeRegionCommand, run: Run) -> int:
+@action(asking.PikeRegionCommand)
+def region(options: asking.PikeRegionCommand, run: Run) -> int:
     """For which durations and limits of a plan with choices does which choice lead to a correct execution?"""
     from robust.pike import searching_region
     from robust.show import pike_envelopes as show
@@ -224,8 +212,8 @@ def _cells(found: LabeledRegion, run: Run) -> Cells | None:
         return None
 
 
-@action(PikeEnvelopeCommand)
-def envelope(options: PikeEnvelopeCommand, run: Run) -> int:
+@action(asking.PikeEnvelopeCommand)
+def envelope(options: asking.PikeEnvelopeCommand, run: Run) -> int:
     """How far may durations and limits of a plan with choices deviate: for some choices, or whatever people choose?"""
     from robust.pike import searching_envelope
 
@@ -242,15 +230,15 @@ def envelope(options: PikeEnvelopeCommand, run: Run) -> int:
 # -- new ---------------------------------------------------------------------------------------------------------------
 
 
-@action(PikeNewCommand)
-def new(options: PikeNewCommand, run: Run) -> int:
+@action(asking.PikeNewCommand)
+def new(options: asking.PikeNewCommand, run: Run) -> int:
     """Write a plan with choices, with its PDDL, to begin with; what to type next is said."""
     from robust.pike_bridge.action_model import shipped
     from robust.pike_bridge.builder import k_intents
     from robust.show import pike as show
 
     def write() -> tuple[Instance, Path]:
-        made = options.kind == K_INTENTS
+        made = options.kind == asking.K_INTENTS
         instance = k_intents(options.structure, options.seed).instance if made else shipped(options.kind)
         name = options.name or instance.name
         files = [options.output / each for each in (f"{name}.tpnu.json", "domain.pddl", "problem.pddl")]

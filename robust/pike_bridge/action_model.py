@@ -16,22 +16,8 @@ from typing import TypeAlias, assert_never
 import robust.examples
 from robust.errors import InputError, UnsupportedError
 from robust.numbers import format_number
+from robust.pike_bridge import model
 from robust.pike_bridge.files import NOWHERE, Places, read_tpnu, validate, write_tpnu
-from robust.pike_bridge.model import (
-    ALWAYS,
-    EPSILON,
-    GOAL,
-    INITIAL,
-    Activity,
-    Condition,
-    Constraint,
-    Effect,
-    Event,
-    Literal,
-    TeamPlan,
-    Tpnu,
-    reachable,
-)
 from robust.plan import model as states
 from robust.plan.pddl.forms import read_text
 from robust.plan.pddl.grounding import ground_action, ground_goal
@@ -41,7 +27,7 @@ from robust.plan.polynomial import Polynomial
 from robust.records import atomic_write
 
 
-def with_ends(network: Tpnu, epsilon: Fraction) -> Tpnu:
+def with_ends(network: model.Tpnu, epsilon: Fraction) -> model.Tpnu:
     """The network with `e_initial` and `e_goal`, added if missing, every other event between them.
 
     An event is constrained to be ε after `e_initial` unless it follows anyway: along constraints with lower bounds of
@@ -49,19 +35,21 @@ def with_ends(network: Tpnu, epsilon: Fraction) -> Tpnu:
     for `e_goal`.
     """
     names = {event.name for event in network.events}
-    before = () if INITIAL in names else (Event(INITIAL),)
-    after = () if GOAL in names else (Event(GOAL),)
+    before = () if model.INITIAL in names else (model.Event(model.INITIAL),)
+    after = () if model.GOAL in names else (model.Event(model.GOAL),)
     complete = replace(network, events=(*before, *network.events, *after))
-    for end in (GOAL, INITIAL):
+    for end in (model.GOAL, model.INITIAL):
         added = (
-            Constraint(*((event.name, GOAL) if end == GOAL else (INITIAL, event.name)), epsilon, None, event.guard)
+            model.Constraint(
+                *((event.name, end) if end == model.GOAL else (end, event.name)), epsilon, None, event.guard
+            )
             for event in _unconnected(complete, end, epsilon)
         )
         complete = replace(complete, constraints=(*complete.constraints, *added))
     return complete
 
 
-def _unconnected(network: Tpnu, end: str, epsilon: Fraction) -> list[Event]:
+def _unconnected(network: model.Tpnu, end: str, epsilon: Fraction) -> list[model.Event]:
     """A small set of events from which, with the end, all others are reached in the end's direction of time.
 
     What is reached from an event certainly follows it (or precedes it, if the end is the goal) whenever it is activated
@@ -71,21 +59,22 @@ def _unconnected(network: Tpnu, end: str, epsilon: Fraction) -> list[Event]:
     following: dict[str, list[str]] = {}
     for constraint in network.temporal_constraints:
         near, far = constraint.source, constraint.target
-        if end == GOAL:
+        if end == model.GOAL:
             near, far = far, near
         least = epsilon if near == end else 0
         certain = constraint.lower is not None and constraint.lower >= least and constraint.guard <= guards[far]
         if certain and near != far:
             following.setdefault(near, []).append(far)
-    reached = reachable(following, end)
+    reached = model.reachable(following, end)
     entered = {far for fars in following.values() for far in fars}
-    inner = [event for event in network.events if event.name not in {INITIAL, GOAL}]
+    inner = [event for event in network.events if event.name not in {model.INITIAL, model.GOAL}]
+    inner += [] if end == model.GOAL else [model.Event(model.GOAL)]
     chosen = []
     # Events that nothing leads to first: what is left then lies on cycles, and one event of each cycle will do.
-    for event in sorted([*inner, *([] if end == GOAL else [Event(GOAL)])], key=lambda each: each.name in entered):
+    for event in sorted(inner, key=lambda event: event.name in entered):
         if event.name not in reached:
             chosen.append(event)
-            reached |= reachable(following, event.name)
+            reached |= model.reachable(following, event.name)
     return chosen
 
 
@@ -169,8 +158,13 @@ class StaticFacts:
 
 
 def team_plan(
-    network: Tpnu, domain: Domain, problem: Problem, *, places: Places = NOWHERE, epsilon: Fraction = EPSILON
-) -> TeamPlan:
+    network: model.Tpnu,
+    domain: Domain,
+    problem: Problem,
+    *,
+    places: Places = NOWHERE,
+    epsilon: Fraction = model.EPSILON,
+) -> model.TeamPlan:
     """The plan of a network and a domain and a problem that have been read; `places` says where the network is written.
 
     Raises:
@@ -186,20 +180,18 @@ def team_plan(
 class _Joining:
     """A network joined with a domain and a problem."""
 
-    def __init__(self, network: Tpnu, domain: Domain, problem: Problem, places: Places, epsilon: Fraction) -> None:
-        self._domain = domain
-        self._problem = problem
-        self._places = places
-        self._epsilon = epsilon
-        self._network = network
-        instances: dict[str, states.ActionInstance] = {}
+    def __init__(
+        self, network: model.Tpnu, domain: Domain, problem: Problem, places: Places, epsilon: Fraction
+    ) -> None:
+        self._domain, self._problem = domain, problem
+        self._network, self._places, self._epsilon = network, places, epsilon
+        self._instances: dict[str, states.ActionInstance] = {}
         for at, activity in enumerate(network.activities):
-            if activity.action not in instances:
-                instances[activity.action] = self._ground(at, activity)
-        self._instances = instances
-        self._facts = StaticFacts(domain, problem, instances.values())
+            if activity.action not in self._instances:
+                self._instances[activity.action] = self._ground(at, activity)
+        self._facts = StaticFacts(domain, problem, self._instances.values())
 
-    def plan(self) -> TeamPlan:
+    def plan(self) -> model.TeamPlan:
         if self._problem.timed_literals:
             first = self._problem.timed_literals[0]
             message = f"found a timed initial literal at {format_number(first.time)}"
@@ -210,14 +202,19 @@ class _Joining:
             for at, activity in enumerate(self._network.activities)
         )
         network = with_ends(replace(self._network, activities=activities), self._epsilon)
-        conditions = [one for at, activity in enumerate(activities) for one in self._conditions(at, activity)]
-        conditions += [Condition(literal, GOAL, GOAL, ALWAYS, None) for literal in self._goal()]
-        effects = [one for at, activity in enumerate(activities) for one in self._effects(at, activity)]
-        atoms = {one.literal.atom for one in conditions} | {one.literal.atom for one in effects}
-        initial = [Effect(Literal(atom, atom in self._problem.atoms), INITIAL, ALWAYS, None) for atom in sorted(atoms)]
-        return TeamPlan(network, tuple(conditions), (*initial, *effects), self._epsilon)
+        conditions = [
+            condition for at, activity in enumerate(activities) for condition in self._conditions(at, activity)
+        ]
+        conditions += [model.Condition(literal, model.GOAL, model.GOAL, model.ALWAYS, None) for literal in self._goal()]
+        effects = [effect for at, activity in enumerate(activities) for effect in self._effects(at, activity)]
+        atoms = {condition.literal.atom for condition in conditions} | {effect.literal.atom for effect in effects}
+        initial = [
+            model.Effect(model.Literal(atom, atom in self._problem.atoms), model.INITIAL, model.ALWAYS, None)
+            for atom in sorted(atoms)
+        ]
+        return model.TeamPlan(network, tuple(conditions), (*initial, *effects), self._epsilon)
 
-    def _ground(self, at: int, activity: Activity) -> states.ActionInstance:
+    def _ground(self, at: int, activity: model.Activity) -> states.ActionInstance:
         location = self._places.of("activities", at, "action") or activity.location
         name, *arguments = activity.action.strip("()").split()
         schema = self._domain.actions.get(name)
@@ -230,7 +227,7 @@ class _Joining:
     def _schema(self, instance: states.ActionInstance) -> ActionSchema:
         return self._domain.actions[instance.action]
 
-    def _bounded(self, at: int, activity: Activity, allowed: Durations) -> Activity:
+    def _bounded(self, at: int, activity: model.Activity, allowed: Durations) -> model.Activity:
         """The activity with those of its durations that the action allows."""
         lower = max(activity.lower, allowed[0])
         upper = min((each for each in (activity.upper, allowed[1]) if each is not None), default=None)
@@ -244,16 +241,16 @@ class _Joining:
 
     # -- conditions ----------------------------------------------------------------------------------------------
 
-    def _conditions(self, at: int, activity: Activity) -> Iterable[Condition]:
+    def _conditions(self, at: int, activity: model.Activity) -> Iterable[model.Condition]:
         instance = self._instances[activity.action]
         schema = self._schema(instance)
         return dict.fromkeys(
-            Condition(literal, *_span(activity, timed.timing), activity.guard, at)
+            model.Condition(literal, *_span(activity, timed.timing), activity.guard, at)
             for timed in instance.conditions
             for literal in self._literals(timed.condition, timed.text, f"{instance}", schema)
         )
 
-    def _goal(self) -> Iterable[Literal]:
+    def _goal(self) -> Iterable[model.Literal]:
         return dict.fromkeys(
             literal
             for one in ground_goal(self._domain, self._problem)
@@ -262,7 +259,7 @@ class _Joining:
 
     def _literals(
         self, condition: states.Condition, text: str, owner: str, declared: ActionSchema | Problem
-    ) -> Iterator[Literal]:
+    ) -> Iterator[model.Literal]:
         """The literals of a conjunction.
 
         Those that nothing in the plan changes stay, too: something outside of it may, and a link from the initial state
@@ -276,7 +273,7 @@ class _Joining:
                 if not value:
                     yield _never(condition, text)
             case states.Holds(atom, value):
-                yield Literal(atom, value)
+                yield model.Literal(atom, value)
             case states.And(operands):
                 for operand in operands:
                     yield from self._literals(operand, text, owner, declared)
@@ -289,7 +286,7 @@ class _Joining:
 
     # -- effects -------------------------------------------------------------------------------------------------
 
-    def _effects(self, at: int, activity: Activity) -> Iterator[Effect]:
+    def _effects(self, at: int, activity: model.Activity) -> Iterator[model.Effect]:
         instance = self._instances[activity.action]
         changed = [effect.fluent for effect in instance.numeric_effects]
         changed += [effect.fluent for effect in instance.continuous_effects]
@@ -302,7 +299,7 @@ class _Joining:
         for timing, atom, value in dict.fromkeys((one.timing, one.atom, one.value) for one in unconditional):
             if value or (timing, atom) not in added:
                 event = activity.target if timing is states.Timing.AT_END else activity.source
-                yield Effect(Literal(atom, value), event, activity.guard, at)
+                yield model.Effect(model.Literal(atom, value), event, activity.guard, at)
 
     def _happens(self, effect: states.AtomEffect, instance: states.ActionInstance) -> bool:
         condition = self._facts.simplify(effect.condition)
@@ -313,15 +310,15 @@ class _Joining:
         raise UnsupportedError(f"{message}, {expected}", self._schema(instance).location)
 
 
-def _never(condition: states.Condition, text: str) -> Literal:
+def _never(condition: states.Condition, text: str) -> model.Literal:
     """What stands for a condition that can never be met: a literal that nothing produces."""
     if isinstance(condition, states.Holds):
-        return Literal(condition.atom, condition.value)
+        return model.Literal(condition.atom, condition.value)
     # No object has a name in parentheses, so that nothing else is about this atom.
-    return Literal(states.Atom("never", (text,)))
+    return model.Literal(states.Atom("never", (text,)))
 
 
-def _span(activity: Activity, timing: states.Timing) -> tuple[str, str]:
+def _span(activity: model.Activity, timing: states.Timing) -> tuple[str, str]:
     match timing:
         case states.Timing.AT_START:
             return activity.source, activity.source
@@ -341,7 +338,7 @@ def _interval(lower: Fraction, upper: Fraction | None) -> str:
 class Instance:
     """What `.tpnu.json` and two PDDL files say together."""
 
-    network: Tpnu
+    network: model.Tpnu
     domain: str
     problem: str
 
@@ -356,7 +353,7 @@ class Instance:
     def name(self) -> str:
         return self.network.name
 
-    def plan(self, epsilon: Fraction = EPSILON) -> TeamPlan:
+    def plan(self, epsilon: Fraction = model.EPSILON) -> model.TeamPlan:
         """The plan with the conditions and effects of its activities; errors as of :func:`team_plan`."""
         domain = parse_domain(self.domain)
         return team_plan(self.network, domain, parse_problem(self.problem, domain), epsilon=epsilon)
@@ -379,7 +376,7 @@ class Instance:
         return path
 
 
-def load_team_plan(path: str | os.PathLike[str], *, epsilon: Fraction = EPSILON) -> TeamPlan:
+def load_team_plan(path: str | os.PathLike[str], *, epsilon: Fraction = model.EPSILON) -> model.TeamPlan:
     """Read a `.tpnu.json` file, its domain and its problem.
 
     Args:

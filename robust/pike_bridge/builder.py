@@ -105,9 +105,11 @@ def _named(found: object, place: Location) -> None:
 def _elements(found: Iterable[Element]) -> tuple[Element, ...]:
     """What is found, all of which are elements."""
     elements = tuple(found)
-    for one in elements:
-        if not isinstance(one, Element):
-            raise InputError(f"found {shorten(repr(one))}, expected act, sequence, parallel, choose or within of them")
+    for element in elements:
+        if not isinstance(element, Element):
+            raise InputError(
+                f"found {shorten(repr(element))}, expected act, sequence, parallel, choose or within of them"
+            )
     return elements
 
 

@@ -12,7 +12,7 @@ from itertools import chain, count
 from typing import NamedTuple
 
 from robust.pike_bridge import model
-from robust.pike_bridge.temporal.distance_graph import Precedence
+from robust.pike_bridge.distance_graph import Precedence
 from robust.pike_bridge.theory import Formula, Not, Some, Theory, conjunction
 
 
@@ -158,8 +158,8 @@ def prune(question: OpenCondition, contexts: Contexts) -> OpenCondition:
 
     return replace(
         question,
-        producers=tuple(each for each in producers if not dominated_producer(each)),
-        threats=tuple(each for each in threats if not dominated_threat(each)),
+        producers=tuple(producer for producer in producers if not dominated_producer(producer)),
+        threats=tuple(threat for threat in threats if not dominated_threat(threat)),
     )
 
 

@@ -16,6 +16,7 @@ from typing import Any
 
 from robust.errors import Location, SolverError, UnsupportedError
 from robust.pike_bridge.causal import AugmentedPlan, augment
+from robust.pike_bridge.distance_graph import Precedence, StructuralPrecedence
 from robust.pike_bridge.knowledge import create_knowledge_base, reasons_about_time
 from robust.pike_bridge.knowledge.interface import (
     HasImplicants,
@@ -23,11 +24,10 @@ from robust.pike_bridge.knowledge.interface import (
     KnowledgeStatistics,
     Require,
 )
+from robust.pike_bridge.labeled_apsp import LabeledDistances, schedule, temporal_conflicts
 from robust.pike_bridge.model import ALWAYS, Assignment, Guard, TeamPlan, check_choice
 from robust.pike_bridge.model import guard as conjunction
 from robust.pike_bridge.semantics import Execution, ExecutionExistence, Oracle, candidate_subplans, confirmed
-from robust.pike_bridge.temporal.distance_graph import Precedence, StructuralPrecedence
-from robust.pike_bridge.temporal.labeled_apsp import LabeledDistances, schedule, temporal_conflicts
 from robust.presented import Presented, VerdictEnum
 from robust.searching import Announce, Searching, Status, Stoppable, unheard
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError

@@ -1,6 +1,6 @@
-"""Back ends asked the same questions as the semantic oracle, and the smallest plan about which one still disagrees.
+"""All back ends asked the same questions as the semantic oracle, and the smallest plan about which one still disagrees.
 
-First the check itself, then shrinking of a plan that shows a disagreement, then such a plan as files that reproduce it.
+A plan that shows a disagreement is shrunk greedily, and written as files that reproduce it.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class CrossCheck(NoTruthValue, ask="agree"):
     @property
     def smallest(self) -> Disagreement | None:
         """The one that takes least to tell: most others follow from it."""
-        return min(self.disagreements, key=lambda each: len(str(each)), default=None)
+        return min(self.disagreements, key=lambda disagreement: len(str(disagreement)), default=None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +123,7 @@ def cross_check(
     """
     outcome = CrossCheck()
     on_subject("oracle")
-    truth = [dict(one.scenario) for one in Oracle(plan, solver=solver).scenarios(deadline=deadline)]
+    truth = [dict(execution.scenario) for execution in Oracle(plan, solver=solver).scenarios(deadline=deadline)]
     outcome.scenarios = len(truth)
     counts: dict[Temporal, tuple[str, int]] = {}
     for subject in subjects:
@@ -191,7 +191,7 @@ class Crossing(Searching[Crossed]):
 
     def _shrunk(self, outcome: CrossCheck, witness: Path) -> Path | None:
         """The smallest plan found on which the first subject still differs from the oracle, as files if possible."""
-        [subject] = [each for each in subjects(BACKENDS) if each.name == outcome.disagreements[0].backend]
+        [subject] = [subject for subject in subjects(BACKENDS) if subject.name == outcome.disagreements[0].backend]
 
         def shows(smaller: TeamPlan) -> bool:
             return differing(smaller, subject, solver=self.solver, seed=self.seed, limit=10)
@@ -287,7 +287,7 @@ class _Examination:
         """Whether an execution is left, and which scenarios are."""
         self._compare("a correct execution exists", bool(self.truth), knowledge.satisfiable(self.deadline))
         domains = self.plan.network.domains
-        found = {tuple(sorted(one)) for one in scenarios(knowledge, domains, self.deadline)}
+        found = {tuple(sorted(scenario)) for scenario in scenarios(knowledge, domains, self.deadline)}
         expected = {tuple(sorted(Assignment(*item) for item in one.items())) for one in self.truth}
         self._compare("scenarios that are missing", _listed(set()), _listed(expected - found))
         self._compare("scenarios that are wrong", _listed(set()), _listed(found - expected))
@@ -402,23 +402,24 @@ def propositional(plan: TeamPlan) -> Instance:
     activities = [replace(each, action=f"(act-{at})") for at, each in enumerate(plan.network.activities)]
 
     def texts(literals: Iterable[Literal]) -> tuple[str, ...]:
-        return tuple(f"({names[one.atom]})" if one.positive else f"(not ({names[one.atom]}))" for one in literals)
+        written = ((f"({names[literal.atom]})", literal.positive) for literal in literals)
+        return tuple(atom if positive else f"(not {atom})" for atom, positive in written)
 
     def action(at: int, activity: Activity) -> ActionText:
-        needs = [one for one in plan.conditions if one.activity == at]
-        does = [one for one in plan.effects if one.activity == at]
-        moments = [one for one in needs if one.first == one.last]
+        needs = [condition for condition in plan.conditions if condition.activity == at]
+        does = [effect for effect in plan.effects if effect.activity == at]
+        moments = [need for need in needs if need.first == need.last]
         return ActionText(
             f"act-{at}",
-            at_start=texts(one.literal for one in moments if one.first == activity.source),
-            over_all=texts(one.literal for one in needs if one.first != one.last),
-            at_end=texts(one.literal for one in moments if one.first != activity.source),
+            at_start=texts(moment.literal for moment in moments if moment.first == activity.source),
+            over_all=texts(need.literal for need in needs if need.first != need.last),
+            at_end=texts(moment.literal for moment in moments if moment.first != activity.source),
             start_effects=texts(one.literal for one in does if one.event == activity.source),
             end_effects=texts(one.literal for one in does if one.event != activity.source),
         )
 
-    initial = [one.literal for one in plan.effects if one.activity is None and one.event == INITIAL]
-    goal = [one.literal for one in plan.conditions if one.activity is None and one.first == GOAL]
+    initial = [each.literal for each in plan.effects if each.activity is None and each.event == INITIAL]
+    goal = [each.literal for each in plan.conditions if each.activity is None and each.first == GOAL]
     return Instance(
         replace(plan.network, activities=tuple(activities)),
         sketched_domain("team", texts(map(Literal, names)), list(starmap(action, enumerate(activities)))),
@@ -428,7 +429,7 @@ def propositional(plan: TeamPlan) -> Instance:
 
 def _names(plan: TeamPlan) -> dict[Atom, str]:
     """A predicate without arguments for each atom."""
-    atoms = {one.literal.atom for one in plan.conditions} | {one.literal.atom for one in plan.effects}
+    atoms = {condition.literal.atom for condition in plan.conditions} | {effect.literal.atom for effect in plan.effects}
     names: dict[Atom, str] = {}
     for atom in sorted(atoms, key=str):
         base = "p-" + _LEGAL.sub("-", str(atom).lower()).strip("-")

@@ -1,9 +1,8 @@
-"""`.tpnu.json` files of plans with choices: read with the place of everything that is written, and written.
+"""`.tpnu.json` files of plans with choices: reading, checking and writing.
 
-What an object of the format has is said once, in the tables below, from which it is read and written. A published JSON
-Schema says the same.
-
-Whether a network is well-formed [PIKE, Definition 2.1], with messages that say where its parts are written.
+The tables at the end say what each object of the format consists of; files are read and written by them. A published
+JSON Schema says the same. Everything that was read keeps its place, so that messages about networks that are not
+well-formed [PIKE, Definition 2.1] say where the fault is written.
 """
 
 from __future__ import annotations
@@ -521,8 +520,9 @@ class _Part:
             if name not in value.members:
                 message = f"found {self.what} without {name!r}, expected all of {', '.join(required)}"
                 raise InputError(message, value.location)
-        found = {each.field: each.read(value.members[each.key]) for each in self.members if each.key in value.members}
-        return self.make(**found, **({"location": value.location} if self.located else {}))
+        there = (member for member in self.members if member.key in value.members)
+        fields = {member.field: member.read(value.members[member.key]) for member in there}
+        return self.make(**fields, **({"location": value.location} if self.located else {}))
 
     def text(self, part: object) -> str:
         """The object in one line."""

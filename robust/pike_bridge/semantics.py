@@ -1,9 +1,8 @@
 """What a correct execution is [PIKE, Definitions 2.5 to 2.8]: as formulas, as an oracle, and as a referee.
 
-The formulas are over choices and event times; the oracle asks a solver about them; the referee looks at one execution
-by simulating it, and confirms every execution that a solver or a knowledge base gives.
-
-Scenarios of a plan with choices: counting them, going through them, and what is left of a plan in some of them.
+The formulas are over choices and event times. The oracle asks a solver about them. The referee simulates one execution,
+and confirms every execution that a solver or a knowledge base gives. Scenarios are enumerated and counted here, and
+plans restricted to some of them.
 """
 
 from __future__ import annotations
@@ -20,22 +19,6 @@ from typing import TypeAlias, TypeVar
 from robust.errors import InputError, SolverError, did_you_mean
 from robust.pike_bridge import model
 from robust.pike_bridge.knowledge.sat import Propositions, satisfiable
-from robust.pike_bridge.model import (
-    ALWAYS,
-    Condition,
-    Constraint,
-    Effect,
-    Event,
-    Guard,
-    Literal,
-    TeamPlan,
-    Tpnu,
-    contradicts,
-    guard,
-    may_produce,
-    may_threaten,
-    starts_with,
-)
 from robust.pike_bridge.theory import evaluate
 from robust.plan.model import Atom
 from robust.plan.polynomial import Polynomial
@@ -60,16 +43,16 @@ class Semantics(Propositions):
         InputError: if a guard, a constraint, a condition or an effect mentions an unknown choice, value or event.
     """
 
-    def __init__(self, plan: TeamPlan, terms: Terms | None = None, *, epsilon: Fraction | None = None) -> None:
+    def __init__(self, plan: model.TeamPlan, terms: Terms | None = None, *, epsilon: Fraction | None = None) -> None:
         super().__init__(plan.network.domains, terms)
         self._events = plan.network.guards
         self._epsilon = plan.epsilon if epsilon is None else epsilon
         self._orders: dict[tuple[str, str], Formula] = {}
-        self._effects: dict[Literal, list[Effect]] = {}
+        self._effects: dict[model.Literal, list[model.Effect]] = {}
         for effect in plan.effects:
             self._effects.setdefault(effect.literal, []).append(effect)
-        constraints = [self.constraint(each) for each in plan.network.temporal_constraints]
-        self.conditions = tuple(self._condition(each) for each in plan.conditions)
+        constraints = [self.constraint(constraint) for constraint in plan.network.temporal_constraints]
+        self.conditions = tuple(self._condition(condition) for condition in plan.conditions)
         """Of each condition that it is met."""
         self.formulas: tuple[Formula, ...] = (*self.domains, *constraints, *self.conditions)
 
@@ -77,7 +60,7 @@ class Semantics(Propositions):
         """The event's time, outright."""
         return self.terms.equal(self.time_of(event) - time)
 
-    def not_earlier(self, event: str, moment: Time, environment: Guard = ALWAYS) -> Formula:
+    def not_earlier(self, event: str, moment: Time, environment: model.Guard = model.ALWAYS) -> Formula:
         """That the event, if it is activated in the environment, is at a moment or later."""
         return self.unless(self._events[event] | environment, self.terms.at_least(self.time_of(event) - moment))
 
@@ -95,30 +78,30 @@ class Semantics(Propositions):
             raise InputError(f"unknown event {event}{did_you_mean(event, self._events)}")
         return super().time_of(event)
 
-    def _condition(self, condition: Condition) -> Formula:
+    def _condition(self, condition: model.Condition) -> Formula:
         """Some activated producer is before the condition, and every activated threat is before or after both."""
         threats = [
             effect
             for effect in self._effects.get(condition.literal.negation, [])
-            if may_threaten(effect, condition) and not contradicts(condition.guard, effect.guard)
+            if model.may_threaten(effect, condition) and not model.contradicts(condition.guard, effect.guard)
         ]
         supports = (
             self._support(producer, threats, condition)
             for producer in self._effects.get(condition.literal, [])
-            if not contradicts(condition.guard, producer.guard)
+            if not model.contradicts(condition.guard, producer.guard)
         )
         return self.unless(condition.guard, self.terms.disjunction(supports))
 
-    def _support(self, producer: Effect, threats: list[Effect], condition: Condition) -> Formula:
+    def _support(self, producer: model.Effect, threats: list[model.Effect], condition: model.Condition) -> Formula:
         first, last = producer.event, condition.last
-        in_time = self.terms.true if starts_with(producer, condition) else self._before(first, condition.first)
+        in_time = self.terms.true if model.starts_with(producer, condition) else self._before(first, condition.first)
         away = (
             self.unless(
                 threat.guard,
                 self.terms.disjunction((self._before(threat.event, first), self._before(last, threat.event))),
             )
             for threat in threats
-            if not contradicts(producer.guard, threat.guard)
+            if not model.contradicts(producer.guard, threat.guard)
         )
         return self.terms.conjunction((self.guard(producer.guard), in_time, *away))
 
@@ -159,7 +142,7 @@ class Oracle:
         InputError: if a guard, a constraint, a condition or an effect mentions an unknown choice, value or event.
     """
 
-    def __init__(self, plan: TeamPlan, *, solver: str = "z3") -> None:
+    def __init__(self, plan: model.TeamPlan, *, solver: str = "z3") -> None:
         self.plan = plan
         self._solver = solver
         self._semantics = Semantics(plan)
@@ -167,7 +150,7 @@ class Oracle:
 
     def decide(
         self,
-        assume: Guard = ALWAYS,
+        assume: model.Guard = model.ALWAYS,
         schedule: Mapping[str, Fraction] = NO_TIMES,
         *,
         now: Fraction | None = None,
@@ -192,7 +175,7 @@ class Oracle:
                 ExecutionExistence.EXISTS, self._witness(self._session, movable=not schedule and now is None)
             )
 
-    def scenarios(self, assume: Guard = ALWAYS, *, deadline: Deadline = NEVER) -> Iterator[Execution]:
+    def scenarios(self, assume: model.Guard = model.ALWAYS, *, deadline: Deadline = NEVER) -> Iterator[Execution]:
         """Each team scenario that admits a correct execution, once, with such an execution, as they are found.
 
         Choices that a scenario never comes to have a value in it, too [PIKE, Definition 2.2].
@@ -205,7 +188,7 @@ class Oracle:
         session = self._start()
         session.add(self._semantics.guard(assume))
         mentioned = mentions(self.plan, assume)
-        seen: list[Guard] = []
+        seen: list[model.Guard] = []
         while satisfiable(session, "another scenario", deadline):
             witness = self._witness(session, movable=True)
             alike = environment_alike(witness.scenario, mentioned)
@@ -243,19 +226,19 @@ class Oracle:
         return confirmed(self.plan, Execution(scenario, schedule), self._solver)
 
 
-def mentions(plan: TeamPlan, assume: Guard = ALWAYS) -> dict[str, set[Guard]]:
+def mentions(plan: model.TeamPlan, assume: model.Guard = model.ALWAYS) -> dict[str, set[model.Guard]]:
     """By choice, the guards that mention it: every guard that makes a difference to what a scenario activates."""
-    guarded: Iterable[Event | Constraint | Condition | Effect] = chain(
+    guarded: Iterable[model.Event | model.Constraint | model.Condition | model.Effect] = chain(
         plan.network.events, plan.network.temporal_constraints, plan.conditions, plan.effects
     )
-    found: dict[str, set[Guard]] = {}
+    found: dict[str, set[model.Guard]] = {}
     for label in {*(each.guard for each in guarded), assume}:
         for variable, _ in label:
             found.setdefault(variable, set()).add(label)
     return found
 
 
-def environment_alike(scenario: Mapping[str, str], mentioned: Mapping[str, set[Guard]]) -> Guard:
+def environment_alike(scenario: Mapping[str, str], mentioned: Mapping[str, set[model.Guard]]) -> model.Guard:
     """An environment of the scenario throughout which every guard in question has the same truth.
 
     Left out are choices that only such guards mention as are false for another reason.
@@ -265,7 +248,7 @@ def environment_alike(scenario: Mapping[str, str], mentioned: Mapping[str, set[G
         others = ([each for each in label if each.variable != name] for label in mentioned.get(name, ()))
         if all(any(kept.get(variable, value) != value for variable, value in rest) for rest in others):
             del kept[name]
-    return guard(kept)
+    return model.guard(kept)
 
 
 @dataclass(frozen=True, slots=True)
@@ -280,7 +263,7 @@ class Execution:
 class BrokenConstraint:
     """A temporal constraint that the schedule violates."""
 
-    constraint: Constraint
+    constraint: model.Constraint
     difference: Fraction
     """How much later the target is than the source."""
 
@@ -295,12 +278,12 @@ class BrokenConstraint:
 class UnmetCondition:
     """A condition that does not hold when it must."""
 
-    condition: Condition
+    condition: model.Condition
     action: str
     """Whose condition it is; `the goal` for the goal's."""
     time: Fraction
     """When that shows first."""
-    culprit: Effect | None
+    culprit: model.Effect | None
     """The effect that contradicts the condition; None if nothing ever established it."""
 
     def __str__(self) -> str:
@@ -313,7 +296,7 @@ class UnmetCondition:
 Fault: TypeAlias = BrokenConstraint | UnmetCondition
 
 
-def faults(plan: TeamPlan, execution: Execution, *, reported: Collection[str] = ()) -> tuple[Fault, ...]:
+def faults(plan: model.TeamPlan, execution: Execution, *, reported: Collection[str] = ()) -> tuple[Fault, ...]:
     """All that is wrong with an execution; it is correct if and only if there is nothing.
 
     Each constraint and each condition appears at most once. Events that were reported come after whatever has an
@@ -328,7 +311,7 @@ def faults(plan: TeamPlan, execution: Execution, *, reported: Collection[str] = 
     return (*_broken(plan.network, execution), *sorted(unmet, key=lambda each: each.time))
 
 
-def confirmed(plan: TeamPlan, execution: Execution, source: str) -> Execution:
+def confirmed(plan: model.TeamPlan, execution: Execution, source: str) -> Execution:
     """The execution, if it is correct.
 
     Raises:
@@ -340,12 +323,12 @@ def confirmed(plan: TeamPlan, execution: Execution, source: str) -> Execution:
     return execution
 
 
-def holds(guard: Guard, scenario: Mapping[str, str]) -> bool:
+def holds(guard: model.Guard, scenario: Mapping[str, str]) -> bool:
     """Whether an assignment entails a guard; choices that are missing from it are open."""
     return all(scenario.get(variable) == value for variable, value in guard)
 
 
-def _validate(network: Tpnu, execution: Execution) -> None:
+def _validate(network: model.Tpnu, execution: Execution) -> None:
     for choice in network.choices:
         value = execution.scenario.get(choice.name)
         if value not in choice.domain:
@@ -357,7 +340,7 @@ def _validate(network: Tpnu, execution: Execution) -> None:
         raise InputError(f"event {name} has a time, but is not activated; expected times for activated events only")
 
 
-def _broken(network: Tpnu, execution: Execution) -> Iterator[BrokenConstraint]:
+def _broken(network: model.Tpnu, execution: Execution) -> Iterator[BrokenConstraint]:
     for constraint in network.temporal_constraints:
         if holds(constraint.guard, execution.scenario):
             difference = execution.schedule[constraint.target] - execution.schedule[constraint.source]
@@ -370,14 +353,14 @@ def _broken(network: Tpnu, execution: Execution) -> Iterator[BrokenConstraint]:
 class _Simulation:
     """The effects and the conditions of an execution, with who comes before whom."""
 
-    def __init__(self, plan: TeamPlan, execution: Execution, reported: frozenset[str]) -> None:
+    def __init__(self, plan: model.TeamPlan, execution: Execution, reported: frozenset[str]) -> None:
         self._plan = plan
         self._time = execution.schedule
         self._reported = reported
-        self._conditions = [each for each in plan.conditions if holds(each.guard, execution.scenario)]
-        self._effects: dict[Atom, list[Effect]] = {}
+        self._conditions = [condition for condition in plan.conditions if holds(condition.guard, execution.scenario)]
+        self._effects: dict[Atom, list[model.Effect]] = {}
         """By atom, in the order of time."""
-        for effect in sorted(plan.effects, key=lambda each: self._time.get(each.event, Fraction(0))):
+        for effect in sorted(plan.effects, key=lambda effect: self._time.get(effect.event, Fraction(0))):
             if holds(effect.guard, execution.scenario):
                 self._effects.setdefault(effect.literal.atom, []).append(effect)
 
@@ -387,15 +370,15 @@ class _Simulation:
             if fault is not None:
                 yield fault
 
-    def _fault(self, condition: Condition) -> UnmetCondition | None:
+    def _fault(self, condition: model.Condition) -> UnmetCondition | None:
         """The latest producer that is early enough decides: what would threaten it would threaten all before it."""
         first = condition.first
-        producer: Effect | None = None
-        undone: Effect | None = None
+        producer: model.Effect | None = None
+        undone: model.Effect | None = None
         for effect in self._effects.get(condition.literal.atom, ()):
             if effect.literal == condition.literal:
-                if starts_with(effect, condition) or (
-                    may_produce(effect, condition) and self._before(effect.event, first)
+                if model.starts_with(effect, condition) or (
+                    model.may_produce(effect, condition) and self._before(effect.event, first)
                 ):
                     producer = effect
             elif self._time[effect.event] < self._time[first]:
@@ -404,7 +387,7 @@ class _Simulation:
             return self._unmet(condition, self._time[first], undone)
         for threat in self._effects[condition.literal.atom]:
             away = self._before(threat.event, producer.event) or self._before(condition.last, threat.event)
-            if may_threaten(threat, condition) and not away:
+            if model.may_threaten(threat, condition) and not away:
                 return self._unmet(condition, max(self._time[first], self._time[threat.event]), threat)
         return None
 
@@ -412,7 +395,7 @@ class _Simulation:
         difference = self._time[later] - self._time[earlier]
         return difference > 0 and (difference >= self._plan.epsilon or later in self._reported)
 
-    def _unmet(self, condition: Condition, now: Fraction, culprit: Effect | None) -> UnmetCondition:
+    def _unmet(self, condition: model.Condition, now: Fraction, culprit: model.Effect | None) -> UnmetCondition:
         activities = self._plan.network.activities
         action = "the goal" if condition.activity is None else activities[condition.activity].action
         return UnmetCondition(condition, action, now, culprit)
@@ -473,7 +456,7 @@ def candidate_subplans(network: model.Tpnu) -> int:
 def _direct(network: model.Tpnu) -> dict[str, model.Guard]:
     """For each choice, what its event needs, without what the choices needed need themselves."""
     guards = network.guards
-    needs = {one.name: model.ALWAYS if one.event is None else guards[one.event] for one in network.choices}
+    needs = {choice.name: model.ALWAYS if choice.event is None else guards[choice.event] for choice in network.choices}
     return {
         name: guard
         - frozenset[model.Assignment]().union(*(needs[variable] for variable, _ in guard if variable != name))
@@ -492,9 +475,9 @@ def _branches(component: _Component, domains: Mapping[str, tuple[str, ...]]) -> 
     branches = []
     for value in domains[root]:
         left = [
-            (name, frozenset(one for one in guard if one.variable != root))
+            (name, frozenset(each for each in guard if each.variable != root))
             for name, guard in component
-            if name != root and all(one.value == value for one in guard if one.variable == root)
+            if name != root and all(each.value == value for each in guard if each.variable == root)
         ]
         branches.append(_components(frozenset(left)))
     return branches
@@ -534,7 +517,7 @@ def _supported(guards: dict[str, model.Guard]) -> dict[str, model.Guard]:
 def moved(parts: Iterable[Owned], kept: Sequence[int]) -> tuple[Owned, ...]:
     """What belongs to activities that are kept, or to none, with the places that these have then."""
     places: dict[int | None, int | None] = {None: None, **{before: after for after, before in enumerate(kept)}}
-    return tuple(replace(each, activity=places[each.activity]) for each in parts if each.activity in places)
+    return tuple(replace(part, activity=places[part.activity]) for part in parts if part.activity in places)
 
 
 def restrict(plan: model.TeamPlan, environment: model.Guard) -> model.TeamPlan:
@@ -550,7 +533,7 @@ def restrict(plan: model.TeamPlan, environment: model.Guard) -> model.TeamPlan:
 
     def left(parts: Iterable[Guarded]) -> tuple[Guarded, ...]:
         """Those that can still be activated, with what is left of their guards."""
-        kept = (one for one in parts if not model.contradicts(environment, one.guard))
+        kept = (part for part in parts if not model.contradicts(environment, part.guard))
         return tuple(replace(one, guard=one.guard - environment) for one in kept)
 
     network = plan.network

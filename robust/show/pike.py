@@ -284,7 +284,7 @@ def cross_document(crossed: Crossed) -> Document:
             status=crossed.status,
             agree=None if crossed.outcome is None else outcome.agree,
             scenarios=None if crossed.outcome is None else outcome.scenarios,
-            disagreements=[like(Disagreement, one) for one in outcome.disagreements],
+            disagreements=[like(Disagreement, disagreement) for disagreement in outcome.disagreements],
             witness=None if crossed.written is None else str(crossed.written),
         )
     )
@@ -316,7 +316,7 @@ def print_cross(out: Console, crossed: Crossed, *, quiet: bool) -> None:
 
 def patience_document(found: Moments) -> Document:
     """`robust/pike-patience/1`."""
-    return document(like(PikePatience, found, moments=[LatestMoment(*each) for each in found.moments]))
+    return document(like(PikePatience, found, moments=[LatestMoment(*moment) for moment in found.moments]))
 
 
 def print_patience(out: Console, found: Moments, *, quiet: bool) -> None:
@@ -327,10 +327,10 @@ def print_patience(out: Console, found: Moments, *, quiet: bool) -> None:
     out.print("A correct execution exists." if found.feasible else "No correct execution exists.")
     if quiet:
         return
-    width = max((len(f"{each.choice} = {each.value}") for each in found.moments), default=0)
-    for each in found.moments:
-        until = "at any time" if each.latest is None else f"until {readable(each.latest)}"
-        out.print(f"  {f'{each.choice} = {each.value}':<{width}}  {until if each.possible else 'never'}")
+    width = max((len(f"{moment.choice} = {moment.value}") for moment in found.moments), default=0)
+    for moment in found.moments:
+        until = "at any time" if moment.latest is None else f"until {readable(moment.latest)}"
+        out.print(f"  {f'{moment.choice} = {moment.value}':<{width}}  {until if moment.possible else 'never'}")
     if found.cut_short:
         out.print("Out of time before all were found." if found.status == "timeout" else "Interrupted.")
 

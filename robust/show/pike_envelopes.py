@@ -185,7 +185,7 @@ def _choices(label: Guard) -> dict[str, str]:
 
 def _polyhedra(pieces: Iterable[Polyhedron]) -> list[PolyhedronRecord]:
 
-    return [PolyhedronRecord(constraints=[_constraint(each) for each in one.constraints]) for one in pieces]
+    return [PolyhedronRecord(constraints=list(map(_constraint, piece.constraints))) for piece in pieces]
 
 
 def _constraint(one: LinearConstraint) -> ConstraintRecord:
@@ -211,7 +211,10 @@ def region_document(found: LabeledRegion, cells: Cells | None) -> Document:
     exactly = None
     if cells is not None:
         exactly = [
-            ExactCell(possible=[_choices(one.choices) for one in possible], polyhedra=_polyhedra(_tidied(cell)))
+            ExactCell(
+                possible=[_choices(combination.choices) for combination in possible],
+                polyhedra=_polyhedra(_tidied(cell)),
+            )
             for possible, cell in cells
         ]
     return document(
@@ -223,14 +226,14 @@ def region_document(found: LabeledRegion, cells: Cells | None) -> Document:
             choices=list(found.key),
             epsilon=found.plan.plan.epsilon,
             parameters={
-                one.name: TeamParameterRecord(
-                    kind=one.kind.value,
-                    meaning=one.meaning,
-                    nominal=one.parameter.nominal,
-                    lower=exact_end(one.parameter.lower, upper=False),
-                    upper=exact_end(one.parameter.upper, upper=True),
+                parameter.name: TeamParameterRecord(
+                    kind=parameter.kind.value,
+                    meaning=parameter.meaning,
+                    nominal=parameter.parameter.nominal,
+                    lower=exact_end(parameter.parameter.lower, upper=False),
+                    upper=exact_end(parameter.parameter.upper, upper=True),
                 )
-                for one in found.plan.parameters
+                for parameter in found.plan.parameters
             },
             combinations=combinations,
             exactly=exactly,
@@ -264,7 +267,7 @@ def envelope_document(found: TeamEnvelope) -> Document:
             assume=_choices(found.assume),
             for_all=list(found.for_all),
             epsilon=found.plan.plan.epsilon,
-            parameters={one.name: _within(found, one, telling) for one in found.plan.parameters},
+            parameters={parameter.name: _within(found, parameter, telling) for parameter in found.plan.parameters},
             broken=broken,
             polyhedra=_polyhedra(_tidied(found.region)) if known else None,
         )
@@ -296,7 +299,7 @@ def _within(found: TeamEnvelope, one: TeamParameter, telling: Telling) -> TeamWi
 def tidy(plan: ParametricPlan, pieces: Iterable[Polyhedron]) -> list[Polyhedron]:
     """The pieces within the declared bounds, without those that others contain, and without what follows."""
     bounds = tuple(plan.declared_box.constraints())
-    return [one.simplified() for one in absorb(one.restricted(bounds) for one in pieces)]
+    return [one.simplified() for one in absorb(piece.restricted(bounds) for piece in pieces)]
 
 
 def _tidied(region: Region) -> Sequence[Polyhedron]:
@@ -311,7 +314,7 @@ class Telling:
 
     def __init__(self, plan: ParametricPlan) -> None:
         self._plan = plan
-        self._parameters = {one.name: one for one in plan.parameters}
+        self._parameters = {parameter.name: parameter for parameter in plan.parameters}
         self._events: dict[str, str] = {}
         for activity in plan.plan.network.activities:
             self._events.setdefault(activity.source, f"the start of {activity.action}")
@@ -438,13 +441,13 @@ def print_region(out: Console, found: LabeledRegion, *, quiet: bool) -> None:
     telling = Telling(found.plan)
     told: dict[str, list[str]] = {}
     impossible = []
-    for each in found.combinations:
-        pieces = tidy(found.plan, each.polyhedra)
+    for combination in found.combinations:
+        pieces = tidy(found.plan, combination.polyhedra)
         if pieces:
-            sentences = [telling.sentence(one) for one in pieces]
-            told.setdefault(" – or else – ".join(sentences), []).append(guard_text(each.choices))
+            sentences = [telling.sentence(piece) for piece in pieces]
+            told.setdefault(" – or else – ".join(sentences), []).append(guard_text(combination.choices))
         else:
-            impossible.append(guard_text(each.choices))
+            impossible.append(guard_text(combination.choices))
     if found.assume:
         _line(out, f"Assumed: {guard_text(found.assume)}.")
     for sentence, combinations in told.items():
@@ -467,8 +470,8 @@ def print_region(out: Console, found: LabeledRegion, *, quiet: bool) -> None:
     if quiet:
         return
     out.print()
-    for one in found.plan.parameters:
-        _line(out, f"{one.words}: {one.meaning}, {readable(one.parameter.nominal)} in the plan")
+    for parameter in found.plan.parameters:
+        _line(out, f"{parameter.words}: {parameter.meaning}, {readable(parameter.parameter.nominal)} in the plan")
     count = plural(len(found.pieces), "polyhedron").replace("polyhedrons", "polyhedra")
     _line(out, f"{_ended(found.status.value)}: {count}, {duration(found.seconds)}.")
 
@@ -488,7 +491,7 @@ def print_envelope(out: Console, found: TeamEnvelope, *, quiet: bool) -> None:
     if not found.verified:
         _line(out, _failure(found, telling, promised))
     else:
-        ranges = [telling.interval(one, found.box[one.name]) for one in found.plan.parameters]
+        ranges = [telling.interval(parameter, found.box[parameter.name]) for parameter in found.plan.parameters]
         _line(out, f"{promised}: {'; '.join(ranges)}.")
         if not quiet:
             out.print()

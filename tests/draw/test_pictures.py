@@ -17,7 +17,7 @@ from robust.draw.style import BOX_LINES, HATCHES, LIGHT, STRONG
 from robust.irr.search import EnvelopeResult, Step
 from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.causal import augment
-from robust.pike_bridge.temporal.distance_graph import StructuralPrecedence
+from robust.pike_bridge.distance_graph import StructuralPrecedence
 from robust.plan.model import Parameter
 from robust.qe.box import Box, Interval, Side
 from robust.qe.polyhedron import Polyhedron

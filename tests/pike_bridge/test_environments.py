@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robust.pike_bridge.distance_graph import LabeledValueSet
 from robust.pike_bridge.model import Assignment, AssignmentVocabulary, bits, contradicts, entails, guard, union
-from robust.pike_bridge.temporal.distance_graph import LabeledValueSet
 from robust.pike_bridge.theory import is_consistent
 
 DOMAINS = {"w": ("only",), "x": ("1", "2"), "y": ("1", "2", "3"), "z": ("1", "2")}

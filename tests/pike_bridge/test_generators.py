@@ -16,9 +16,9 @@ from robust.errors import InputError
 from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.builder import k_intents
 from robust.pike_bridge.causal import augment
+from robust.pike_bridge.labeled_apsp import LabeledDistances
 from robust.pike_bridge.model import EPSILON, GOAL, INITIAL
 from robust.pike_bridge.semantics import ExecutionExistence, Oracle
-from robust.pike_bridge.temporal.labeled_apsp import LabeledDistances
 from tests.pike_bridge import stories
 from tests.pike_bridge.satisfiability import assignment, random_clauses, sat_plan, satisfies
 

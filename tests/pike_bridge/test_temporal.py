@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robust.pike_bridge.builder import act, build, choose, sequence
+from robust.pike_bridge.distance_graph import StructuralPrecedence
+from robust.pike_bridge.labeled_apsp import LabeledDistances, most_general, schedule, temporal_conflicts
 from robust.pike_bridge.model import EPSILON, Assignment, guard
-from robust.pike_bridge.temporal.distance_graph import StructuralPrecedence
-from robust.pike_bridge.temporal.labeled_apsp import LabeledDistances, most_general, schedule, temporal_conflicts
 from robust.pike_bridge.theory import Is, Theory
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.pike_bridge import stories

@@ -103,12 +103,12 @@ class ParametricPlan:
     @property
     def names(self) -> tuple[str, ...]:
         """Of the parameters."""
-        return tuple(one.name for one in self.parameters)
+        return tuple(parameter.name for parameter in self.parameters)
 
     @property
     def declared(self) -> tuple[Parameter, ...]:
         """The parameters with their nominal values, weights and bounds."""
-        return tuple(one.parameter for one in self.parameters)
+        return tuple(parameter.parameter for parameter in self.parameters)
 
     @property
     def declared_box(self) -> Box:
@@ -118,7 +118,7 @@ class ParametricPlan:
     @property
     def nominal(self) -> dict[str, Fraction]:
         """The nominal value of each parameter."""
-        return {one.name: one.nominal for one in self.declared}
+        return {parameter.name: parameter.nominal for parameter in self.declared}
 
     def at(self, values: Mapping[str, Fraction]) -> TeamPlan:
         """The plan with values for all parameters, whether or not they are within their bounds."""
@@ -273,7 +273,7 @@ class _Parametrization:
         """Replace bounds, or raise InputError."""
         places, what, short = self._subject(spec)
         name = spec.name or _PREFIX[spec.kind] + re.sub(r"\W+", "_", short).strip("_")
-        if any(one.name == name for one in self.parameters):
+        if any(parameter.name == name for parameter in self.parameters):
             remedy = f"write NAME={spec.kind.value}:{spec.subject} with another name"
             raise InputError(f"found parameter {name!r} twice, expected a new name: {remedy}", spec.location)
         given = spec.attributes
@@ -348,7 +348,7 @@ class _Parametrization:
             if any(fnmatchcase(one.action, each) for each in pattern)
         }
         if not found:
-            known = [one.action for one in self._network.activities]
+            known = [activity.action for activity in self._network.activities]
             known += [] if subject.startswith("(") else [one.strip("()").split()[0] for one in known]
             hint = did_you_mean(subject.lower(), known)
             raise InputError(f"found no activity {shorten(subject)}, expected one of the plan{hint}", spec.location)
@@ -383,7 +383,7 @@ class _Parametrization:
     def _before_choice(self, spec: TeamParameterSpec) -> tuple[tuple[int, ...], str, str]:
         """The constraints that say how early a choice's event can be."""
         check_choice(self._network.domains, spec.subject, None, spec.location)
-        choice = next(each for each in self._network.choices if each.name == spec.subject)
+        choice = next(choice for choice in self._network.choices if choice.name == spec.subject)
         places = tuple(
             place
             for place, one in enumerate(self._network.constraints)

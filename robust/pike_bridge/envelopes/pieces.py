@@ -1,24 +1,23 @@
-"""All parameter values for which correct executions exist, as polyhedra, each with the choices that it is about.
+"""All parameter values for which correct executions exist, as polyhedra, each with the choices that it needs.
 
-A solver finds choices, times and parameter values. What its model makes true of the plan's formulas is a network of
-differences between times, whose cycles are a polyhedron of parameter values with the same choices and the same order of
-events. It is excluded, with what it needs of the choices of interest, and the solver is asked again, until nothing is
-left. What is found by then is right at any moment, though not all there is.
+A solver finds choices, times and parameter values. The formulas that its model satisfies are a network of differences
+between times, whose bounds are linear in the parameters. The network has a solution if and only if no cycle is
+negative: these inequalities are a polyhedron of parameter values with the same choices and the same order of events.
+The polyhedron is excluded together with the choices of interest that it needs, and the solver is asked again until
+nothing remains. Every polyhedron is right at any moment, though they may not be all.
 
-Networks of differences between times whose bounds are linear in parameters: when do they have a solution?
-
-By elimination of the times, one after the other, each path through an event becomes an edge past it. What is left are
-the cycles, each of which must not be negative: linear inequalities of the parameters. Edges between two events of
-which one is never tighter within the parameters' bounds are dropped as they come up; what cycles say about single
-parameters narrows these bounds on the way.
+The cycles come from eliminating the times one after the other: each path through an event becomes an edge past it. Of
+several edges between two events, those that others dominate within the parameters' bounds are dropped as they come up;
+cycles about a single parameter narrow its bounds on the way.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from itertools import chain, product
+from itertools import chain, permutations, product
 from itertools import combinations as pairs
 from math import lcm
 from types import MappingProxyType
@@ -98,9 +97,9 @@ class _ParametricElimination(Elimination[list[_Weight]]):
             self.put(source, target, weight.then(other))
 
     def _keep(self, edges: list[_Weight], weight: _Weight) -> None:
-        if any(self._implies(one, weight) for one in edges):
+        if any(self._implies(edge, weight) for edge in edges):
             return
-        edges[:] = [one for one in edges if not self._implies(weight, one)]
+        edges[:] = [edge for edge in edges if not self._implies(weight, edge)]
         edges.append(weight)
 
     def _tighten(self, cycle: _Weight) -> bool:
@@ -154,7 +153,7 @@ def cycles(
         OutOfTimeError: if the deadline passes first.
     """
     edges = list(edges)
-    limits = [end for one in parameters for end in (one.lower, one.upper) if end is not None]
+    limits = [end for parameter in parameters for end in (parameter.lower, parameter.upper) if end is not None]
     unit = lcm(*(number.denominator for number in (*(edge.constant for edge in edges), *limits)))
 
     def scaled(end: Fraction | None) -> int | None:
@@ -163,9 +162,10 @@ def cycles(
     same = _representatives(edges)
     ends = [(same.get(edge.source, edge.source), same.get(edge.target, edge.target)) for edge in edges]
     numbers = {event: number for number, event in enumerate(dict.fromkeys(chain(*ends)))}
-    graph = _ParametricElimination(len(numbers), [(scaled(one.lower), scaled(one.upper)) for one in parameters])
+    ranges: list[Range] = [(scaled(parameter.lower), scaled(parameter.upper)) for parameter in parameters]
+    graph = _ParametricElimination(len(numbers), ranges)
     for edge, (source, target) in zip(edges, ends, strict=True):
-        form = (int(edge.constant * unit), *(edge.factors.get(one.name, 0) for one in parameters))
+        form = (int(edge.constant * unit), *(edge.factors.get(parameter.name, 0) for parameter in parameters))
         graph.put(numbers[source], numbers[target], _Weight(form, edge.strict, (edge.origin,)))
     while graph.remaining:
         deadline.enforce()
@@ -259,8 +259,8 @@ class ParametricSemantics(Semantics):
         self._shared = shared
         plan = parametric.plan
         bare = replace(plan.network, constraints=(), activities=())
-        conditions = tuple(one for one in plan.conditions if not contradicts(given, one.guard))
-        effects = tuple(one for one in plan.effects if not contradicts(given, one.guard))
+        conditions = tuple(condition for condition in plan.conditions if not contradicts(given, condition.guard))
+        effects = tuple(effect for effect in plan.effects if not contradicts(given, effect.guard))
         super().__init__(replace(plan, network=bare, conditions=conditions, effects=effects), terms)
         self.statements: dict[Leaf, Statement] = {}
         """What each inequality of times says."""
@@ -282,9 +282,10 @@ class ParametricSemantics(Semantics):
     def _declare(self, variable: str) -> Iterator[Formula]:
         assignments = [Assignment(variable, value) for value in self._domains[variable]]
         if variable in self._given:
-            self._values.update((each, self.terms.truth(self._given[variable] == each.value)) for each in assignments)
+            given = self._given[variable]
+            self._values.update((each, self.terms.truth(each.value == given)) for each in assignments)
         elif variable in self._shared:
-            self._values.update((each, self._shared[variable].guard([each])) for each in assignments)
+            self._values.update((assignment, self._shared[variable].guard([assignment])) for assignment in assignments)
         else:
             yield from super()._declare(variable)
 
@@ -345,7 +346,7 @@ class GoodPieces:
     def __init__(self, asked: ParametricQuestion, parameters: Sequence[Parameter], *, solver: str = "z3") -> None:
         self._asked = asked
         self._parameters = tuple(parameters)
-        self._names = tuple(one.name for one in parameters)
+        self._names = tuple(parameter.name for parameter in parameters)
         self._solver = solver
         self.found: list[GoodPiece] = []
         self.queries = 0
@@ -360,7 +361,7 @@ class GoodPieces:
         asked, terms = self._asked, self._asked.terms
         session = Session(terms, solver=self._solver)
         session.add_all(asked.formulas, deadline)
-        session.add(*(one.to_formula(terms) for one in Box.declared(self._parameters).constraints()))
+        session.add(*(constraint.to_formula(terms) for constraint in Box.declared(self._parameters).constraints()))
         whole = conjunction(asked.reader.read(formula) for formula in asked.formulas)
         symbols = asked.choices.union(*map(terms.variables, asked.formulas))
         while True:
@@ -438,15 +439,14 @@ def combinations(pieces: Sequence[GoodPiece], domains: Mapping[str, tuple[str, .
     while pending:
         chosen, possible = pending.pop()
         decided = {one.variable for one in chosen}
-        open_choices = [one.variable for piece in possible for one in piece.label if one.variable not in decided]
-        if not open_choices:
+        mentioned = Counter(variable for piece in possible for variable, _ in piece.label if variable not in decided)
+        if not mentioned:
             yield Combination(chosen, possible)
             continue
-        order = list(domains)
-        name = max(dict.fromkeys(open_choices), key=lambda each: (open_choices.count(each), -order.index(each)))
+        name = max((name for name in domains if name in mentioned), key=mentioned.__getitem__)
         for value in reversed(domains[name]):
             more = chosen | {Assignment(name, value)}
-            pending.append((more, tuple(one for one in possible if not contradicts(one.label, more))))
+            pending.append((more, tuple(piece for piece in possible if not contradicts(piece.label, more))))
 
 
 # -- executions that wait ----------------------------------------------------------------------------------------------
@@ -476,7 +476,8 @@ class _CertainOrder:
     def __init__(self, parametric: ParametricPlan) -> None:
         network = parametric.plan.network
         self._guards = network.guards
-        least = {ParameterReference(one.name): one.lower for one in parametric.declared if one.lower is not None}
+        bounded = ((parameter.name, parameter.lower) for parameter in parametric.declared)
+        least = {ParameterReference(name): lower for name, lower in bounded if lower is not None}
         self._after: dict[str, list[tuple[str, Guard]]] = {}
         for one, (lower, _) in zip(network.temporal_constraints, parametric.bounds, strict=True):
             # Bounds are numbers to which parameters are added.
@@ -500,7 +501,7 @@ class _Waiting:
         self._order = _CertainOrder(parametric)
         self._statements: dict[Leaf, Statement] = {}
         self._decided_at: dict[str, list[Choice]] = {}
-        asked = {one.variable for each in alternatives for one in each}
+        asked = {one.variable for alternative in alternatives for one in alternative}
         for choice in self._plan.network.choices:
             if choice.event is not None and choice.name not in asked:
                 self._decided_at.setdefault(choice.event, []).append(choice)
@@ -531,7 +532,7 @@ class _Waiting:
         groups: list[list[int]] = []
         found = []
         for number in range(len(self._alternatives)):
-            group = next((each for each in groups if all(self._untold(event, one, number) for one in each)), None)
+            group = next((group for group in groups if all(self._untold(event, one, number) for one in group)), None)
             if group is None:
                 groups.append(group := [])
             group.append(number)
@@ -570,7 +571,7 @@ class _Waiting:
         which they differ from each other: until one of these is made, all three are alike.
         """
         numbers = range(len(self._copies))
-        telling = {(one, other): self._telling(one, other) for one in numbers for other in numbers if one != other}
+        telling = {pair: self._telling(*pair) for pair in permutations(numbers, 2)}
         for one, other in pairs(numbers, 2):
             apart = telling[one, other]
             if not any(

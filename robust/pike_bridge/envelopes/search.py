@@ -340,10 +340,10 @@ class TeamEnvelopeSearch(Searching[TeamEnvelope]):
         self._say("choices and polyhedra")
         good = self._enumerated(pieces.question(known.plan, known.for_all, known.assume), deadline)
         alternatives = tuple(pieces.combinations(good, known.plan.plan.network.domains))
-        if not known.waiting or len(alternatives) < 2 or not all(each.pieces for each in alternatives):
+        if not known.waiting or len(alternatives) < 2 or not all(alternative.pieces for alternative in alternatives):
             return alternatives
         self._say("waiting")
-        asked = pieces.waiting_question(known.plan, [each.choices for each in alternatives], known.assume)
+        asked = pieces.waiting_question(known.plan, [alternative.choices for alternative in alternatives], known.assume)
         return (Combination(ALWAYS, tuple(self._enumerated(asked, deadline))),)
 
     def _enumerated(self, asked: pieces.ParametricQuestion, deadline: Deadline) -> list[GoodPiece]:
@@ -361,7 +361,7 @@ class TeamEnvelopeSearch(Searching[TeamEnvelope]):
     def _is_inside(self) -> bool:
         """Whether the nominal values are; if not, what is broken is noted."""
         known, nominal = self._known, self._known.plan.nominal
-        broken = next((each for each in known.combinations if not each.allows(nominal)), None)
+        broken = next((combination for combination in known.combinations if not combination.allows(nominal)), None)
         if broken is None:
             known.box = Box.nominal(known.plan.declared)
             return True
@@ -401,7 +401,7 @@ class TeamEnvelopeSearch(Searching[TeamEnvelope]):
         stops = (self._bad.stop(bad, face, box) for bad in touched)
         stop = min(stops, key=lambda each: (not each.declared, len(each.statements)), default=TeamStop(ALWAYS, None))
         # Its own bounds hold a face back if all statements are about what the parameter is about.
-        parameter = next(each for each in self._known.plan.parameters if each.name == face[0])
+        parameter = next(parameter for parameter in self._known.plan.parameters if parameter.name == face[0])
         places = {each.place if isinstance(each, pieces.BoundStatement) else None for each in stop.statements}
         return replace(stop, own=len(places) == 1 and places <= set(parameter.places))
 
@@ -410,6 +410,6 @@ def _fewest_broken(polyhedra: Sequence[Polyhedron], values: Point) -> tuple[Line
     """What the values break, of the polyhedron of which they break fewest inequalities, and by least."""
 
     def cost(broken: tuple[LinearConstraint, ...]) -> tuple[int, Fraction]:
-        return len(broken), sum((each.value(values) - each.constant for each in broken), Fraction(0))
+        return len(broken), sum((constraint.value(values) - constraint.constant for constraint in broken), Fraction(0))
 
-    return min((tuple(each for each in one.constraints if not each.evaluate(values)) for one in polyhedra), key=cost)
+    return min((tuple(side for side in one.constraints if not side.evaluate(values)) for one in polyhedra), key=cost)

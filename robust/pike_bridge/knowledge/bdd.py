@@ -68,7 +68,7 @@ class BinaryDiagrams:
 
     def environment(self, assignments: Iterable[Assignment]) -> Node:
         """The conjunction of assignments."""
-        return self.all(self._values[each] for each in assignments)
+        return self.all(self._values[assignment] for assignment in assignments)
 
     def all(self, parts: Iterable[Node]) -> Node:
         """The conjunction of diagrams."""
@@ -197,8 +197,8 @@ class BddKnowledgeBase(interface.KnowledgeBase):
         """
         families, implicants = self._primes(deadline)
         order, domains = self._diagrams.order, self.theory.domains
-        for made in families.environments([implicants]):
-            yield frozenset(Assignment(order[at], domains[order[at]][number]) for at, number in made)
+        for environment in families.environments([implicants]):
+            yield frozenset(Assignment(order[at], domains[order[at]][number]) for at, number in environment)
 
     def _primes(self, deadline: Deadline) -> tuple[Families, int]:
         deadline.enforce()
@@ -208,9 +208,9 @@ class BddKnowledgeBase(interface.KnowledgeBase):
         return families, found
 
     def _compile(self, deadline: Deadline) -> Node:
-        parts: list[_Item] = [(_variables(each), 2, each) for each in self.theory.constraints]
+        parts: list[_Item] = [(_variables(constraint), 2, constraint) for constraint in self.theory.constraints]
         conflicts = [each for each in dict.fromkeys(self.theory.conflicts) if is_consistent(each)]
-        parts += [({one.variable for one in each}, 1, each) for each in conflicts]
+        parts += [({one.variable for one in conflict}, 1, conflict) for conflict in conflicts]
         domains: list[_Item] = [({variable}, 0, variable) for variable in self.theory.domains]
         groups = [variables for variables, _, _ in parts]
 

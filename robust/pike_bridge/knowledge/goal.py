@@ -1,16 +1,14 @@
-"""The goal of the πTMS [PIKE §5.3]: all constraints and conflicts, and its label, as decision diagrams.
+"""The goal of the πTMS [PIKE §5.3], all constraints and conflicts, and its label, as decision diagrams of our own.
 
-The label has too many environments to be listed where a plan is feasible in many ways, but those that begin and end
-alike share nodes: 10²³ prime implicants take hundreds of nodes. Constraints and conflicts that share no variables, not
-even through others, are parts with prime implicants of their own, and those of all are the products of these.
+Variables and their values are numbered. :class:`Functions` are truth values over variables, :class:`Families` are sets
+of environments, and the prime implicants of a function are a family. Equal nodes have one number, all algorithms
+remember what they found, and none recurses.
 
-How large diagrams get hangs on the order of variables, so that two are tried.
+Where a plan is feasible in many ways, the label has too many environments to be listed, but environments that begin and
+end alike share nodes: 10²³ prime implicants take hundreds of nodes. Constraints and conflicts that share no variables,
+not even through others, are parts with prime implicants of their own; those of the goal are the products of these.
 
-Decision diagrams over finite-domain variables: functions, sets of environments, and the one's prime implicants as
-one of the others.
-
-Variables are numbered in their order, and so are the values of each. A node is numbered once for all: what is equal has
-equal numbers. All algorithms remember what they found, and none recurses.
+The size of diagrams depends on the order of variables, so two orders are tried.
 """
 
 from __future__ import annotations
@@ -95,7 +93,7 @@ class Functions:
             return missing or self.branch(variable, tuple(known[part] for part in parts))
 
         known: dict[frozenset[tuple[Choice, ...]], int] = {}
-        return evaluate(frozenset(tuple(sorted(each)) for each in environments), known, step, deadline)
+        return evaluate(frozenset(tuple(sorted(environment)) for environment in environments), known, step, deadline)
 
     def all(self, functions: Sequence[int], deadline: Deadline = NEVER) -> int:
         """The conjunction; neighbours are joined first, so that they should be about much the same variables.
@@ -391,9 +389,9 @@ class Goal:
 
     def prime_implicants(self, deadline: Deadline) -> Iterator[Guard]:
         """Each prime implicant, once."""
-        for made in self.diagrams.functions.families.environments(self.label(deadline)):
+        for environment in self.diagrams.functions.families.environments(self.label(deadline)):
             deadline.enforce()
-            yield frozenset(self.diagrams.decode(made))
+            yield frozenset(self.diagrams.decode(environment))
 
     def label(self, deadline: Deadline) -> list[int]:
         """The prime implicants of each part, as families; what was found for another goal need not be found again."""
@@ -469,7 +467,7 @@ class _ModelSearch:
             model = self._model(forbidden)
             if model is None:
                 continue
-            conflict = next((each for each in self.question.conflicts if _manifests(model, each)), None)
+            conflict = next((conflict for conflict in self.question.conflicts if _manifests(model, conflict)), None)
             if conflict is None:
                 return True
             earlier: set[Choice] = set()
@@ -517,7 +515,7 @@ class ChoiceDiagrams:
 
     def choices(self, assignments: Iterable[tuple[str, str]]) -> list[Choice]:
         """Assignments by their numbers."""
-        return [self._choices[Assignment(*each)] for each in assignments]
+        return [self._choices[Assignment(*assignment)] for assignment in assignments]
 
     def decode(self, choices: Iterable[Choice]) -> Iterator[Assignment]:
         """Assignments from their numbers."""
@@ -539,7 +537,7 @@ def compile_goal(
     Raises:
         OutOfTimeError: if the deadline passes, or the diagrams of both orders get too large.
     """
-    groups = [{each.variable for environment in label for each in environment} for label in labels]
+    groups = [{assignment.variable for environment in label for assignment in environment} for label in labels]
     groups += [{each.variable for each in conflict} for conflict in conflicts]
 
     def compile_in(order: Sequence[str], space: int) -> Goal:
@@ -557,8 +555,8 @@ def _compile(
     functions = diagrams.functions
     parts: list[Part] = []
     for label in labels:
-        environments = [diagrams.choices(each) for each in label]
-        mentioned = frozenset(variable for each in environments for variable, _ in each)
+        environments = [diagrams.choices(environment) for environment in label]
+        mentioned = frozenset(variable for environment in environments for variable, _ in environment)
         parts.append(Part(mentioned, functions.some(environments, deadline)))
     for conflict in conflicts:
         choices = diagrams.choices(conflict)

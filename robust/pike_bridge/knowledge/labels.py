@@ -1,19 +1,18 @@
-"""Labels: minimal sets of environments, and how they are conjoined, split on conflicts and closed under consensus.
+"""Labels, and how a theory becomes the labels of a network of nodes [PIKE §5.3 to §5.6, Algorithms 6 and 7].
 
-An environment is kept by the bits of the assignments that it makes (see :class:`AssignmentVocabulary`), and filed under
-its *scope*: the bits of all assignments to the variables that it assigns. So one environment entails another if the
-scope of the second is contained in that of the first and both agree on it, which is a look-up in a set: subsumption
-costs one look-up per scope, not per environment, and conjunctions are hash joins. Source: [PIKE §5.6, Algorithm 7].
+A label is a minimal set of environments. An environment is kept by the bits of the assignments that it makes (see
+:class:`AssignmentVocabulary`), and filed under its *scope*: the bits of all assignments to the variables that it
+assigns. One environment entails another if the scope of the second is contained in that of the first and both agree on
+it, which is a look-up in a set: subsumption costs one look-up per scope, not per environment, and conjunctions are hash
+joins.
 
-From a theory to labels: a smaller theory, the network of nodes that encodes it, and propagation [PIKE §5.3 to §5.5].
-
-What follows from single assignments is put into effect before anything is encoded. Values that cannot hold stay in the
-domains, and become conflicts of one assignment: so models and prime implicants remain those of the given theory.
+Before a theory is encoded, what follows from single assignments is put into effect. Values that cannot hold stay in the
+domains and become conflicts of one assignment, so that models and prime implicants remain those of the given theory.
 
 In the network [PIKE, Figure 14] assumptions are single assignments. A conjunction is a node with one justification,
 whose antecedents are its conjuncts; a disjunction has one justification for each disjunct; the negation of an
-assignment is the disjunction of the other values. Each conflict justifies a contradiction node of its own. Equal
-subformulas share a node.
+assignment is the disjunction of the other values. Each conflict justifies a contradiction node. Equal subformulas share
+a node.
 """
 
 from __future__ import annotations
@@ -26,23 +25,9 @@ from heapq import heappop, heappush
 from math import prod
 from typing import TypeAlias, assert_never
 
+from robust.pike_bridge import theory as logic
 from robust.pike_bridge.knowledge.interface import Effort
 from robust.pike_bridge.model import Assignment, AssignmentVocabulary, Environment, Guard, bits, union
-from robust.pike_bridge.theory import (
-    FALSE,
-    TRUE,
-    All,
-    Formula,
-    Is,
-    Not,
-    Some,
-    Theory,
-    assignments_of,
-    evaluate,
-    fold,
-    is_consistent,
-    normal_form,
-)
 from robust.smt.limits import Deadline
 
 Scope: TypeAlias = int
@@ -83,11 +68,11 @@ class LabelConflict:
 
     def within(self, scope: Scope) -> LabelConflict:
         """The part about the variables of a scope."""
-        kept = tuple(each for each in self.resolutions if each[0] & scope)
+        kept = tuple(resolution for resolution in self.resolutions if resolution[0] & scope)
         return LabelConflict(self.environment & scope, self.scope & scope, kept)
 
 
-def conflict(environment: Environment, vocabulary: AssignmentVocabulary) -> LabelConflict:
+def conflict_of(environment: Environment, vocabulary: AssignmentVocabulary) -> LabelConflict:
     """The conflict of an environment of a vocabulary."""
     made = environment & vocabulary.made
     fields = [vocabulary.field(variable) for variable in vocabulary.assigned(made)]
@@ -152,7 +137,7 @@ def _apart(
             if not members:
                 break
             effort.pass_by(len(members))
-            members = {one for one in members if one & smaller not in others}
+            members = {member for member in members if member & smaller not in others}
     return members
 
 
@@ -172,8 +157,8 @@ def _residuals(label: Label, environment: Environment, scope: Scope, effort: Eff
 
 def _index(members: set[Environment], shared: Scope) -> dict[Environment, list[Environment]]:
     index: dict[Environment, list[Environment]] = {}
-    for one in members:
-        index.setdefault(one & shared, []).append(one)
+    for member in members:
+        index.setdefault(member & shared, []).append(member)
     return index
 
 
@@ -210,7 +195,7 @@ def split(label: Label, conflict: LabelConflict, effort: Effort) -> Label:
     for scope, members in label.items():
         shared = scope & conflict.scope
         part = conflict.environment & shared
-        open_ones = [one for one in members if one & shared == part]
+        open_ones = [member for member in members if member & shared == part]
         effort.pass_by(len(members))
         if len(open_ones) < len(members):
             kept[scope] = members.difference(open_ones) if open_ones else members
@@ -239,7 +224,7 @@ def without_manifest(label: Label, conflict: LabelConflict, effort: Effort) -> L
         rest = members
         if conflict.scope & scope == conflict.scope:
             effort.pass_by(len(members))
-            rest = {one for one in members if one & conflict.scope != conflict.environment}
+            rest = {member for member in members if member & conflict.scope != conflict.environment}
         if rest:
             result[scope] = rest
     return result
@@ -250,8 +235,8 @@ def insert(label: Label, environment: Environment, scope: Scope) -> bool:
     for smaller, known in label.items():
         if smaller & scope == smaller and environment & smaller in known:
             return False
-    for larger in [each for each in label if each & scope == scope]:
-        rest = {one for one in label[larger] if one & scope != environment}
+    for larger in [other for other in label if other & scope == scope]:
+        rest = {member for member in label[larger] if member & scope != environment}
         if rest:
             label[larger] = rest
         else:
@@ -264,10 +249,10 @@ def add_minimally(label: Label, new: Label, effort: Effort) -> Label:
     """Add environments to a label minimally; those that were added and stayed."""
     added: Label = {}
     for scope, members in new.items():
-        for one in members:
+        for member in members:
             effort.pass_by(1 + len(label))
-            if insert(label, one, scope):
-                insert(added, one, scope)
+            if insert(label, member, scope):
+                insert(added, member, scope)
             else:
                 effort.subsume(1)
     return added
@@ -310,7 +295,7 @@ def _satellites(label: Label, field: Scope, assignment: Environment) -> Label:
     satellites: Label = {}
     for scope, members in label.items():
         if scope & field:
-            stripped = {one ^ assignment for one in members if one & assignment}
+            stripped = {member ^ assignment for member in members if member & assignment}
             if stripped:
                 satellites[scope ^ field] = stripped
     return satellites
@@ -322,12 +307,12 @@ def consistent_with(label: Label, environment: Environment, scope: Scope) -> Ite
         shared = each & scope
         part = environment & shared
         if not shared:
-            yield from ((one, each) for one in members)
+            yield from ((member, each) for member in members)
         elif shared == each:
             if part in members:
                 yield part, each
         else:
-            yield from ((one, each) for one in members if one & shared == part)
+            yield from ((member, each) for member in members if member & shared == part)
 
 
 def count_models(label: Label, scope: Scope, vocabulary: AssignmentVocabulary, deadline: Deadline) -> int:
@@ -351,15 +336,15 @@ def count_models(label: Label, scope: Scope, vocabulary: AssignmentVocabulary, d
         parts = [(depth + 1, _restricted(left, field, 1 << at)) for at in bits(field)]
         return [part for part in parts if part not in known] or sum(known[part] for part in parts)
 
-    return evaluate((0, frozenset(environments(label))), known, step, deadline)
+    return logic.evaluate((0, frozenset(environments(label))), known, step, deadline)
 
 
 def _restricted(members: frozenset[Environment], field: Scope, assignment: Environment) -> frozenset[Environment]:
     """What is left of environments once a variable has the assigned value."""
-    return frozenset(one & ~assignment for one in members if one & assignment or not one & field)
+    return frozenset(member & ~assignment for member in members if member & assignment or not member & field)
 
 
-def simplify(theory: Theory, deadline: Deadline) -> Theory:
+def simplify(theory: logic.Theory, deadline: Deadline) -> logic.Theory:
     """An equivalent theory over the same domains, by unit propagation to a fixed point.
 
     Raises:
@@ -367,24 +352,24 @@ def simplify(theory: Theory, deadline: Deadline) -> Theory:
     """
     reduction = _Reduction({variable: set(values) for variable, values in theory.domains.items()})
     possible = reduction.possible
-    constraints: list[Formula] = list(theory.constraints)
-    conflicts = [each for each in dict.fromkeys(theory.conflicts) if is_consistent(each)]
+    constraints: list[logic.Formula] = list(theory.constraints)
+    conflicts = [each for each in dict.fromkeys(theory.conflicts) if logic.is_consistent(each)]
     before = -1
     while before != (left := sum(map(len, possible.values()))):
         before = left
         deadline.enforce()
-        constraints = list(_top_level(normal_form(each, reduction.literal) for each in constraints))
+        constraints = list(_top_level(logic.normal_form(constraint, reduction.literal) for constraint in constraints))
         conflicts = list(reduction.conflicts(conflicts))
         constraints = reduction.learn(constraints, conflicts)
-        if not all(possible.values()) or FALSE in constraints or frozenset() in conflicts:
-            return Theory(theory.domains, (FALSE,))
+        if not all(possible.values()) or logic.FALSE in constraints or frozenset() in conflicts:
+            return logic.Theory(theory.domains, (logic.FALSE,))
     removed = [
         frozenset({Assignment(variable, value)})
         for variable, values in theory.domains.items()
         for value in values
         if value not in possible[variable]
     ]
-    return Theory(theory.domains, tuple(constraints), (*removed, *dict.fromkeys(conflicts)))
+    return logic.Theory(theory.domains, tuple(constraints), (*removed, *dict.fromkeys(conflicts)))
 
 
 @dataclass(slots=True)
@@ -395,9 +380,9 @@ class _Reduction:
         """Those that are not resolved, without assignments that hold anyway."""
         for environment in conflicts:
             if all(value in self.possible[variable] for variable, value in environment):
-                yield frozenset(each for each in environment if len(self.possible[each.variable]) > 1)
+                yield frozenset(assignment for assignment in environment if len(self.possible[assignment.variable]) > 1)
 
-    def learn(self, constraints: Iterable[Formula], conflicts: Iterable[Guard]) -> list[Formula]:
+    def learn(self, constraints: Iterable[logic.Formula], conflicts: Iterable[Guard]) -> list[logic.Formula]:
         """Remove the values that a single constraint or conflict excludes; the constraints that say more than that."""
         for environment in conflicts:
             if len(environment) == 1:
@@ -405,16 +390,16 @@ class _Reduction:
                 self.possible[variable].discard(value)
         return [constraint for constraint in constraints if not self._restricts(constraint)]
 
-    def _restricts(self, constraint: Formula) -> bool:
+    def _restricts(self, constraint: logic.Formula) -> bool:
         """If a constraint is about one variable alone, as a disjunction of literals, only those values are left."""
-        literals = constraint.operands if isinstance(constraint, Some) else (constraint,)
+        literals = constraint.operands if isinstance(constraint, logic.Some) else (constraint,)
         allowed: set[str] = set()
         variable: str | None = None
         for literal in literals:
             match literal:
-                case Is(assignment):
+                case logic.Is(assignment):
                     values = {assignment.value}
-                case Not(Is(assignment)):
+                case logic.Not(logic.Is(assignment)):
                     values = self.possible[assignment.variable] - {assignment.value}
                 case _:
                     return False
@@ -427,19 +412,19 @@ class _Reduction:
         self.possible[variable] &= allowed
         return True
 
-    def literal(self, assignment: Assignment, positive: bool) -> Formula:
+    def literal(self, assignment: Assignment, positive: bool) -> logic.Formula:
         """What is known of an assignment or its negation."""
         values = self.possible[assignment.variable]
         if assignment.value not in values:
-            return FALSE if positive else TRUE
+            return logic.FALSE if positive else logic.TRUE
         if len(values) == 1:
-            return TRUE if positive else FALSE
-        return Is(assignment) if positive else Not(Is(assignment))
+            return logic.TRUE if positive else logic.FALSE
+        return logic.Is(assignment) if positive else logic.Not(logic.Is(assignment))
 
 
-def _top_level(constraints: Iterable[Formula]) -> Iterator[Formula]:
+def _top_level(constraints: Iterable[logic.Formula]) -> Iterator[logic.Formula]:
     for constraint in constraints:
-        yield from constraint.operands if isinstance(constraint, All) else (constraint,)
+        yield from constraint.operands if isinstance(constraint, logic.All) else (constraint,)
 
 
 class NodeKind(Enum):
@@ -456,7 +441,7 @@ class Node:
 
     index: int
     kind: NodeKind
-    formula: Formula
+    formula: logic.Formula
 
 
 @dataclass(frozen=True, slots=True)
@@ -471,7 +456,7 @@ class Justification:
 class JustificationNetwork:
     """Nodes, each after its antecedents, and their justifications."""
 
-    theory: Theory
+    theory: logic.Theory
     nodes: list[Node] = field(default_factory=list)
     justifications: list[Justification] = field(default_factory=list)
     incoming: list[list[Justification]] = field(default_factory=list)
@@ -486,40 +471,40 @@ class JustificationNetwork:
     def assumption(self, assignment: Assignment) -> int:
         """The node of an assignment."""
         if assignment not in self._assumptions:
-            self._assumptions[assignment] = self._node(NodeKind.ASSUMPTION, Is(assignment))
+            self._assumptions[assignment] = self._node(NodeKind.ASSUMPTION, logic.Is(assignment))
         return self._assumptions[assignment]
 
-    def encode(self, formula: Formula) -> int:
+    def encode(self, formula: logic.Formula) -> int:
         """The node of a formula, which holds if and only if the formula does."""
-        return fold(normal_form(formula, self._literal), self._encode)
+        return logic.fold(logic.normal_form(formula, self._literal), self._encode)
 
     def contradict(self, conflict: Guard) -> int:
         """A new contradiction node, justified by the conflict's assignments."""
-        index = self._node(NodeKind.CONTRADICTION, All(tuple(Is(each) for each in sorted(conflict))))
+        index = self._node(NodeKind.CONTRADICTION, logic.All(tuple(logic.Is(each) for each in sorted(conflict))))
         self._justify([self.assumption(each) for each in sorted(conflict)], index)
         return index
 
-    def _literal(self, assignment: Assignment, positive: bool) -> Formula:
+    def _literal(self, assignment: Assignment, positive: bool) -> logic.Formula:
         if positive:
-            return Is(assignment)
+            return logic.Is(assignment)
         variable, excluded = assignment
-        others = [Is(Assignment(variable, value)) for value in self.theory.domains[variable] if value != excluded]
-        return others[0] if len(others) == 1 else Some(tuple(others))
+        others = [logic.Is(Assignment(variable, value)) for value in self.theory.domains[variable] if value != excluded]
+        return others[0] if len(others) == 1 else logic.Some(tuple(others))
 
-    def _encode(self, formula: Formula, parts: list[int]) -> int:
+    def _encode(self, formula: logic.Formula, parts: list[int]) -> int:
         match formula:
-            case Is(assignment):
+            case logic.Is(assignment):
                 return self.assumption(assignment)
-            case All():
+            case logic.All():
                 return self._junction("all", formula, parts, [list(dict.fromkeys(parts))])
-            case Some():
+            case logic.Some():
                 return self._junction("some", formula, parts, [[part] for part in dict.fromkeys(parts)])
-            case Not():
+            case logic.Not():
                 raise ValueError(f"negation in normal form: {formula}")
             case _:
                 assert_never(formula)
 
-    def _junction(self, kind: str, formula: Formula, parts: list[int], tails: list[list[int]]) -> int:
+    def _junction(self, kind: str, formula: logic.Formula, parts: list[int], tails: list[list[int]]) -> int:
         key = (kind, frozenset(parts))
         if len(key[1]) == 1:
             return parts[0]
@@ -529,7 +514,7 @@ class JustificationNetwork:
                 self._justify(tail, index)
         return self._known[key]
 
-    def _node(self, kind: NodeKind, formula: Formula) -> int:
+    def _node(self, kind: NodeKind, formula: logic.Formula) -> int:
         self.nodes.append(Node(len(self.nodes), kind, formula))
         self.incoming.append([])
         self.outgoing.append([])
@@ -543,7 +528,7 @@ class JustificationNetwork:
             self.outgoing[antecedent].append(justification)
 
 
-def encode(theory: Theory) -> JustificationNetwork:
+def encode(theory: logic.Theory) -> JustificationNetwork:
     """The nodes of a theory's constraints, and contradiction nodes of its conflicts.
 
     Conflicts that assign two values to a variable never hold, and get no node.
@@ -551,7 +536,7 @@ def encode(theory: Theory) -> JustificationNetwork:
     network = JustificationNetwork(theory)
     network.constraints = list(dict.fromkeys(network.encode(constraint) for constraint in theory.constraints))
     for forbidden in dict.fromkeys(theory.conflicts):
-        if is_consistent(forbidden):
+        if logic.is_consistent(forbidden):
             network.contradict(forbidden)
     return network
 
@@ -610,17 +595,19 @@ class TruthMaintenance:
             OutOfTimeError: if the deadline passes.
         """
         label = self._labels[node]
-        for each in self.conflicts():
-            label = self._resolve(label, each, effort)
+        for conflict in self.conflicts():
+            label = self._resolve(label, conflict, effort)
         return label
 
     def conflicts(self) -> list[LabelConflict]:
         """The nogoods."""
-        return [conflict(environment, self.vocabulary) for members in self.nogoods.values() for environment in members]
+        return [
+            conflict_of(environment, self.vocabulary) for members in self.nogoods.values() for environment in members
+        ]
 
     def _assumed(self, node: int) -> Label:
         """The environment of the assignment; the empty one if the variable has no other value."""
-        ((variable, value),) = assignments_of(self.network.nodes[node].formula)
+        ((variable, value),) = logic.assignments_of(self.network.nodes[node].formula)
         if len(self.vocabulary.domains[variable]) == 1:
             return true_label()
         return {self.vocabulary.field(variable): {self.vocabulary.assign(variable, value) & self.vocabulary.made}}

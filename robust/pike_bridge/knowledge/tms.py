@@ -1,13 +1,11 @@
 """The truth-maintenance systems: πTMS [PIKE §5] and ATMS.
 
-Both label the nodes of the same network, and answer from the goal, which all constraints and conflicts justify.
-
-The goal of the ATMS: the conjunction of all constraints, as a product of independent factors, and all conflicts.
-
-Constraints and conflicts that share no variables, not even through others, have labels of their own, and that of all is
-the product of these. Within a factor, labels are joined two at a time, such that the estimated result is the smallest,
-and what manifests a conflict is dropped as soon as a label mentions all of its variables. What entails a label may
-manifest one still: so queries look for environments that resolve all conflicts.
+Both label the nodes of the same network, and answer from the goal, which all constraints and conflicts justify. The
+goal of the πTMS is a decision diagram. The goal of the ATMS is a product of independent factors, and all conflicts:
+constraints and conflicts that share no variables, not even through others, have labels of their own. Within a factor,
+labels are joined two at a time, such that the estimated result is the smallest, and environments that manifest a
+conflict are dropped as soon as a label mentions all of its variables. An environment that entails a label may still
+manifest a conflict, so queries look for environments that resolve all conflicts.
 """
 
 from __future__ import annotations
@@ -30,7 +28,7 @@ from robust.pike_bridge.knowledge.labels import (
     Resolve,
     Scope,
     TruthMaintenance,
-    conflict,
+    conflict_of,
     consistent_with,
     count_models,
     encode,
@@ -73,9 +71,9 @@ def factors(
     """
     parts = [(union(label), label) for label in labels if 0 not in label]
     found: list[LabelFactor] = []
-    scopes = [scope for scope, _ in parts] + [each.scope for each in conflicts]
+    scopes = [scope for scope, _ in parts] + [conflict.scope for conflict in conflicts]
     for scope in dict.fromkeys(map(union, connected(scopes, lambda scope: frozenset(bits(scope))))):
-        own = [each for each in conflicts if _touch(each.scope, scope)]
+        own = [conflict for conflict in conflicts if _touch(conflict.scope, scope)]
         found.append(joined([label for each, label in parts if _touch(each, scope)], own, scope, vocabulary, effort))
     return found
 
@@ -185,9 +183,9 @@ def could_hold(
     Raises:
         OutOfTimeError: if the deadline passes.
     """
-    mentioned = asked.scope | union(each.scope for each in conflicts)
-    relevant = [each for each in factors if each.scope & mentioned]
-    return all(each.scope & mentioned or allows(each, Partial(), deadline) for each in factors) and any(
+    mentioned = asked.scope | union(conflict.scope for conflict in conflicts)
+    relevant = [factor for factor in factors if factor.scope & mentioned]
+    return all(factor.scope & mentioned or allows(factor, Partial(), deadline) for factor in factors) and any(
         all(allows(each, resolved, deadline) for each in relevant)
         for resolved in resolutions(asked, conflicts, deadline, relevant)
     )
@@ -211,7 +209,7 @@ def resolutions(
             done += 1
         if done == len(conflicts):
             yield current
-        elif all(allows(each, current, deadline) for each in factors):
+        elif all(allows(factor, current, deadline) for factor in factors):
             for field, values in reversed(conflicts[done].resolutions):
                 if not field & current.scope:
                     stack.extend((current.with_assignment(value, field), done + 1) for value in reversed(values))
@@ -254,8 +252,8 @@ def require(factors: Sequence[LabelFactor], asked: Partial, effort: Effort) -> l
             narrowed.append(factor)
             continue
         label = weave(factor.label, {shared: {asked.environment & shared}}, effort)
-        for each in factor.conflicts:
-            label = without_manifest(label, each, effort)
+        for conflict in factor.conflicts:
+            label = without_manifest(label, conflict, effort)
         narrowed.append(LabelFactor(factor.scope, label, factor.conflicts))
     if free:
         narrowed.append(LabelFactor(free, {free: {asked.environment & free}}))
@@ -288,7 +286,7 @@ def exclude(
         return [FALSITY]
     left = conflict.within(scope)
     whole = scope | union(factor.scope for factor in together)
-    conflicts = [each for factor in together for each in factor.conflicts]
+    conflicts = [conflict for factor in together for conflict in factor.conflicts]
     labels = [factor.label for factor in together]
     return [*apart, joined(labels, [*conflicts, left], whole, vocabulary, effort)]
 
@@ -298,7 +296,7 @@ def _all_resolve(label: Label, conflict: LabelConflict) -> bool:
     for scope, members in label.items():
         shared = scope & conflict.scope
         part = conflict.environment & shared
-        if not shared or any(one & shared == part for one in members):
+        if not shared or any(member & shared == part for member in members):
             return False
     return True
 
@@ -307,7 +305,9 @@ def _all_manifest(label: Label, conflict: LabelConflict, within: Scope) -> bool:
     """Whether every environment has all assignments that the conflict makes to variables of a scope."""
     scope = conflict.scope & within
     part = conflict.environment & scope
-    return all(each & scope == scope for each in label) and all(one & scope == part for one in environments(label))
+    return all(
+        other & scope == scope and {one & scope for one in members} <= {part} for other, members in label.items()
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -424,7 +424,7 @@ class LabelKnowledgeBase(interface.KnowledgeBase):
         return interface.Effort(self.statistics, deadline, self._largest_label)
 
     def _conflict(self, environment: Guard) -> LabelConflict:
-        return conflict(self._vocabulary.encode(environment), self._vocabulary)
+        return conflict_of(self._vocabulary.encode(environment), self._vocabulary)
 
     def _decoded(self, label: Label) -> Iterator[Guard]:
         return map(self._vocabulary.decode, environments(label))
@@ -478,8 +478,8 @@ class Atms(LabelKnowledgeBase):
         count = prod(len(values) for name, values in self.theory.domains.items() if not field(name) & covered)
         for factor in self._factors:
             label = factor.label
-            for each in factor.conflicts:
-                label = split(label, each, effort)
+            for conflict in factor.conflicts:
+                label = split(label, conflict, effort)
             count *= count_models(label, factor.scope, self._vocabulary, deadline)
         return count
 
@@ -532,7 +532,7 @@ class PiTms(LabelKnowledgeBase):
 
     def _compile(self, deadline: Deadline) -> None:
         labels = [list(self._decoded(label)) for label in self._constraints()]
-        conflicts = [self._vocabulary.decode(each.environment) for each in self._maintenance.conflicts()]
+        conflicts = [self._vocabulary.decode(conflict.environment) for conflict in self._maintenance.conflicts()]
         self._goal = compile_goal(self.theory.domains, labels, conflicts, deadline, self._largest_goal)
         self.statistics.sizes["label nodes"] = len(self._goal.diagrams.functions.families)
 

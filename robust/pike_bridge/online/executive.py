@@ -32,7 +32,7 @@ def as_written(alternatives: Sequence[str]) -> Sequence[str]:
 def objection(plan: TeamPlan, known: Mapping[str, str], message: said.Outcome) -> str | None:
     """Why an outcome is not taken where the values of some choices are known; None if it is."""
     name, value = message.choice, message.value
-    choice = next((each for each in plan.network.choices if each.name == name), None)
+    choice = next((choice for choice in plan.network.choices if choice.name == name), None)
     if choice is None:
         return f"there is no choice {name!r}"
     if choice.controllable:
@@ -123,7 +123,7 @@ class PlanExecutive:
         if not self._patience.withheld:
             return self.reasoner.next_time(self._deadline)
         moments = (self._patience.alarm, self._patience.opening())
-        return min((each for each in moments if each is not None), default=None)
+        return min((moment for moment in moments if moment is not None), default=None)
 
     def prepare(self) -> bool:
         """Find out whether the plan admits a correct execution at all, before the first step.
@@ -167,7 +167,9 @@ class PlanExecutive:
         if self.ended:
             return
         decisions = tuple(decisions)
-        self._recorded = {each.choice: each.value for each in decisions if isinstance(each, said.Chosen)}
+        self._recorded = {
+            decision.choice: decision.value for decision in decisions if isinstance(decision, said.Chosen)
+        }
         self._advance(now, [])
         for message in messages:
             list(self._take(message))
@@ -312,11 +314,13 @@ class PlanExecutive:
         self.progress.chosen[choice] = value
         self._changed = True
         guards = self.progress.structure.guards
-        for event in [each for each in self.progress.pending if not self.progress.compatible(guards[each])]:
+        for event in [event for event in self.progress.pending if not self.progress.compatible(guards[event])]:
             del self.progress.pending[event]
 
     def _possible(self, choice: str, values: Iterable[str]) -> Iterator[str]:
-        return (each for each in values if self.reasoner.could(frozenset({Assignment(choice, each)}), self._deadline))
+        return (
+            value for value in values if self.reasoner.could(frozenset({Assignment(choice, value)}), self._deadline)
+        )
 
     def _is_finished(self) -> bool:
         """Whether no pending event can be activated any more."""
@@ -399,7 +403,7 @@ class LatestMoments(Searching[Moments]):
         while now is not None and not executive.ended:
             executive.step(now)
             progress = executive.progress
-            if executive.running or any(each.event in progress.frontier for each in openings(progress)):
+            if executive.running or any(opening.event in progress.frontier for opening in openings(progress)):
                 break
             now = executive.wake
         return executive

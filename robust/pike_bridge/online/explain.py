@@ -63,7 +63,7 @@ class Wording:
             text += f"only {self._causes(producers, condition)}"
         else:
             text += "nothing establishes"
-        undoing = list(dict.fromkeys(self.producer(each) for each in threats if each.event != model.INITIAL))
+        undoing = list(dict.fromkeys(self.producer(threat) for threat in threats if threat.event != model.INITIAL))
         if producers and undoing:
             text += f"; {listed(undoing)} {'undoes' if len(undoing) == 1 else 'undo'} it"
         return text
@@ -81,12 +81,12 @@ class Wording:
 
     def sequence(self, activities: Sequence[model.Activity]) -> list[model.Activity] | None:
         """The order of activities, if the plan demands that they be one after the other whenever all are done."""
-        union: model.Guard = frozenset().union(*(each.guard for each in activities))
+        union: model.Guard = frozenset().union(*(activity.guard for activity in activities))
         if len(dict(union)) < len(union):
             return None
         graph = self._order(lambda constraint: constraint.guard <= union)
-        later = {each: model.reachable(graph, each.target) for each in activities}
-        ordered = sorted(activities, key=lambda each: len(later[each]), reverse=True)
+        later = {activity: model.reachable(graph, activity.target) for activity in activities}
+        ordered = sorted(activities, key=lambda activity: len(later[activity]), reverse=True)
         return ordered if all(other.source in later[one] for one, other in pairwise(ordered)) else None
 
     def _actor(self, activity: int | None, otherwise: str) -> str:
@@ -97,11 +97,11 @@ class Wording:
     ) -> list[model.Effect]:
         """Effects that matter to a condition, where the plan does not put them after an event."""
         return [
-            each
-            for each in self._plan.effects
-            if matters(each, condition)
-            and not model.contradicts(each.guard, condition.guard)
-            and not self._after(each.event, until)
+            effect
+            for effect in self._plan.effects
+            if matters(effect, condition)
+            and not model.contradicts(effect.guard, condition.guard)
+            and not self._after(effect.event, until)
         ]
 
     def _order(self, counts: Callable[[model.Constraint], bool] = lambda _: True) -> dict[str, set[str]]:
@@ -153,7 +153,9 @@ def durations(activities: Iterable[model.Activity], *, upper: bool = False) -> s
     """`(get human mug) takes at least 0.5, (pour-coffee human) 0.2`."""
 
     verb = f"takes at {'most' if upper else 'least'} "
-    bounds = [(each.action, (each.upper if upper else each.lower) or Fraction(0)) for each in activities]
+    bounds = [
+        (activity.action, (activity.upper if upper else activity.lower) or Fraction(0)) for activity in activities
+    ]
     return ", ".join(
         f"{action} {'' if at else verb}{format_number(bound)}" for at, (action, bound) in enumerate(bounds)
     )
@@ -250,7 +252,7 @@ class Situation:
     def assignments(self, kind: About, assignments: Iterable[model.Assignment]) -> list[Fact]:
         """That choices are so."""
         suffix = ", if it were so" if kind is About.ASSUMPTION else ""
-        return [Fact(kind, f"{each}{suffix}", self.semantics.guard(frozenset({each}))) for each in assignments]
+        return [Fact(kind, f"{each}{suffix}", self.semantics.guard([each])) for each in assignments]
 
     def executed_now(self, event: str) -> Fact:
         """That the executive executes a pending event now."""
@@ -346,7 +348,7 @@ class Situation:
         return [*early, *late]
 
     def _given(self, facts: Iterable[Fact]) -> AbstractContextManager[None]:
-        return self._session.frame(*(each.formula for each in facts))
+        return self._session.frame(*(fact.formula for fact in facts))
 
     def _contradictory(self) -> bool:
         return not satisfiable(self._session, "an explanation", self.deadline)
@@ -368,20 +370,22 @@ class Situation:
                 yield Fact(About.DURATION, durations([each], upper=True), most)
 
     def _bounds(self) -> Iterator[Fact]:
-        for each in self._plan.network.constraints:
-            if each.upper is not None:
-                text = self.wording.bound(each, each.upper, upper=True)
-                yield Fact(About.BOUND, text, self._apart(each, each.upper, least=False), limit=each.upper)
-            if each.lower is not None and not self._merely_orders(each.lower):
-                text = self.wording.bound(each, each.lower, upper=False)
-                yield Fact(About.BOUND, text, self._apart(each, each.lower, least=True))
+        for constraint in self._plan.network.constraints:
+            if constraint.upper is not None:
+                text = self.wording.bound(constraint, constraint.upper, upper=True)
+                yield Fact(
+                    About.BOUND, text, self._apart(constraint, constraint.upper, least=False), limit=constraint.upper
+                )
+            if constraint.lower is not None and not self._merely_orders(constraint.lower):
+                text = self.wording.bound(constraint, constraint.lower, upper=False)
+                yield Fact(About.BOUND, text, self._apart(constraint, constraint.lower, least=True))
 
     def _order(self) -> Fact:
         """All mere orders of events as one fact."""
         orders = (
-            self._apart(each, each.lower, least=True)
-            for each in self._plan.network.constraints
-            if each.lower is not None and self._merely_orders(each.lower)
+            self._apart(constraint, constraint.lower, least=True)
+            for constraint in self._plan.network.constraints
+            if constraint.lower is not None and self._merely_orders(constraint.lower)
         )
         return Fact(About.ORDER, "the order of the plan", self._terms.conjunction(orders))
 

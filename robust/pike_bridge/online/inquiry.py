@@ -1,4 +1,4 @@
-"""Why, and why not: questions to an executive at any time, and their answers as data, in words, and for JSON."""
+"""Why, and why not: questions that an executive answers at any time, and the answers as data, as text and as JSON."""
 
 from __future__ import annotations
 
@@ -57,20 +57,20 @@ class Clash:
         return (f"{head}{given or ': the plan never allows it'}",)
 
     def _texts(self, *kinds: About) -> list[str]:
-        return [each.text for each in self.facts if each.kind in kinds]
+        return [fact.text for fact in self.facts if fact.kind in kinds]
 
     def _demanded(self) -> Iterator[str]:
-        demands = [each for each in self.facts if each.kind in OF_PLAN]
+        demands = [fact for fact in self.facts if fact.kind in OF_PLAN]
         yield from self._texts(About.CONDITION)
-        least = [each.activity for each in demands if each.activity]
-        bounds = [each for each in demands if each.kind is About.BOUND]
+        least = [demand.activity for demand in demands if demand.activity]
+        bounds = [demand for demand in demands if demand.kind is About.BOUND]
         total = sum((each.lower for each in least), Fraction(0))
         exceeded = self.sequence and len(bounds) == 1 and bounds[0].limit is not None and total > bounds[0].limit
         if least:
             yield durations(least) + (f": {format_number(total)} in all" if exceeded and len(least) > 1 else "")
-        yield from (each.text for each in demands if each.kind is About.DURATION and not each.activity)
-        yield from (f"but {each.text}" if exceeded else each.text for each in bounds)
-        if [each.kind for each in demands] == [About.ORDER]:
+        yield from (demand.text for demand in demands if demand.kind is About.DURATION and not demand.activity)
+        yield from (f"but {bound.text}" if exceeded else bound.text for bound in bounds)
+        if [demand.kind for demand in demands] == [About.ORDER]:
             yield "the plan demands another order of events"
 
 
@@ -131,7 +131,7 @@ class WhyExecuted(Explanation):
     @property
     def parts(self) -> tuple[str, ...]:
         """What is to be said, apart."""
-        needed = _grouped((each.producer, each) for each in self.needs)
+        needed = _grouped((need.producer, need) for need in self.needs)
         found = [*_served(self.serves), *(f"uses {what} from {whom}" for whom, what in needed)]
         if self.latest is not None:
             found.append(f"not later than {format_number(self.latest)}")
@@ -248,7 +248,7 @@ def answer(value: object) -> Any:
     """A part of a reason for JSON; continuations are in the order of time."""
     match value:
         case Clash(facts):
-            return [each.as_dict() for each in facts]
+            return [fact.as_dict() for fact in facts]
         case Execution():
             schedule = sorted(value.schedule.items(), key=lambda item: (item[1], item[0]))
             return plain({"scenario": value.scenario, "schedule": dict(schedule)})
@@ -265,7 +265,7 @@ def _excluding(impossible: Mapping[str, Clash]) -> tuple[str, ...]:
 
 def _served(supports: tuple[Support, ...]) -> list[str]:
     """`establishes (have mug) for (pour-coffee human)`, and so on, one for each consumer."""
-    return [f"establishes {what} for {who}" for who, what in _grouped((each.consumer, each) for each in supports)]
+    return [f"establishes {what} for {who}" for who, what in _grouped((link.consumer, link) for link in supports)]
 
 
 def _grouped(links: Iterable[tuple[str, Support]]) -> list[tuple[str, str]]:
@@ -464,7 +464,7 @@ class Inquiry(Situation):
         earlier = dict(takewhile(lambda each: each[0] != event, progress.times.items()))
         later = progress.times.keys() - earlier.keys()
         choices = self._plan.network.choices
-        undecided = {each.name for each in choices if each.controllable and each.event in later}
+        undecided = {choice.name for choice in choices if choice.controllable and choice.event in later}
         chosen = {name: value for name, value in progress.chosen.items() if name not in undecided}
         then = Inquiry(progress.rewound(excluded.time, earlier, chosen), solver=self.solver, deadline=self.deadline)
         ours = [Assignment(name, progress.chosen[name]) for name in undecided if name in progress.chosen]
@@ -477,7 +477,7 @@ class Inquiry(Situation):
     def meaning(self, values: str) -> list[Fact]:
         """That open choices have values, `x = 1, y = 2`, and come up."""
         named = [Assignment(*each.split(" = ", 1)) for each in values.split(", ")]
-        events = {each.name: each.event for each in self._plan.network.choices}
+        events = {choice.name: choice.event for choice in self._plan.network.choices}
         guards = (self.progress.structure.guards[events[each.variable] or ""] for each in named)
         return self.assignments(About.ASSUMPTION, sorted(frozenset(named).union(*guards)))
 
@@ -546,7 +546,7 @@ class Inquiry(Situation):
             return (
                 f"waiting to learn {' and '.join(open_choices)}, which {'are' if many else 'is'} not for us to choose"
             )
-        activity = next(each for each in self._plan.network.activities if each.target == event)
+        activity = next(activity for activity in self._plan.network.activities if activity.target == event)
         started = progress.times.get(activity.source)
         if started is None:
             return f"waiting for {activity.action}, which has not begun"
@@ -591,7 +591,7 @@ class Inquiry(Situation):
         if found is None:
             return None
         facts = list(found)
-        least: list[Activity] = [each.activity for each in facts if each.activity is not None]
+        least: list[Activity] = [fact.activity for fact in facts if fact.activity is not None]
         sequence = self.wording.sequence(least)
         if sequence is not None:
             facts.sort(key=lambda fact: sequence.index(fact.activity) if fact.activity in sequence else -1)
@@ -610,7 +610,7 @@ class Inquiry(Situation):
                 and (effect, condition) not in self.progress.void
                 and (starts_with(effect, condition) or self._precedes(execution, effect.event, condition.first))
             ]
-            effect = max(producers, key=lambda each: execution.schedule[each.event])
+            effect = max(producers, key=lambda producer: execution.schedule[producer.event])
             by, whom = self.wording.producer(effect), self.wording.consumer(condition)
             support = Support(str(effect.literal), by, whom, execution.schedule[effect.event])
             yield effect.activity, condition.activity, support

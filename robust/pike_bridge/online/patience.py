@@ -169,13 +169,13 @@ class Patience:
     def _kept(self, choices: Sequence[Opening]) -> list[Intent]:
         """Joint intents that are kept, and single values that are in none of them but are kept by themselves."""
         kept: list[Intent] = []
-        for each in chain(intents(choices, self._progress), values_of(choices, self._progress)):
-            if any(each.values <= other.values for other in kept) or each.guard in self._refuted:
+        for intent in chain(intents(choices, self._progress), values_of(choices, self._progress)):
+            if any(intent.values <= other.values for other in kept) or intent.guard in self._refuted:
                 continue
-            if self._shown(each.guard, None) or self._find(each.guard, None):
-                kept.append(each)
+            if self._shown(intent.guard, None) or self._find(intent.guard, None):
+                kept.append(intent)
             else:
-                self._refuted.add(each.guard)
+                self._refuted.add(intent.guard)
         return kept
 
     # -- acts --------------------------------------------------------------------------------------------------------
@@ -183,7 +183,7 @@ class Patience:
     def _values(self, event: str, alternatives: Mapping[str, Sequence[str]]) -> Iterator[Guard]:
         """The values of the executive's choices that are made at an event."""
         progress = self._progress
-        controllable = {each.name for each in progress.plan.network.choices if each.controllable}
+        controllable = {choice.name for choice in progress.plan.network.choices if choice.controllable}
         names = [
             name
             for name in progress.structure.made_at.get(event, ())
@@ -213,12 +213,15 @@ class Patience:
         """Whether a known continuation answers :meth:`_find`."""
         progress = self._progress
         return any(
-            holds(environment, each.scenario)
+            holds(environment, continuation.scenario)
             and (
                 event is None
-                or (each.schedule.get(event) == progress.now and not progress.theirs(event, each.scenario))
+                or (
+                    continuation.schedule.get(event) == progress.now
+                    and not progress.theirs(event, continuation.scenario)
+                )
             )
-            for each in self._found
+            for continuation in self._found
         )
 
     def _find(self, environment: Guard, event: str | None) -> bool:
@@ -260,7 +263,7 @@ class Patience:
         """The act that keeps most intents; None if waiting keeps as many, and does not lose everything."""
 
         def worth(act: tuple[str, Guard]) -> tuple[bool, int]:
-            number = sum(self._keeps(each.guard, *act) for each in intents)
+            number = sum(self._keeps(intent.guard, *act) for intent in intents)
             return number > 0 or self._keeps(ALWAYS, *act), number
 
         best = max(((event, values) for event, several in acts.items() for values in several), key=worth)
@@ -276,15 +279,15 @@ class Patience:
         """The intents that may come after a moment, together with other events, and how late they may at least; None if
         they can wait forever.
         """
-        found = ((each, self._wait(each, others, moment)) for each in intents)
+        found = ((intent, self._wait(intent, others, moment)) for intent in intents)
         return {each: wait for each, wait in found if wait is None or wait > moment}
 
     def _wait(self, intent: Intent, others: frozenset[str], moment: Fraction) -> Fraction | None:
         """A time until which an intent and other events can wait: after a moment, if they can wait that long."""
         events = intent.events | others
-        agreeing = (each for each in reversed(self._found) if holds(intent.guard, each.scenario))
-        for each in islice(agreeing, _LOOKED_AT):
-            wait = self._asked.wait(each, events)
+        agreeing = (known for known in reversed(self._found) if holds(intent.guard, known.scenario))
+        for known in islice(agreeing, _LOOKED_AT):
+            wait = self._asked.wait(known, events)
             if wait is None or wait > moment:
                 return wait
         found = self._asked.all_later(intent.guard, events, moment, self._deadline)
@@ -299,17 +302,17 @@ class Patience:
 
     def _reached(self, events: Sequence[str], withheld: Collection[str]) -> set[str]:
         """The events that may happen before each of those that are withheld."""
-        shown = {each for each in events if self._seen_before(each, withheld)}
-        others = [each for each in events if each not in shown]
+        shown = {event for event in events if self._seen_before(event, withheld)}
+        others = [event for event in events if event not in shown]
         return shown | self._asked.coming_before(others, withheld, self._deadline)
 
     def _seen_before(self, event: str, withheld: Collection[str]) -> bool:
         """Whether an event happens before each of those that are withheld in a known continuation."""
         guard = self._progress.structure.guards[event]
-        for each in self._found:
-            if holds(guard, each.scenario):
-                moment = each.schedule[event]
-                if all(each.schedule[other] > moment for other in withheld if other in each.schedule):
+        for continuation in self._found:
+            if holds(guard, continuation.scenario):
+                moment = continuation.schedule[event]
+                if all(continuation.schedule[other] > moment for other in withheld if other in continuation.schedule):
                     return True
         return False
 
@@ -352,7 +355,7 @@ class Patience:
         return DueAct(event, values, Excluded(event, self._progress.now, told, kept, reason) if told else None)
 
     def _undecided(self, everything: Sequence[Intent], waiting: Sequence[Opening]) -> str:
-        names = {each.variable for intent in everything for each in intent.values} - {each.name for each in waiting}
+        names = {variable for intent in everything for variable, _ in intent.values} - {each.name for each in waiting}
         return " or ".join(sorted(names)) or "anything"
 
     # -- helpers -----------------------------------------------------------------------------------------------------
@@ -373,7 +376,7 @@ class Patience:
         progress = self._progress
         if self._excluding[0] != progress.now:
             self._excluding = (progress.now, set())
-        self._found = [each for each in self._found[-_REMEMBERED:] if self._continues(each)]
+        self._found = [continuation for continuation in self._found[-_REMEMBERED:] if self._continues(continuation)]
 
     def _continues(self, execution: Execution) -> bool:
         progress = self._progress
@@ -393,12 +396,12 @@ class Patience:
 def openings(progress: Progress) -> list[Opening]:
     """The choices that are open and not the executive's."""
     return [
-        Opening(each.name, each.domain, each.event)
-        for each in progress.plan.network.choices
-        if not each.controllable
-        and each.name not in progress.chosen
-        and each.event is not None
-        and each.event in progress.pending
+        Opening(choice.name, choice.domain, choice.event)
+        for choice in progress.plan.network.choices
+        if not choice.controllable
+        and choice.name not in progress.chosen
+        and choice.event is not None
+        and choice.event in progress.pending
     ]
 
 

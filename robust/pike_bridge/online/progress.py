@@ -1,4 +1,4 @@
-"""What an executive is told, and what it announces: its streams [PIKE §2.2 and Algorithm 1]."""
+"""What an executive is told, what it announces, and what has happened so far [PIKE §2.2 and Algorithm 1]."""
 
 from __future__ import annotations
 
@@ -293,7 +293,9 @@ class Structure:
         self.awaited: dict[str, tuple[str, ...]] = {
             name: tuple(
                 variable
-                for variable in dict.fromkeys([*(each.variable for each in sorted(guard)), *self.made_at.get(name, ())])
+                for variable in dict.fromkeys(
+                    [*(variable for variable, _ in sorted(guard)), *self.made_at.get(name, ())]
+                )
                 if not controllable[variable]
             )
             for name, guard in self.guards.items()
@@ -317,10 +319,10 @@ class Structure:
     def _earlier(self, event: str, *, above: bool) -> Iterator[str]:
         """Events that are put before an event, or at its time unless `above`, by single constraints, whenever it is."""
         guard = self.guards[event]
-        for each in self.incoming[event]:
-            activated = each.guard <= guard and self.guards[each.source] <= guard
-            if activated and each.lower is not None and (each.lower > 0 or (each.lower == 0 and not above)):
-                yield each.source
+        for constraint in self.incoming[event]:
+            activated, lower = constraint.guard | self.guards[constraint.source] <= guard, constraint.lower
+            if activated and lower is not None and (lower > 0 or (lower == 0 and not above)):
+                yield constraint.source
 
     def _not_before(self) -> dict[str, tuple[str, ...]]:
         earlier = {event: tuple(dict.fromkeys(self._earlier(event, above=False))) for event in self.guards}
@@ -351,9 +353,9 @@ class Monitor:
 
     def executed(self, event: str) -> None:
         """Its effects are what is expected of their atoms from now on."""
-        happening = [each for each in self._effects[event] if self._progress.certain(each.guard)]
+        happening = [effect for effect in self._effects[event] if self._progress.certain(effect.guard)]
         # Deletions first, as PDDL has it where one activity does both.
-        for effect in sorted(happening, key=lambda each: each.literal.positive):
+        for effect in sorted(happening, key=lambda effect: effect.literal.positive):
             self._latest[effect.literal.atom] = effect
             self._producers[effect.literal].append(effect)
 

@@ -179,11 +179,11 @@ class OnlineSemantics(Semantics):
     def _scaled(self) -> Iterator[tuple[str, str, int, Guard]]:
         """The constraints as bounds on how much later one event is than another, in units of the grid."""
         grid = self._progress.grid
-        for each in self._progress.plan.network.temporal_constraints:
-            if each.upper is not None:
-                yield each.source, each.target, int(each.upper / grid), each.guard
-            if each.lower is not None:
-                yield each.target, each.source, -int(each.lower / grid), each.guard
+        for constraint in self._progress.plan.network.temporal_constraints:
+            if constraint.upper is not None:
+                yield constraint.source, constraint.target, int(constraint.upper / grid), constraint.guard
+            if constraint.lower is not None:
+                yield constraint.target, constraint.source, -int(constraint.lower / grid), constraint.guard
 
     def void(self, effect: Effect, condition: Condition) -> Formula:
         """That the effect does not support the condition."""
@@ -287,7 +287,7 @@ class SemanticReasoner(Reasoner):
         guard = self.progress.structure.guards[event]
         same = [self._terms.equal(self._semantics.time_of(event) - self._first)]
         if first:
-            same += [self._semantics.not_earlier(each, self._first) for each in self.progress.frontier]
+            same += [self._semantics.not_earlier(event, self._first) for event in self.progress.frontier]
         with self._session.frame(*same, *self._from(moment, guard)):
             least = self._best(moment, deadline, sign=1)
             if least is None:
@@ -324,7 +324,7 @@ class SemanticReasoner(Reasoner):
         """
         self.catch_up()
         guards, structure = self.progress.structure.guards, self.progress.structure
-        left = [each for each in events if structure.preceding(each).isdisjoint(others)]
+        left = [event for event in events if structure.preceding(event).isdisjoint(others)]
         found: set[str] = set()
         while len(left) > 1 and (together := self._together_before(left, others, deadline)):
             found |= together
@@ -345,12 +345,12 @@ class SemanticReasoner(Reasoner):
         are no such.
         """
         terms, guards = self._terms, self.progress.structure.guards
-        one = terms.disjunction(self._semantics.guard(guards[each]) for each in events)
+        one = terms.disjunction(self._semantics.guard(guards[event]) for event in events)
         with self._session.frame(one, *self._all_before(events, others)):
             if not self._check(deadline):
                 return set()
             scenario = self._semantics.chosen(self._session.values(self._semantics.choices))
-        return {each for each in events if holds(guards[each], scenario | self.progress.chosen)}
+        return {event for event in events if holds(guards[event], scenario | self.progress.chosen)}
 
     def _all_before(self, events: Iterable[str], others: Iterable[str]) -> list[Formula]:
         """That each of the events, if it is activated, is before all of the others that are."""
@@ -365,7 +365,7 @@ class SemanticReasoner(Reasoner):
     ) -> Execution | None:
         """A continuation in the environment that has those of the events that it has after a moment; None without."""
         self.catch_up()
-        later = (self._semantics.later(each, moment) for each in sorted(events))
+        later = (self._semantics.later(event, moment) for event in sorted(events))
         return self._witness if self._ask([self._semantics.guard(environment), *later], deadline) else None
 
     def wait(self, continuation: Execution, events: Collection[str]) -> Fraction | None:

@@ -1,13 +1,11 @@
-"""An executive as a service: requests as lines of JSON come in, decisions as JSON objects go out.
+"""An executive as a service: requests come in as lines of JSON, decisions go out as JSON objects; journals.
 
-The answer to each request ends with one object of a kind that :data:`CLOSING` names, so that whoever asks knows when to
-go on. Steps are in the journal before anyone sees them. There is no clock and no stream in here.
+The answer to each request ends with one object of a kind that :data:`CLOSING` names, so that the client knows when to
+go on. There is no clock and no stream in here.
 
-Journals: what an executive has been told and has decided, on disk before anyone hears of it.
-
-A journal is a :mod:`file of records <robust.records>`, one for each step, after one that says of which plan it is. Only
-what has reached the disk is announced; so a line that a crash has cut off can be dropped, and everything else can be
-taken again by :meth:`PlanExecutive.repeat`, without any search.
+A journal is a :mod:`file of records <robust.records>`, one for each step, after one that identifies the plan. A step is
+on disk before it is announced; so a line that a crash has cut off can be dropped, and all other steps are repeated by
+:meth:`PlanExecutive.repeat` without any search.
 """
 
 from __future__ import annotations
@@ -93,7 +91,7 @@ def resume(executive: PlanExecutive, steps: Iterable[JournalStep], file: str = "
     """
     for line, step in enumerate(steps, 2):
         left = set(executive.plan.network.guards) - executive.progress.times.keys()
-        for event in (each.event for each in step.decisions if isinstance(each, Executed)):
+        for event in (decision.event for decision in step.decisions if isinstance(decision, Executed)):
             if event not in left:
                 raise InputError(
                     f"found event {shorten(event)} executed, expected one of the plan that was not yet",
@@ -264,13 +262,13 @@ def check_message(plan: TeamPlan, message: said.Message, location: Location | No
     match message:
         case said.Outcome(name, value):
             check_choice(plan.network.domains, name, None, location)
-            if name in (each.name for each in plan.network.choices if each.controllable):
+            if name in (choice.name for choice in plan.network.choices if choice.controllable):
                 raise InputError(f"found choice {name}, expected one that is not for the executive to make", location)
             check_choice(plan.network.domains, name, value, location)
         case said.Completion(action, event):
-            ends = {each.target for each in plan.network.activities if each.action == action}
+            ends = {activity.target for activity in plan.network.activities if activity.action == action}
             if not ends:
-                suggestion = did_you_mean(action, {each.action for each in plan.network.activities})
+                suggestion = did_you_mean(action, {activity.action for activity in plan.network.activities})
                 reason = f"found unknown activity {shorten(action)}, expected one of the plan{suggestion}"
                 raise InputError(reason, location)
             if event is not None and event not in ends:

@@ -214,7 +214,9 @@ class SimulatedTeam:
         values: Sequence[str] = self._plan.network.domains[choice]
         if self._story.human is Human.RATIONAL:
             correct = [
-                each for each in values if self._judge.allows(now, frozenset({Assignment(choice, each)}), None, NEVER)
+                value
+                for value in values
+                if self._judge.allows(now, frozenset({Assignment(choice, value)}), None, NEVER)
             ]
             values = correct or values
         return said.Outcome(choice, self._random.choice(values))
@@ -374,7 +376,7 @@ class Rehearsal(Searching[ExecutionRecord]):
         started = time.perf_counter()
         decisions = self._executive.step(now, messages)
         seconds = time.perf_counter() - started
-        changed = any(isinstance(each, said.Chosen | said.Violated) for each in decisions)
+        changed = any(isinstance(decision, said.Chosen | said.Violated) for decision in decisions)
         inferred = self._inferred() if self.infer and changed and not self._executive.ended else {}
         step = ExecutionStep(now, tuple(messages), tuple(decisions), inferred, seconds)
         if messages or decisions:

@@ -28,15 +28,15 @@ from heapq import heapify, heappop, heappush
 from typing import Final, TypeAlias
 
 from robust.network.differences import Cycle, DifferenceNetwork, Elimination
-from robust.pike_bridge.knowledge.sat import Propositions, satisfiable
-from robust.pike_bridge.model import Environment, Guard, Tpnu, entails, guard, union
-from robust.pike_bridge.temporal.distance_graph import (
+from robust.pike_bridge.distance_graph import (
     DistanceEdge,
     DistanceGraph,
     LabeledValue,
     LabeledValueSet,
     distance_graph,
 )
+from robust.pike_bridge.knowledge.sat import Propositions, satisfiable
+from robust.pike_bridge.model import Environment, Guard, Tpnu, entails, guard, union
 from robust.pike_bridge.theory import Theory
 from robust.plan.polynomial import Polynomial
 from robust.smt.limits import NEVER, Deadline
@@ -171,7 +171,7 @@ class LabeledElimination(Elimination[Numbers]):
 
 
 class LabeledDistances:
-    """D of [PIKE, Algorithm 9], a :class:`~robust.pike_bridge.temporal.distance_graph.Precedence`.
+    """D of [PIKE, Algorithm 9], a :class:`~robust.pike_bridge.distance_graph.Precedence`.
 
     With or without completions [PIKE, Algorithm 10]. Rows are computed when they are first needed. So every method that
     takes events may raise KeyError, if there is no such event.

@@ -1,1 +1,0 @@
-"""Temporal reasoning over plans with choices: labeled value sets, labeled shortest paths, precedence, conflicts."""
