@@ -52,8 +52,8 @@ def check(options: asking.PikeCheckCommand, run: Run) -> int:
     from robust.pike import searching_check
 
     result = run.reply(lambda: searching_check(load(options), _within(options, run)))
-    found = result.verdict.value
-    return exit_code_of(found) if result.complete or found == "refuted" else UNDECIDED
+    verdict = result.verdict.value
+    return exit_code_of(verdict) if result.complete or verdict == "refuted" else UNDECIDED
 
 
 def _cross(options: asking.PikeCheckCommand, run: Run) -> int:
@@ -67,8 +67,8 @@ def _patience(options: asking.PikeCheckCommand, run: Run) -> int:
     from robust.pike import searching_moments
 
     asked = asking.MomentsOptions(assume=options.assume, solver=options.solver, timeout=run.remaining)
-    found = run.reply(lambda: searching_moments(load(options), asked))
-    return 1 if found.feasible is False else exit_code_of(found.status)
+    moments = run.reply(lambda: searching_moments(load(options), asked))
+    return 1 if moments.feasible is False else exit_code_of(moments.status)
 
 
 @action(asking.PikeCompileCommand)
@@ -185,29 +185,29 @@ def region(options: asking.PikeRegionCommand, run: Run) -> int:
 
     cells: Cells | None = None
 
-    def answer(found: LabeledRegion) -> None:
+    def answer(result: LabeledRegion) -> None:
         run.answer(
-            lambda: show.region_document(found, cells),
-            lambda out: show.print_region(out, found, quiet=options.quiet),
+            lambda: show.region_document(result, cells),
+            lambda out: show.print_region(out, result, quiet=options.quiet),
         )
 
-    found = run.best(begin, answer)
-    if not found.cut_short and (options.json or options.plot is not None):
-        cells = run.also("cutting", lambda: _cells(found, run))
-    answer(found)
+    result = run.best(begin, answer)
+    if not result.cut_short and (options.json or options.plot is not None):
+        cells = run.also("cutting", lambda: _cells(result, run))
+    answer(result)
     if options.plot is not None:
         from robust.draw.plane import plot_cells
 
-        run.write(partial(plot_cells, found, cells, options.plot, drawn))
-    if found.cut_short:
-        return exit_code_of(found.status.value)
-    return 0 if found.pieces else 1
+        run.write(partial(plot_cells, result, cells, options.plot, drawn))
+    if result.cut_short:
+        return exit_code_of(result.status.value)
+    return 0 if result.pieces else 1
 
 
-def _cells(found: LabeledRegion, run: Run) -> Cells | None:
+def _cells(result: LabeledRegion, run: Run) -> Cells | None:
     """The region cut by what is possible; None if there is no time."""
     try:
-        return found.exactly(Deadline.after(run.remaining))
+        return result.exactly(Deadline.after(run.remaining))
     except OutOfTimeError:
         return None
 
@@ -221,10 +221,10 @@ def envelope(options: asking.PikeEnvelopeCommand, run: Run) -> int:
         asked = options.changed(timeout=run.remaining, on_stage=run.display.say)
         return searching_envelope(_parametric(options), asked)
 
-    found = run.reply(begin)
-    if options.plot is not None and found.combinations:
-        run.write(partial(found.plot, options.plot, axes=tuple(options.axes or ())))
-    return exit_code_of(found.status.value)
+    result = run.reply(begin)
+    if options.plot is not None and result.combinations:
+        run.write(partial(result.plot, options.plot, axes=tuple(options.axes or ())))
+    return exit_code_of(result.status.value)
 
 
 # -- new ---------------------------------------------------------------------------------------------------------------

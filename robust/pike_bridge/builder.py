@@ -96,15 +96,15 @@ def within(element: Element, *, lower: Number | None = None, upper: Number | Non
     )
 
 
-def _named(found: object, place: Location) -> None:
+def _named(text: object, place: Location) -> None:
     """InputError unless it is a name."""
-    if not isinstance(found, str) or not model.is_name(found):
-        raise InputError(f"found {shorten(repr(found))}, expected {model.PROPER_NAME}", place)
+    if not isinstance(text, str) or not model.is_name(text):
+        raise InputError(f"found {shorten(repr(text))}, expected {model.PROPER_NAME}", place)
 
 
-def _elements(found: Iterable[Element]) -> tuple[Element, ...]:
+def _elements(given: Iterable[Element]) -> tuple[Element, ...]:
     """What is found, all of which are elements."""
-    elements = tuple(found)
+    elements = tuple(given)
     for element in elements:
         if not isinstance(element, Element):
             raise InputError(

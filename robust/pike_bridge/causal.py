@@ -113,10 +113,10 @@ def open_conditions(plan: model.TeamPlan, precedence: Precedence) -> tuple[OpenC
 
 def _not_after(event: str, effects: Iterable[model.Effect], contexts: Contexts) -> tuple[LabeledHappening, ...]:
     """The happenings that can hold together with the condition and are not known to come after an event of it."""
-    found = dict.fromkeys(LabeledHappening(effect.event, effect.guard) for effect in effects)
+    happenings = dict.fromkeys(LabeledHappening(effect.event, effect.guard) for effect in effects)
     return tuple(
         happening
-        for happening in found
+        for happening in happenings
         if contexts.possible(happening.guard) and not contexts.precedes(event, happening.event, happening.guard)
     )
 

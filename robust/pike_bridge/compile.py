@@ -355,14 +355,14 @@ def execution_in(compilation: Compilation, environment: Guard, deadline: Deadlin
         OutOfTimeError: if the deadline passes first.
     """
     model = extension(compilation.knowledge, compilation.augmented.theory.domains, environment, deadline)
-    found = schedule(compilation.augmented.network, conjunction(model))
-    if isinstance(found, frozenset):
-        message = f"{compilation.backend} allows choices that have no schedule: {sorted(found)}"
+    times_or_conflict = schedule(compilation.augmented.network, conjunction(model))
+    if isinstance(times_or_conflict, frozenset):
+        message = f"{compilation.backend} allows choices that have no schedule: {sorted(times_or_conflict)}"
         raise SolverError(f"{message}; please report this")
     plan = compilation.augmented.plan
-    start = min(found.values(), default=Fraction(0))
+    start = min(times_or_conflict.values(), default=Fraction(0))
     scenario = {name: model[name] for name in plan.network.domains}
-    times = {event: when - start for event, when in found.items()}
+    times = {event: when - start for event, when in times_or_conflict.items()}
     return confirmed(plan, Execution(scenario, times), compilation.backend)
 
 

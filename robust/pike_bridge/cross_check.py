@@ -129,9 +129,9 @@ def cross_check(
     for subject in subjects:
         on_subject(subject.name)
         limits = [each for each in (limit, deadline.remaining) if each is not None]
-        own = Deadline.after(min(limits, default=None))
+        limited = Deadline.after(min(limits, default=None))
         random = Random(seed)  # noqa: S311 - reproducible, not secret
-        examination = _Examination(plan, subject, solver, random, own, truth, outcome)
+        examination = _Examination(plan, subject, solver, random, limited, truth, outcome)
         try:
             examination.run(samples, counts)
         except OutOfTimeError:
@@ -243,9 +243,9 @@ class _Examination:
         _, known = counts.get(self.subject.temporal, ("", 0))
         if known > LISTED and reasons_about_time(self.subject.backend):
             return  # a solver counts by listing
-        found = knowledge.count_models(self.deadline)
-        name, expected = counts.setdefault(self.subject.temporal, (self.subject.name, found))
-        self._compare(f"number of models, as {name} has it", expected, found)
+        models = knowledge.count_models(self.deadline)
+        name, expected = counts.setdefault(self.subject.temporal, (self.subject.name, models))
+        self._compare(f"number of models, as {name} has it", expected, models)
 
     def _one_after_the_other(self, knowledge: KnowledgeBase) -> None:
         """Commit to one thing after the other, and ask in between."""
@@ -267,8 +267,8 @@ class _Examination:
         count = goal.implicant_count(deadline)
         self._compare("number of prime implicants", count, knowledge.implicant_count())
         if count <= LISTED:
-            found = frozenset(knowledge.prime_implicants())
-            self._compare("prime implicants", True, found == frozenset(goal.prime_implicants(deadline)))
+            implicants = frozenset(knowledge.prime_implicants())
+            self._compare("prime implicants", True, implicants == frozenset(goal.prime_implicants(deadline)))
         if count == 0:
             return  # nothing was compiled
         nodes = [label for label in knowledge.labels(deadline) if label.node.kind is NodeKind.DERIVED]
@@ -287,20 +287,20 @@ class _Examination:
         """Whether an execution is left, and which scenarios are."""
         self._compare("a correct execution exists", bool(self.truth), knowledge.satisfiable(self.deadline))
         domains = self.plan.network.domains
-        found = {tuple(sorted(scenario)) for scenario in scenarios(knowledge, domains, self.deadline)}
+        listed = {tuple(sorted(scenario)) for scenario in scenarios(knowledge, domains, self.deadline)}
         expected = {tuple(sorted(Assignment(*item) for item in one.items())) for one in self.truth}
-        self._compare("scenarios that are missing", _listed(set()), _listed(expected - found))
-        self._compare("scenarios that are wrong", _listed(set()), _listed(found - expected))
+        self._compare("scenarios that are missing", _listed(set()), _listed(expected - listed))
+        self._compare("scenarios that are wrong", _listed(set()), _listed(listed - expected))
 
     def _could(self, knowledge: KnowledgeBase, step: Sequence[Commitment]) -> None:
         expected = any(allows(one, step) for one in self.truth)
         self._compare(f"could commit to {_text(step)}", expected, knowledge.could_commit(step, self.deadline))
 
-    def _compare(self, question: str, expected: object, found: object) -> None:
+    def _compare(self, question: str, expected: object, answer: object) -> None:
         self.asked += 1
-        if expected != found:
+        if expected != answer:
             question += self.history
-            self.outcome.disagreements.append(Disagreement(self.subject.name, question, str(expected), str(found)))
+            self.outcome.disagreements.append(Disagreement(self.subject.name, question, str(expected), str(answer)))
 
 
 def commitments(domains: Mapping[str, tuple[str, ...]], random: Random) -> list[Commitment]:
@@ -328,9 +328,9 @@ def _text(step: Sequence[Commitment]) -> str:
     return "; ".join(map(one_text, step)) or "nothing"
 
 
-def _listed(found: set[tuple[Assignment, ...]]) -> str:
-    shown = ["{" + ", ".join(map(str, one)) + "}" for one in sorted(found)[:3]]
-    return ", ".join([*shown, *(["…"] if len(found) > 3 else [])]) or "none"
+def _listed(scenarios: set[tuple[Assignment, ...]]) -> str:
+    shown = ["{" + ", ".join(map(str, one)) + "}" for one in sorted(scenarios)[:3]]
+    return ", ".join([*shown, *(["…"] if len(scenarios) > 3 else [])]) or "none"
 
 
 def differing(plan: TeamPlan, subject: ExaminedBackend, *, solver: str, seed: int, limit: float) -> bool:
@@ -369,10 +369,10 @@ def _smaller(plan: TeamPlan) -> Iterator[TeamPlan]:
             yield restrict(plan, frozenset({Assignment(choice.name, value)}))
     for place in range(len(plan.network.activities)):
         yield _without_activity(plan, place)
-    yield from (replace(plan, conditions=left) for left in _without_one(plan.conditions))
-    yield from (replace(plan, effects=left) for left in _without_one(plan.effects))
-    for left in _without_one(plan.network.constraints):
-        yield replace(plan, network=replace(plan.network, constraints=left))
+    yield from (replace(plan, conditions=rest) for rest in _without_one(plan.conditions))
+    yield from (replace(plan, effects=rest) for rest in _without_one(plan.effects))
+    for rest in _without_one(plan.network.constraints):
+        yield replace(plan, network=replace(plan.network, constraints=rest))
 
 
 def _without_one(items: tuple[T, ...]) -> Iterator[tuple[T, ...]]:

@@ -164,8 +164,8 @@ class LabeledValueSet(Generic[V]):
         under each of them does [PIKE, Theorem C.1 and Algorithm 8]."""
         cases = []
         for value in self.vocabulary.domains[variable]:
-            made = self.vocabulary.assign(variable, value)
-            pairs = ((bound, label & ~made) for bound, label in self.pairs if label & made == made)
+            assigned = self.vocabulary.assign(variable, value)
+            pairs = ((bound, label & ~assigned) for bound, label in self.pairs if label & assigned == assigned)
             cases.append(LabeledValueSet[V](self.vocabulary, pairs))
         return reduce(lambda first, second: first.combine(second, max), cases)
 
@@ -257,9 +257,9 @@ class StructuralPrecedence:
             changed = False
             for event, bounds in self._bounds[guard]:
                 for cases in bounds:
-                    found = min(max(lower[other] + delay for other, delay in arrivals) for arrivals in cases)
-                    if found > lower[event]:
-                        lower[event] = found
+                    bound = min(max(lower[other] + delay for other, delay in arrivals) for arrivals in cases)
+                    if bound > lower[event]:
+                        lower[event] = bound
                         changed = True
             if not changed:
                 break
@@ -270,17 +270,19 @@ class StructuralPrecedence:
         whole = environment | self._guards[event]
         if not self.vocabulary.consistent(whole):
             return []
-        found: dict[int, list[Arrival]] = defaultdict(list)
+        arrivals: dict[int, list[Arrival]] = defaultdict(list)
         """By the bit of an assignment, or 0 for what always holds."""
         for edge in self._incoming[event]:
             missing = edge.label & ~whole & self.vocabulary.made
             if missing & (missing - 1) == 0 and self.vocabulary.consistent(edge.label | whole):
-                found[missing].append((edge.target, -edge.weight))
-        assigned = [self.vocabulary.assignments[bit.bit_length() - 1].variable for bit in found if bit]
+                arrivals[missing].append((edge.target, -edge.weight))
+        assigned = [self.vocabulary.assignments[bit.bit_length() - 1].variable for bit in arrivals if bit]
         fields = [self.vocabulary.field(variable) for variable in dict.fromkeys(assigned)]
         by_value = [[1 << position for position in bits(field)] for field in fields]
-        covered: list[Cases] = [[found[bit] for bit in values] for values in by_value if found.keys() >= set(values)]
-        return [[found[0]], *covered] if 0 in found else covered
+        covered: list[Cases] = [
+            [arrivals[bit] for bit in values] for values in by_value if arrivals.keys() >= set(values)
+        ]
+        return [[arrivals[0]], *covered] if 0 in arrivals else covered
 
 
 def _order(graph: DistanceGraph) -> list[int]:

@@ -113,8 +113,8 @@ class _Checks:
         """Each choice has values, all different."""
         for at, choice in enumerate(self._network.choices):
             if not choice.domain or len(set(choice.domain)) < len(choice.domain):
-                found = ", ".join(choice.domain) or "no values"
-                message = f"found {found} for choice {choice.name!r}, expected at least one value and each once"
+                values = ", ".join(choice.domain) or "no values"
+                message = f"found {values} for choice {choice.name!r}, expected at least one value and each once"
                 raise self._fault(message, "choices", at, "domain")
 
     # -- guards --------------------------------------------------------------------------------------------------
@@ -330,10 +330,14 @@ def parse_tpnu(text: str, file: str = "<tpnu>") -> TpnuDocument:
     """
     value = parse_json(text, file)
     places = Places(file, {path: inner.location for path, inner in walk(value)})
-    found = _DOCUMENT.read(value)
-    lists = {key: found.get(key, ()) for key in ("choices", "events", "constraints", "activities")}
+    members = _DOCUMENT.read(value)
+    lists = {key: members.get(key, ()) for key in ("choices", "events", "constraints", "activities")}
     return TpnuDocument(
-        model.Tpnu(found["name"], **lists), found["domain"], found["problem"], places, found.get("parameters", ())
+        model.Tpnu(members["name"], **lists),
+        members["domain"],
+        members["problem"],
+        places,
+        members.get("parameters", ()),
     )
 
 
@@ -526,8 +530,8 @@ class _Part:
 
     def text(self, part: object) -> str:
         """The object in one line."""
-        found = ((member, getattr(part, member.field)) for member in self.members)
-        written = (f"{_json(member.key)}: {_json(value)}" for member, value in found if member.required or value)
+        values = ((member, getattr(part, member.field)) for member in self.members)
+        written = (f"{_json(member.key)}: {_json(value)}" for member, value in values if member.required or value)
         return f"{{{', '.join(written)}}}"
 
 

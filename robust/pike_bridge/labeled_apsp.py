@@ -223,10 +223,10 @@ class LabeledDistances:
 
         An environment none of whose scenarios has a schedule entails one of them.
         """
-        found = Numbers(self.vocabulary, self._elimination.conflicts)
+        conflicts = Numbers(self.vocabulary, self._elimination.conflicts)
         if self._completions:
-            found.complete(deadline=self._deadline)
-        return found
+            conflicts.complete(deadline=self._deadline)
+        return conflicts
 
     def query(self, source: str, target: str, environment: Environment = 0) -> Fraction | None:
         """The least known bound on t(target) − t(source) wherever both events and the environment hold; None for ∞.
@@ -236,8 +236,8 @@ class LabeledDistances:
         Without meaning, though sound, if the environment contradicts the events' guards or is a conflict.
         """
         first, second = self._places[source], self._places[target]
-        found = self._distances(first, second).query(environment & ~self._both(first, second))
-        return None if found is None else Fraction(found, self._graph.scale)
+        distance = self._distances(first, second).query(environment & ~self._both(first, second))
+        return None if distance is None else Fraction(distance, self._graph.scale)
 
     def labeled(self, source: str, target: str) -> tuple[LabeledValue[Fraction], ...]:
         """The entry of two events by increasing distance, with labels modulo the guards of both."""
@@ -254,8 +254,8 @@ class LabeledDistances:
         whole = context | both
         if not self.vocabulary.consistent(whole) or self.conflicting(whole):
             return False
-        found = self._distances(after, before).query(context & ~both)
-        return found is not None and 0 < -found >= self._least
+        distance = self._distances(after, before).query(context & ~both)
+        return distance is not None and 0 < -distance >= self._least
 
     def _both(self, first: int, second: int) -> Environment:
         return self._graph.guards[first] | self._graph.guards[second]
@@ -454,10 +454,10 @@ class _ConflictSearch:
             if not vocabulary.mentions(conflict, variable):
                 continue
             weaker = vocabulary.without(conflict, variable)
-            left = [edge for edge in edges if edge.label & weaker == edge.label]
-            cycle = lower_bounds(count, left).cycle
+            active = [edge for edge in edges if edge.label & weaker == edge.label]
+            cycle = lower_bounds(count, active).cycle
             if cycle is not None:
-                conflict = _label(cycle, left)
+                conflict = _label(cycle, active)
         return conflict
 
 

@@ -348,12 +348,12 @@ class AssignmentVocabulary:
 
 def reachable(following: Mapping[str, Iterable[str]], start: str) -> set[str]:
     """The event or choice itself, and all that follow it, directly or through others."""
-    found, pending = {start}, [start]
+    reached, pending = {start}, [start]
     while pending:
-        new = set(following.get(pending.pop(), ())) - found
-        found |= new
+        new = set(following.get(pending.pop(), ())) - reached
+        reached |= new
         pending.extend(new)
-    return found
+    return reached
 
 
 def bits(mask: int) -> Iterator[int]:

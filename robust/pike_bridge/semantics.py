@@ -231,11 +231,11 @@ def mentions(plan: model.TeamPlan, assume: model.Guard = model.ALWAYS) -> dict[s
     guarded: Iterable[model.Event | model.Constraint | model.Condition | model.Effect] = chain(
         plan.network.events, plan.network.temporal_constraints, plan.conditions, plan.effects
     )
-    found: dict[str, set[model.Guard]] = {}
+    labels: dict[str, set[model.Guard]] = {}
     for label in {*(each.guard for each in guarded), assume}:
         for variable, _ in label:
-            found.setdefault(variable, set()).add(label)
-    return found
+            labels.setdefault(variable, set()).add(label)
+    return labels
 
 
 def environment_alike(scenario: Mapping[str, str], mentioned: Mapping[str, set[model.Guard]]) -> model.Guard:
@@ -270,8 +270,8 @@ class BrokenConstraint:
     def __str__(self) -> str:
         lower = "-∞" if self.constraint.lower is None else self.constraint.lower
         upper = "∞" if self.constraint.upper is None else self.constraint.upper
-        found = f"{self.constraint.target} is {self.difference} after {self.constraint.source}"
-        return f"{found}; expected between {lower} and {upper}"
+        distance = f"{self.constraint.target} is {self.difference} after {self.constraint.source}"
+        return f"{distance}; expected between {lower} and {upper}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -317,9 +317,9 @@ def confirmed(plan: model.TeamPlan, execution: Execution, source: str) -> Execut
     Raises:
         SolverError: if it is not: whoever gave it has a fault.
     """
-    found = faults(plan, execution)
-    if found:
-        raise SolverError(f"{source} gave an execution that is not correct: {found[0]}; please report this")
+    wrong = faults(plan, execution)
+    if wrong:
+        raise SolverError(f"{source} gave an execution that is not correct: {wrong[0]}; please report this")
     return execution
 
 
@@ -474,12 +474,12 @@ def _branches(component: _Component, domains: Mapping[str, tuple[str, ...]]) -> 
     root = max(roots, key=lambda name: (mentions[name], name))
     branches = []
     for value in domains[root]:
-        left = [
+        dependent = [
             (name, frozenset(each for each in guard if each.variable != root))
             for name, guard in component
             if name != root and all(each.value == value for each in guard if each.variable == root)
         ]
-        branches.append(_components(frozenset(left)))
+        branches.append(_components(frozenset(dependent)))
     return branches
 
 

@@ -314,25 +314,25 @@ def print_cross(out: Console, crossed: Crossed, *, quiet: bool) -> None:
 # -- patience ----------------------------------------------------------------------------------------------------------
 
 
-def patience_document(found: Moments) -> Document:
+def patience_document(result: Moments) -> Document:
     """`robust/pike-patience/1`."""
-    return document(like(PikePatience, found, moments=[LatestMoment(*moment) for moment in found.moments]))
+    return document(like(PikePatience, result, moments=[LatestMoment(*moment) for moment in result.moments]))
 
 
-def print_patience(out: Console, found: Moments, *, quiet: bool) -> None:
+def print_patience(out: Console, result: Moments, *, quiet: bool) -> None:
     """Whether there is a correct execution; unless `quiet` also until when each value can be chosen."""
-    if found.feasible is None:
+    if result.feasible is None:
         out.print("Undecided: out of time.")
         return
-    out.print("A correct execution exists." if found.feasible else "No correct execution exists.")
+    out.print("A correct execution exists." if result.feasible else "No correct execution exists.")
     if quiet:
         return
-    width = max((len(f"{moment.choice} = {moment.value}") for moment in found.moments), default=0)
-    for moment in found.moments:
+    width = max((len(f"{moment.choice} = {moment.value}") for moment in result.moments), default=0)
+    for moment in result.moments:
         until = "at any time" if moment.latest is None else f"until {readable(moment.latest)}"
         out.print(f"  {f'{moment.choice} = {moment.value}':<{width}}  {until if moment.possible else 'never'}")
-    if found.cut_short:
-        out.print("Out of time before all were found." if found.status == "timeout" else "Interrupted.")
+    if result.cut_short:
+        out.print("Out of time before all were found." if result.status == "timeout" else "Interrupted.")
 
 
 # -- plot --------------------------------------------------------------------------------------------------------------
@@ -402,7 +402,7 @@ def run_document(record: ExecutionRecord) -> dict[str, Any]:
 
 
 def _step_answer(step: ExecutionStep) -> dict[str, Any]:
-    found: dict[str, Any] = {
+    document: dict[str, Any] = {
         "time": str(step.time),
         "messages": [str(message) for message in step.messages],
         "decisions": [
@@ -415,8 +415,8 @@ def _step_answer(step: ExecutionStep) -> dict[str, Any]:
     }
     if step.reasons is not None:
         inferences = {choice: reason.as_dict() for choice, reason in step.reasons.inferences.items()}
-        found["why"] = {"continuation": answer(step.reasons.continuation), "inferences": inferences}
-    return found
+        document["why"] = {"continuation": answer(step.reasons.continuation), "inferences": inferences}
+    return document
 
 
 def _with_reasons(step: ExecutionStep) -> Iterator[tuple[said.Decision, Explanation | None]]:

@@ -26,6 +26,7 @@ from robust.qe.box import Interval, Side, interval_text
 from robust.qe.constraint import LinearConstraint, Sense
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region, absorb, signed_sum
+from robust.searching import Status
 from robust.show.documents import Document, Ended, SearchEnded, document, ends_of
 from robust.show.region_documents import Constraint as ConstraintRecord
 from robust.show.region_documents import Polyhedron as PolyhedronRecord
@@ -193,20 +194,20 @@ def _constraint(one: LinearConstraint) -> ConstraintRecord:
     return ConstraintRecord(coefficients=coefficients, relation=one.relation.value, constant=one.constant)
 
 
-def whole_region_document(found: LabeledRegion) -> Document:
+def whole_region_document(region: LabeledRegion) -> Document:
     """With the exact cells."""
-    return region_document(found, cells_of(found))
+    return region_document(region, cells_of(region))
 
 
-def cells_of(found: LabeledRegion) -> Cells | None:
-    return None if found.cut_short else found.exactly()
+def cells_of(region: LabeledRegion) -> Cells | None:
+    return None if region.cut_short else region.exactly()
 
 
-def region_document(found: LabeledRegion, cells: Cells | None) -> Document:
+def region_document(region: LabeledRegion, cells: Cells | None) -> Document:
     """`robust/pike-region/1`."""
     combinations = [
-        PossibleCombination(choices=_choices(each.choices), polyhedra=_polyhedra(tidy(found.plan, each.polyhedra)))
-        for each in found.combinations
+        PossibleCombination(choices=_choices(each.choices), polyhedra=_polyhedra(tidy(region.plan, each.polyhedra)))
+        for each in region.combinations
     ]
     exactly = None
     if cells is not None:
@@ -220,11 +221,11 @@ def region_document(found: LabeledRegion, cells: Cells | None) -> Document:
     return document(
         like(
             PikeRegion,
-            found,
-            status=found.status.value,
-            assume=_choices(found.assume),
-            choices=list(found.key),
-            epsilon=found.plan.plan.epsilon,
+            region,
+            status=region.status.value,
+            assume=_choices(region.assume),
+            choices=list(region.key),
+            epsilon=region.plan.plan.epsilon,
             parameters={
                 parameter.name: TeamParameterRecord(
                     kind=parameter.kind.value,
@@ -233,7 +234,7 @@ def region_document(found: LabeledRegion, cells: Cells | None) -> Document:
                     lower=exact_end(parameter.parameter.lower, upper=False),
                     upper=exact_end(parameter.parameter.upper, upper=True),
                 )
-                for parameter in found.plan.parameters
+                for parameter in region.plan.parameters
             },
             combinations=combinations,
             exactly=exactly,
@@ -251,34 +252,36 @@ def possible_rows(region: Document) -> list[Document]:
     return rows_of(pieces, region["parameters"])
 
 
-def envelope_document(found: TeamEnvelope) -> Document:
+def envelope_document(envelope: TeamEnvelope) -> Document:
     """`robust/pike-envelope/1`."""
-    telling = Telling(found.plan)
+    telling = Telling(envelope.plan)
     broken = None
-    if found.broken is not None:
-        needed = [telling.demand(one) for one in found.needed]
-        broken = BrokenCombination(choices=_choices(found.broken), possible=found.possible, needed=needed)
-    known = not found.cut_short and bool(found.combinations)
+    if envelope.broken is not None:
+        needed = [telling.demand(one) for one in envelope.needed]
+        broken = BrokenCombination(choices=_choices(envelope.broken), possible=envelope.possible, needed=needed)
+    known = not envelope.cut_short and bool(envelope.combinations)
     return document(
         like(
             PikeEnvelope,
-            found,
-            status=found.status.value,
-            assume=_choices(found.assume),
-            for_all=list(found.for_all),
-            epsilon=found.plan.plan.epsilon,
-            parameters={parameter.name: _within(found, parameter, telling) for parameter in found.plan.parameters},
+            envelope,
+            status=envelope.status.value,
+            assume=_choices(envelope.assume),
+            for_all=list(envelope.for_all),
+            epsilon=envelope.plan.plan.epsilon,
+            parameters={
+                parameter.name: _within(envelope, parameter, telling) for parameter in envelope.plan.parameters
+            },
             broken=broken,
-            polyhedra=_polyhedra(_tidied(found.region)) if known else None,
+            polyhedra=_polyhedra(_tidied(envelope.region)) if known else None,
         )
     )
 
 
-def _within(found: TeamEnvelope, one: TeamParameter, telling: Telling) -> TeamWithin:
-    interval = found.box[one.name]
+def _within(envelope: TeamEnvelope, one: TeamParameter, telling: Telling) -> TeamWithin:
+    interval = envelope.box[one.name]
 
     def stopped(side: Side) -> StoppedBy | None:
-        stop = found.stops.get((one.name, side))
+        stop = envelope.stops.get((one.name, side))
         if stop is None:
             return None
         constraint = None if stop.constraint is None else str(stop.constraint)
@@ -323,17 +326,19 @@ class Telling:
     def sentence(self, piece: Polyhedron) -> str:
         """What a polyhedron demands, beyond the declared bounds: `a may take up to 5; limit must be at least 7`."""
         bounds = set(self._plan.declared_box.constraints())
-        own: dict[str, list[LinearConstraint]] = {}
+        by_parameter: dict[str, list[LinearConstraint]] = {}
         joint: list[str] = []
         for constraint in piece.constraints:
             if constraint in bounds:
                 continue
             if len(constraint.parameters) == 1:
-                own.setdefault(constraint.parameters[0], []).append(constraint)
+                by_parameter.setdefault(constraint.parameters[0], []).append(constraint)
             else:
                 joint.append(self.demand(constraint))
-        told = [self._range(name, Polyhedron((name,), tuple(kept)).extent(name)) for name, kept in own.items()]
-        return "; ".join([*told, *joint]) or "anything goes"
+        ranges = [
+            self._range(name, Polyhedron((name,), tuple(kept)).extent(name)) for name, kept in by_parameter.items()
+        ]
+        return "; ".join([*ranges, *joint]) or "anything goes"
 
     def _range(self, name: str, interval: Interval | None) -> str:
         if interval is None:
@@ -374,8 +379,8 @@ class Telling:
                 word = "more than" if constraint.is_strict else "at least"
                 return f"{self._words(name)} must be {word} {signed_sum(rest, '−', readable)}{tail}"
         terms, sign, number = constraint.oriented()
-        told = [(self._words(name), factor) for name, factor in terms]
-        return f"{signed_sum(told, '−', readable)} {sign} {readable(number)}"
+        words = [(self._words(name), factor) for name, factor in terms]
+        return f"{signed_sum(words, '−', readable)} {sign} {readable(number)}"
 
     def _words(self, name: str) -> str:
         return self._parameters[name].words
@@ -411,9 +416,9 @@ class Telling:
         return f"from {self._event(one.source)} to {self._event(one.target)} {word} {number}"
 
     def _number(self, bound: Polynomial[Any]) -> str:
-        told = [self._words(unknown.name) for unknown, _ in bound.coefficients()]
+        words = [self._words(unknown.name) for unknown, _ in bound.coefficients()]
         constant = bound.constant_term
-        return " + ".join([*told, *([readable(constant)] if constant or not told else [])])
+        return " + ".join([*words, *([readable(constant)] if constant or not words else [])])
 
     def _event(self, name: str) -> str:
         return self._events.get(name, name)
@@ -423,45 +428,45 @@ class Telling:
         if stop.declared:
             return "declared bound"
         with_choices = f"with {guard_text(stop.choices)}: " if stop.choices else ""
-        told = list(self.statements(stop.statements))
+        reasons = list(self.statements(stop.statements))
         if stop.own:
             return (
-                f"{with_choices}its own other bound: {'; '.join(told)}"
-                if told
+                f"{with_choices}its own other bound: {'; '.join(reasons)}"
+                if reasons
                 else f"{with_choices}its own other bound"
             )
         demand = "" if stop.constraint is None else self.sentence(Polyhedron(self._plan.names, (stop.constraint,)))
-        more = "" if len(told) <= STATEMENTS else f"; {len(told) - STATEMENTS} more (--json lists them)"
-        because = f", because {'; '.join(told[:STATEMENTS])}{more}" if told else ""
+        more = "" if len(reasons) <= STATEMENTS else f"; {len(reasons) - STATEMENTS} more (--json lists them)"
+        because = f", because {'; '.join(reasons[:STATEMENTS])}{more}" if reasons else ""
         return f"{with_choices}{demand or 'not known'}{because}"
 
 
-def print_region(out: Console, found: LabeledRegion, *, quiet: bool) -> None:
+def print_region(out: Console, region: LabeledRegion, *, quiet: bool) -> None:
     """For each combination of choices what the parameters may be, and which combinations are impossible."""
-    telling = Telling(found.plan)
-    told: dict[str, list[str]] = {}
+    telling = Telling(region.plan)
+    by_sentence: dict[str, list[str]] = {}
     impossible = []
-    for combination in found.combinations:
-        pieces = tidy(found.plan, combination.polyhedra)
+    for combination in region.combinations:
+        pieces = tidy(region.plan, combination.polyhedra)
         if pieces:
             sentences = [telling.sentence(piece) for piece in pieces]
-            told.setdefault(" – or else – ".join(sentences), []).append(guard_text(combination.choices))
+            by_sentence.setdefault(" – or else – ".join(sentences), []).append(guard_text(combination.choices))
         else:
             impossible.append(guard_text(combination.choices))
-    if found.assume:
-        _line(out, f"Assumed: {guard_text(found.assume)}.")
-    for sentence, combinations in told.items():
+    if region.assume:
+        _line(out, f"Assumed: {guard_text(region.assume)}.")
+    for sentence, combinations in by_sentence.items():
         shown = [label or "any choices" for label in combinations]
         for label in shown[: -1 if len(shown) <= MANY else MANY]:
             _line(out, f"With {label}, or")
         more = "" if len(shown) <= MANY else f"{len(shown) - MANY} other combinations like "
-        known = ", as far as is known yet" if found.cut_short else ""
+        known = ", as far as is known yet" if region.cut_short else ""
         _line(out, f"With {more}{shown[-1]}{known}: {sentence}.")
-    if not told:
-        known = " are known yet to lead" if found.cut_short else " lead"
+    if not by_sentence:
+        known = " are known yet to lead" if region.cut_short else " lead"
         _line(out, f"No parameter values{known} to a correct execution.")
     elif impossible:
-        what = "Nothing is known yet of" if found.cut_short else "Impossible, whatever the parameters are:"
+        what = "Nothing is known yet of" if region.cut_short else "Impossible, whatever the parameters are:"
         _line(out, what)
         for label in impossible[:MANY]:
             _line(out, f"  {label}")
@@ -470,66 +475,66 @@ def print_region(out: Console, found: LabeledRegion, *, quiet: bool) -> None:
     if quiet:
         return
     out.print()
-    for parameter in found.plan.parameters:
+    for parameter in region.plan.parameters:
         _line(out, f"{parameter.words}: {parameter.meaning}, {readable(parameter.parameter.nominal)} in the plan")
-    count = plural(len(found.pieces), "polyhedron").replace("polyhedrons", "polyhedra")
-    _line(out, f"{_ended(found.status.value)}: {count}, {duration(found.seconds)}.")
+    count = plural(len(region.pieces), "polyhedron").replace("polyhedrons", "polyhedra")
+    _line(out, f"{_ended(region)}: {count}, {duration(region.seconds)}.")
 
 
 def _line(out: Console, text: str) -> None:
     out.print(Text(text), soft_wrap=True)
 
 
-def _ended(status: str) -> str:
-    return {"timeout": "out of time", "unknown": "undecided"}.get(status, status)
+def _ended(result: LabeledRegion | TeamEnvelope) -> str:
+    if result.status is Status.UNKNOWN:
+        return f"undecided, because {result.reason}"
+    return "out of time" if result.status is Status.TIMEOUT else result.status.value
 
 
-def print_envelope(out: Console, found: TeamEnvelope, *, quiet: bool) -> None:
+def print_envelope(out: Console, envelope: TeamEnvelope, *, quiet: bool) -> None:
     """What is promised for which values; unless `quiet` also what ends each side."""
-    telling = Telling(found.plan)
-    promised = promise(found)
-    if not found.verified:
-        _line(out, _failure(found, telling, promised))
+    telling = Telling(envelope.plan)
+    promised = promise(envelope)
+    if not envelope.verified:
+        _line(out, _failure(envelope, telling, promised))
     else:
-        ranges = [telling.interval(parameter, found.box[parameter.name]) for parameter in found.plan.parameters]
+        ranges = [telling.interval(parameter, envelope.box[parameter.name]) for parameter in envelope.plan.parameters]
         _line(out, f"{promised}: {'; '.join(ranges)}.")
         if not quiet:
             out.print()
-            for one in found.plan.parameters:
-                _line(out, f"{one.words} ∈ {interval_text(found.box[one.name])}: {one.meaning}, "
+            for one in envelope.plan.parameters:
+                _line(out, f"{one.words} ∈ {interval_text(envelope.box[one.name])}: {one.meaning}, "
                            f"{readable(one.parameter.nominal)} in the plan")  # fmt: skip
                 for side, word in ((Side.UPPER, "above"), (Side.LOWER, "below")):
-                    stop = found.stops.get((one.name, side))
+                    stop = envelope.stops.get((one.name, side))
                     if stop is not None:
                         _line(out, f"  {word}: {telling.stop(stop)}")
     if not quiet:
         out.print()
-        _line(out, f"{_ended(found.status.value)}: {plural(found.boxes, 'box').replace('boxs', 'boxes')} tried, "
-                   f"{duration(found.seconds)}.")  # fmt: skip
+        _line(out, f"{_ended(envelope)}: {plural(envelope.boxes, 'box').replace('boxs', 'boxes')} tried, "
+                   f"{duration(envelope.seconds)}.")  # fmt: skip
 
 
-def promise(found: TeamEnvelope) -> str:
+def promise(envelope: TeamEnvelope) -> str:
     """What holds for all values in the box."""
-    assumed = f"With {guard_text(found.assume)}" if found.assume else ""
-    if not found.for_all:
+    assumed = f"With {guard_text(envelope.assume)}" if envelope.assume else ""
+    if not envelope.for_all:
         return assumed or "With choices that suit them"
-    names = " and ".join(filter(None, (", ".join(found.for_all[:-1]), found.for_all[-1])))
-    known = "even if the team learns of it only then, and waits" if found.waiting else "if it is known beforehand"
+    names = " and ".join(filter(None, (", ".join(envelope.for_all[:-1]), envelope.for_all[-1])))
+    known = "even if the team learns of it only then, and waits" if envelope.waiting else "if it is known beforehand"
     return f"{assumed + ', whatever' if assumed else 'Whatever'} {names} will be, {known}"
 
 
-def _failure(found: TeamEnvelope, telling: Telling, promised: str) -> str:
+def _failure(envelope: TeamEnvelope, telling: Telling, promised: str) -> str:
     """Why there is no box."""
-    if found.broken is None:
+    if envelope.broken is None:
         return "Nothing is known yet."
-    choices = f" with {guard_text(found.broken)}" if found.broken else ""
-    if found.cut_short:
+    choices = f" with {guard_text(envelope.broken)}" if envelope.broken else ""
+    if envelope.cut_short:
         return f"{promised}: no correct execution{choices} is known yet at the nominal values."
-    if not found.possible:
+    if not envelope.possible:
         return f"{promised}: there is no correct execution{choices}, whatever the parameters are."
-    if found.waiting and not found.broken:
-        return (
-            f"{promised}: not at the nominal values; {' and '.join(map(telling.demand, found.needed))} would be needed."
-        )
-    needed = " and ".join(map(telling.demand, found.needed))
+    needed = " and ".join(map(telling.demand, envelope.needed))
+    if envelope.waiting and not envelope.broken:
+        return f"{promised}: not at the nominal values; {needed} would be needed."
     return f"{promised}: there is no correct execution{choices} at the nominal values; needed: {needed}."

@@ -209,8 +209,8 @@ def of_members(members: Mapping[str, str], location: Location | None) -> TeamPar
             raise InputError(message, location)
     kinds = [kind for text, kind in _KINDS.items() if text in members]
     if len(kinds) != 1:
-        found = " and ".join(kind.value for kind in kinds) or "none of them"
-        raise InputError(f"found {found}, expected one of {', '.join(_KINDS)}", location)
+        several = " and ".join(kind.value for kind in kinds) or "none of them"
+        raise InputError(f"found {several}, expected one of {', '.join(_KINDS)}", location)
     [kind] = kinds
     return _checked(TeamParameterSpec(kind, members[kind.value].strip(), members.get("name"), attributes, location))
 
@@ -231,7 +231,7 @@ def specifications(
     Raises:
         InputError: if a file cannot be read, a specification is wrong, or one source has two of the same bound.
     """
-    found: dict[tuple[TeamParameterKind, str], TeamParameterSpec] = {}
+    specs: dict[tuple[TeamParameterKind, str], TeamParameterSpec] = {}
     for source in (own, () if file is None else read_parameter_file(file), [parse_spec(text) for text in texts]):
         seen = set()
         for spec in source:
@@ -240,8 +240,8 @@ def specifications(
                 message = f"found a second parameter {spec.kind.value}:{spec.subject}, expected one for a bound"
                 raise InputError(message, spec.location)
             seen.add(bound)
-            found[bound] = spec
-    return tuple(found.values())
+            specs[bound] = spec
+    return tuple(specs.values())
 
 
 # -- looked up in a plan -----------------------------------------------------------------------------------------------
@@ -299,7 +299,7 @@ class _Parametrization:
         self.parameters.append(TeamParameter(parameter, spec.kind, places, what))
 
     def _replace(self, spec: TeamParameterSpec, name: str, places: tuple[int, ...]) -> None:
-        own: Bound = Polynomial.variable(ParameterReference(name))
+        parameter: Bound = Polynomial.variable(ParameterReference(name))
         for place in places:
             for side in _SIDES[spec.kind]:
                 other = self._taken.setdefault((place, side), name)
@@ -308,7 +308,7 @@ class _Parametrization:
                     raise InputError(message, spec.location)
                 before = self.bounds[place][side]
                 late = spec.kind is TeamParameterKind.HESITATION and before is not None
-                self.bounds[place][side] = before + own if late and before is not None else own
+                self.bounds[place][side] = before + parameter if late and before is not None else parameter
 
     def _nominal(self, spec: TeamParameterSpec, places: tuple[int, ...], what: str) -> Fraction | None:
         """The value that the plan has, if it has exactly one."""
@@ -342,17 +342,17 @@ class _Parametrization:
         action = " ".join(subject.lower().strip("() ").split())
         pattern = [f"({action})"] if subject.startswith("(") else [f"({action})", f"({action} *)"]
         first = len(self._network.constraints)
-        found = {
+        actions_at = {
             first + at: one.action
             for at, one in enumerate(self._network.activities)
             if any(fnmatchcase(one.action, each) for each in pattern)
         }
-        if not found:
+        if not actions_at:
             known = [activity.action for activity in self._network.activities]
             known += [] if subject.startswith("(") else [one.strip("()").split()[0] for one in known]
             hint = did_you_mean(subject.lower(), known)
             raise InputError(f"found no activity {shorten(subject)}, expected one of the plan{hint}", spec.location)
-        actions = list(dict.fromkeys(found.values()))
+        actions = list(dict.fromkeys(actions_at.values()))
         whose = actions[0] if len(actions) == 1 else f"each of {', '.join(actions)}"
         what = {
             TeamParameterKind.DURATION: f"the duration of {whose}",
@@ -360,7 +360,7 @@ class _Parametrization:
             TeamParameterKind.AT_MOST: f"the greatest duration of {whose}",
         }[spec.kind]
         short = actions[0] if len(actions) == 1 else action.replace("*", "")
-        return tuple(found), what, short
+        return tuple(actions_at), what, short
 
     def _between(self, spec: TeamParameterSpec) -> tuple[tuple[int, ...], str, str]:
         """The constraints from one event to another that have the bound; if none has it, all of them."""

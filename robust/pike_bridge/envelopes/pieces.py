@@ -104,10 +104,10 @@ class _ParametricElimination(Elimination[list[_Weight]]):
 
     def _tighten(self, cycle: _Weight) -> bool:
         """Whether a cycle is about one parameter alone: then it makes all later comparisons stronger."""
-        told = [(at, factor) for at, factor in enumerate(cycle.form[1:]) if factor]
-        if len(told) != 1:
+        mentioned = [(at, factor) for at, factor in enumerate(cycle.form[1:]) if factor]
+        if len(mentioned) != 1:
             return False
-        [(at, factor)] = told
+        [(at, factor)] = mentioned
         lower, upper = self.ranges[at]
         end = Fraction(-cycle.form[0], factor)
         if factor > 0:
@@ -170,7 +170,7 @@ def cycles(
     while graph.remaining:
         deadline.enforce()
         graph.eliminate(min(graph.remaining, key=graph.cost))
-    return tuple(_cycle(found, parameters, unit) for found in (*graph.ends.values(), *graph.cycles))
+    return tuple(_cycle(weight, parameters, unit) for weight in (*graph.ends.values(), *graph.cycles))
 
 
 def _representatives(edges: Iterable[ParametricEdge]) -> dict[str, str]:
@@ -188,11 +188,11 @@ def _representatives(edges: Iterable[ParametricEdge]) -> dict[str, str]:
     return {name: group[0] for name, group in groups.items()}
 
 
-def _cycle(found: _Weight, parameters: Sequence[Parameter], unit: int) -> CycleCondition:
+def _cycle(weight: _Weight, parameters: Sequence[Parameter], unit: int) -> CycleCondition:
     """With scaled parameters and scaled constant, factors are as they were."""
-    factors = {one.name: factor for one, factor in zip(parameters, found.form[1:], strict=True)}
-    constraint = LinearConstraint.of(factors, ">" if found.strict else ">=", -Fraction(found.form[0], unit))
-    return CycleCondition(constraint, tuple(dict.fromkeys(found.origins)))
+    factors = {one.name: factor for one, factor in zip(parameters, weight.form[1:], strict=True)}
+    constraint = LinearConstraint.of(factors, ">" if weight.strict else ">=", -Fraction(weight.form[0], unit))
+    return CycleCondition(constraint, tuple(dict.fromkeys(weight.origins)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -290,9 +290,9 @@ class ParametricSemantics(Semantics):
             yield from super()._declare(variable)
 
     def _note(self, reader: FormulaReader, formula: Formula, statement: Statement) -> None:
-        found = reader.read(formula)
-        if isinstance(found, LinearConstraint):
-            self.statements.setdefault(found, statement)
+        leaf = reader.read(formula)
+        if isinstance(leaf, LinearConstraint):
+            self.statements.setdefault(leaf, statement)
 
     def active(self, event: str) -> Formula:
         """That an event is activated."""
@@ -383,7 +383,7 @@ class GoodPieces:
             raise ValueError("the solver's model does not satisfy the plan's formulas")
         statements: list[Statement] = []
         edges: list[ParametricEdge] = []
-        found: list[CycleCondition] = []
+        conditions: list[CycleCondition] = []
         for leaf in chosen:
             if not isinstance(leaf, LinearConstraint):
                 continue
@@ -391,11 +391,13 @@ class GoodPieces:
             for half in leaf.halves():
                 edge = self._edge(half, len(statements) - 1)
                 if edge is None:
-                    found.append(CycleCondition(half, (len(statements) - 1,)))
+                    conditions.append(CycleCondition(half, (len(statements) - 1,)))
                 else:
                     edges.append(edge)
-        found += cycles(edges, self._parameters, deadline)
-        because = {cycle.constraint: tuple(dict.fromkeys(statements[at] for at in cycle.origins)) for cycle in found}
+        conditions += cycles(edges, self._parameters, deadline)
+        because = {
+            cycle.constraint: tuple(dict.fromkeys(statements[at] for at in cycle.origins)) for cycle in conditions
+        }
         polyhedron = Polyhedron(self._names, tuple(because))
         return GoodPiece(self._asked.label(values), polyhedron, because)
 
@@ -488,7 +490,7 @@ class _CertainOrder:
     def no_later(self, event: str, other: str) -> bool:
         """Whether the event is not after the other one whenever both are executed."""
         both = self._guards[event] | self._guards[other]
-        after = {each: [target for target, label in found if label <= both] for each, found in self._after.items()}
+        after = {each: [target for target, label in edges if label <= both] for each, edges in self._after.items()}
         return other in reachable(after, event)
 
 
@@ -530,14 +532,14 @@ class _Waiting:
         So it is if the event is never after what tells two copies apart.
         """
         groups: list[list[int]] = []
-        found = []
+        representatives = []
         for number in range(len(self._alternatives)):
             group = next((group for group in groups if all(self._untold(event, one, number) for one in group)), None)
             if group is None:
                 groups.append(group := [])
             group.append(number)
-            found.append(group[0])
-        return found
+            representatives.append(group[0])
+        return representatives
 
     def _untold(self, event: str, one: int, other: int) -> bool:
         """Whether an event is never after a choice by which two copies are told apart."""

@@ -203,9 +203,9 @@ class BddKnowledgeBase(interface.KnowledgeBase):
     def _primes(self, deadline: Deadline) -> tuple[Families, int]:
         deadline.enforce()
         families = Families()
-        found = self._diagrams.primes(self._root, families, deadline)
+        implicants = self._diagrams.primes(self._root, families, deadline)
         self.statistics.sizes["implicant diagram nodes"] = len(families)
-        return families, found
+        return families, implicants
 
     def _compile(self, deadline: Deadline) -> Node:
         parts: list[_Item] = [(_variables(constraint), 2, constraint) for constraint in self.theory.constraints]

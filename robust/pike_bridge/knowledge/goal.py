@@ -81,13 +81,13 @@ class Functions:
     def some(self, environments: Iterable[Collection[Choice]], deadline: Deadline = NEVER) -> int:
         """That all assignments of at least one environment hold."""
 
-        def step(left: frozenset[tuple[Choice, ...]]) -> int | list[frozenset[tuple[Choice, ...]]]:
-            if () in left or not left:
-                return TRUE if left else FALSE
-            variable = min(one[0][0] for one in left)
+        def step(remaining: frozenset[tuple[Choice, ...]]) -> int | list[frozenset[tuple[Choice, ...]]]:
+            if () in remaining or not remaining:
+                return TRUE if remaining else FALSE
+            variable = min(one[0][0] for one in remaining)
             parts = []
             for number in range(self.sizes[variable]):
-                kept = (one for one in left if one[0][0] != variable or one[0][1] == number)
+                kept = (one for one in remaining if one[0][0] != variable or one[0][1] == number)
                 parts.append(frozenset(one[1:] if one[0][0] == variable else one for one in kept))
             missing = [part for part in parts if part not in known]
             return missing or self.branch(variable, tuple(known[part] for part in parts))
@@ -101,12 +101,12 @@ class Functions:
         Raises:
             OutOfTimeError: if the deadline passes, or there is too much to remember.
         """
-        left = list(functions) or [TRUE]
-        while len(left) > 1:
-            pairs = zip(left[::2], left[1::2], strict=False)
-            odd = left[-1:] if len(left) % 2 else []
-            left = [self.both(first, second, deadline) for first, second in pairs] + odd
-        return left[0]
+        conjuncts = list(functions) or [TRUE]
+        while len(conjuncts) > 1:
+            pairs = zip(conjuncts[::2], conjuncts[1::2], strict=False)
+            odd = conjuncts[-1:] if len(conjuncts) % 2 else []
+            conjuncts = [self.both(first, second, deadline) for first, second in pairs] + odd
+        return conjuncts[0]
 
     def both(self, first: int, second: int, deadline: Deadline = NEVER) -> int:
         """The conjunction of two; errors as of :meth:`all`."""
@@ -286,11 +286,11 @@ class Families:
         """Each union of one environment of each set, once; no two of the sets are about the same variable."""
         stack: list[tuple[tuple[int, ...], tuple[Choice, ...]]] = [(tuple(families), ())]
         while stack:
-            left, made = stack.pop()
-            if not left:
+            remaining, made = stack.pop()
+            if not remaining:
                 yield made
                 continue
-            one, *others = left
+            one, *others = remaining
             rest = tuple(others)
             if one == UNIT:
                 stack.append((rest, made))
@@ -307,21 +307,24 @@ class Families:
 
     def _difference(self, pair: tuple[int, int]) -> int | list[tuple[int, int]]:
         first, second = pair
-        left, right = self._branchings[first], self._branchings[second]
-        if left.variable < right.variable:
-            pairs = [(left.unassigned, second)]
-        elif right.variable < left.variable:
-            pairs = [(first, right.unassigned)]
+        minuend, subtrahend = self._branchings[first], self._branchings[second]
+        if minuend.variable < subtrahend.variable:
+            pairs = [(minuend.unassigned, second)]
+        elif subtrahend.variable < minuend.variable:
+            pairs = [(first, subtrahend.unassigned)]
         else:
-            pairs = [(left.unassigned, right.unassigned), *zip(left.assigned, right.assigned, strict=True)]
+            pairs = [
+                (minuend.unassigned, subtrahend.unassigned),
+                *zip(minuend.assigned, subtrahend.assigned, strict=True),
+            ]
         known = [self._known_difference(*each) for each in pairs]
         missing = [each for each, value in zip(pairs, known, strict=True) if value == _UNKNOWN]
         if missing:
             return missing
         unassigned, *assigned = known
-        if right.variable < left.variable:
+        if subtrahend.variable < minuend.variable:
             return unassigned
-        return self.branch(left.variable, unassigned, tuple(assigned) or left.assigned)
+        return self.branch(minuend.variable, unassigned, tuple(assigned) or minuend.assigned)
 
 
 LARGEST_GOAL: Final = 8_000_000
@@ -421,17 +424,17 @@ class Goal:
     def _excluding(self, parts: tuple[Part, ...], conflict: Sequence[Choice], deadline: Deadline) -> tuple[Part, ...]:
         """Parts with one more conflict; it joins no parts that it does not have to."""
         functions = self.diagrams.functions
-        left = list(conflict)
+        open_choices = list(conflict)
         for part in parts:
-            own = [each for each in left if each[0] in part.variables]
+            own = [each for each in open_choices if each[0] in part.variables]
             if not own:
                 continue
             resolved = functions.both(part.function, functions.excluded(own), deadline)
             if resolved == part.function:
                 return parts  # as in all of its models
             if resolved == FALSE:  # in none: so the other parts must
-                left = [each for each in left if each not in own]
-        new = Part(frozenset(variable for variable, _ in left), functions.excluded(left))
+                open_choices = [each for each in open_choices if each not in own]
+        new = Part(frozenset(variable for variable, _ in open_choices), functions.excluded(open_choices))
         return self._joined(parts, new, deadline)
 
 
@@ -480,16 +483,16 @@ class _ModelSearch:
         """Of the parts, with what no part says as in the beginning, if that is not forbidden."""
         model = dict(self.question.begin)
         for variable in {variable for variable, _ in forbidden}:
-            left = [number for number in range(self.functions.sizes[variable]) if (variable, number) not in forbidden]
-            if not left:
+            values = [number for number in range(self.functions.sizes[variable]) if (variable, number) not in forbidden]
+            if not values:
                 return None
-            if model[variable] not in left:
-                model[variable] = left[0]
+            if model[variable] not in values:
+                model[variable] = values[0]
         for part in self.parts:
-            found = self.functions.find(part.function, forbidden, model, self.deadline)
-            if found is None:
+            part_model = self.functions.find(part.function, forbidden, model, self.deadline)
+            if part_model is None:
                 return None
-            model |= found
+            model |= part_model
         return model
 
     def _others(self, variable: int, number: int) -> Iterator[Choice]:

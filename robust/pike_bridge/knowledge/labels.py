@@ -90,14 +90,14 @@ def weave(first: Label, second: Label, effort: Effort) -> Label:
         OutOfTimeError: if the deadline passes.
     """
     result: Label = {}
-    left = _take_absorbed(first, second, result, effort)
-    right = _take_absorbed(second, first, result, effort)
+    first_rest = _take_absorbed(first, second, result, effort)
+    second_rest = _take_absorbed(second, first, result, effort)
     candidates: Label = {}
     waiting, batch = 0, BATCH
-    reach = union(right)
-    for scope, members in left.items():
+    reach = union(second_rest)
+    for scope, members in first_rest.items():
         for projection, ones in _index(members, scope & reach).items():
-            for other, rests in _residuals(right, projection, scope, effort).items():
+            for other, rests in _residuals(second_rest, projection, scope, effort).items():
                 target = candidates.setdefault(scope | other, set())
                 before = len(target)
                 for rest in rests:
@@ -118,14 +118,14 @@ def weave(first: Label, second: Label, effort: Effort) -> Label:
 
 def _take_absorbed(label: Label, other: Label, absorbed: Label, effort: Effort) -> Label:
     """Move environments that entail some environment of the other label; what is left."""
-    left: Label = {}
+    remaining: Label = {}
     for scope, members in label.items():
         rest = _apart(members, scope, other.items(), effort)
         if len(rest) < len(members):
             absorbed.setdefault(scope, set()).update(members - rest)
         if rest:
-            left[scope] = rest
-    return left
+            remaining[scope] = rest
+    return remaining
 
 
 def _apart(
@@ -150,8 +150,8 @@ def _residuals(label: Label, environment: Environment, scope: Scope, effort: Eff
         effort.pass_by(len(others))
         rests = {one ^ part for one in others if one & shared == part}
         if rests:
-            left = other ^ shared
-            residuals[left] = residuals.get(left, set()) | rests
+            missing = other ^ shared
+            residuals[missing] = residuals.get(missing, set()) | rests
     return minimal(residuals, {}, effort) if len(residuals) > 1 else residuals
 
 
@@ -272,9 +272,9 @@ def add_and_generate_prime_implicants(label: Label, new: Label, fields: Iterable
     queue = deque(field for field in known_fields if field & union(added))
     while queue:
         field = queue.popleft()
-        found = add_minimally(label, consensus(label, field, effort), effort)
-        add_minimally(added, found, effort)
-        touched = union(found)
+        generated = add_minimally(label, consensus(label, field, effort), effort)
+        add_minimally(added, generated, effort)
+        touched = union(generated)
         queue.extend(each for each in known_fields if each & touched and each not in queue)
     return added
 
@@ -329,11 +329,11 @@ def count_models(label: Label, scope: Scope, vocabulary: AssignmentVocabulary, d
     known: dict[Remainder, int] = {}
 
     def step(key: Remainder) -> int | list[Remainder]:
-        depth, left = key
-        if not left or 0 in left:
-            return prod(sizes[depth:]) if left else 0
+        depth, remainder = key
+        if not remainder or 0 in remainder:
+            return prod(sizes[depth:]) if remainder else 0
         field = fields[depth]
-        parts = [(depth + 1, _restricted(left, field, 1 << at)) for at in bits(field)]
+        parts = [(depth + 1, _restricted(remainder, field, 1 << at)) for at in bits(field)]
         return [part for part in parts if part not in known] or sum(known[part] for part in parts)
 
     return logic.evaluate((0, frozenset(environments(label))), known, step, deadline)
@@ -355,8 +355,8 @@ def simplify(theory: logic.Theory, deadline: Deadline) -> logic.Theory:
     constraints: list[logic.Formula] = list(theory.constraints)
     conflicts = [each for each in dict.fromkeys(theory.conflicts) if logic.is_consistent(each)]
     before = -1
-    while before != (left := sum(map(len, possible.values()))):
-        before = left
+    while before != (count := sum(map(len, possible.values()))):
+        before = count
         deadline.enforce()
         constraints = list(_top_level(logic.normal_form(constraint, reduction.literal) for constraint in constraints))
         conflicts = list(reduction.conflicts(conflicts))

@@ -73,24 +73,24 @@ def elimination_order(variables: Sequence[str], groups: Sequence[Collection[str]
     the last choice that they hang on.
     """
     place = {variable: at for at, variable in enumerate(variables)}
-    left: dict[str, set[str]] = {variable: set() for variable in variables}
+    graph: dict[str, set[str]] = {variable: set() for variable in variables}
     for group in groups:
         for variable in group:
-            left[variable].update(group)
-    for variable, neighbours in left.items():
+            graph[variable].update(group)
+    for variable, neighbours in graph.items():
         neighbours.discard(variable)
-    queue = [(len(neighbours), -place[variable], variable) for variable, neighbours in left.items()]
+    queue = [(len(neighbours), -place[variable], variable) for variable, neighbours in graph.items()]
     heapify(queue)
     eliminated: dict[str, set[str]] = {}
     while queue:
         count, _, variable = heappop(queue)
-        if variable in eliminated or count != len(left[variable]):
+        if variable in eliminated or count != len(graph[variable]):
             continue  # an earlier state of it
-        neighbours = eliminated[variable] = left.pop(variable)
+        neighbours = eliminated[variable] = graph.pop(variable)
         for other in neighbours:
-            left[other] |= neighbours
-            left[other] -= {variable, other}
-            heappush(queue, (len(left[other]), -place[other], other))
+            graph[other] |= neighbours
+            graph[other] -= {variable, other}
+            heappush(queue, (len(graph[other]), -place[other], other))
     return _parents_first(eliminated, place)
 
 

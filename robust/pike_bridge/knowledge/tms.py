@@ -70,12 +70,14 @@ def factors(
         OutOfTimeError: if the deadline passes; the statistics then say how large the labels were.
     """
     parts = [(union(label), label) for label in labels if 0 not in label]
-    found: list[LabelFactor] = []
+    independent: list[LabelFactor] = []
     scopes = [scope for scope, _ in parts] + [conflict.scope for conflict in conflicts]
     for scope in dict.fromkeys(map(union, connected(scopes, lambda scope: frozenset(bits(scope))))):
         own = [conflict for conflict in conflicts if _touch(conflict.scope, scope)]
-        found.append(joined([label for each, label in parts if _touch(each, scope)], own, scope, vocabulary, effort))
-    return found
+        independent.append(
+            joined([label for each, label in parts if _touch(each, scope)], own, scope, vocabulary, effort)
+        )
+    return independent
 
 
 def _touch(first: Scope, second: Scope) -> bool:
@@ -284,11 +286,11 @@ def exclude(
             together.append(factor)
     if not scope:
         return [FALSITY]
-    left = conflict.within(scope)
+    open_conflict = conflict.within(scope)
     whole = scope | union(factor.scope for factor in together)
     conflicts = [conflict for factor in together for conflict in factor.conflicts]
     labels = [factor.label for factor in together]
-    return [*apart, joined(labels, [*conflicts, left], whole, vocabulary, effort)]
+    return [*apart, joined(labels, [*conflicts, open_conflict], whole, vocabulary, effort)]
 
 
 def _all_resolve(label: Label, conflict: LabelConflict) -> bool:
@@ -384,13 +386,13 @@ class LabelKnowledgeBase(interface.KnowledgeBase):
             OutOfTimeError: if the deadline passes.
         """
         effort = self._effort(deadline)
-        found = []
+        node_labels = []
         for node in self._maintenance.network.nodes:
             label = self._maintenance.label(node.index, effort)
             for each in self._committed:
                 label = self.resolve(label, each, effort)
-            found.append(NodeLabel(node, frozenset(self._decoded(label))))
-        return found
+            node_labels.append(NodeLabel(node, frozenset(self._decoded(label))))
+        return node_labels
 
     @abstractmethod
     def _compile(self, deadline: Deadline) -> None:

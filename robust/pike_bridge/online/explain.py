@@ -291,14 +291,14 @@ class Situation:
             OutOfTimeError: if the deadline passes.
         """
         every = [*hypotheses, *self._happened, *self._of_plan]
-        found: list[list[Fact]] = []
+        conflicts: list[list[Fact]] = []
         for late in (About.CONDITION, About.DURATION):
             ordered = sorted(every, key=lambda each: (_PREFERENCE[each.kind], each.kind is late))
             conflict = self._minimal(ordered)
             if conflict is None:
                 return None
-            found.append(conflict)
-        by_conditions, by_durations = found
+            conflicts.append(conflict)
+        by_conditions, by_durations = conflicts
         return tuple(by_durations if len(by_durations) < len(by_conditions) else by_conditions)
 
     def facts(self, hypotheses: Sequence[Fact] = ()) -> tuple[Fact, ...] | None:
@@ -308,8 +308,8 @@ class Situation:
             OutOfTimeError: if the deadline passes.
         """
         with self._given(self._of_plan):
-            found = self._minimal([*hypotheses, *self._happened])
-        return None if found is None else tuple(reversed(found))
+            conflict_facts = self._minimal([*hypotheses, *self._happened])
+        return None if conflict_facts is None else tuple(reversed(conflict_facts))
 
     def latest(self, event: str) -> Fraction | None:
         """Until when the event could be executed, or could have been, after what was executed before it.
@@ -323,8 +323,8 @@ class Situation:
         moment = progress.times.get(event, progress.now)
         before = dict(takewhile(lambda each: each[0] != event, progress.times.items()))
         reasoner = SemanticReasoner(progress.rewound(moment, before, progress.chosen), solver=self.solver)
-        found = reasoner.times_of(event, moment, self.deadline)
-        return None if found is None else found[1]
+        span = reasoner.times_of(event, moment, self.deadline)
+        return None if span is None else span[1]
 
     def _minimal(self, facts: Sequence[Fact]) -> list[Fact] | None:
         """QuickXplain [Junker 2004]: earlier facts are kept rather than later ones."""

@@ -132,10 +132,10 @@ class WhyExecuted(Explanation):
     def parts(self) -> tuple[str, ...]:
         """What is to be said, apart."""
         needed = _grouped((need.producer, need) for need in self.needs)
-        found = [*_served(self.serves), *(f"uses {what} from {whom}" for whom, what in needed)]
+        clauses = [*_served(self.serves), *(f"uses {what} from {whom}" for whom, what in needed)]
         if self.latest is not None:
-            found.append(f"not later than {format_number(self.latest)}")
-        return tuple(found)
+            clauses.append(f"not later than {format_number(self.latest)}")
+        return tuple(clauses)
 
     @property
     def lines(self) -> tuple[str, ...]:
@@ -171,11 +171,11 @@ class WhyChosen(Explanation):
     @property
     def parts(self) -> tuple[str, ...]:
         """What its value is good for, and what else would have been possible."""
-        found = _served(self.serves)
+        clauses = _served(self.serves)
         if self.possible:
             verb = "is" if len(self.possible) == 1 else "are"
-            found.append(f"{listed(self.possible)} {verb} possible" + (", too" if self.value else ""))
-        return tuple(found)
+            clauses.append(f"{listed(self.possible)} {verb} possible" + (", too" if self.value else ""))
+        return tuple(clauses)
 
     @property
     def lines(self) -> tuple[str, ...]:
@@ -360,20 +360,20 @@ class Inquiry(Situation):
 
     def executed(self, event: str, continuation: Execution | None = None) -> WhyExecuted:
         """Why an event was executed: what its activities need and serve in a continuation."""
-        found = continuation or self.continuation
+        execution = continuation or self.continuation
         places = [
             place
             for place, activity in enumerate(self._plan.network.activities)
-            if activity.source == event and (found is None or holds(activity.guard, found.scenario))
+            if activity.source == event and (execution is None or holds(activity.guard, execution.scenario))
         ]
-        supports = [] if found is None else list(self._supports(found))
+        supports = [] if execution is None else list(self._supports(execution))
         return WhyExecuted(
             event,
             self.wording.event(event),
             tuple(each for by, to, each in supports if to in places and by is not None),
             tuple(each for by, _, each in supports if by in places),
             self.latest(event),
-            found,
+            execution,
         )
 
     def chosen(self, assignment: Assignment) -> WhyChosen:
@@ -386,9 +386,9 @@ class Inquiry(Situation):
         }
         possible = tuple(value for value, clash in clashes.items() if clash is None)
         impossible = {value: clash for value, clash in clashes.items() if clash is not None}
-        found = self._with(assignment)
-        serves = () if found is None else tuple(self._served_by(assignment, found))
-        return WhyChosen(choice, assignment.value, possible, impossible, serves, found)
+        continuation = self._with(assignment)
+        serves = () if continuation is None else tuple(self._served_by(assignment, continuation))
+        return WhyChosen(choice, assignment.value, possible, impossible, serves, continuation)
 
     def inferred(self, possible: Mapping[str, Sequence[str]]) -> dict[str, WhyChosen]:
         """Why choices have no other values than the given ones, each conflict resting on simpler ones before it.
@@ -396,7 +396,7 @@ class Inquiry(Situation):
         That a choice must have its value, which has been explained, is then a fact for the next.
         """
         domains = self._plan.network.domains
-        found: dict[str, dict[str, Clash]] = {
+        clashes: dict[str, dict[str, Clash]] = {
             choice: {
                 value: clash
                 for value in domains[choice]
@@ -404,14 +404,14 @@ class Inquiry(Situation):
             }
             for choice, values in possible.items()
         }
-        ordered = sorted(found, key=lambda choice: sum(len(each.facts) for each in found[choice].values()))
+        ordered = sorted(clashes, key=lambda choice: sum(len(each.facts) for each in clashes[choice].values()))
         known: list[Assignment] = []
         answers = {}
         for choice in ordered:
             values = possible[choice]
             simplest = {
                 value: self._simplest(Assignment(choice, value), conflict, known)
-                for value, conflict in found[choice].items()
+                for value, conflict in clashes[choice].items()
             }
             only = values[0] if len(values) == 1 else None
             answers[choice] = WhyChosen(choice, only, () if only else tuple(values), simplest)
@@ -468,8 +468,8 @@ class Inquiry(Situation):
         chosen = {name: value for name, value in progress.chosen.items() if name not in undecided}
         then = Inquiry(progress.rewound(excluded.time, earlier, chosen), solver=self.solver, deadline=self.deadline)
         ours = [Assignment(name, progress.chosen[name]) for name in undecided if name in progress.chosen]
-        made = [each for each in ours if each.variable in progress.structure.made_at.get(event, ())]
-        done = [*then.assignments(About.CHOICE, made), then.executed_now(event), *then.unreported()]
+        decided = [each for each in ours if each.variable in progress.structure.made_at.get(event, ())]
+        done = [*then.assignments(About.CHOICE, decided), then.executed_now(event), *then.unreported()]
         clashes = {values: then._told(then.conflict([*then.meaning(values), *done])) for values in excluded.lost}
         impossible = {values: clash for values, clash in clashes.items() if clash is not None}
         return WhyExcluded(event, excluded.reason, impossible)
@@ -555,12 +555,12 @@ class Inquiry(Situation):
     def _too_early(self, event: str, name: str) -> WhyNot | None:
         progress = self.progress
         for source, lower in progress.lower_bounds(event):
-            earlier, told = progress.times.get(source), self.wording.event(source)
+            earlier, words = progress.times.get(source), self.wording.event(source)
             if earlier is None and lower > 0:
-                return WhyNot(name, Obstacle.EARLY, f"{name} comes after {told}, which is still to come")
+                return WhyNot(name, Obstacle.EARLY, f"{name} comes after {words}, which is still to come")
             if earlier is not None and progress.now < earlier + lower:
                 first = earlier + lower
-                distance = f"at least {format_number(lower)} after {told} at {format_number(earlier)}"
+                distance = f"at least {format_number(lower)} after {words} at {format_number(earlier)}"
                 text = f"{name} is {distance}: {format_number(first)} or later"
                 return WhyNot(name, Obstacle.EARLY, text, earliest=first)
         return None
@@ -577,20 +577,20 @@ class Inquiry(Situation):
         progress = self.progress
         if choice not in progress.chosen:
             return self
-        made = dict(takewhile(lambda each: each[0] != choice, progress.chosen.items()))
+        chosen = dict(takewhile(lambda each: each[0] != choice, progress.chosen.items()))
         event = next(each.event for each in self._plan.network.choices if each.name == choice)
         guards = progress.structure.guards
-        names = [name for name in progress.times if made.items() >= guards[name]]
+        names = [name for name in progress.times if chosen.items() >= guards[name]]
         if event in names:
             names = names[: names.index(event) + 1]
         times = {name: progress.times[name] for name in names}
-        earlier = progress.rewound(times.get(event or "", progress.now), times, made)
+        earlier = progress.rewound(times.get(event or "", progress.now), times, chosen)
         return Inquiry(earlier, solver=self.solver, deadline=self.deadline)
 
-    def _told(self, found: Sequence[Fact] | None) -> Clash | None:
-        if found is None:
+    def _told(self, conflict: Sequence[Fact] | None) -> Clash | None:
+        if conflict is None:
             return None
-        facts = list(found)
+        facts = list(conflict)
         least: list[Activity] = [fact.activity for fact in facts if fact.activity is not None]
         sequence = self.wording.sequence(least)
         if sequence is not None:

@@ -226,10 +226,10 @@ class Patience:
 
     def _find(self, environment: Guard, event: str | None) -> bool:
         """Look for a continuation in an environment that does an event, if given, now."""
-        found = self._asked.continuation(environment, event, self._deadline)
-        if found is not None:
-            self._found.append(found)
-        return found is not None
+        continuation = self._asked.continuation(environment, event, self._deadline)
+        if continuation is not None:
+            self._found.append(continuation)
+        return continuation is not None
 
     # -- waiting -----------------------------------------------------------------------------------------------------
 
@@ -279,8 +279,8 @@ class Patience:
         """The intents that may come after a moment, together with other events, and how late they may at least; None if
         they can wait forever.
         """
-        found = ((intent, self._wait(intent, others, moment)) for intent in intents)
-        return {each: wait for each, wait in found if wait is None or wait > moment}
+        waits = ((intent, self._wait(intent, others, moment)) for intent in intents)
+        return {each: wait for each, wait in waits if wait is None or wait > moment}
 
     def _wait(self, intent: Intent, others: frozenset[str], moment: Fraction) -> Fraction | None:
         """A time until which an intent and other events can wait: after a moment, if they can wait that long."""
@@ -290,11 +290,11 @@ class Patience:
             wait = self._asked.wait(known, events)
             if wait is None or wait > moment:
                 return wait
-        found = self._asked.all_later(intent.guard, events, moment, self._deadline)
-        if found is None:
+        continuation = self._asked.all_later(intent.guard, events, moment, self._deadline)
+        if continuation is None:
             return moment
-        self._remember(found)
-        return self._asked.wait(found, events)
+        self._remember(continuation)
+        return self._asked.wait(continuation, events)
 
     def _latest(self, intent: Intent, others: frozenset[str]) -> Fraction | None:
         """L of an intent; None if it can wait forever."""
@@ -350,9 +350,9 @@ class Patience:
             if each.values <= named and not self._keeps(each.guard, event, values)
         ]
         joint = [each for each in lost if not any(one <= each for one in single)]
-        told = tuple(guard_text(each) for each in (*single, *dict.fromkeys(joint)))
+        excluded = tuple(guard_text(each) for each in (*single, *dict.fromkeys(joint)))
         kept = tuple(guard_text(each) for each in spared)
-        return DueAct(event, values, Excluded(event, self._progress.now, told, kept, reason) if told else None)
+        return DueAct(event, values, Excluded(event, self._progress.now, excluded, kept, reason) if excluded else None)
 
     def _undecided(self, everything: Sequence[Intent], waiting: Sequence[Opening]) -> str:
         names = {variable for intent in everything for variable, _ in intent.values} - {each.name for each in waiting}
@@ -414,33 +414,33 @@ def intents(choices: Sequence[Opening], progress: Progress) -> list[Intent]:
     single = values_of(choices, progress)
     if prod(len(choice.domain) for choice in choices) > JOINT:
         return single
-    found: dict[Intent, None] = {}
+    maximal: dict[Intent, None] = {}
     for start in single:
-        if not any(start.values <= each.values for each in found):
+        if not any(start.values <= each.values for each in maximal):
             joint = [start]
             for choice in choices:
                 joint = [more for each in joint for more in _extended(each, choice, progress)]
-            found.update(dict.fromkeys(joint))
-    return list(found)
+            maximal.update(dict.fromkeys(joint))
+    return list(maximal)
 
 
 def values_of(choices: Iterable[Opening], progress: Progress) -> list[Intent]:
     """Each value of each choice, where the choice may still come up."""
     nothing = Intent(ALWAYS, frozenset(), ALWAYS)
-    found = (each for choice in choices for each in _extended(nothing, choice, progress) if each != nothing)
-    return [each for each in found if progress.compatible(each.guard)]
+    extended = (each for choice in choices for each in _extended(nothing, choice, progress) if each != nothing)
+    return [each for each in extended if progress.compatible(each.guard)]
 
 
 def _extended(intent: Intent, choice: Opening, progress: Progress) -> list[Intent]:
     """An intent with each value of one more choice; the intent itself if it has one, or the two exclude each other."""
-    found = []
+    extended = []
     if choice.name not in dict(intent.values):
         for value in choice.domain:
             values = frozenset({Assignment(choice.name, value)})
             label = values | progress.structure.guards[choice.event]
             if not contradicts(values, label) and not contradicts(intent.guard, label):
-                found.append(Intent(intent.values | values, intent.events | {choice.event}, intent.guard | label))
-    return found or [intent]
+                extended.append(Intent(intent.values | values, intent.events | {choice.event}, intent.guard | label))
+    return extended or [intent]
 
 
 def _hurry(spared: Sequence[Guard], over: Fraction) -> str:

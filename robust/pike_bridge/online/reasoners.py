@@ -83,8 +83,10 @@ class ExecutionFacts:
     def excluding(self, labels: Iterable[model.Environment], given: model.Environment) -> list[Commitment] | None:
         """As commitments that none of the labels holds, when `given` does; None if that cannot be."""
         whole = self.known | given
-        left = (label & ~whole & self.vocabulary.made for label in labels if self.vocabulary.consistent(whole | label))
-        general = most_general(sorted(left, key=int.bit_count))
+        remainders = (
+            label & ~whole & self.vocabulary.made for label in labels if self.vocabulary.consistent(whole | label)
+        )
+        general = most_general(sorted(remainders, key=int.bit_count))
         return None if 0 in general else [Exclude(self.vocabulary.decode(label)) for label in general]
 
     def external(self, event: str) -> list[model.Environment]:

@@ -146,19 +146,19 @@ class OnlineSemantics(Semantics):
         scale = lcm(*((time / grid).denominator for time in schedule.values()))
         times = {event: int(time / grid * scale) for event, time in schedule.items()}
         # What the execution itself leaves of each bound is not negative, so that the shortest paths are found greedily.
-        left: dict[str, list[tuple[str, int]]] = {event: [] for event in schedule}
+        slack: dict[str, list[tuple[str, int]]] = {event: [] for event in schedule}
         for source, target, bound in self._bounds(execution.scenario, times, scale):
-            left[source].append((target, bound * scale + times[source] - times[target]))
+            slack[source].append((target, bound * scale + times[source] - times[target]))
         queue = [(0, event) for event in self._progress.times]
-        found: dict[str, int] = {}
+        distances: dict[str, int] = {}
         while queue:
             distance, event = heappop(queue)
-            if event not in found:
-                found[event] = distance
-                for target, more in left[event]:
-                    if target not in found:
+            if event not in distances:
+                distances[event] = distance
+                for target, more in slack[event]:
+                    if target not in distances:
                         heappush(queue, (distance + more, target))
-        least = min((found[event] + times[event] for event in events if event in found), default=None)
+        least = min((distances[event] + times[event] for event in events if event in distances), default=None)
         return None if least is None else Fraction(least, scale) * grid
 
     def _bounds(
@@ -324,12 +324,12 @@ class SemanticReasoner(Reasoner):
         """
         self.catch_up()
         guards, structure = self.progress.structure.guards, self.progress.structure
-        left = [event for event in events if structure.preceding(event).isdisjoint(others)]
-        found: set[str] = set()
-        while len(left) > 1 and (together := self._together_before(left, others, deadline)):
-            found |= together
-            left = [each for each in left if each not in together]
-        for event in left:
+        remaining = [event for event in events if structure.preceding(event).isdisjoint(others)]
+        coming: set[str] = set()
+        while len(remaining) > 1 and (together := self._together_before(remaining, others, deadline)):
+            coming |= together
+            remaining = [each for each in remaining if each not in together]
+        for event in remaining:
             activated = self._semantics.guard(guards[event])
             with self._session.frame(activated, *self._all_before([event], others)):
                 comes = self._check(deadline)
@@ -337,8 +337,8 @@ class SemanticReasoner(Reasoner):
                 with self._session.frame(activated, self._semantics.at(event, self.progress.now)):
                     comes = self._check(deadline)
             if comes:
-                found.add(event)
-        return found
+                coming.add(event)
+        return coming
 
     def _together_before(self, events: Sequence[str], others: Collection[str], deadline: Deadline) -> set[str]:
         """Some of the events, such that a continuation has them, and no more, before each of the others; none if there
@@ -378,10 +378,10 @@ class SemanticReasoner(Reasoner):
         None if there is none, or no such continuation.
         """
         latest: Fraction | None = self.progress.now
-        found = self._witness if self.could(environment, deadline) else None
-        while found is not None:
-            latest = self.wait(found, events)
-            found = None if latest is None else self.all_later(environment, events, latest, deadline)
+        continuation = self._witness if self.could(environment, deadline) else None
+        while continuation is not None:
+            latest = self.wait(continuation, events)
+            continuation = None if latest is None else self.all_later(environment, events, latest, deadline)
         return latest
 
     def next_execution(self, withheld: Collection[str], deadline: Deadline) -> Fraction | None:

@@ -90,14 +90,14 @@ def resume(executive: PlanExecutive, steps: Iterable[JournalStep], file: str = "
         InputError: if a step does not fit what came before it; `file` is the name of the journal in the message.
     """
     for line, step in enumerate(steps, 2):
-        left = set(executive.plan.network.guards) - executive.progress.times.keys()
+        pending = set(executive.plan.network.guards) - executive.progress.times.keys()
         for event in (decision.event for decision in step.decisions if isinstance(decision, Executed)):
-            if event not in left:
+            if event not in pending:
                 raise InputError(
                     f"found event {shorten(event)} executed, expected one of the plan that was not yet",
                     Location(file, line),
                 )
-            left.remove(event)
+            pending.remove(event)
         executive.repeat(step.time, step.messages, step.decisions)
 
 
@@ -149,13 +149,13 @@ def _accepting(plan: TeamPlan, file: str, steps: list[JournalStep]) -> Accept:
     return accept
 
 
-def _check_header(found: _Header, plan: TeamPlan) -> None:
-    name = shorten(found.plan)
-    if found.plan != plan.name:
+def _check_header(header: _Header, plan: TeamPlan) -> None:
+    name = shorten(header.plan)
+    if header.plan != plan.name:
         raise InputError(f"found a journal of plan {name}, expected one of {shorten(plan.name)}")
-    if found.epsilon != plan.epsilon:
-        raise InputError(f"found a journal with ε = {found.epsilon}, expected one with {plan.epsilon}")
-    if found.digest != plan_digest(plan):
+    if header.epsilon != plan.epsilon:
+        raise InputError(f"found a journal with ε = {header.epsilon}, expected one with {plan.epsilon}")
+    if header.digest != plan_digest(plan):
         raise InputError(f"found a journal of another version of plan {name}, expected one of this plan")
 
 
@@ -226,28 +226,28 @@ def read_request(text: bytes, line: int, plan: TeamPlan, *, timed: bool) -> Requ
 
 def _request(text: bytes, line: int, plan: TeamPlan, *, timed: bool) -> Request:
     try:
-        found = parse_line(text.decode(), INPUT)
+        line_object = parse_line(text.decode(), INPUT)
     except UnicodeDecodeError:
         raise InputError("found bytes that are no UTF-8, expected a JSON object") from None
-    request: News | Query = said.JSON.read(News | Query, found, beside=("time",))
+    request: News | Query = said.JSON.read(News | Query, line_object, beside=("time",))
     asked = isinstance(request, Query)
-    if "time" in found.members and (asked or not timed):
+    if "time" in line_object.members and (asked or not timed):
         reason = "questions have none" if asked else "the clock is real"
-        raise InputError(f"found a time, expected none: {reason}", found.members["time"].location)
+        raise InputError(f"found a time, expected none: {reason}", line_object.members["time"].location)
     match request:
         case AskWhy() | AskPossible() | AskState():
             checked_assumptions(plan, request.assume if isinstance(request, AskWhy) else {})
             return Request(line, request)
         case Together(messages):
-            listed = found.members.get("messages")
+            listed = line_object.members.get("messages")
             places = [each.location for each in listed.items] if isinstance(listed, Array) else []
         case Tick():
             messages, places = (), []
         case _:
-            messages, places = (request,), [found.location]
+            messages, places = (request,), [line_object.location]
     for message, place in zip(messages, places, strict=True):
         check_message(plan, message, place)
-    return Request(line, messages, said.JSON.member(Fraction, found, "time") if timed else None)
+    return Request(line, messages, said.JSON.member(Fraction, line_object, "time") if timed else None)
 
 
 def check_message(plan: TeamPlan, message: said.Message, location: Location | None = None) -> None:
@@ -408,8 +408,8 @@ class Service:
                 return {"values": {name: list(self.executive.possible_values(name)) for name in open_choices}}
             case AskWhy(assume):
                 facts = conflict(progress, guard(assume), solver=self.solver, deadline=self.deadline)
-                told = None if facts is None else [fact.as_dict() for fact in facts]
-                return {"possible": facts is None, "conflict": told}
+                reasons = None if facts is None else [fact.as_dict() for fact in facts]
+                return {"possible": facts is None, "conflict": reasons}
             case AskState():
                 return self._state()
 

@@ -171,9 +171,9 @@ class SimulatedTeam:
             case Pace.RANDOM:
                 self._plan_for(first + self._drawn(last - first), completion)
             case Pace.COOPERATIVE:
-                found = self._judge.times_of(activity.end, now, NEVER)
-                if found is not None:
-                    first, last = found[0], min(last, found[1] or last)
+                times = self._judge.times_of(activity.end, now, NEVER)
+                if times is not None:
+                    first, last = times[0], min(last, times[1] or last)
                 time = first + self._drawn(max(last - first, Fraction(0)))
                 self._running[activity.end] = completion
                 self._plan_for(time, partial(self._complete, activity.end))
@@ -181,9 +181,9 @@ class SimulatedTeam:
     def _complete(self, end: str, now: Fraction) -> said.Message | None:
         """End an activity, unless that is better done later, or is done already."""
         if end in self._running and not self._judge.allows(now, ALWAYS, end, NEVER):
-            found = self._judge.times_of(end, now, NEVER, first=True)
-            if found is not None:
-                self._plan_for(found[0], partial(self._complete, end))
+            times = self._judge.times_of(end, now, NEVER, first=True)
+            if times is not None:
+                self._plan_for(times[0], partial(self._complete, end))
                 return None
             if self._judge.possible(NEVER):
                 self._waiting.append(end)
@@ -199,9 +199,9 @@ class SimulatedTeam:
         if wake is not None and (latest is None or wake <= latest):
             return
         for end in self._running:
-            found = self._judge.times_of(end, self._executive.progress.now, NEVER, first=True)
-            if found is not None:
-                times = found[:1] if latest is None else (min(latest, found[1] or latest), found[0])
+            span = self._judge.times_of(end, self._executive.progress.now, NEVER, first=True)
+            if span is not None:
+                times = span[:1] if latest is None else (min(latest, span[1] or latest), span[0])
                 time = next((each for each in times if self._judge.allows(each, ALWAYS, end, NEVER)), None)
                 if time is not None:
                     self._plan_for(time, partial(self._complete, end))
@@ -405,8 +405,8 @@ class Rehearsal(Searching[ExecutionRecord]):
     def _inferred(self) -> dict[str, tuple[str, ...]]:
         chosen = self._executive.progress.chosen
         known = {choice: values for choice, values in self._known.items() if choice not in chosen and len(values) > 1}
-        found = {choice: self._executive.possible_values(choice) for choice in known}
-        changed = {choice: values for choice, values in found.items() if values != known[choice]}
+        possible = {choice: self._executive.possible_values(choice) for choice in known}
+        changed = {choice: values for choice, values in possible.items() if values != known[choice]}
         self._known.update(changed)
         return changed
 
@@ -419,5 +419,5 @@ class Rehearsal(Searching[ExecutionRecord]):
         activated = {name for name, guard in progress.structure.guards.items() if holds(guard, scenario)}
         if activated != progress.times.keys():
             return ()  # a choice that was never made decides about events of its own
-        found = faults(self.plan, Execution(scenario, progress.times), reported=progress.reported)
-        return tuple(map(str, found))
+        wrong = faults(self.plan, Execution(scenario, progress.times), reported=progress.reported)
+        return tuple(map(str, wrong))

@@ -105,14 +105,14 @@ def test_splitting_keeps_prime_implicants(found, excluded):
     left = [each for each in covered(found) if not guard(excluded) <= guard(each)]
     before = prime(found)
     kept = decoded(before)
-    parts = labels.split(before, labels.conflict(made(excluded), VOCABULARY), effort())
+    parts = labels.split(before, labels.conflict_of(made(excluded), VOCABULARY), effort())
     assert (decoded(parts), decoded(before)) == (prime_implicants(VOCABULARY.domains, left), kept)
 
 
 @given(several, partial)
 def test_what_manifests_a_conflict_is_dropped(found, excluded):
     before = label(found)
-    after = labels.without_manifest(before, labels.conflict(made(excluded), VOCABULARY), effort())
+    after = labels.without_manifest(before, labels.conflict_of(made(excluded), VOCABULARY), effort())
     assert decoded(after) == {one for one in decoded(before) if not guard(excluded) <= one}
 
 
