@@ -267,7 +267,7 @@ def searching_moments(plan: TeamPlan, options: asking.MomentsOptions) -> LatestM
 
 @_verb(asking.MomentsOptions)
 def moments(plan: TeamPlan, options: asking.MomentsOptions) -> Moments:
-    """Until when people can make each choice, with each value, if all else suits it.
+    """The latest moment at which people can make each choice, with each value, if everything else is in its favour.
 
     Raises:
         InputError: if a choice, a value or a file is unknown or wrong.

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from robust.api import AnytimeSearch
     from robust.pike_bridge.action_model import Instance
     from robust.pike_bridge.envelopes.parameters import ParametricPlan
-    from robust.pike_bridge.envelopes.search import LabeledRegion, TeamEnvelope
+    from robust.pike_bridge.envelopes.search import LabeledRegion
     from robust.pike_bridge.model import TeamPlan
     from robust.pike_bridge.online.world import ExecutionRecord
     from robust.show.pike import PikePlot
@@ -38,7 +38,7 @@ def load(options: asking.TeamPlanFile) -> TeamPlan:
 
 
 def _within(options: Asked, run: Run) -> Asked:
-    """The same question, for as long as is left, with each stage displayed."""
+    """The options with the time that remains, and with each stage displayed."""
     return options.changed(timeout=run.remaining, on_stage=run.display.say)
 
 
@@ -131,10 +131,8 @@ def run(options: asking.PikeRunCommand, run: Run) -> int:
         from robust.cli.serving import serve
         from robust.pike_bridge.online.reasoners import without_states
 
-        def seen() -> TeamPlan:
-            return without_states(load(options)) if options.reasoner == DRAKE else load(options)
-
-        return serve(run, options, seen)
+        seen = without_states if options.reasoner == DRAKE else lambda plan: plan
+        return serve(run, options, lambda: seen(load(options)))
     from robust.pike import searching_execution
 
     def begin() -> AnytimeSearch[ExecutionRecord]:
@@ -180,9 +178,6 @@ def region(options: asking.PikeRegionCommand, run: Run) -> int:
         count += 1
         run.display.say(f"polyhedra: {count}")
 
-    def begin() -> AnytimeSearch[LabeledRegion]:
-        return searching_region(_parametric(options), options.changed(timeout=run.remaining, on_piece=on_piece))
-
     cells: Cells | None = None
 
     def answer(result: LabeledRegion) -> None:
@@ -191,7 +186,10 @@ def region(options: asking.PikeRegionCommand, run: Run) -> int:
             lambda out: show.print_region(out, result, quiet=options.quiet),
         )
 
-    result = run.best(begin, answer)
+    def asked() -> asking.PikeRegionOptions:
+        return options.changed(timeout=run.remaining, on_piece=on_piece)
+
+    result = run.best(lambda: searching_region(_parametric(options), asked()), answer)
     if not result.cut_short and (options.json or options.plot is not None):
         cells = run.also("cutting", lambda: _cells(result, run))
     answer(result)
@@ -217,11 +215,7 @@ def envelope(options: asking.PikeEnvelopeCommand, run: Run) -> int:
     """How far may durations and limits of a plan with choices deviate: for some choices, or whatever people choose?"""
     from robust.pike import searching_envelope
 
-    def begin() -> AnytimeSearch[TeamEnvelope]:
-        asked = options.changed(timeout=run.remaining, on_stage=run.display.say)
-        return searching_envelope(_parametric(options), asked)
-
-    result = run.reply(begin)
+    result = run.reply(lambda: searching_envelope(_parametric(options), _within(options, run)))
     if options.plot is not None and result.combinations:
         run.write(partial(result.plot, options.plot, axes=tuple(options.axes or ())))
     return exit_code_of(result.status.value)

@@ -260,7 +260,7 @@ class LineWriter:
         self._pending = memoryview(b"")
 
     def write(self, value: Mapping[str, Any]) -> None:
-        """Write an object, and wait for whoever reads.
+        """Write an object, and wait until it is read.
 
         Raises:
             BrokenPipeError: if nobody reads any more.
@@ -276,7 +276,7 @@ class LineWriter:
                 raise OutOfTimeError
 
     def write_last(self, value: Mapping[str, Any]) -> None:
-        """Write an object if somebody reads it now; for those who are leaving."""
+        """Write an object if somebody reads it now, before the process ends."""
         self._pending = memoryview(bytes(self._pending) + json.dumps(value).encode() + b"\n")
         try:
             while self._pending and self._is_writable(0.0):

@@ -108,7 +108,9 @@ class PikeCheckCommand(PikeCheckOptions, CrossOptions, PikeCommand):
 
     cross: bool = option(False, "ask all back ends and the oracle the same questions, and compare")
     patience: bool = option(
-        False, "find out until when people can make each choice, with each value, if all else suits it"
+        False,
+        "report the latest moment at which people can make each choice, with each value, if everything else is in its "
+        "favour",
     )
 
     def check_combinations(self, given: Collection[str]) -> None:
@@ -255,7 +257,7 @@ class PikeRunCommand(PikeRunOptions, PikeCommand):
         None, "with --clock real: seconds per unit of time; 1 if not given", metavar="S", read=positive
     )
     plot: Path | None = option(
-        None, "draw who did what when: .svg, .png or .pdf", metavar="FILE", path=True, read=plot_file
+        None, "draw which agent did what when: .svg, .png or .pdf", metavar="FILE", path=True, read=plot_file
     )
 
     def check_combinations(self, given: Collection[str]) -> None:

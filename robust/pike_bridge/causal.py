@@ -1,7 +1,7 @@
-"""Who may support a condition, and who may threaten it [PIKE §4.2, Definition 4.4].
+"""Producers that may support a condition, and effects that may threaten it [PIKE §4.2, Definition 4.4].
 
-What happens at an event is told apart by the guard of the activity whose effect it is, because several activities may
-start or end at one event under different guards.
+Effects at one event are distinguished by the guards of their activities, because several activities may start or end at
+one event under different guards.
 """
 
 from __future__ import annotations
@@ -284,7 +284,7 @@ def _support(question: OpenCondition, links: list[LabeledCausalLink]) -> Formula
 
 
 def _names(producers: tuple[LabeledHappening, ...]) -> tuple[str, ...]:
-    """The producers' events, told apart by their guards where several are at one event."""
+    """The producers' events; where several are at one event, with their guards."""
     names: list[str] = []
     for producer in producers:
         detailed = f"{producer.event}[{model.guard_text(producer.guard)}]"

@@ -17,13 +17,7 @@ from typing import Any
 from robust.errors import Location, SolverError, UnsupportedError
 from robust.pike_bridge.causal import AugmentedPlan, augment
 from robust.pike_bridge.distance_graph import Precedence, StructuralPrecedence
-from robust.pike_bridge.knowledge import create_knowledge_base, reasons_about_time
-from robust.pike_bridge.knowledge.interface import (
-    HasImplicants,
-    KnowledgeBase,
-    KnowledgeStatistics,
-    Require,
-)
+from robust.pike_bridge.knowledge import create_knowledge_base, interface, reasons_about_time
 from robust.pike_bridge.labeled_apsp import LabeledDistances, schedule, temporal_conflicts
 from robust.pike_bridge.model import ALWAYS, Assignment, Guard, TeamPlan, check_choice
 from robust.pike_bridge.model import guard as conjunction
@@ -52,7 +46,7 @@ class Compilation:
     augmented: AugmentedPlan
     conflicts: tuple[Guard, ...]
     """Temporal conflicts of the augmented plan; none if the back end reasons about time itself."""
-    knowledge: KnowledgeBase
+    knowledge: interface.KnowledgeBase
     distances: LabeledDistances | None = None
     """Of the augmented plan, where they were computed to find the conflicts."""
 
@@ -80,7 +74,7 @@ class Compiling:
     """By stage: precedence, links, conflicts, knowledge."""
     counts: dict[str, int] = field(default_factory=dict)
     """The sizes of what the stages that ended have made."""
-    statistics: KnowledgeStatistics = field(default_factory=KnowledgeStatistics)
+    statistics: interface.KnowledgeStatistics = field(default_factory=interface.KnowledgeStatistics)
 
     def compile(self) -> Compilation:
         """Compile.
@@ -231,13 +225,13 @@ class Measuring(Compiling, Searching[Sizes]):
         for question in reversed(questions) if self.backend == PITMS else questions:
             question(knowledge)
 
-    def _ask_models(self, knowledge: KnowledgeBase) -> None:
+    def _ask_models(self, knowledge: interface.KnowledgeBase) -> None:
         if self.models:
             self.on_stage("counting models")
             self._sizes.models = knowledge.count_models(self.deadline)
 
-    def _ask_implicants(self, knowledge: KnowledgeBase) -> None:
-        if not isinstance(knowledge, HasImplicants):
+    def _ask_implicants(self, knowledge: interface.KnowledgeBase) -> None:
+        if not isinstance(knowledge, interface.HasImplicants):
             return
         self.on_stage("counting prime implicants")
         count = self._sizes.prime_implicants = knowledge.implicant_count(self.deadline)
@@ -316,7 +310,7 @@ class Checking(Compiling, Searching[PikeCheck]):
         compilation = self.compile()
         with self.stage("search"):
             knowledge = compilation.knowledge
-            knowledge.commit([Require(self.assume)], self.deadline)
+            knowledge.commit([interface.Require(self.assume)], self.deadline)
             if self.all_scenarios:
                 for scenario in scenarios(knowledge, self.plan.network.domains, self.deadline):
                     yield execution_in(compilation, scenario, self.deadline)
@@ -324,7 +318,9 @@ class Checking(Compiling, Searching[PikeCheck]):
                 yield execution_in(compilation, ALWAYS, self.deadline)
 
 
-def scenarios(knowledge: KnowledgeBase, domains: Mapping[str, tuple[str, ...]], deadline: Deadline) -> Iterator[Guard]:
+def scenarios(
+    knowledge: interface.KnowledgeBase, domains: Mapping[str, tuple[str, ...]], deadline: Deadline
+) -> Iterator[Guard]:
     """Every assignment to the given variables that some model of the knowledge base extends.
 
     Variable by variable, never entering an environment that could not be committed to: at most as many queries per
@@ -343,7 +339,7 @@ def scenarios(knowledge: KnowledgeBase, domains: Mapping[str, tuple[str, ...]], 
             continue
         for value in reversed(domains[names[depth]]):
             extended = environment | {Assignment(names[depth], value)}
-            if knowledge.could_commit([Require(extended)], deadline):
+            if knowledge.could_commit([interface.Require(extended)], deadline):
                 open_environments.append((depth + 1, extended))
 
 
@@ -367,7 +363,7 @@ def execution_in(compilation: Compilation, environment: Guard, deadline: Deadlin
 
 
 def extension(
-    knowledge: KnowledgeBase, domains: Mapping[str, tuple[str, ...]], environment: Guard, deadline: Deadline
+    knowledge: interface.KnowledgeBase, domains: Mapping[str, tuple[str, ...]], environment: Guard, deadline: Deadline
 ) -> dict[str, str]:
     """A model of the knowledge base in an environment, found by asking for one value after the other.
 
@@ -380,7 +376,7 @@ def extension(
         if name in model:
             continue
         for value in values:
-            if knowledge.could_commit([Require(conjunction({**model, name: value}))], deadline):
+            if knowledge.could_commit([interface.Require(conjunction({**model, name: value}))], deadline):
                 model[name] = value
                 break
         else:

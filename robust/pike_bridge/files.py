@@ -193,7 +193,7 @@ class _Checks:
     # -- choices before what depends on them ---------------------------------------------------------------------
 
     def containment(self) -> None:
-        """No choice is asked for only after itself, and whoever asks for a choice asks for its event."""
+        """No choice depends on itself, and a guard that mentions a choice entails the guard of its event."""
         self._acyclic()
         for one in self._guarded():
             for variable, _ in sorted(one.guard):

@@ -164,7 +164,7 @@ class LabeledElimination(Elimination[Numbers]):
         return degree, -self._guards[event].bit_count(), event
 
     def _growth(self, event: int) -> int:
-        """At most so many labeled distances more than now are there without the event."""
+        """An upper bound on how many labeled distances eliminating the event adds."""
         into = sum(map(len, self.before[event].values()))
         out = sum(map(len, self.after[event].values()))
         return into * out - into - out

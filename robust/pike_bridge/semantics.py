@@ -315,7 +315,7 @@ def confirmed(plan: model.TeamPlan, execution: Execution, source: str) -> Execut
     """The execution, if it is correct.
 
     Raises:
-        SolverError: if it is not: whoever gave it has a fault.
+        SolverError: if it is not, so that its source is wrong.
     """
     wrong = faults(plan, execution)
     if wrong:
@@ -351,7 +351,7 @@ def _broken(network: model.Tpnu, execution: Execution) -> Iterator[BrokenConstra
 
 
 class _Simulation:
-    """The effects and the conditions of an execution, with who comes before whom."""
+    """The effects and the conditions of an execution, and the order of their events."""
 
     def __init__(self, plan: model.TeamPlan, execution: Execution, reported: frozenset[str]) -> None:
         self._plan = plan

@@ -8,7 +8,7 @@ from fractions import Fraction
 from itertools import zip_longest
 from pathlib import Path
 from statistics import median
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from msgspec import UNSET, Meta, UnsetType
 from rich.console import Console
@@ -27,9 +27,6 @@ from robust.pike_bridge.online.world import ExecutionRecord, ExecutionStep
 from robust.pike_bridge.semantics import Execution
 from robust.show.console import colour_of
 from robust.show.documents import Document, Ended, Rationals, Verdict, document
-
-if TYPE_CHECKING:
-    pass
 
 Stages = Annotated[dict[str, Seconds], Meta(description="by stage")]
 

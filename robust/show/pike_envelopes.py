@@ -83,7 +83,7 @@ class PikeRegion(JsonObject, tag_field="schema", tag="robust/pike-region/1"):
 
     Attributes:
         status: timeout and interrupted: what is there is right, but not all there is
-        choices: those that are told apart
+        choices: those that are distinguished
         combinations: they cover all values of these choices, each once
         exactly: the parameter values, cut by which combinations are possible; null if there was no time
         queries: questions to the solver

@@ -24,7 +24,7 @@ from enum import Enum
 from fnmatch import fnmatchcase
 from fractions import Fraction
 from os import PathLike
-from typing import TypeAlias, assert_never
+from typing import TypeAlias
 
 from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import format_number, shorten
@@ -41,22 +41,24 @@ Bound: TypeAlias = Polynomial[ParameterReference]
 
 
 class TeamParameterKind(Enum):
-    """What a parameter is."""
+    """What a parameter is: what its name begins with, which bounds it is, lower (0) and upper (1), and in words."""
 
-    DURATION = "duration"
-    AT_LEAST = "at-least"
-    AT_MOST = "at-most"
-    HESITATION = "hesitation"
+    DURATION = "duration", "", (0, 1), "the duration of"
+    AT_LEAST = "at-least", "least_", (0,), "the least duration of"
+    AT_MOST = "at-most", "most_", (1,), "the greatest duration of"
+    HESITATION = "hesitation", "hesitation_", (0,), "how long after it is possible"
+
+    def __new__(cls, value: str, _prefix: str, _sides: tuple[int, ...], _words: str) -> TeamParameterKind:
+        kind = object.__new__(cls)
+        kind._value_ = value
+        return kind
+
+    def __init__(self, _value: str, prefix: str, sides: tuple[int, ...], words: str) -> None:
+        self.prefix, self.sides, self.words = prefix, sides, words
 
 
 _KINDS: Mapping[str, TeamParameterKind] = {kind.value: kind for kind in TeamParameterKind}
 _EXPECTED = "duration:ACTIVITY, at-least: or at-most:ACTIVITY or FROM:TO, or hesitation:CHOICE"
-_PREFIX = {
-    TeamParameterKind.DURATION: "",
-    TeamParameterKind.AT_LEAST: "least_",
-    TeamParameterKind.AT_MOST: "most_",
-    TeamParameterKind.HESITATION: "hesitation_",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -272,7 +274,7 @@ class _Parametrization:
     def apply(self, spec: TeamParameterSpec) -> None:
         """Replace bounds, or raise InputError."""
         places, what, short = self._subject(spec)
-        name = spec.name or _PREFIX[spec.kind] + re.sub(r"\W+", "_", short).strip("_")
+        name = spec.name or spec.kind.prefix + re.sub(r"\W+", "_", short).strip("_")
         if any(parameter.name == name for parameter in self.parameters):
             remedy = f"write NAME={spec.kind.value}:{spec.subject} with another name"
             raise InputError(f"found parameter {name!r} twice, expected a new name: {remedy}", spec.location)
@@ -301,7 +303,7 @@ class _Parametrization:
     def _replace(self, spec: TeamParameterSpec, name: str, places: tuple[int, ...]) -> None:
         parameter: Bound = Polynomial.variable(ParameterReference(name))
         for place in places:
-            for side in _SIDES[spec.kind]:
+            for side in spec.kind.sides:
                 other = self._taken.setdefault((place, side), name)
                 if other != name and spec.kind is not TeamParameterKind.HESITATION:
                     message = f"found a bound that parameter {other!r} is already, expected one parameter for a bound"
@@ -312,15 +314,10 @@ class _Parametrization:
 
     def _nominal(self, spec: TeamParameterSpec, places: tuple[int, ...], what: str) -> Fraction | None:
         """The value that the plan has, if it has exactly one."""
-        match spec.kind:
-            case TeamParameterKind.HESITATION:
-                return Fraction(0)
-            case TeamParameterKind.DURATION | TeamParameterKind.AT_LEAST:
-                values = {self._constraints[place].lower for place in places}
-            case TeamParameterKind.AT_MOST:
-                values = {self._constraints[place].upper for place in places}
-            case _:
-                assert_never(spec.kind)
+        if spec.kind is TeamParameterKind.HESITATION:
+            return Fraction(0)
+        bounded = [self._constraints[place] for place in places]
+        values = {bound.upper if spec.kind is TeamParameterKind.AT_MOST else bound.lower for bound in bounded}
         if len(values) > 1 and "default" not in spec.attributes:
             shown = ", ".join(sorted("none" if value is None else format_number(value) for value in values))
             message = f"found several values of {what} ({shown}), expected a nominal value: default=D"
@@ -354,13 +351,8 @@ class _Parametrization:
             raise InputError(f"found no activity {shorten(subject)}, expected one of the plan{hint}", spec.location)
         actions = list(dict.fromkeys(actions_at.values()))
         whose = actions[0] if len(actions) == 1 else f"each of {', '.join(actions)}"
-        what = {
-            TeamParameterKind.DURATION: f"the duration of {whose}",
-            TeamParameterKind.AT_LEAST: f"the least duration of {whose}",
-            TeamParameterKind.AT_MOST: f"the greatest duration of {whose}",
-        }[spec.kind]
         short = actions[0] if len(actions) == 1 else action.replace("*", "")
-        return tuple(actions_at), what, short
+        return tuple(actions_at), f"{spec.kind.words} {whose}", short
 
     def _between(self, spec: TeamParameterSpec) -> tuple[tuple[int, ...], str, str]:
         """The constraints from one event to another that have the bound; if none has it, all of them."""
@@ -375,7 +367,7 @@ class _Parametrization:
         if not there:
             message = f"found no constraint from {source} to {target}, expected one of the plan"
             raise InputError(message, spec.location)
-        [side] = _SIDES[spec.kind]
+        [side] = spec.kind.sides
         bounded = [place for place in there if self.bounds[place][side] is not None]
         extreme = "least" if spec.kind is TeamParameterKind.AT_LEAST else "greatest"
         return tuple(bounded or there), f"the {extreme} time from {source} to {target}", f"{source}_{target}"
@@ -394,16 +386,7 @@ class _Parametrization:
                 f"found nothing that event {choice.event} of choice {choice.name} comes after, expected a constraint"
             )
             raise InputError(message, spec.location)
-        return places, f"how long after it is possible {choice.name} is chosen", choice.name
-
-
-_SIDES: Mapping[TeamParameterKind, tuple[int, ...]] = {
-    TeamParameterKind.DURATION: (0, 1),
-    TeamParameterKind.AT_LEAST: (0,),
-    TeamParameterKind.AT_MOST: (1,),
-    TeamParameterKind.HESITATION: (0,),
-}
-"""Which bounds, lower (0) and upper (1), a parameter is."""
+        return places, f"{spec.kind.words} {choice.name} is chosen", choice.name
 
 
 def _number(bound: Fraction | None) -> Bound | None:

@@ -51,7 +51,7 @@ class ParametricEdge(NamedTuple):
     factors: Mapping[str, int]
     strict: bool
     origin: int
-    """What says so, for whoever asks which statements a cycle is made of."""
+    """The number of the statement that says so."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -324,7 +324,7 @@ def question(parametric: ParametricPlan, key: Sequence[str], assume: Guard = ALW
     """For which parameter values is there a correct execution, with which values of some choices?
 
     Args:
-        key: the choices of interest; the others are as it suits.
+        key: the choices of interest; the others are existentially quantified.
         assume: choices that are made already.
     """
     terms = Terms()
@@ -435,7 +435,7 @@ class Combination:
 def combinations(pieces: Sequence[GoodPiece], domains: Mapping[str, tuple[str, ...]]) -> Iterator[Combination]:
     """Combinations of values that cover all there are, each once, with the pieces of each.
 
-    Choices are told apart only where that makes a difference.
+    Values of a choice are distinguished only where that makes a difference.
     """
     pending: list[tuple[Guard, tuple[GoodPiece, ...]]] = [(ALWAYS, tuple(pieces))]
     while pending:
@@ -542,7 +542,7 @@ class _Waiting:
         return representatives
 
     def _untold(self, event: str, one: int, other: int) -> bool:
-        """Whether an event is never after a choice by which two copies are told apart."""
+        """Whether an event is never after a choice that distinguishes two copies."""
         names = self._telling(one, other)
         told_at = (choice.event for choice in self._plan.network.choices if choice.name in names)
         return all(each is None or self._order.no_later(event, each) for each in told_at)
@@ -584,12 +584,12 @@ class _Waiting:
                 yield one, other
 
     def _telling(self, one: int, other: int) -> frozenset[str]:
-        """The choices by which two copies are told apart."""
+        """The choices that distinguish two copies."""
         values, others = dict(self._alternatives[one]), dict(self._alternatives[other])
         return frozenset(name for name in values.keys() & others.keys() if values[name] != others[name])
 
     def _together(self, one: int, other: int) -> Iterator[Formula]:
-        """What both copies do alike until they can be told apart."""
+        """What both copies do alike until a choice distinguishes them."""
         names = self._telling(one, other)
         telling = [choice for choice in self._plan.network.choices if choice.name in names]
         for event in self._plan.network.events:

@@ -111,20 +111,12 @@ class BinaryDiagrams:
         Raises:
             OutOfTimeError: if the deadline passes.
         """
-        known: dict[Node, int] = {self.manager.false: NOTHING, self.manager.true: UNIT}
 
-        def step(node: Node) -> int | list[Node]:
-            place = self.depth(node)
-            parts = self.cofactors(node, place)
-            always = reduce(and_, parts)
-            missing = [each for each in (always, *parts) if each not in known]
-            if missing:
-                return missing
-            without = known[always]
-            assigned = tuple(families.difference(known[part], without, deadline) for part in parts)
-            return families.branch(place, without, assigned)
+        def split(node: Node) -> tuple[int, list[Node], Node]:
+            parts = self.cofactors(node, self.depth(node))
+            return self.depth(node), parts, reduce(and_, parts)
 
-        return evaluate(root, known, step, deadline)
+        return families.primes(root, {self.manager.false: NOTHING, self.manager.true: UNIT}, split, deadline)
 
 
 class BddKnowledgeBase(interface.KnowledgeBase):
@@ -166,19 +158,17 @@ class BddKnowledgeBase(interface.KnowledgeBase):
 
     def _count(self, deadline: Deadline) -> int:
         """Exact: CUDD's own count is a floating-point number."""
-        known: dict[Node, int] = {}
-        depth = self._diagrams.depth
-        sizes = [len(self.theory.domains[variable]) for variable in self._diagrams.order]
+        diagrams = self._diagrams
+        known: dict[Node, int] = {diagrams.manager.false: 0, diagrams.manager.true: 1}
+        sizes = [len(self.theory.domains[variable]) for variable in diagrams.order]
 
         def step(node: Node) -> int | list[Node]:
-            place = depth(node)
-            if place == len(sizes):
-                return int(node == self._diagrams.manager.true)
-            parts = self._diagrams.cofactors(node, place)
+            place = diagrams.depth(node)
+            parts = diagrams.cofactors(node, place)
             missing = [part for part in parts if part not in known]
-            return missing or sum(known[part] * prod(sizes[place + 1 : depth(part)]) for part in parts)
+            return missing or sum(known[part] * prod(sizes[place + 1 : diagrams.depth(part)]) for part in parts)
 
-        return evaluate(self._root, known, step, deadline) * prod(sizes[: depth(self._root)])
+        return evaluate(self._root, known, step, deadline) * prod(sizes[: diagrams.depth(self._root)])
 
     def implicant_count(self, deadline: Deadline = NEVER) -> int:
         """How many prime implicants what is left of the theory has, computed without listing them.

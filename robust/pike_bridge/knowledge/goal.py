@@ -14,7 +14,7 @@ The size of diagrams depends on the order of variables, so two orders are tried.
 from __future__ import annotations
 
 import sys
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import prod
 from typing import Final, NamedTuple, TypeAlias
@@ -22,7 +22,7 @@ from typing import Final, NamedTuple, TypeAlias
 from robust.pike_bridge.knowledge.interface import Narrowing, OutOfSpaceError
 from robust.pike_bridge.knowledge.orders import connected, race
 from robust.pike_bridge.model import Assignment, Guard
-from robust.pike_bridge.theory import evaluate
+from robust.pike_bridge.theory import Key, evaluate
 from robust.smt.limits import NEVER, Deadline
 
 Choice: TypeAlias = tuple[int, int]
@@ -199,24 +199,15 @@ class Functions:
         return evaluate(function, known, step, deadline) * prod(self.sizes[: place(function)])
 
     def primes(self, function: int, deadline: Deadline = NEVER) -> int:
-        """The prime implicants of a function, as one of `families`; errors as of :meth:`all`.
+        """The prime implicants of a function, as one of `families`; errors as of :meth:`all`."""
 
-        Those that do not assign the first variable are the prime implicants of what holds whatever it is. Those that
-        do are the prime implicants of what is left for that value, without these (Coudert and Madre, 1992).
-        """
-
-        def step(one: int) -> int | list[int]:
+        def split(one: int) -> tuple[int, Sequence[int], int]:
             parts = self._parts[one]
             always = self.all(sorted(set(parts)), deadline)
             self._look(len(self._conjunctions) + self.families.remembered)
-            missing = [each for each in (always, *parts) if each not in self._primes]
-            if missing:
-                return missing
-            without = self._primes[always]
-            own = (self.families.difference(self._primes[part], without, deadline) for part in parts)
-            return self.families.branch(self._variables[one], without, tuple(own))
+            return self._variables[one], parts, always
 
-        return evaluate(function, self._primes, step, deadline)
+        return self.families.primes(function, self._primes, split, deadline)
 
 
 NOTHING: Final = 0
@@ -270,6 +261,34 @@ class Families:
         if known != _UNKNOWN:
             return known
         return evaluate((first, second), self._differences, self._difference, deadline)
+
+    def primes(
+        self,
+        root: Key,
+        known: dict[Key, int],
+        split: Callable[[Key], tuple[int, Sequence[Key], Key]],
+        deadline: Deadline,
+    ) -> int:
+        """The prime implicants of a function, which may be of any kind of diagram.
+
+        Those that do not assign its first variable are the prime implicants of what holds whatever that is. Those that
+        do are the prime implicants of what remains for a value, without these (Coudert and Madre, 1992).
+
+        Args:
+            known: the prime implicants of some functions, the constants among them; all new ones are added.
+            split: the first variable of a function, what remains for each value, and what holds whatever the value is.
+        """
+
+        def step(function: Key) -> int | list[Key]:
+            variable, parts, always = split(function)
+            missing = [part for part in (always, *parts) if part not in known]
+            if missing:
+                return missing
+            without = known[always]
+            assigned = (self.difference(known[part], without, deadline) for part in parts)
+            return self.branch(variable, without, tuple(assigned))
+
+        return evaluate(root, known, step, deadline)
 
     def count(self, family: int, deadline: Deadline) -> int:
         """How many environments a set has."""

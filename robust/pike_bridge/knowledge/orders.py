@@ -26,7 +26,7 @@ def race(
 ) -> T:
     """What is compiled in the first of two orders that needs little space: each is given some, and more in each round.
 
-    Elimination suits plans, whose supports hang on a few choices; FORCE suits constraints that lie in a row.
+    Elimination is better for plans, whose supports depend on few choices; FORCE is better for constraints in a row.
 
     Args:
         groups: the variables of each constraint.

@@ -19,27 +19,9 @@ from math import log2, prod
 from typing import Any, ClassVar
 
 from robust.pike_bridge.knowledge import interface
+from robust.pike_bridge.knowledge import labels as labeling
 from robust.pike_bridge.knowledge.goal import LARGEST_GOAL, compile_goal
 from robust.pike_bridge.knowledge.interface import Effort
-from robust.pike_bridge.knowledge.labels import (
-    Label,
-    LabelConflict,
-    Node,
-    Resolve,
-    Scope,
-    TruthMaintenance,
-    conflict_of,
-    consistent_with,
-    count_models,
-    encode,
-    environments,
-    simplify,
-    size,
-    split,
-    true_label,
-    weave,
-    without_manifest,
-)
 from robust.pike_bridge.knowledge.orders import connected
 from robust.pike_bridge.knowledge.sat import SatKnowledgeBase
 from robust.pike_bridge.model import Assignment, AssignmentVocabulary, Environment, Guard, bits, union
@@ -51,10 +33,10 @@ from robust.smt.limits import NEVER, Deadline
 class LabelFactor:
     """The label of independent constraints and conflicts."""
 
-    scope: Scope
+    scope: labeling.Scope
     """All variables of the constraints and conflicts."""
-    label: Label
-    conflicts: tuple[LabelConflict, ...] = ()
+    label: labeling.Label
+    conflicts: tuple[labeling.LabelConflict, ...] = ()
     """Those that an environment of the label may not have resolved."""
 
 
@@ -62,7 +44,10 @@ FALSITY = LabelFactor(0, {})
 
 
 def factors(
-    labels: Sequence[Label], conflicts: Sequence[LabelConflict], vocabulary: AssignmentVocabulary, effort: Effort
+    labels: Sequence[labeling.Label],
+    conflicts: Sequence[labeling.LabelConflict],
+    vocabulary: AssignmentVocabulary,
+    effort: Effort,
 ) -> list[LabelFactor]:
     """The goal's label, from those of all constraints, and all conflicts.
 
@@ -80,15 +65,15 @@ def factors(
     return independent
 
 
-def _touch(first: Scope, second: Scope) -> bool:
+def _touch(first: labeling.Scope, second: labeling.Scope) -> bool:
     """Whether scopes share variables; falsity, which has none, is apart from everything else."""
     return bool(first & second) or first == second
 
 
 def joined(
-    labels: Sequence[Label],
-    conflicts: Sequence[LabelConflict],
-    scope: Scope,
+    labels: Sequence[labeling.Label],
+    conflicts: Sequence[labeling.LabelConflict],
+    scope: labeling.Scope,
     vocabulary: AssignmentVocabulary,
     effort: Effort,
 ) -> LabelFactor:
@@ -102,11 +87,15 @@ def joined(
 
 class _Join:
     def __init__(
-        self, vocabulary: AssignmentVocabulary, effort: Effort, labels: Sequence[Label], conflicts: list[LabelConflict]
+        self,
+        vocabulary: AssignmentVocabulary,
+        effort: Effort,
+        labels: Sequence[labeling.Label],
+        conflicts: list[labeling.LabelConflict],
     ) -> None:
         self._effort = effort
-        self._parts: dict[int, Label] = {}
-        self._scopes: dict[int, Scope] = {}
+        self._parts: dict[int, labeling.Label] = {}
+        self._scopes: dict[int, labeling.Scope] = {}
         self._open = conflicts
         self._weights = {vocabulary.field(name): log2(len(values)) for name, values in vocabulary.domains.items()}
         """For each variable, the binary logarithm of the number of its values."""
@@ -115,20 +104,20 @@ class _Join:
         for label in labels:
             self._put(label)
 
-    def run(self) -> Label:
+    def run(self) -> labeling.Label:
         while len(self._parts) > 1 and all(self._parts.values()):
             first, second = self._best()
-            self._put(weave(self._take(first), self._take(second), self._effort))
+            self._put(labeling.weave(self._take(first), self._take(second), self._effort))
         if not all(self._parts.values()):
             return {}
-        return next(iter(self._parts.values()), true_label())
+        return next(iter(self._parts.values()), labeling.true_label())
 
-    def _put(self, label: Label) -> None:
+    def _put(self, label: labeling.Label) -> None:
         """Add a part, without what manifests conflicts that it knows all variables of."""
         scope = union(label)
         for known in [each for each in self._open if each.scope & scope == each.scope]:
             self._open.remove(known)
-            label = without_manifest(label, known, self._effort)
+            label = labeling.without_manifest(label, known, self._effort)
             self._note(label)
         scope = union(label)
         index, self._next = self._next, self._next + 1
@@ -137,18 +126,18 @@ class _Join:
         self._parts[index] = label
         self._scopes[index] = scope
 
-    def _note(self, label: Label) -> None:
+    def _note(self, label: labeling.Label) -> None:
         sizes = self._effort.statistics.sizes
-        sizes["largest label"] = max(sizes.get("largest label", 0), size(label))
+        sizes["largest label"] = max(sizes.get("largest label", 0), labeling.size(label))
 
-    def _cost(self, label: Label, scope: Scope, other: int) -> float:
+    def _cost(self, label: labeling.Label, scope: labeling.Scope, other: int) -> float:
         """Estimated size of the join, as a logarithm."""
         partner = self._parts[other]
         if not label or not partner:
             return 0.0
         shared = scope & self._scopes[other]
         agreement = sum(weight for field, weight in self._weights.items() if field & shared)
-        return log2(size(label)) + log2(size(partner)) - agreement
+        return log2(labeling.size(label)) + log2(labeling.size(partner)) - agreement
 
     def _best(self) -> tuple[int, int]:
         while True:
@@ -156,7 +145,7 @@ class _Join:
             if first in self._parts and second in self._parts:
                 return first, second
 
-    def _take(self, index: int) -> Label:
+    def _take(self, index: int) -> labeling.Label:
         self._note(self._parts[index])
         return self._parts.pop(index)
 
@@ -166,15 +155,15 @@ class Partial:
     """A consistent environment, with the scope of the variables that it assigns."""
 
     environment: Environment = 0
-    scope: Scope = 0
+    scope: labeling.Scope = 0
 
-    def with_assignment(self, assignment: Environment, field: Scope) -> Partial:
+    def with_assignment(self, assignment: Environment, field: labeling.Scope) -> Partial:
         """The environment with one more variable assigned."""
         return Partial(self.environment | assignment, self.scope | field)
 
 
 def could_hold(
-    factors: Sequence[LabelFactor], asked: Partial, conflicts: Sequence[LabelConflict], deadline: Deadline
+    factors: Sequence[LabelFactor], asked: Partial, conflicts: Sequence[labeling.LabelConflict], deadline: Deadline
 ) -> bool:
     """Whether a model extends an environment and resolves all conflicts.
 
@@ -194,7 +183,7 @@ def could_hold(
 
 
 def resolutions(
-    asked: Partial, conflicts: Sequence[LabelConflict], deadline: Deadline, factors: Sequence[LabelFactor] = ()
+    asked: Partial, conflicts: Sequence[labeling.LabelConflict], deadline: Deadline, factors: Sequence[LabelFactor] = ()
 ) -> Iterator[Partial]:
     """Environments that resolve all conflicts and entail the one asked; each model that does extends one of them.
 
@@ -217,7 +206,7 @@ def resolutions(
                     stack.extend((current.with_assignment(value, field), done + 1) for value in reversed(values))
 
 
-def resolves(partial: Partial, conflict: LabelConflict) -> bool:
+def resolves(partial: Partial, conflict: labeling.LabelConflict) -> bool:
     """Whether some variable has another value than in the conflict."""
     shared = partial.scope & conflict.scope
     return partial.environment & shared != conflict.environment & shared
@@ -229,7 +218,7 @@ def extensions(factor: LabelFactor, asked: Partial, deadline: Deadline) -> Itera
     Raises:
         OutOfTimeError: if the deadline passes.
     """
-    for environment, scope in consistent_with(factor.label, asked.environment, asked.scope):
+    for environment, scope in labeling.consistent_with(factor.label, asked.environment, asked.scope):
         both = Partial(environment | asked.environment, scope | asked.scope)
         yield from resolutions(both, factor.conflicts, deadline)
 
@@ -253,9 +242,9 @@ def require(factors: Sequence[LabelFactor], asked: Partial, effort: Effort) -> l
         if not shared:
             narrowed.append(factor)
             continue
-        label = weave(factor.label, {shared: {asked.environment & shared}}, effort)
+        label = labeling.weave(factor.label, {shared: {asked.environment & shared}}, effort)
         for conflict in factor.conflicts:
-            label = without_manifest(label, conflict, effort)
+            label = labeling.without_manifest(label, conflict, effort)
         narrowed.append(LabelFactor(factor.scope, label, factor.conflicts))
     if free:
         narrowed.append(LabelFactor(free, {free: {asked.environment & free}}))
@@ -263,7 +252,7 @@ def require(factors: Sequence[LabelFactor], asked: Partial, effort: Effort) -> l
 
 
 def exclude(
-    factors: Sequence[LabelFactor], conflict: LabelConflict, vocabulary: AssignmentVocabulary, effort: Effort
+    factors: Sequence[LabelFactor], conflict: labeling.LabelConflict, vocabulary: AssignmentVocabulary, effort: Effort
 ) -> list[LabelFactor]:
     """The factors with one more conflict.
 
@@ -293,7 +282,7 @@ def exclude(
     return [*apart, joined(labels, [*conflicts, open_conflict], whole, vocabulary, effort)]
 
 
-def _all_resolve(label: Label, conflict: LabelConflict) -> bool:
+def _all_resolve(label: labeling.Label, conflict: labeling.LabelConflict) -> bool:
     """Whether some variable of every environment has another value than in the conflict."""
     for scope, members in label.items():
         shared = scope & conflict.scope
@@ -303,7 +292,7 @@ def _all_resolve(label: Label, conflict: LabelConflict) -> bool:
     return True
 
 
-def _all_manifest(label: Label, conflict: LabelConflict, within: Scope) -> bool:
+def _all_manifest(label: labeling.Label, conflict: labeling.LabelConflict, within: labeling.Scope) -> bool:
     """Whether every environment has all assignments that the conflict makes to variables of a scope."""
     scope = conflict.scope & within
     part = conflict.environment & scope
@@ -316,7 +305,7 @@ def _all_manifest(label: Label, conflict: LabelConflict, within: Scope) -> bool:
 class NodeLabel:
     """A node and its label, decoded."""
 
-    node: Node
+    node: labeling.Node
     environments: frozenset[Guard]
 
 
@@ -338,7 +327,7 @@ class LabelKnowledgeBase(interface.KnowledgeBase):
 
     consensus: ClassVar[bool]
     """Whether labels are closed under consensus, so that what resolves a conflict does so for good."""
-    resolve: Resolve
+    resolve: labeling.Resolve
     """What conflicts do to labels."""
 
     def __init__(
@@ -354,10 +343,10 @@ class LabelKnowledgeBase(interface.KnowledgeBase):
         super().__init__(theory, statistics)
         self._vocabulary = AssignmentVocabulary(theory.domains)
         self._largest_label = largest_label
-        self._committed: tuple[LabelConflict, ...] = ()
+        self._committed: tuple[labeling.LabelConflict, ...] = ()
         with self._compiling(deadline):
             possible = not shortcut or SatKnowledgeBase(theory, solver=solver, deadline=deadline).satisfiable(deadline)
-            self.simplified = simplify(theory, deadline) if possible else Theory(theory.domains, (FALSE,))
+            self.simplified = labeling.simplify(theory, deadline) if possible else Theory(theory.domains, (FALSE,))
             """The equivalent theory that was encoded."""
             self._propagate(self._effort(deadline))
             self._compile(deadline)
@@ -407,7 +396,7 @@ class LabelKnowledgeBase(interface.KnowledgeBase):
         """Note the size of the goal."""
 
     def _propagate(self, effort: interface.Effort) -> None:
-        network = encode(self.simplified)
+        network = labeling.encode(self.simplified)
         sizes = self.statistics.sizes
         sizes |= {
             "nodes": len(network.nodes),
@@ -415,21 +404,23 @@ class LabelKnowledgeBase(interface.KnowledgeBase):
             "conflicts": len(self.simplified.conflicts),
             "variables": len(self.theory.domains),
         }
-        self._maintenance = TruthMaintenance(network, self._vocabulary, consensus=self.consensus, resolve=self.resolve)
+        self._maintenance = labeling.TruthMaintenance(
+            network, self._vocabulary, consensus=self.consensus, resolve=self.resolve
+        )
         self._maintenance.run(effort)
 
-    def _constraints(self) -> Iterator[Label]:
+    def _constraints(self) -> Iterator[labeling.Label]:
         """The labels of the goal's antecedents, which are its own only where nothing else has to hold."""
         return map(self._maintenance.own_label, self._maintenance.network.constraints)
 
     def _effort(self, deadline: Deadline) -> interface.Effort:
         return interface.Effort(self.statistics, deadline, self._largest_label)
 
-    def _conflict(self, environment: Guard) -> LabelConflict:
-        return conflict_of(self._vocabulary.encode(environment), self._vocabulary)
+    def _conflict(self, environment: Guard) -> labeling.LabelConflict:
+        return labeling.conflict_of(self._vocabulary.encode(environment), self._vocabulary)
 
-    def _decoded(self, label: Label) -> Iterator[Guard]:
-        return map(self._vocabulary.decode, environments(label))
+    def _decoded(self, label: labeling.Label) -> Iterator[Guard]:
+        return map(self._vocabulary.decode, labeling.environments(label))
 
 
 class Atms(LabelKnowledgeBase):
@@ -440,7 +431,7 @@ class Atms(LabelKnowledgeBase):
 
     name = "atms"
     consensus = False
-    resolve = staticmethod(without_manifest)
+    resolve = staticmethod(labeling.without_manifest)
 
     def goal(self, deadline: Deadline = NEVER) -> Iterator[Guard]:
         """The environments of the goal's label, as products of those of its factors, one after the other.
@@ -448,7 +439,7 @@ class Atms(LabelKnowledgeBase):
         Raises:
             OutOfTimeError: if the deadline passes before all are listed.
         """
-        for parts in product(*(tuple(environments(factor.label)) for factor in self._factors)):
+        for parts in product(*(tuple(labeling.environments(factor.label)) for factor in self._factors)):
             deadline.enforce()
             yield self._vocabulary.decode(sum(parts))
 
@@ -467,7 +458,7 @@ class Atms(LabelKnowledgeBase):
 
     def _measure(self) -> None:
         self.statistics.sizes["factors"] = len(self._factors)
-        self.statistics.sizes["environments"] = sum(size(factor.label) for factor in self._factors)
+        self.statistics.sizes["environments"] = sum(labeling.size(factor.label) for factor in self._factors)
 
     def _possible(self, asked: interface.Narrowing, deadline: Deadline) -> bool:
         conflicts = list(map(self._conflict, asked.conflicts))
@@ -481,8 +472,8 @@ class Atms(LabelKnowledgeBase):
         for factor in self._factors:
             label = factor.label
             for conflict in factor.conflicts:
-                label = split(label, conflict, effort)
-            count *= count_models(label, factor.scope, self._vocabulary, deadline)
+                label = labeling.split(label, conflict, effort)
+            count *= labeling.count_models(label, factor.scope, self._vocabulary, deadline)
         return count
 
     def _partial(self, required: Mapping[str, str]) -> Partial:
@@ -509,7 +500,7 @@ class PiTms(LabelKnowledgeBase):
 
     name = "pitms"
     consensus = True
-    resolve = staticmethod(split)
+    resolve = staticmethod(labeling.split)
 
     def __init__(self, theory: Theory, *, largest_goal: int = LARGEST_GOAL, **options: Any) -> None:
         self._largest_goal = largest_goal

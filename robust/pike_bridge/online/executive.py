@@ -56,7 +56,7 @@ class PlanExecutive:
             :mod:`~robust.pike_bridge.online.patience` says; None: it acts as soon as it can [PIKE §3].
         solver: `z3` or `cvc5`, which is asked about patience where the reasoner asks none itself.
 
-    After each step `progress` holds what has been executed; `wake` and `ended` are for those who drive it.
+    After each step `progress` holds what has been executed; `wake` and `ended` are for the driver.
     """
 
     def __init__(
@@ -362,7 +362,7 @@ class LatestMoments(Searching[Moments]):
     """Finds, for each uncontrollable choice and value, the greatest time that its event has in a correct execution.
 
     A patient executive begins at 0; its first steps are taken, as far as nothing is begun and nobody can choose. From
-    then on whatever is left open, by whomever, is as it suits the value best.
+    then on, everything that is open is assumed to be decided in favour of the value.
 
     Args:
         assume: choices that are made already.

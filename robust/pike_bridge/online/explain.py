@@ -24,7 +24,7 @@ from robust.smt.session import Session
 from robust.smt.terms import Formula
 
 _MOST = 4
-"""So many activities are named one by one."""
+"""The most activities that are named one by one."""
 
 
 class Wording:
@@ -47,15 +47,15 @@ class Wording:
         return self._names.get(name, name)
 
     def consumer(self, condition: model.Condition) -> str:
-        """Who has a condition."""
+        """The action that has a condition, or the goal."""
         return self._actor(condition.activity, "the goal")
 
     def producer(self, effect: model.Effect) -> str:
-        """Who has an effect."""
+        """The action that has an effect, or the initial state."""
         return self._actor(effect.activity, "the initial state")
 
     def condition(self, condition: model.Condition) -> str:
-        """Who needs what, who establishes that, and who undoes it."""
+        """The action that needs a literal, those that establish it, and those that undo it."""
         producers = self._relevant(condition, model.may_produce, condition.first)
         threats = self._relevant(condition, model.may_threaten, condition.last)
         text = f"{self.consumer(condition)} needs {condition.literal}, which "

@@ -21,7 +21,7 @@ from robust.presented import NoTruthValue, VerdictEnum
 from robust.smt.limits import NEVER, Deadline
 
 _FEW = 6
-"""With so many inferences the simplest conflict is sought."""
+"""The most inferences among which the simplest conflict is sought."""
 
 
 # -- answers -----------------------------------------------------------------------------------------------------------
@@ -76,7 +76,7 @@ class Clash:
 
 @dataclass(frozen=True, slots=True)
 class Support:
-    """A causal link of a continuation: who establishes what, and for whom."""
+    """A causal link of a continuation: a producer establishes a literal for a consumer."""
 
     literal: str
     producer: str

@@ -35,13 +35,13 @@ from robust.pike_bridge.semantics import Execution, holds
 from robust.smt.limits import NEVER, Deadline
 
 JOINT = 64
-"""Of so many intents at most every joint one is kept; beyond that, every single value."""
+"""The most joint intents that are all kept; if there are more, every single value is."""
 _REMEMBERED = 256
 """Continuations."""
 _LOOKED_AT = 3
-"""So many of them are tried before a solver is asked how long something can wait."""
+"""The most continuations that are tried before a solver is asked how long something can wait."""
 _NAMED = 3
-"""So many intents are named in a message."""
+"""The most intents that a message names."""
 
 
 @dataclass(frozen=True, slots=True)

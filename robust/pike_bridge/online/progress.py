@@ -114,7 +114,7 @@ class Violated(Tagged):
     producer: str
     """The event that had made it so."""
     consumers: tuple[str, ...]
-    """Who relied on it, actions or `the goal`."""
+    """The actions that relied on it, or `the goal`."""
     time: Fraction
 
 
@@ -337,7 +337,7 @@ def _reversed(constraint: model.Constraint) -> model.Constraint:
 
 
 class Monitor:
-    """Knows the latest planned effect on each atom, and who relies on it."""
+    """Knows the latest planned effect on each atom, and the conditions that rely on it."""
 
     def __init__(self, progress: Progress) -> None:
         self._progress = progress

@@ -1,4 +1,4 @@
-"""Reasoners by name: that of the paper, with execution windows and a knowledge base, beside the semantic one.
+"""Reasoners by name: that of the paper, with execution windows and a knowledge base, and the semantic one.
 
 Labeled execution windows come from the labeled shortest paths of the augmented plan, and each execution tightens them
 [PIKE §3, Equation 1]; facts become assignments and conflicts of the knowledge base [PIKE §5.7].

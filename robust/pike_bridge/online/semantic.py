@@ -99,7 +99,7 @@ class Reasoner(ABC):
 
 _FIRST = "first time"
 _BISECTION = 3
-"""After so many improvements that were not the best, the rest of the interval is bisected."""
+"""The number of improvements after which the rest of the interval is bisected."""
 
 
 class OnlineSemantics(Semantics):
@@ -166,7 +166,7 @@ class OnlineSemantics(Semantics):
     ) -> Iterator[tuple[str, str, int]]:
         """By how much of the grid an event is later than another at most: by constraints, and orders that are kept.
 
-        Times are in parts of the grid, so many as the scale says.
+        Times are in units of the grid divided by the scale.
         """
         for source, target, bound, label in self._constraints:
             if holds(label, scenario):

@@ -253,7 +253,7 @@ def _request(text: bytes, line: int, plan: TeamPlan, *, timed: bool) -> Request:
 def check_message(plan: TeamPlan, message: said.Message, location: Location | None = None) -> None:
     """What can be said of a message by the plan alone, whatever has happened.
 
-    Atoms that nothing in the plan is about are allowed: those who look at the world see more than a plan needs.
+    Atoms that nothing in the plan mentions are allowed: sensors see more of the world than a plan needs.
 
     Raises:
         InputError: if it names a choice, a value, an activity or an event that the plan does not have, or makes a
@@ -285,7 +285,7 @@ class Service:
     """Answers requests about one executive, which has done nothing yet.
 
     Args:
-        thinking: entered wherever solvers work, for those who interrupt; never while a step is written or announced.
+        thinking: entered wherever solvers work and may be interrupted; never while a step is written or announced.
         tolerance: how much later than it was due a step counts as on time, where time is real.
     """
 
@@ -310,7 +310,7 @@ class Service:
         return self.executive.wake if self.steps else self.time
 
     def greet(self) -> Iterator[Encoded]:
-        """Who this is, what was decided before according to the journal, and when to go on.
+        """A greeting, the decisions that the journal holds, and when to go on.
 
         Raises:
             InputError: if the journal does not fit the plan.

@@ -244,7 +244,7 @@ class Ending(VerdictEnum):
 
 @dataclass(frozen=True, slots=True)
 class ExecutionStep(JournalStep):
-    """A step with what came of it beside."""
+    """A step, with the inferences and reasons that followed from it."""
 
     inferred: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """The values still possible of choices that are not made, where that has changed."""
@@ -291,7 +291,7 @@ class Rehearsal(Searching[ExecutionRecord]):
         seed: decides the rest.
         infer: whether the values of open choices are found out after each step.
         solver: `z3` or `cvc5`.
-        backend: who decides what is executed, of :func:`robust.pike_bridge.online.reasoners.reasoner_names`.
+        backend: the reasoner that decides, one of :func:`robust.pike_bridge.online.reasoners.reasoner_names`.
         on_step: called after each step.
         explain: whether the reasons of each step are found out, after it was taken.
         patience: as of :class:`~robust.pike_bridge.online.executive.PlanExecutive`.
@@ -398,7 +398,7 @@ class Rehearsal(Searching[ExecutionRecord]):
         return self._executive.ended
 
     def _reasoner(self, deciding: Callable[[said.Progress], Reasoner], progress: said.Progress) -> Reasoner:
-        """Who decides; the team is advised by semantics of its own, or by the same where that is what decides."""
+        """The reasoner that decides; a semantic reasoner, which may be the same one, advises the team."""
         self._judge = SemanticReasoner(progress, solver=self.solver)
         return self._judge if self.backend == SMT else deciding(progress)
 
