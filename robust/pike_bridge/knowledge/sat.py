@@ -183,13 +183,13 @@ class SatKnowledgeBase(KnowledgeBase):
 
 
 def satisfiable(session: Session, question: str, deadline: Deadline) -> bool:
-    """The solver's word; OutOfTimeError if the deadline passes or it does not know, SolverError if it failed."""
+    """The solver's answer; OutOfTimeError if the deadline passes, SolverError if the solver fails or gives up."""
     match session.check(question, deadline):
         case Satisfiability.SATISFIABLE:
             return True
         case Satisfiability.UNSATISFIABLE:
             return False
-        case Satisfiability.UNKNOWN if session.failure is not None:
-            raise SolverError(session.failure)
+        case Satisfiability.UNKNOWN if session.failure is not None or deadline.moment is None:
+            raise SolverError(session.failure or f"the solver gave up, asked: {question}")
         case Satisfiability.UNKNOWN:
             raise OutOfTimeError

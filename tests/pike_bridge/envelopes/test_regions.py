@@ -1,13 +1,20 @@
 """Labeled regions against the oracle, which is told values instead of parameters, and against their own parts."""
 
 from fractions import Fraction
-from itertools import product
+from itertools import count, product
 
 import pytest
 
-from robust.pike_bridge.envelopes.search import LabeledRegionSearch, uncontrollable
+from robust.errors import SolverError
+from robust.pike_bridge.envelopes.search import LabeledRegionSearch, TeamEnvelopeSearch, uncontrollable
+from robust.pike_bridge.knowledge.sat import satisfiable
 from robust.pike_bridge.model import guard
 from robust.qe.polyhedron import Polyhedron
+from robust.qe.region import Region
+from robust.searching import Status
+from robust.smt.limits import Deadline, OutOfTimeError
+from robust.smt.session import Satisfiability, Session
+from robust.smt.terms import Terms
 from tests.pike_bridge import plans, stories
 from tests.pike_bridge.envelopes.examples import (
     disagreements,
@@ -110,3 +117,46 @@ def test_pieces_hold_only_what_is_possible_strictly():
     [upper] = {piece.polyhedron.extent("coffee").upper for piece in region.pieces if "cereal" in str(piece.label)}
     assert upper == Fraction("5.284")  # the network's own separations stay
     assert all(isinstance(piece.polyhedron, Polyhedron) for piece in region.pieces)
+
+
+def failing(monkeypatch, answers, failure="z3 crashed"):
+    """Solvers give so many answers, and fail from then on."""
+    check, numbers = Session.check, count(1)
+
+    def answer(session, *asked):
+        if next(numbers) <= answers:
+            return check(session, *asked)
+        session.failure = failure
+        return Satisfiability.UNKNOWN
+
+    monkeypatch.setattr(Session, "check", answer)
+
+
+def test_what_is_found_before_a_solver_fails_is_kept_and_not_called_out_of_time(monkeypatch):
+    plan = parametric(stories.kitchen().plan(), "coffee=duration:make-coffee", "limit=at-most:e1:e44")
+    whole = LabeledRegionSearch(plan).run()
+    failing(monkeypatch, 2)
+    region = LabeledRegionSearch(plan).run()
+    assert (region.status, region.reason, region.cut_short) == (Status.UNKNOWN, "z3 crashed", True)
+    assert region.pieces == whole.pieces[:2]
+    assert region.as_dict()["status"] == "unknown"
+    assert "undecided, because z3 crashed" in str(region)
+
+
+def test_a_box_among_what_is_found_before_a_solver_fails(monkeypatch):
+    plan = parametric(stories.kitchen().plan(), "coffee=duration:make-coffee", "limit=at-most:e1:e44")
+    whole = TeamEnvelopeSearch(plan).run()
+    failing(monkeypatch, 4)
+    envelope = TeamEnvelopeSearch(plan).run()
+    assert (envelope.status, envelope.reason, envelope.verified) == (Status.UNKNOWN, "z3 crashed", True)
+    assert whole.status is Status.COMPLETE
+    assert Region.of_box(plan.names, envelope.box).is_subset_of(whole.region)
+
+
+@pytest.mark.parametrize("failure", ["z3 crashed", None])
+def test_a_solver_that_gives_up_without_time_limit_is_not_out_of_time(monkeypatch, failure):
+    failing(monkeypatch, 0, failure)
+    with pytest.raises(SolverError, match=failure or "the solver gave up, asked: anything"):
+        satisfiable(Session(Terms()), "anything", Deadline())
+    with pytest.raises(SolverError if failure else OutOfTimeError):
+        satisfiable(Session(Terms()), "anything", Deadline.after(0))
