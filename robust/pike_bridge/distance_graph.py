@@ -38,7 +38,7 @@ class Precedence(Protocol):
         """Whether the environment is known to be a temporal conflict: no scenario in it has a schedule."""
 
 
-class DistanceEdge(NamedTuple):
+class LabeledEdge(NamedTuple):
     """t(target) − t(source) ≤ weight in every scenario of the label; events and constraints by their places."""
 
     source: int
@@ -58,7 +58,7 @@ class DistanceGraph:
     guards: tuple[Environment, ...]
     """The guard of each event, by place."""
     constraints: tuple[Constraint, ...]
-    edges: tuple[DistanceEdge, ...]
+    edges: tuple[LabeledEdge, ...]
     scale: int
     """How many units of weight are one unit of time."""
 
@@ -67,7 +67,7 @@ class DistanceGraph:
         """The place of each event by its name."""
         return {event: place for place, event in enumerate(self.events)}
 
-    def active(self, environment: Environment) -> list[DistanceEdge]:
+    def active(self, environment: Environment) -> list[LabeledEdge]:
         """The edges that hold in all of the environment."""
         return [edge for edge in self.edges if entails(environment, edge.label)]
 
@@ -83,16 +83,16 @@ def distance_graph(network: Tpnu) -> DistanceGraph:
     guards = tuple(vocabulary.encode(event.guard) for event in network.events)
     constraints = network.temporal_constraints
     scale = lcm(*(bound.denominator for bound in network.bounds))
-    edges: list[DistanceEdge] = []
+    edges: list[LabeledEdge] = []
     for number, entry in enumerate(constraints):
         source, target = places[entry.source], places[entry.target]
         label = vocabulary.encode(entry.guard) | guards[source] | guards[target]
         if not vocabulary.consistent(label):
             continue
         if entry.upper is not None:
-            edges.append(DistanceEdge(source, target, int(entry.upper * scale), label, number))
+            edges.append(LabeledEdge(source, target, int(entry.upper * scale), label, number))
         if entry.lower is not None:
-            edges.append(DistanceEdge(target, source, int(-entry.lower * scale), label, number))
+            edges.append(LabeledEdge(target, source, int(-entry.lower * scale), label, number))
     events = tuple(event.name for event in network.events)
     return DistanceGraph(vocabulary, events, guards, constraints, tuple(edges), scale)
 
@@ -217,7 +217,7 @@ class StructuralPrecedence:
         self._guards = graph.guards
         self._places = graph.places
         self._deadline = deadline
-        self._incoming: dict[int, list[DistanceEdge]] = defaultdict(list)
+        self._incoming: dict[int, list[LabeledEdge]] = defaultdict(list)
         for edge in graph.edges:
             # Seen by its source, an edge is a lower bound: t(source) ≥ t(target) − weight.
             self._incoming[edge.source].append(edge)

@@ -29,7 +29,7 @@ from typing import Final, TypeAlias
 
 from robust.network.differences import Cycle, DifferenceNetwork, Elimination
 from robust.pike_bridge.distance_graph import (
-    DistanceEdge,
+    LabeledEdge,
     DistanceGraph,
     LabeledValue,
     LabeledValueSet,
@@ -331,13 +331,13 @@ def schedule(network: Tpnu, scenario: Guard) -> dict[str, Fraction] | Guard:
     }
 
 
-def lower_bounds(count: int, edges: Iterable[DistanceEdge]) -> DifferenceNetwork:
+def lower_bounds(count: int, edges: Iterable[LabeledEdge]) -> DifferenceNetwork:
     """The network of `count` events in which all the edges hold."""
     # Seen by its source, an edge is a lower bound: t(source) ≥ t(target) − weight.
     return DifferenceNetwork(count, ((edge.target, edge.source, -edge.weight) for edge in edges))
 
 
-def _label(cycle: Cycle, edges: Sequence[DistanceEdge]) -> Environment:
+def _label(cycle: Cycle, edges: Sequence[LabeledEdge]) -> Environment:
     """The environment in which all the edges of a cycle hold."""
     return union(edges[origin].label for origin in cycle.origins)
 
@@ -410,7 +410,7 @@ class _ConflictSearch:
             conflict = self._conflict(label)
             if conflict is not None and self._open(conflict, session):
                 self._note(conflict, session)
-        return replace(self.graph, edges=tuple(DistanceEdge(*edge, constraint=DERIVED) for edge in elimination.edges()))
+        return replace(self.graph, edges=tuple(LabeledEdge(*edge, constraint=DERIVED) for edge in elimination.edges()))
 
     def _open(self, conflict: Environment, session: Session) -> bool:
         with session.frame(self.propositions.guard(self.graph.vocabulary.decode(conflict))):
@@ -446,7 +446,7 @@ class _ConflictSearch:
         cycle = lower_bounds(len(self.graph.events), edges).cycle
         return None if cycle is None else self._generalised(_label(cycle, edges), edges)
 
-    def _generalised(self, conflict: Environment, edges: list[DistanceEdge]) -> Environment:
+    def _generalised(self, conflict: Environment, edges: list[LabeledEdge]) -> Environment:
         """As few of a conflict's assignments as one negative cycle needs, leaving out one after the other."""
         vocabulary, count = self.graph.vocabulary, len(self.graph.events)
         for variable in vocabulary.assigned(conflict):

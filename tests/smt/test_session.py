@@ -202,8 +202,7 @@ TESTS = os.getpid()
 
 
 INTERRUPTED = """
-import sys, time
-from robust.smt.session import Verdict
+import sys
 from tests.smt.test_session import hard_session
 session = hard_session(sys.argv[1])
 print("ready", flush=True)
