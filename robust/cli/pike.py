@@ -182,8 +182,7 @@ def region(options: asking.PikeRegionCommand, run: Run) -> int:
 
     def answer(result: LabeledRegion) -> None:
         run.answer(
-            lambda: show.region_document(result, cells),
-            lambda out: show.print_region(out, result, quiet=options.quiet),
+            lambda: show.region_document(result, cells), lambda out: show.print_region(out, result, quiet=options.quiet)
         )
 
     def asked() -> asking.PikeRegionOptions:

@@ -28,13 +28,7 @@ from heapq import heapify, heappop, heappush
 from typing import Final, TypeAlias
 
 from robust.network.differences import Cycle, DifferenceNetwork, Elimination
-from robust.pike_bridge.distance_graph import (
-    LabeledEdge,
-    DistanceGraph,
-    LabeledValue,
-    LabeledValueSet,
-    distance_graph,
-)
+from robust.pike_bridge.distance_graph import DistanceGraph, LabeledEdge, LabeledValue, LabeledValueSet, distance_graph
 from robust.pike_bridge.knowledge.sat import Propositions, satisfiable
 from robust.pike_bridge.model import Environment, Guard, Tpnu, entails, guard, union
 from robust.pike_bridge.theory import Theory
@@ -181,12 +175,7 @@ class LabeledDistances:
     """
 
     def __init__(
-        self,
-        network: Tpnu,
-        deadline: Deadline = NEVER,
-        *,
-        completions: bool = True,
-        epsilon: Fraction = Fraction(0),
+        self, network: Tpnu, deadline: Deadline = NEVER, *, completions: bool = True, epsilon: Fraction = Fraction(0)
     ) -> None:
         graph = distance_graph(network)
         self._least = epsilon * graph.scale

@@ -12,13 +12,7 @@ from rich.text import Text
 from robust.json_text import Count, End, JsonObject, Rational, Seconds, like, one_of
 from robust.numbers import duration, exact_end, plural, readable
 from robust.pike_bridge.envelopes.parameters import ParametricPlan, TeamParameter, TeamParameterKind
-from robust.pike_bridge.envelopes.pieces import (
-    BoundStatement,
-    Combination,
-    OrderStatement,
-    Statement,
-    WaitingStatement,
-)
+from robust.pike_bridge.envelopes.pieces import BoundStatement, Combination, OrderStatement, Statement, WaitingStatement
 from robust.pike_bridge.envelopes.search import LabeledRegion, TeamEnvelope, TeamStop
 from robust.pike_bridge.model import Guard, guard_text
 from robust.plan.polynomial import Polynomial

@@ -426,10 +426,7 @@ class Inquiry(Situation):
 
     def conflict_with(self, assignment: Assignment, known: Iterable[Assignment] = ()) -> Clash | None:
         """Why a choice cannot have a value, where others that were inferred are facts; None if it can."""
-        hypotheses = [
-            *self.assignments(About.ASSUMPTION, [assignment]),
-            *self.assignments(About.INFERENCE, known),
-        ]
+        hypotheses = [*self.assignments(About.ASSUMPTION, [assignment]), *self.assignments(About.INFERENCE, known)]
         return self._told(self.conflict(hypotheses))
 
     def step(self, decisions: Sequence[Decision], inferred: Mapping[str, tuple[str, ...]]) -> StepReasons:

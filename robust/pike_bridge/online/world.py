@@ -327,11 +327,7 @@ class Rehearsal(Searching[ExecutionRecord]):
         deciding = make_reasoner(self.backend, solver=self.solver, deadline=self.deadline)
         seen = without_states(self.plan) if self.drake else self.plan
         self._executive = PlanExecutive(
-            seen,
-            partial(self._reasoner, deciding),
-            patience=self.patience,
-            solver=self.solver,
-            deadline=self.deadline,
+            seen, partial(self._reasoner, deciding), patience=self.patience, solver=self.solver, deadline=self.deadline
         )
         self._world = SimulatedTeam(seen, self._executive, self._judge, self.story, seed=self.seed)
         return super().run()
