@@ -296,7 +296,9 @@ class _Joining:
             raise UnsupportedError(f"{message}, {expected}", self._schema(instance).location)
         unconditional = [effect for effect in instance.atom_effects if self._happens(effect, instance)]
         added = {(effect.timing, effect.atom) for effect in unconditional if effect.value}
-        for timing, atom, value in dict.fromkeys((one.timing, one.atom, one.value) for one in unconditional):
+        for timing, atom, value in dict.fromkeys(
+            (effect.timing, effect.atom, effect.value) for effect in unconditional
+        ):
             if value or (timing, atom) not in added:
                 event = activity.target if timing is states.Timing.AT_END else activity.source
                 yield model.Effect(model.Literal(atom, value), event, activity.guard, at)

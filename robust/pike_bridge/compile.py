@@ -241,7 +241,9 @@ class Measuring(Compiling, Searching[Sizes]):
                 "without the option they are counted only"
             )
         if self.implicants:
-            self._sizes.implicants = [dict(sorted(each)) for each in knowledge.prime_implicants(self.deadline)]
+            self._sizes.implicants = [
+                dict(sorted(implicant)) for implicant in knowledge.prime_implicants(self.deadline)
+            ]
 
 
 def checked_assumptions(plan: TeamPlan, assume: Mapping[str, str], place: Location | None = None) -> Guard:

@@ -254,7 +254,7 @@ class _Examination:
             self.history = f"{self.history} after {_text(step)}"
             self._could(knowledge, step)
             knowledge.commit(step, self.deadline)
-            self.truth = [one for one in self.truth if allows(one, step)]
+            self.truth = [scenario for scenario in self.truth if allows(scenario, step)]
             self._state(knowledge)
             if not self.truth:
                 break
@@ -288,12 +288,12 @@ class _Examination:
         self._compare("a correct execution exists", bool(self.truth), knowledge.satisfiable(self.deadline))
         domains = self.plan.network.domains
         listed = {tuple(sorted(scenario)) for scenario in scenarios(knowledge, domains, self.deadline)}
-        expected = {tuple(sorted(Assignment(*item) for item in one.items())) for one in self.truth}
+        expected = {tuple(sorted(Assignment(*item) for item in scenario.items())) for scenario in self.truth}
         self._compare("scenarios that are missing", _listed(set()), _listed(expected - listed))
         self._compare("scenarios that are wrong", _listed(set()), _listed(listed - expected))
 
     def _could(self, knowledge: KnowledgeBase, step: Sequence[Commitment]) -> None:
-        expected = any(allows(one, step) for one in self.truth)
+        expected = any(allows(scenario, step) for scenario in self.truth)
         self._compare(f"could commit to {_text(step)}", expected, knowledge.could_commit(step, self.deadline))
 
     def _compare(self, question: str, expected: object, answer: object) -> None:
@@ -317,7 +317,7 @@ def commitments(domains: Mapping[str, tuple[str, ...]], random: Random) -> list[
 
 def allows(scenario: Mapping[str, str], step: Sequence[Commitment]) -> bool:
     """Whether a scenario satisfies commitments."""
-    return all(holds(one.environment, scenario) is isinstance(one, Require) for one in step)
+    return all(holds(commitment.environment, scenario) is isinstance(commitment, Require) for commitment in step)
 
 
 def _text(step: Sequence[Commitment]) -> str:
@@ -329,7 +329,7 @@ def _text(step: Sequence[Commitment]) -> str:
 
 
 def _listed(scenarios: set[tuple[Assignment, ...]]) -> str:
-    shown = ["{" + ", ".join(map(str, one)) + "}" for one in sorted(scenarios)[:3]]
+    shown = ["{" + ", ".join(map(str, scenario)) + "}" for scenario in sorted(scenarios)[:3]]
     return ", ".join([*shown, *(["…"] if len(scenarios) > 3 else [])]) or "none"
 
 
@@ -351,7 +351,7 @@ def shrink(plan: TeamPlan, shows: Callable[[TeamPlan], bool], deadline: Deadline
     smaller: TeamPlan | None = plan
     while smaller is not None:
         plan = smaller
-        smaller = next((one for one in _smaller(plan) if not deadline.passed and _holds(shows, one)), None)
+        smaller = next((less for less in _smaller(plan) if not deadline.passed and _holds(shows, less)), None)
     return plan
 
 
@@ -414,8 +414,8 @@ def propositional(plan: TeamPlan) -> Instance:
             at_start=texts(moment.literal for moment in moments if moment.first == activity.source),
             over_all=texts(need.literal for need in needs if need.first != need.last),
             at_end=texts(moment.literal for moment in moments if moment.first != activity.source),
-            start_effects=texts(one.literal for one in does if one.event == activity.source),
-            end_effects=texts(one.literal for one in does if one.event != activity.source),
+            start_effects=texts(effect.literal for effect in does if effect.event == activity.source),
+            end_effects=texts(effect.literal for effect in does if effect.event != activity.source),
         )
 
     initial = [each.literal for each in plan.effects if each.activity is None and each.event == INITIAL]
@@ -423,7 +423,7 @@ def propositional(plan: TeamPlan) -> Instance:
     return Instance(
         replace(plan.network, activities=tuple(activities)),
         sketched_domain("team", texts(map(Literal, names)), list(starmap(action, enumerate(activities)))),
-        sketched_problem("team", "team", texts(one for one in initial if one.positive), texts(goal)),
+        sketched_problem("team", "team", texts(literal for literal in initial if literal.positive), texts(goal)),
     )
 
 

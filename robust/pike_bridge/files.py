@@ -121,14 +121,14 @@ class _Checks:
 
     def guards(self) -> None:
         """Guards mention choices and values that exist, and only one value of each choice."""
-        for one in self._guarded():
+        for guarded in self._guarded():
             values: dict[str, str] = {}
-            for variable, value in sorted(one.guard):
-                self._assignment(one, variable, value)
+            for variable, value in sorted(guarded.guard):
+                self._assignment(guarded, variable, value)
                 other = values.setdefault(variable, value)
                 if other != value:
-                    message = f"found {variable} = {other} and {variable} = {value} in the guard of {one.name}"
-                    raise self._fault(f"{message}, expected one value of a choice", *one.path, "guard")
+                    message = f"found {variable} = {other} and {variable} = {value} in the guard of {guarded.name}"
+                    raise self._fault(f"{message}, expected one value of a choice", *guarded.path, "guard")
 
     def _assignment(self, one: _Guarded, variable: str, value: str) -> None:
         choice = self._choices.get(variable)
@@ -195,23 +195,23 @@ class _Checks:
     def containment(self) -> None:
         """No choice depends on itself, and a guard that mentions a choice entails the guard of its event."""
         self._acyclic()
-        for one in self._guarded():
-            for variable, _ in sorted(one.guard):
+        for guarded in self._guarded():
+            for variable, _ in sorted(guarded.guard):
                 choice = self._choices[variable]
                 if choice.event is None:
                     continue
-                missing = self._guards[choice.event] - one.guard
-                contradicted = {name for name, _ in missing} & {name for name, _ in one.guard}
+                missing = self._guards[choice.event] - guarded.guard
+                contradicted = {name for name, _ in missing} & {name for name, _ in guarded.guard}
                 if contradicted:
                     reason = f"event {choice.event}, where {variable} is chosen, needs {model.guard_text(missing)}"
-                    message = (
-                        f"found guard {{{model.guard_text(one.guard)}}} of {one.name}, which never holds: {reason}"
+                    message = f"found guard {{{model.guard_text(guarded.guard)}}} of {guarded.name}, which never holds"
+                    raise self._fault(
+                        f"{message}: {reason}; expected a guard that can hold", *guarded.path, "guard", variable
                     )
-                    raise self._fault(f"{message}; expected a guard that can hold", *one.path, "guard", variable)
                 if missing:
-                    message = f"found {variable} in the guard of {one.name} without {model.guard_text(missing)}"
+                    message = f"found {variable} in the guard of {guarded.name} without {model.guard_text(missing)}"
                     reason = f"{variable} is chosen at event {choice.event}, which happens only then"
-                    raise self._fault(f"{message}, expected that too: {reason}", *one.path, "guard", variable)
+                    raise self._fault(f"{message}, expected that too: {reason}", *guarded.path, "guard", variable)
 
     def _acyclic(self) -> None:
         """Remove choices whose event depends on no choice that is left, until none is left."""
@@ -232,19 +232,20 @@ class _Checks:
     def timeliness(self) -> None:
         """Nothing that depends on a choice is left unordered with it."""
         order = _EventOrder(self._network)
-        for one in self._guarded():
-            for variable, _ in sorted(one.guard):
+        for guarded in self._guarded():
+            for variable, _ in sorted(guarded.guard):
                 choice = self._choices[variable]
-                if choice.event is None or one.event is None or order.may_follow(choice.event, one.event, one.guard):
+                event = guarded.event
+                if choice.event is None or event is None or order.may_follow(choice.event, event, guarded.guard):
                     continue
-                if order.may_follow(one.event, choice.event, one.guard):
-                    when, remedy = "is ordered before", f"let the constraints put {choice.event} before {one.event}"
+                if order.may_follow(event, choice.event, guarded.guard):
+                    when, remedy = "is ordered before", f"let the constraints put {choice.event} before {event}"
                 else:
                     when = "may come before"
-                    remedy = f"add a constraint from {choice.event} to {one.event} with lower bound 0"
-                message = f"found choice {variable} in the guard of {one.name}, which {when} the choice"
+                    remedy = f"add a constraint from {choice.event} to {event} with lower bound 0"
+                message = f"found choice {variable} in the guard of {guarded.name}, which {when} the choice"
                 raise self._fault(
-                    f"{message}, expected event {choice.event} first: {remedy}", *one.path, "guard", variable
+                    f"{message}, expected event {choice.event} first: {remedy}", *guarded.path, "guard", variable
                 )
 
     def _fault(self, message: str, *path: Key) -> InputError:

@@ -534,7 +534,7 @@ def restrict(plan: model.TeamPlan, environment: model.Guard) -> model.TeamPlan:
     def left(parts: Iterable[Guarded]) -> tuple[Guarded, ...]:
         """Those that can still be activated, with what is left of their guards."""
         kept = (part for part in parts if not model.contradicts(environment, part.guard))
-        return tuple(replace(one, guard=one.guard - environment) for one in kept)
+        return tuple(replace(part, guard=part.guard - environment) for part in kept)
 
     network = plan.network
     kept = [at for at, activity in enumerate(network.activities) if not model.contradicts(environment, activity.guard)]

@@ -334,7 +334,7 @@ def question(parametric: ParametricPlan, key: Sequence[str], assume: Guard = ALW
 
     def label(values: Mapping[str, Value]) -> Guard:
         alike = environment_alike(semantics.chosen(values), mentioned)
-        return frozenset(one for one in alike if one.variable in key and one not in assume)
+        return frozenset(each for each in alike if each.variable in key and each not in assume)
 
     formulas = (*semantics.formulas, semantics.guard(assume))
     return ParametricQuestion(terms, reader, formulas, semantics.statements, semantics.choices, label, semantics.guard)
@@ -440,7 +440,7 @@ def combinations(pieces: Sequence[GoodPiece], domains: Mapping[str, tuple[str, .
     pending: list[tuple[Guard, tuple[GoodPiece, ...]]] = [(ALWAYS, tuple(pieces))]
     while pending:
         chosen, possible = pending.pop()
-        decided = {one.variable for one in chosen}
+        decided = {assignment.variable for assignment in chosen}
         mentioned = Counter(variable for piece in possible for variable, _ in piece.label if variable not in decided)
         if not mentioned:
             yield Combination(chosen, possible)
@@ -503,7 +503,7 @@ class _Waiting:
         self._order = _CertainOrder(parametric)
         self._statements: dict[Leaf, Statement] = {}
         self._decided_at: dict[str, list[Choice]] = {}
-        asked = {one.variable for alternative in alternatives for one in alternative}
+        asked = {assignment.variable for alternative in alternatives for assignment in alternative}
         for choice in self._plan.network.choices:
             if choice.event is not None and choice.name not in asked:
                 self._decided_at.setdefault(choice.event, []).append(choice)

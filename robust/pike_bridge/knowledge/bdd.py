@@ -200,7 +200,7 @@ class BddKnowledgeBase(interface.KnowledgeBase):
     def _compile(self, deadline: Deadline) -> Node:
         parts: list[_Item] = [(_variables(constraint), 2, constraint) for constraint in self.theory.constraints]
         conflicts = [each for each in dict.fromkeys(self.theory.conflicts) if is_consistent(each)]
-        parts += [({one.variable for one in conflict}, 1, conflict) for conflict in conflicts]
+        parts += [({assignment.variable for assignment in conflict}, 1, conflict) for conflict in conflicts]
         domains: list[_Item] = [({variable}, 0, variable) for variable in self.theory.domains]
         groups = [variables for variables, _, _ in parts]
 

@@ -88,7 +88,7 @@ class Functions:
             parts = []
             for number in range(self.sizes[variable]):
                 kept = (one for one in remaining if one[0][0] != variable or one[0][1] == number)
-                parts.append(frozenset(one[1:] if one[0][0] == variable else one for one in kept))
+                parts.append(frozenset(made[1:] if made[0][0] == variable else made for made in kept))
             missing = [part for part in parts if part not in known]
             return missing or self.branch(variable, tuple(known[part] for part in parts))
 
@@ -445,14 +445,14 @@ class Goal:
         functions = self.diagrams.functions
         open_choices = list(conflict)
         for part in parts:
-            own = [each for each in open_choices if each[0] in part.variables]
+            own = [choice for choice in open_choices if choice[0] in part.variables]
             if not own:
                 continue
             resolved = functions.both(part.function, functions.excluded(own), deadline)
             if resolved == part.function:
                 return parts  # as in all of its models
             if resolved == FALSE:  # in none: so the other parts must
-                open_choices = [each for each in open_choices if each not in own]
+                open_choices = [choice for choice in open_choices if choice not in own]
         new = Part(frozenset(variable for variable, _ in open_choices), functions.excluded(open_choices))
         return self._joined(parts, new, deadline)
 
@@ -560,7 +560,7 @@ def compile_goal(
         OutOfTimeError: if the deadline passes, or the diagrams of both orders get too large.
     """
     groups = [{assignment.variable for environment in label for assignment in environment} for label in labels]
-    groups += [{each.variable for each in conflict} for conflict in conflicts]
+    groups += [{assignment.variable for assignment in conflict} for conflict in conflicts]
 
     def compile_in(order: Sequence[str], space: int) -> Goal:
         return _compile(ChoiceDiagrams(domains, order, space), labels, conflicts, deadline)

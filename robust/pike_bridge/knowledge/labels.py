@@ -480,8 +480,8 @@ class JustificationNetwork:
 
     def contradict(self, conflict: Guard) -> int:
         """A new contradiction node, justified by the conflict's assignments."""
-        index = self._node(NodeKind.CONTRADICTION, logic.All(tuple(logic.Is(each) for each in sorted(conflict))))
-        self._justify([self.assumption(each) for each in sorted(conflict)], index)
+        index = self._node(NodeKind.CONTRADICTION, logic.conjunction(conflict))
+        self._justify([self.assumption(assignment) for assignment in sorted(conflict)], index)
         return index
 
     def _literal(self, assignment: Assignment, positive: bool) -> logic.Formula:

@@ -297,7 +297,7 @@ def _all_manifest(label: labeling.Label, conflict: labeling.LabelConflict, withi
     scope = conflict.scope & within
     part = conflict.environment & scope
     return all(
-        other & scope == scope and {one & scope for one in members} <= {part} for other, members in label.items()
+        other & scope == scope and {member & scope for member in members} <= {part} for other, members in label.items()
     )
 
 

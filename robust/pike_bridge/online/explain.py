@@ -252,7 +252,7 @@ class Situation:
     def assignments(self, kind: About, assignments: Iterable[model.Assignment]) -> list[Fact]:
         """That choices are so."""
         suffix = ", if it were so" if kind is About.ASSUMPTION else ""
-        return [Fact(kind, f"{each}{suffix}", self.semantics.guard([each])) for each in assignments]
+        return [Fact(kind, f"{assignment}{suffix}", self.semantics.guard([assignment])) for assignment in assignments]
 
     def executed_now(self, event: str) -> Fact:
         """That the executive executes a pending event now."""

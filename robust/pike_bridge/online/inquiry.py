@@ -64,7 +64,7 @@ class Clash:
         yield from self._texts(About.CONDITION)
         least = [demand.activity for demand in demands if demand.activity]
         bounds = [demand for demand in demands if demand.kind is About.BOUND]
-        total = sum((each.lower for each in least), Fraction(0))
+        total = sum((activity.lower for activity in least), Fraction(0))
         exceeded = self.sequence and len(bounds) == 1 and bounds[0].limit is not None and total > bounds[0].limit
         if least:
             yield durations(least) + (f": {format_number(total)} in all" if exceeded and len(least) > 1 else "")
@@ -465,7 +465,9 @@ class Inquiry(Situation):
         chosen = {name: value for name, value in progress.chosen.items() if name not in undecided}
         then = Inquiry(progress.rewound(excluded.time, earlier, chosen), solver=self.solver, deadline=self.deadline)
         ours = [Assignment(name, progress.chosen[name]) for name in undecided if name in progress.chosen]
-        decided = [each for each in ours if each.variable in progress.structure.made_at.get(event, ())]
+        decided = [
+            assignment for assignment in ours if assignment.variable in progress.structure.made_at.get(event, ())
+        ]
         done = [*then.assignments(About.CHOICE, decided), then.executed_now(event), *then.unreported()]
         clashes = {values: then._told(then.conflict([*then.meaning(values), *done])) for values in excluded.lost}
         impossible = {values: clash for values, clash in clashes.items() if clash is not None}
@@ -475,7 +477,7 @@ class Inquiry(Situation):
         """That open choices have values, `x = 1, y = 2`, and come up."""
         named = [Assignment(*each.split(" = ", 1)) for each in values.split(", ")]
         events = {choice.name: choice.event for choice in self._plan.network.choices}
-        guards = (self.progress.structure.guards[events[each.variable] or ""] for each in named)
+        guards = (self.progress.structure.guards[events[assignment.variable] or ""] for assignment in named)
         return self.assignments(About.ASSUMPTION, sorted(frozenset(named).union(*guards)))
 
     # -- why not -----------------------------------------------------------------------------------------------------

@@ -145,8 +145,8 @@ class Patience:
             if values is not None:
                 return DueAct(event, values)
         while True:
-            events = self._reached([each.event for each in waiting], acts)
-            reached = [each for each in waiting if each.event in events]
+            events = self._reached([opening.event for opening in waiting], acts)
+            reached = [opening for opening in waiting if opening.event in events]
             if len(reached) == len(waiting):
                 return self._at_last(acts, kept, everything)
             waiting, kept = reached, self._kept(reached)
@@ -194,7 +194,7 @@ class Patience:
 
     def _free(self, event: str, environments: Iterable[Guard], kept: Sequence[Intent]) -> Guard | None:
         """Values with which the event excludes nothing that is kept; None if there are none."""
-        guards = [each.guard for each in kept] or [ALWAYS]
+        guards = [intent.guard for intent in kept] or [ALWAYS]
         return next(
             (values for values in environments if all(self._keeps(each, event, values) for each in guards)), None
         )
@@ -247,14 +247,14 @@ class Patience:
             self._ceiling = (moment, least)
             self.withheld, self.alarm = withheld, None if least is None else least - self.margin
             return None
-        due = {each: self._latest(each, withheld) or now for each in kept if each not in staying}
+        due = {intent: self._latest(intent, withheld) or now for intent in kept if intent not in staying}
         contested = [each for each, last in due.items() if self._waits([each], frozenset(), last)]
         over = min(due.values())
         act = self._best(acts, [*staying, *contested], len(staying))
         if act is None:
             self.withheld, self.alarm = withheld, self._over(withheld, staying, over)
             return None
-        spared = [each.values for each in contested if self._keeps(each.guard, *act)]
+        spared = [intent.values for intent in contested if self._keeps(intent.guard, *act)]
         return self._announced(act, everything, spared, _hurry(spared, over))
 
     def _best(
@@ -342,16 +342,16 @@ class Patience:
     ) -> DueAct:
         """An act with what it excludes, and what is spared by it."""
         event, values = act
-        lost = [each.values for each in everything if not self._keeps(each.guard, event, values)]
+        lost = [intent.values for intent in everything if not self._keeps(intent.guard, event, values)]
         named = frozenset[Assignment]().union(*lost)
         single = [
             each.values
             for each in values_of(openings(self._progress), self._progress)
             if each.values <= named and not self._keeps(each.guard, event, values)
         ]
-        joint = [each for each in lost if not any(one <= each for one in single)]
+        joint = [each for each in lost if not any(value <= each for value in single)]
         excluded = tuple(guard_text(each) for each in (*single, *dict.fromkeys(joint)))
-        kept = tuple(guard_text(each) for each in spared)
+        kept = tuple(guard_text(values) for values in spared)
         return DueAct(event, values, Excluded(event, self._progress.now, excluded, kept, reason) if excluded else None)
 
     def _undecided(self, everything: Sequence[Intent], waiting: Sequence[Opening]) -> str:
@@ -416,7 +416,7 @@ def intents(choices: Sequence[Opening], progress: Progress) -> list[Intent]:
         return single
     maximal: dict[Intent, None] = {}
     for start in single:
-        if not any(start.values <= each.values for each in maximal):
+        if not any(start.values <= intent.values for intent in maximal):
             joint = [start]
             for choice in choices:
                 joint = [more for each in joint for more in _extended(each, choice, progress)]
@@ -448,6 +448,6 @@ def _hurry(spared: Sequence[Guard], over: Fraction) -> str:
     moment = format_number(over)
     if not spared:
         return f"nothing correct would be left after {moment}"
-    named = [guard_text(each) for each in spared[:_NAMED]]
+    named = [guard_text(values) for values in spared[:_NAMED]]
     more = [f"{len(spared) - _NAMED} more"] if len(spared) > _NAMED else []
     return f"after {moment} it would be too late for {' and for '.join([*named, *more])}"

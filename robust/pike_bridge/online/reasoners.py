@@ -61,8 +61,8 @@ class ExecutionFacts:
     def exclude(self, labels: Iterable[model.Environment]) -> None:
         """None of the environments holds."""
         for label in labels:
-            if self.possible(label) and not any(model.entails(label, each) for each in self._conflicts):
-                self._conflicts = [each for each in self._conflicts if not model.entails(each, label)]
+            if self.possible(label) and not any(model.entails(label, conflict) for conflict in self._conflicts):
+                self._conflicts = [conflict for conflict in self._conflicts if not model.entails(conflict, label)]
                 self._conflicts.append(label)
                 self._waiting.append(Exclude(self.vocabulary.decode(label)))
 
@@ -100,7 +100,7 @@ class ExecutionFacts:
             for each in self._progress.plan.effects
             if (each.event, each.guard) == (effect.event, effect.guard) and model.may_produce(each, condition)
         ]
-        if all((each, condition) in self._progress.void for each in alike):
+        if all((effect, condition) in self._progress.void for effect in alike):
             links = self._links.get((effect.event, effect.guard), ())
             self.exclude(chosen for each, chosen in links if each == condition)
 

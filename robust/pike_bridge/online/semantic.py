@@ -240,7 +240,7 @@ class SemanticReasoner(Reasoner):
             everything = guard(self.progress.chosen)
             news = News(everything, dict(self.progress.times), set(self.progress.void), later=True)
         semantics, guards = self._semantics, self.progress.structure.guards
-        self._session.add(semantics.guard(news.chosen), *(semantics.void(*each) for each in news.void))
+        self._session.add(semantics.guard(news.chosen), *(semantics.void(*link) for link in news.void))
         for event, time in news.times.items():
             self._session.add(semantics.guard(guards[event]), semantics.at(event, time))
         if news.later:  # no pending event is in the past; it is enough to say so of the frontier
