@@ -20,7 +20,7 @@ L supposes that nobody hesitates later on; with a margin the executive stops wai
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from fractions import Fraction
 from itertools import chain, islice, product
 from math import prod
@@ -70,12 +70,13 @@ class Intent:
     guard: Guard
 
 
+@dataclass(eq=False)
 class Patience:
     """What a patient executive does next, or how long it waits.
 
     Args:
         progress: what has happened, which others keep up to date.
-        margin: how long before the last moment waiting ends; None: nothing is waited for [PIKE §3].
+        patience: how long before the last moment waiting ends; None: nothing is waited for [PIKE §3].
         reasoner: is asked; if not given, one is made when there is something to ask.
         solver: of that reasoner.
         deadline: questions raise OutOfTimeError if it passes.
@@ -84,28 +85,22 @@ class Patience:
     `alarm` is when that is to be thought over if nothing happens before (None: never).
     """
 
-    def __init__(
-        self,
-        progress: Progress,
-        margin: Fraction | None,
-        *,
-        reasoner: SemanticReasoner | None = None,
-        solver: str = "z3",
-        deadline: Deadline = NEVER,
-    ) -> None:
-        self.margin = margin or Fraction(0)
-        self._eager = margin is None
+    progress: Progress
+    patience: Fraction | None
+    _: KW_ONLY
+    reasoner: SemanticReasoner | None = None
+    solver: str = "z3"
+    deadline: Deadline = NEVER
+
+    def __post_init__(self) -> None:
+        self.margin = self.patience or Fraction(0)
         self.withheld: frozenset[str] = frozenset()
         self.alarm: Fraction | None = None
-        self._progress = progress
-        self._reasoner = reasoner
-        self._solver = solver
-        self._deadline = deadline
         self._found: list[Execution] = []
         """Continuations in which everything that is not the executive's is later than now."""
         self._refuted: set[Guard] = set()
         """Intents that are not kept; that stays so as long as nothing is reported."""
-        self._excluding: tuple[Fraction, set[tuple[Guard, str]]] = (progress.now, set())
+        self._excluding: tuple[Fraction, set[tuple[Guard, str]]] = (self.progress.now, set())
         """Acts of this moment, with intents that they exclude; that stays so, too."""
         self._ceiling: tuple[object, Fraction | None] = (None, None)
         """The least L, and of what."""
@@ -131,7 +126,7 @@ class Patience:
         first = next(candidates, None)
         if first is None:
             return None
-        waiting = [] if self._eager else openings(self._progress)
+        waiting = [] if self.patience is None else openings(self.progress)
         if not waiting:
             return DueAct(first)
         self._forget()
@@ -162,14 +157,14 @@ class Patience:
         Raises:
             OutOfTimeError: if the deadline passes.
         """
-        return self._asked.next_execution(self.withheld, self._deadline)
+        return self._asked.next_execution(self.withheld, self.deadline)
 
     # -- intents -----------------------------------------------------------------------------------------------------
 
     def _kept(self, choices: Sequence[Opening]) -> list[Intent]:
         """Joint intents that are kept, and single values that are in none of them but are kept by themselves."""
         kept: list[Intent] = []
-        for intent in chain(intents(choices, self._progress), values_of(choices, self._progress)):
+        for intent in chain(intents(choices, self.progress), values_of(choices, self.progress)):
             if any(intent.values <= other.values for other in kept) or intent.guard in self._refuted:
                 continue
             if self._shown(intent.guard, None) or self._find(intent.guard, None):
@@ -182,7 +177,7 @@ class Patience:
 
     def _values(self, event: str, alternatives: Mapping[str, Sequence[str]]) -> Iterator[Guard]:
         """The values of the executive's choices that are made at an event."""
-        progress = self._progress
+        progress = self.progress
         controllable = {choice.name for choice in progress.plan.network.choices if choice.controllable}
         names = [
             name
@@ -211,7 +206,7 @@ class Patience:
 
     def _shown(self, environment: Guard, event: str | None) -> bool:
         """Whether a known continuation answers :meth:`_find`."""
-        progress = self._progress
+        progress = self.progress
         return any(
             holds(environment, continuation.scenario)
             and (
@@ -226,7 +221,7 @@ class Patience:
 
     def _find(self, environment: Guard, event: str | None) -> bool:
         """Look for a continuation in an environment that does an event, if given, now."""
-        continuation = self._asked.continuation(environment, event, self._deadline)
+        continuation = self._asked.continuation(environment, event, self.deadline)
         if continuation is not None:
             self._found.append(continuation)
         return continuation is not None
@@ -235,7 +230,7 @@ class Patience:
 
     def _at_last(self, acts: Mapping[str, list[Guard]], kept: list[Intent], everything: list[Intent]) -> DueAct | None:
         """Wait, unless that loses more than an act does."""
-        now, progress, withheld = self._progress.now, self._progress, frozenset(acts)
+        now, progress, withheld = self.progress.now, self.progress, frozenset(acts)
         moment = (withheld, frozenset(kept), len(progress.times), len(progress.chosen))
         known, least = self._ceiling
         if known == moment and (least is None or least - self.margin > now):
@@ -269,7 +264,7 @@ class Patience:
         best = max(((event, values) for event, several in acts.items() for values in several), key=worth)
         if worth(best)[1] > staying:
             return best
-        if staying or self._asked.all_later(ALWAYS, acts.keys(), self._progress.now, self._deadline) is not None:
+        if staying or self._asked.all_later(ALWAYS, acts.keys(), self.progress.now, self.deadline) is not None:
             return None
         return best
 
@@ -290,7 +285,7 @@ class Patience:
             wait = self._asked.wait(known, events)
             if wait is None or wait > moment:
                 return wait
-        continuation = self._asked.all_later(intent.guard, events, moment, self._deadline)
+        continuation = self._asked.all_later(intent.guard, events, moment, self.deadline)
         if continuation is None:
             return moment
         self._remember(continuation)
@@ -298,17 +293,17 @@ class Patience:
 
     def _latest(self, intent: Intent, others: frozenset[str]) -> Fraction | None:
         """L of an intent; None if it can wait forever."""
-        return self._asked.latest(intent.guard, intent.events | others, self._deadline)
+        return self._asked.latest(intent.guard, intent.events | others, self.deadline)
 
     def _reached(self, events: Sequence[str], withheld: Collection[str]) -> set[str]:
         """The events that may happen before each of those that are withheld."""
         shown = {event for event in events if self._seen_before(event, withheld)}
         others = [event for event in events if event not in shown]
-        return shown | self._asked.coming_before(others, withheld, self._deadline)
+        return shown | self._asked.coming_before(others, withheld, self.deadline)
 
     def _seen_before(self, event: str, withheld: Collection[str]) -> bool:
         """Whether an event happens before each of those that are withheld in a known continuation."""
-        guard = self._progress.structure.guards[event]
+        guard = self.progress.structure.guards[event]
         for continuation in self._found:
             if holds(guard, continuation.scenario):
                 moment = continuation.schedule[event]
@@ -331,7 +326,7 @@ class Patience:
 
     def _over(self, withheld: frozenset[str], staying: Mapping[Intent, Fraction | None], over: Fraction) -> Fraction:
         """Just after a moment at which intents lapse, unless it is time for the others before."""
-        alarm = over + self._progress.grid
+        alarm = over + self.progress.grid
         least = self._least(staying, withheld) if self.margin else None
         return alarm if least is None else min(alarm, least - self.margin)
 
@@ -346,13 +341,13 @@ class Patience:
         named = frozenset[Assignment]().union(*lost)
         single = [
             each.values
-            for each in values_of(openings(self._progress), self._progress)
+            for each in values_of(openings(self.progress), self.progress)
             if each.values <= named and not self._keeps(each.guard, event, values)
         ]
         joint = [each for each in lost if not any(value <= each for value in single)]
         excluded = tuple(guard_text(each) for each in (*single, *dict.fromkeys(joint)))
         kept = tuple(guard_text(values) for values in spared)
-        return DueAct(event, values, Excluded(event, self._progress.now, excluded, kept, reason) if excluded else None)
+        return DueAct(event, values, Excluded(event, self.progress.now, excluded, kept, reason) if excluded else None)
 
     def _undecided(self, everything: Sequence[Intent], waiting: Sequence[Opening]) -> str:
         names = {variable for intent in everything for variable, _ in intent.values} - {each.name for each in waiting}
@@ -362,9 +357,9 @@ class Patience:
 
     @property
     def _asked(self) -> SemanticReasoner:
-        if self._reasoner is None:
-            self._reasoner = SemanticReasoner(self._progress, solver=self._solver)
-        return self._reasoner
+        if self.reasoner is None:
+            self.reasoner = SemanticReasoner(self.progress, solver=self.solver)
+        return self.reasoner
 
     def _remember(self, execution: Execution | None) -> None:
         """Keep a continuation in mind, if it is one in which what is not the executive's is later than now."""
@@ -373,13 +368,13 @@ class Patience:
 
     def _forget(self) -> None:
         """Leave out what the present has overtaken."""
-        progress = self._progress
+        progress = self.progress
         if self._excluding[0] != progress.now:
             self._excluding = (progress.now, set())
         self._found = [continuation for continuation in self._found[-_REMEMBERED:] if self._continues(continuation)]
 
     def _continues(self, execution: Execution) -> bool:
-        progress = self._progress
+        progress = self.progress
         later = progress.now + progress.plan.separation
         return (
             not progress.void

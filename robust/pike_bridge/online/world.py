@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
 from functools import partial
@@ -89,6 +89,7 @@ Planned: TypeAlias = said.Message | Callable[[Fraction], said.Message | None]
 """What is told at a time; it may depend on what has happened by then."""
 
 
+@dataclass(eq=False)
 class SimulatedTeam:
     """The world of one execution, a :class:`robust.execute.drive.World`.
 
@@ -96,20 +97,15 @@ class SimulatedTeam:
     agents are advised by `judge`, a reasoner that the executive tells what happens; it is asked only when they act.
     """
 
-    def __init__(
-        self,
-        plan: TeamPlan,
-        executive: PlanExecutive,
-        judge: SemanticReasoner,
-        story: Story = Story(),
-        *,
-        seed: int = 0,
-    ) -> None:
-        self._plan = plan
-        self._executive = executive
-        self._judge = judge
-        self._story = story
-        self._random = Random(seed)  # noqa: S311 - reproducible
+    plan: TeamPlan
+    executive: PlanExecutive
+    judge: SemanticReasoner
+    story: Story = Story()
+    _: KW_ONLY
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        self._random = Random(self.seed)  # noqa: S311 - reproducible
         self._agenda: list[tuple[Fraction, int, Planned]] = []
         self._due: set[str] = set()
         self._running: dict[str, said.Completion] = {}
@@ -118,9 +114,9 @@ class SimulatedTeam:
         """Activities that cannot end before something else has happened."""
         self._advised = True
         self._number = 0
-        for disturbance in story.disturbances:
+        for disturbance in self.story.disturbances:
             self._plan_for(disturbance.time, disturbance.seen)
-        for name, (value, moment) in (story.outcomes or {}).items():
+        for name, (value, moment) in (self.story.outcomes or {}).items():
             if moment is not None:
                 self._due.add(name)
                 self._plan_for(moment, said.Outcome(name, value))
@@ -135,15 +131,15 @@ class SimulatedTeam:
         for decision in decisions:
             if isinstance(decision, said.Dispatched):
                 self._begin(now, decision)
-        progress = self._executive.progress
-        for choice in self._plan.network.choices:
+        progress = self.executive.progress
+        for choice in self.plan.network.choices:
             if choice.controllable or choice.name in self._due or choice.event is None:
                 continue
             if choice.event in progress.pending and not any(
                 earlier in progress.pending for earlier in progress.structure.not_before[choice.event]
             ):
                 self._due.add(choice.name)
-                self._plan_for(now + self._drawn(self._story.delay), partial(self._choose, choice.name))
+                self._plan_for(now + self._drawn(self.story.delay), partial(self._choose, choice.name))
 
     @property
     def next_time(self) -> Fraction | None:
@@ -164,14 +160,14 @@ class SimulatedTeam:
     def _begin(self, now: Fraction, activity: said.Dispatched) -> None:
         completion = said.Completion(activity.action, activity.end)
         first = now + activity.lower
-        last = first + self._story.slack if activity.upper is None else now + activity.upper
-        match self._story.pace:
+        last = first + self.story.slack if activity.upper is None else now + activity.upper
+        match self.story.pace:
             case Pace.LEAST:
                 self._plan_for(first, completion)
             case Pace.RANDOM:
                 self._plan_for(first + self._drawn(last - first), completion)
             case Pace.COOPERATIVE:
-                times = self._judge.times_of(activity.end, now, NEVER)
+                times = self.judge.times_of(activity.end, now, NEVER)
                 if times is not None:
                     first, last = times[0], min(last, times[1] or last)
                 time = first + self._drawn(max(last - first, Fraction(0)))
@@ -180,55 +176,53 @@ class SimulatedTeam:
 
     def _complete(self, end: str, now: Fraction) -> said.Message | None:
         """End an activity, unless that is better done later, or is done already."""
-        if end in self._running and not self._judge.allows(now, ALWAYS, end, NEVER):
-            times = self._judge.times_of(end, now, NEVER, first=True)
+        if end in self._running and not self.judge.allows(now, ALWAYS, end, NEVER):
+            times = self.judge.times_of(end, now, NEVER, first=True)
             if times is not None:
                 self._plan_for(times[0], partial(self._complete, end))
                 return None
-            if self._judge.possible(NEVER):
+            if self.judge.possible(NEVER):
                 self._waiting.append(end)
                 return None
         return self._running.pop(end, None)
 
     def _hurry(self) -> None:
         """End an activity before it was meant to, where nothing correct would be left if all waited for the next."""
-        wake = self._executive.wake
-        if self._executive.ended or (self._agenda and self._judge.allows(self._agenda[0][0], ALWAYS, None, NEVER)):
+        wake = self.executive.wake
+        if self.executive.ended or (self._agenda and self.judge.allows(self._agenda[0][0], ALWAYS, None, NEVER)):
             return
-        latest = self._judge.quiet_until(NEVER)
+        latest = self.judge.quiet_until(NEVER)
         if wake is not None and (latest is None or wake <= latest):
             return
         for end in self._running:
-            span = self._judge.times_of(end, self._executive.progress.now, NEVER, first=True)
+            span = self.judge.times_of(end, self.executive.progress.now, NEVER, first=True)
             if span is not None:
                 times = span[:1] if latest is None else (min(latest, span[1] or latest), span[0])
-                time = next((each for each in times if self._judge.allows(each, ALWAYS, end, NEVER)), None)
+                time = next((each for each in times if self.judge.allows(each, ALWAYS, end, NEVER)), None)
                 if time is not None:
                     self._plan_for(time, partial(self._complete, end))
                     return
 
     def _choose(self, choice: str, now: Fraction) -> said.Message:
-        wanted = (self._story.outcomes or {}).get(choice)
+        wanted = (self.story.outcomes or {}).get(choice)
         if wanted is not None:
             return said.Outcome(choice, wanted[0])
-        values: Sequence[str] = self._plan.network.domains[choice]
-        if self._story.human is Human.RATIONAL:
+        values: Sequence[str] = self.plan.network.domains[choice]
+        if self.story.human is Human.RATIONAL:
             correct = [
-                value
-                for value in values
-                if self._judge.allows(now, frozenset({Assignment(choice, value)}), None, NEVER)
+                value for value in values if self.judge.allows(now, frozenset({Assignment(choice, value)}), None, NEVER)
             ]
             values = correct or values
         return said.Outcome(choice, self._random.choice(values))
 
     def _drawn(self, greatest: Fraction) -> Fraction:
         """A random time on the grid, from 0 to the greatest."""
-        grid = self._executive.progress.grid
+        grid = self.executive.progress.grid
         return self._random.randint(0, floor(greatest / grid)) * grid
 
     def _plan_for(self, time: Fraction, planned: Planned) -> None:
         self._number += 1
-        grid = self._executive.progress.grid
+        grid = self.executive.progress.grid
         heappush(self._agenda, (ceil(time / grid) * grid, self._number, planned))
 
 
