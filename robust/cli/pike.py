@@ -167,7 +167,7 @@ def _parametric(options: asking.PikeRegionCommand | asking.PikeEnvelopeCommand) 
 
 @action(asking.PikeRegionCommand)
 def region(options: asking.PikeRegionCommand, run: Run) -> int:
-    """For which durations and limits of a plan with choices does which choice lead to a correct execution?"""
+    """For which durations and limits does each choice of a plan lead to a correct execution?"""
     from robust.pike import searching_region
     from robust.show import pike_envelopes as show
 
@@ -225,7 +225,7 @@ def envelope(options: asking.PikeEnvelopeCommand, run: Run) -> int:
 
 @action(asking.PikeNewCommand)
 def new(options: asking.PikeNewCommand, run: Run) -> int:
-    """Write a plan with choices, with its PDDL, to begin with; what to type next is said."""
+    """Write an example plan with choices and its PDDL files, and suggest what to try next."""
     from robust.pike_bridge.action_model import shipped
     from robust.pike_bridge.builder import k_intents
     from robust.show import pike as show

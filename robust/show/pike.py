@@ -360,7 +360,7 @@ def new_document(instance: Instance, path: Path) -> Document:
 
 
 def print_new(out: Console, instance: Instance, path: Path, *, quiet: bool) -> None:
-    """What was written; unless `quiet` also what to type next."""
+    """The files that were written; unless `quiet` also commands to try next."""
     network = instance.network
     activities = plural(len(network.activities), "activity").replace("activitys", "activities")
     text = f"{path}: {plural(len(network.choices), 'choice')}, {activities}; beside it domain.pddl and problem.pddl"

@@ -513,7 +513,7 @@ def promise(envelope: TeamEnvelope) -> str:
     """What holds for all values in the box."""
     assumed = f"With {guard_text(envelope.assume)}" if envelope.assume else ""
     if not envelope.for_all:
-        return assumed or "With choices that suit them"
+        return assumed or "For some choice of values"
     names = " and ".join(filter(None, (", ".join(envelope.for_all[:-1]), envelope.for_all[-1])))
     known = "even if the team learns of it only then, and waits" if envelope.waiting else "if it is known beforehand"
     return f"{assumed + ', whatever' if assumed else 'Whatever'} {names} will be, {known}"

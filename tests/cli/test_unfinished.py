@@ -80,7 +80,7 @@ SENTENCES = {
     r"Not compiled: out of time in stage '.*'\.": None,
     r"No parameter values are known yet to lead to a correct execution\.": None,
     r"Nothing is known yet.*": None,
-    r"With choices that suit them: no correct execution is known yet at the nominal values\.": None,
+    r"For some choice of values: no correct execution is known yet at the nominal values\.": None,
     r"With .*, or": None,
     r"With .*, as far as is known yet: .*": None,
     r"(coffee|limit): .*": None,
