@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from robust.cli.guard import Run
 from robust.cli.output import drop_output
-from robust.errors import UNDECIDED, InputError, Location
+from robust.errors import UNDECIDED, InputError, Location, SolverError
 from robust.smt.limits import GLANCE, NEVER, Deadline, OutOfTimeError, has_input
 
 if TYPE_CHECKING:
@@ -106,7 +106,9 @@ class _Server:
         except InputError as error:
             self._writer.write_last({"kind": "error", "line": None, "message": str(error)})
             raise
-        except OutOfTimeError:
+        except OutOfTimeError as stopped:
+            if stopped.reason is not None:
+                raise SolverError(stopped.reason) from stopped
             self._end("timeout")
         except KeyboardInterrupt:
             self._end("timeout" if self._run.timed_out else "interrupted")

@@ -159,6 +159,8 @@ class PikeCheck(Presented, ask="verdict"):
     seconds: Mapping[str, float]
     """By stage."""
     interrupted: bool = False
+    reason: str | None = None
+    """Why the check ended early, where neither time nor Ctrl-C ended it."""
     plan: TeamPlan | None = field(default=None, repr=False, compare=False)
 
     @property
@@ -174,12 +176,13 @@ LONGEST_LISTING = 1_000_000
 
 @dataclass
 class Sizes(Stoppable, ask="satisfiable"):
-    """What is known of a compilation; None where it did not get so far. `status` says what ended it."""
+    """What is known of a compilation; None where it did not get so far. `status` and `reason` say what ended it."""
 
     backend: str
     temporal: str
     solver: str
     status: str = "complete"
+    reason: str | None = None
     candidate_subplans: int | None = None
     counts: dict[str, int] = field(default_factory=dict)
     satisfiable: bool | None = None
@@ -213,7 +216,8 @@ class Measuring(Compiling, Searching[Sizes]):
         self._sizes = Sizes(self.backend, self.temporal.value, self.solver, counts=self.counts, seconds=self.seconds)
 
     def _result(self, status: Status, reason: str | None = None) -> Sizes:
-        self._sizes.status, self._sizes.statistics = status.value, asdict(self.statistics)
+        self._sizes.status, self._sizes.reason = status.value, reason
+        self._sizes.statistics = asdict(self.statistics)
         return self._sizes
 
     def _search(self) -> None:
@@ -279,7 +283,7 @@ class Checking(Compiling, Searching[PikeCheck]):
         self._known = PikeCheck(self.backend, unknown, None, scenarios, complete, self.seconds, plan=self.plan)
 
     def _result(self, status: Status, reason: str | None = None) -> PikeCheck:
-        self._known.interrupted = status is Status.INTERRUPTED
+        self._known.interrupted, self._known.reason = status is Status.INTERRUPTED, reason
         return self._known
 
     def _search(self) -> None:

@@ -204,7 +204,7 @@ def _check_headline(result: PikeCheck) -> str:
         case "refuted":
             return "No correct execution exists."
         case _:
-            return "Undecided: interrupted." if result.interrupted else "Undecided: out of time."
+            return f"Undecided: {'interrupted' if result.interrupted else result.reason or 'out of time'}."
 
 
 def scenario_text(scenario: Mapping[str, str]) -> str:
@@ -234,7 +234,7 @@ def execution_lines(execution: Execution, plan: TeamPlan | None) -> Iterable[str
 def compile_document(sizes: Sizes) -> Document:
     """`robust/pike-compile/1`."""
     known = {**vars(sizes), **sizes.counts, "seconds": _rounded(sizes.seconds)}
-    del known["counts"]
+    del known["counts"], known["reason"]
     return document(PikeCompile(**known | {"implicants": UNSET if sizes.implicants is None else sizes.implicants}))
 
 
@@ -253,7 +253,7 @@ def _compile_headline(sizes: Sizes) -> str:
     if sizes.status != "complete":
         reached = [stage for stage in STAGES if stage in sizes.seconds]
         after = f" in stage {reached[-1]!r}" if reached else ""
-        return f"Not compiled: {'out of time' if sizes.status == 'timeout' else 'interrupted'}{after}."
+        return f"Not compiled: {'out of time' if sizes.status == 'timeout' else sizes.reason or sizes.status}{after}."
     return "Compiled: a correct execution exists." if sizes.satisfiable else "Compiled: no correct execution exists."
 
 

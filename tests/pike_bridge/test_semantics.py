@@ -27,6 +27,7 @@ from robust.pike_bridge.cross_check import (
 from robust.pike_bridge.knowledge import Registration
 from robust.pike_bridge.knowledge.interface import Require
 from robust.pike_bridge.knowledge.sat import SatKnowledgeBase
+from robust.pike_bridge.knowledge.tms import PiTms
 from robust.pike_bridge.model import ALWAYS, Activity, Assignment, Condition, Effect, TeamPlan, guard
 from robust.pike_bridge.semantics import Execution, ExecutionExistence, Oracle, faults
 from robust.smt.limits import Deadline, OutOfTimeError
@@ -314,3 +315,13 @@ def test_cross_checks_out_of_time():
     assert late.out_of_time == ["pitms (apsp)"]
     assert late.scenarios == 27
     assert Oracle(plan).decide().verdict is ExecutionExistence.EXISTS
+
+
+@pytest.mark.parametrize("search", [Measuring, Checking])
+def test_what_becomes_too_large_is_not_called_out_of_time(search, monkeypatch):
+    monkeypatch.setattr(PiTms.__init__, "__kwdefaults__", {"largest_goal": 20})
+    result = search(kitchen(), "pitms").run()
+    assert (result.cut_short, result.reason) == (True, "what is compiled became too large")
+    assert result.as_dict().get("status", "unknown") == "unknown"
+    assert "what is compiled became too large" in str(result)
+    assert "out of time" not in str(result)

@@ -161,7 +161,10 @@ GLANCE: Final = 2_000
 
 
 class OutOfSpaceError(OutOfTimeError):
-    """What is compiled grew beyond its limit, which ends it as its deadline would."""
+    """What is compiled grew beyond its limit, which ends a search with this reason."""
+
+    def __init__(self) -> None:
+        super().__init__("what is compiled became too large")
 
 
 @dataclass(slots=True)
