@@ -84,10 +84,23 @@ def _keep_texts(figure: Figure) -> None:
     """For whoever draws it later: names are no formulas then either, and notebooks know how to show it."""
     from matplotlib.text import Text  # noqa: PLC0415 - as above
 
-    for one in figure.findobj(Text):
-        one.set_parse_math(False)
+    for text in figure.findobj(Text):
+        text.set_parse_math(False)
     if "IPython" in sys.modules:
         import_module("matplotlib.pyplot")  # which tells IPython
+
+
+Spans = list[tuple[float, float]]
+
+
+def free_row(rows: list[Spans], left: float, right: float) -> int:
+    """Take room in the first row in which nothing overlaps, perhaps a new one; which row that is."""
+    fits = (row for row, taken in enumerate(rows) if all(right <= start or end <= left for start, end in taken))
+    row = next(fits, len(rows))
+    if row == len(rows):
+        rows.append([])
+    rows[row].append((left, right))
+    return row
 
 
 def without_frame(axes: Axes, sides: Iterable[str] = ("top", "right")) -> None:
@@ -99,11 +112,11 @@ def without_frame(axes: Axes, sides: Iterable[str] = ("top", "right")) -> None:
 
 def entries(axes: Iterable[Axes]) -> dict[str, Artist]:
     """What a legend of these axes says, by label: each once."""
-    found: dict[str, Artist] = {}
-    for one in axes:
-        for handle, label in zip(*one.get_legend_handles_labels(), strict=True):
-            found.setdefault(label, handle)
-    return found
+    handles: dict[str, Artist] = {}
+    for canvas in axes:
+        for handle, label in zip(*canvas.get_legend_handles_labels(), strict=True):
+            handles.setdefault(label, handle)
+    return handles
 
 
 def cut(label: str, longest: int = 44) -> str:

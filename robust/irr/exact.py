@@ -124,24 +124,24 @@ class ExactSearch(BoxSearch):
     def _enumerated(self) -> list[Polyhedron]:
         """Bad polyhedra by enumeration, for a while: they are larger than what single boxes run into."""
         remaining = self.deadline.remaining
-        found = RegionSearch(
+        result = RegionSearch(
             self.encoding.plan,
             epsilon=self.encoding.epsilon,
             solver=self._bad.solver,
             encoding=self.encoding.name,
             timeout=ENUMERATION if remaining is None else min(ENUMERATION, remaining / 2),
         ).run()
-        if found.status is Status.INTERRUPTED:
+        if result.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
-        difference = found.region.as_difference()
+        difference = result.region.as_difference()
         outside = difference.base.complement() if difference.base is not None else []
         return [*outside, *difference.pieces]
 
     def _margins(self) -> Margins:
         return {
-            (one.name, side): JUST
-            for one, side in product(self.encoding.plan.parameters, Side)
-            if (end := self.box[one.name].end(side)) is not None and declared_stop(one, side, end) is None
+            (parameter.name, side): JUST
+            for parameter, side in product(self.encoding.plan.parameters, Side)
+            if (end := self.box[parameter.name].end(side)) is not None and declared_stop(parameter, side, end) is None
         }
 
     def _keep(self, box: Box) -> None:

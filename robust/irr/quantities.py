@@ -89,14 +89,21 @@ def quantities(
         fixed: parameters that keep their nominal values.
         gap: what is left at least of a bound that orders two time points; None: it may order them the other way.
     """
-    found = list(_bounds(plan, gap)) if Changeable.BOUND in kinds else []
+    listed = list(_bounds(plan, gap)) if Changeable.BOUND in kinds else []
     if Changeable.NOMINAL in kinds:
-        found += [
-            Quantity(one.name, Changeable.NOMINAL, one.nominal, one.weight, one.lower, one.upper)
-            for one in plan.parameters
-            if one.name not in fixed
+        listed += [
+            Quantity(
+                parameter.name,
+                Changeable.NOMINAL,
+                parameter.nominal,
+                parameter.weight,
+                parameter.lower,
+                parameter.upper,
+            )
+            for parameter in plan.parameters
+            if parameter.name not in fixed
         ]
-    return found
+    return listed
 
 
 def _bounds(plan: ParametrizedPlan, gap: Fraction | None) -> Iterator[Quantity]:
@@ -127,13 +134,13 @@ def _bounds(plan: ParametrizedPlan, gap: Fraction | None) -> Iterator[Quantity]:
 
 def _limits(plan: ParametrizedPlan) -> dict[tuple[TimePoint, TimePoint], Limits]:
     """How far apart two time points can be in any schedule of a valid plan, by what the domain says of durations."""
-    found: dict[tuple[TimePoint, TimePoint], Limits] = {}
+    limits: dict[tuple[TimePoint, TimePoint], Limits] = {}
 
     def add(source: TimePoint, target: TimePoint, least: Fraction) -> None:
-        low, high = found.get((source, target), (None, None))
+        low, high = limits.get((source, target), (None, None))
         low = least if low is None else max(low, least)
-        found[source, target] = low, high
-        found[target, source] = None if high is None else -high, -low
+        limits[source, target] = low, high
+        limits[target, source] = None if high is None else -high, -low
 
     for point in plan.time_points[1:]:
         add(ZERO, point, Fraction(0))
@@ -141,7 +148,7 @@ def _limits(plan: ParametrizedPlan) -> dict[tuple[TimePoint, TimePoint], Limits]
         for bound in rule.bounds:
             if bound.weight.is_constant:
                 add(bound.source, bound.target, bound.weight.constant_term)
-    return found
+    return limits
 
 
 def _bound_of(constraint: TemporalConstraint, side: Side) -> Bound | None:
@@ -155,27 +162,29 @@ def _with_bound(constraint: TemporalConstraint, side: Side, bound: Bound) -> Tem
 def lifted(plan: ParametrizedPlan, changeable: Sequence[Quantity]) -> ParametrizedPlan:
     """The plan with a parameter for each bound that may be changed."""
     constraints, parameters = list(plan.constraints), list(plan.parameters)
-    for one in changeable:
-        if one.kind is Changeable.BOUND:
-            reference: Bound = Polynomial.variable(ParameterReference(one.name))
-            constraints[one.constraint] = _with_bound(constraints[one.constraint], one.side, reference)
-            parameters.append(Parameter(one.name, one.old or Fraction(0), one.weight, one.lower, one.upper))
+    for quantity in changeable:
+        if quantity.kind is Changeable.BOUND:
+            reference: Bound = Polynomial.variable(ParameterReference(quantity.name))
+            constraints[quantity.constraint] = _with_bound(constraints[quantity.constraint], quantity.side, reference)
+            parameters.append(
+                Parameter(quantity.name, quantity.old or Fraction(0), quantity.weight, quantity.lower, quantity.upper)
+            )
     return replace(plan, constraints=tuple(constraints), parameters=tuple(parameters))
 
 
 def changed(plan: ParametrizedPlan, changeable: Sequence[Quantity], values: Mapping[str, Fraction]) -> ParametrizedPlan:
     """The plan with other values for some quantities, by their names."""
     constraints = list(plan.constraints)
-    parameters = {one.name: one for one in plan.parameters}
-    for one in changeable:
-        if one.name not in values:
+    parameters = {parameter.name: parameter for parameter in plan.parameters}
+    for quantity in changeable:
+        if quantity.name not in values:
             continue
-        value = values[one.name]
-        if one.kind is Changeable.BOUND:
+        value = values[quantity.name]
+        if quantity.kind is Changeable.BOUND:
             moved: Bound = Polynomial.constant(value)
-            constraints[one.constraint] = _with_bound(constraints[one.constraint], one.side, moved)
+            constraints[quantity.constraint] = _with_bound(constraints[quantity.constraint], quantity.side, moved)
         else:
-            parameters[one.name] = replace(parameters[one.name], nominal=value)
+            parameters[quantity.name] = replace(parameters[quantity.name], nominal=value)
     return replace(plan, constraints=tuple(constraints), parameters=tuple(parameters.values()))
 
 
@@ -218,7 +227,7 @@ class QuantityChange:
 def change_of(plan: ParametrizedPlan, quantity: Quantity, new: Fraction, serves: tuple[str, ...]) -> QuantityChange:
     """What becomes of a quantity of the plan."""
     if quantity.kind is Changeable.NOMINAL:
-        parameter = next(one for one in plan.parameters if one.name == quantity.name)
+        parameter = next(parameter for parameter in plan.parameters if parameter.name == quantity.name)
         words = f"{quantity.name} {readable(new)} instead of {readable(parameter.nominal)}"
         return QuantityChange(quantity, new, f"parameter {quantity.name}", parameter.location, words, serves)
     constraint = plan.constraints[quantity.constraint]

@@ -95,7 +95,7 @@ class CheapestChanges:
         self._plan = plan
         self.quantities = quantities
         self._counts = counts
-        numbers = [abs(one.old) for one in quantities.values() if one.old is not None]
+        numbers = [abs(quantity.old) for quantity in quantities.values() if quantity.old is not None]
         self.greatest = max([Fraction(1), *numbers, *(abs(p.nominal) for p in plan.parameters)])
         """The greatest number of the plan."""
         self._reach = _FAR * self.greatest
@@ -131,12 +131,12 @@ class CheapestChanges:
                 constraints.append(choice.substitute(old))
             elif not self.holds(choice, {}, endless):
                 return None
-        mentioned = {name for one in constraints for name in one.parameters}
+        mentioned = {name for constraint in constraints for name in constraint.parameters}
         # The other bound of a constraint may have to make room, unless it is infinite.
         partners = {other for name in mentioned if (other := self.partner(name)) is not None and other in free}
         used = sorted(mentioned | {name for name in partners if self.quantities[name].old is not None})
         constraints += self._always(used)
-        if any(one.is_false for one in constraints):
+        if any(constraint.is_false for constraint in constraints):
             return None
         finite = [name for name in used if self.quantities[name].old is not None]
         constraints += [limit for name in finite for limit in self.price(name)]
@@ -164,13 +164,13 @@ class CheapestChanges:
         names, kept, point = solved.names, solved.constraints, solved.best.point
         outwards = {name: Fraction(self.quantities[name].side.sign) for name in solved.new}
         for goal, best in ((solved.objective, solved.best), (outwards, None)):
-            found = best or (maximize(names, kept, goal) if goal else None)
-            if found is not None and found.value is not None:
-                slack = _NOTHING if found.attained else max(abs(found.value), Fraction(1)) * _CLOSE
-                kept = [*kept, LinearConstraint.of(goal, ">=", found.value - slack)]
-                point = found.point
+            optimum = best or (maximize(names, kept, goal) if goal else None)
+            if optimum is not None and optimum.value is not None:
+                slack = _NOTHING if optimum.attained else max(abs(optimum.value), Fraction(1)) * _CLOSE
+                kept = [*kept, LinearConstraint.of(goal, ">=", optimum.value - slack)]
+                point = optimum.point
         # An optimum is on the boundary, which strict inequalities exclude.
-        return point if all(one.evaluate(point) for one in kept) else feasible_point(names, kept) or point
+        return point if all(constraint.evaluate(point) for constraint in kept) else feasible_point(names, kept) or point
 
     def _without_idle(
         self, values: Mapping[str, Fraction], constraints: Sequence[LinearConstraint], point: Mapping[str, Fraction]
@@ -180,19 +180,19 @@ class CheapestChanges:
         for name in values:
             pair = {name, self.partner(name) or name}
             for idle in ({name}, pair):
-                still = {other: value for other, value in kept.items() if other not in idle}
+                rest = {other: value for other, value in kept.items() if other not in idle}
                 olds = {other: self.quantities[other].old for other in idle & point.keys()}
                 at = {**point, **{other: old for other, old in olds.items() if old is not None}}
-                if None not in olds.values() and all(one.evaluate({**at, **still}) for one in constraints):
-                    kept, point = still, at
+                if None not in olds.values() and all(constraint.evaluate({**at, **rest}) for constraint in constraints):
+                    kept, point = rest, at
                     break
         return kept
 
     def partner(self, name: str) -> str | None:
         """The other bound of the same constraint, if it may be changed."""
-        one = self.quantities[name]
-        other = bound_name(one.constraint, Side.LOWER if one.side is Side.UPPER else Side.UPPER)
-        return other if one.kind is Changeable.BOUND and other in self.quantities else None
+        quantity = self.quantities[name]
+        other = bound_name(quantity.constraint, Side.LOWER if quantity.side is Side.UPPER else Side.UPPER)
+        return other if quantity.kind is Changeable.BOUND and other in self.quantities else None
 
     def _always(self, names: Collection[str]) -> Iterator[LinearConstraint]:
         """Bounds and nominal values within their limits, lower bounds not above upper ones; the others do not move."""
@@ -200,14 +200,14 @@ class CheapestChanges:
             yield from self.limits(self.quantities[name])
         yield from dict.fromkeys(order for name in names for order in self.in_order(name, names))
 
-    def limits(self, one: Quantity) -> Iterator[LinearConstraint]:
-        far = self._reach if one.old is None else None
-        lower = one.lower if one.lower is not None or far is None else -far
-        upper = one.upper if one.upper is not None or far is None else far
+    def limits(self, quantity: Quantity) -> Iterator[LinearConstraint]:
+        far = self._reach if quantity.old is None else None
+        lower = quantity.lower if quantity.lower is not None or far is None else -far
+        upper = quantity.upper if quantity.upper is not None or far is None else far
         if lower is not None:
-            yield LinearConstraint.of({one.name: 1}, ">=", lower)
+            yield LinearConstraint.of({quantity.name: 1}, ">=", lower)
         if upper is not None:
-            yield LinearConstraint.of({one.name: 1}, "<=", upper)
+            yield LinearConstraint.of({quantity.name: 1}, "<=", upper)
 
     def in_order(self, name: str, moving: Collection[str]) -> Iterator[LinearConstraint]:
         """The lower bound is not above the upper one, if it is about a bound and both are numbers."""
@@ -218,8 +218,8 @@ class CheapestChanges:
         form: dict[str, int] = {}
         least = _NOTHING
         for side, bound in ((Side.LOWER, written.lower), (Side.UPPER, written.upper)):
-            if (one := bound_name(constraint, side)) in moving:
-                form[one] = side.sign
+            if (bounded := bound_name(constraint, side)) in moving:
+                form[bounded] = side.sign
             elif bound is None or not bound.is_constant:
                 return
             else:
@@ -228,10 +228,12 @@ class CheapestChanges:
 
     def price(self, name: str) -> Iterator[LinearConstraint]:
         """A change costs its amount times its weight, whichever way it goes."""
-        one = self.quantities[name]
-        old = one.old or _NOTHING
+        quantity = self.quantities[name]
+        old = quantity.old or _NOTHING
         for sign in (1, -1):
-            yield LinearConstraint.of({cost_name(name): 1, name: -sign * one.weight}, ">=", -sign * one.weight * old)
+            yield LinearConstraint.of(
+                {cost_name(name): 1, name: -sign * quantity.weight}, ">=", -sign * quantity.weight * old
+            )
 
 
 def cost_name(name: str) -> str:
@@ -319,7 +321,7 @@ class RepairSearch(RepairSearching[Cost, Repair]):
         self._solver = solver
         self._on_repair = on_repair
         gap = None if reorder else epsilon
-        self._quantities = {one.name: one for one in quantities(plan, kinds, self._required, gap)}
+        self._quantities = {quantity.name: quantity for quantity in quantities(plan, kinds, self._required, gap)}
         self._changes = CheapestChanges(plan, self._quantities, counts=count)
         self._infinity = self._changes.greatest * (1 + len(plan.constraints))
         self._proof: CheckResult | None = None
@@ -335,7 +337,7 @@ class RepairSearch(RepairSearching[Cost, Repair]):
         self._network.add_all(self._bad.encoding.network_formulas(), self.deadline)
         point = {name: self._required.get(name, Interval(value, value)) for name, value in self._plan.nominal.items()}
         self._network.add(
-            *within(self._bad.encoding, {n: one for n, one in point.items() if n not in self._quantities})
+            *within(self._bad.encoding, {n: interval for n, interval in point.items() if n not in self._quantities})
         )
         self.search()
         if self.best is None and not self._contradiction:
@@ -352,12 +354,21 @@ class RepairSearch(RepairSearching[Cost, Repair]):
         can be left out. What the solver does not tell soon is left to the search.
         """
         encoding = self._bad.encoding
-        asked = [one for one in encoding.obligations if one.violation is not encoding.terms.false]
-        kept = {one.name: encoding.terms.negation(one.violation) for one in asked}
+        asked = [obligation for obligation in encoding.obligations if obligation.violation is not encoding.terms.false]
+        kept = {obligation.name: encoding.terms.negation(obligation.violation) for obligation in asked}
         session = self._bad.open_session()
-        formulas = (formula for one in asked for formula in encoding.full_query(one) if formula is not one.violation)
+        formulas = (
+            formula
+            for obligation in asked
+            for formula in encoding.full_query(obligation)
+            if formula is not obligation.violation
+        )
         session.add_all(list(dict.fromkeys(formulas)), self.deadline)
-        fixed = {one.name: one.nominal for one in self._plan.parameters if one.name not in self._quantities}
+        fixed = {
+            parameter.name: parameter.nominal
+            for parameter in self._plan.parameters
+            if parameter.name not in self._quantities
+        }
         for corner in _ends(self._required):
             at = {name: Interval(value, value) for name, value in {**fixed, **corner}.items()}
             with session.frame(*within(encoding, at)):
@@ -434,30 +445,30 @@ class RepairSearch(RepairSearching[Cost, Repair]):
     def _box_at(self, candidate: Candidate[Cost]) -> Box:
         """Where the plan with parameters for what may be changed has to be valid."""
         moved = dict(self._required)
-        for name, one in self._quantities.items():
-            value = candidate.point.get(name, one.old)
+        for name, quantity in self._quantities.items():
+            value = candidate.point.get(name, quantity.old)
             if value is not None:
                 moved[name] = Interval(value, value)
             else:
-                end = one.side.sign * self._infinity
-                moved[name] = Interval(end, None) if one.side is Side.UPPER else Interval(None, end)
+                end = quantity.side.sign * self._infinity
+                moved[name] = Interval(end, None) if quantity.side is Side.UPPER else Interval(None, end)
         return Box.nominal(self._bad.encoding.plan.parameters).changed(moved)
 
     def _clause(self, piece: Polyhedron) -> Clause:
         """What a repair must break of a polyhedron: it is bad whatever the required parameters are in it."""
         fixed = {
-            one.name: one.nominal
-            for one in self._plan.parameters
-            if one.name not in self._quantities and one.name not in self._required
+            parameter.name: parameter.nominal
+            for parameter in self._plan.parameters
+            if parameter.name not in self._quantities and parameter.name not in self._required
         }
-        bad = [one.substitute(fixed) for one in piece.constraints]
-        if any(not self._required.keys().isdisjoint(one.parameters) for one in bad):
+        bad = [constraint.substitute(fixed) for constraint in piece.constraints]
+        if any(not self._required.keys().isdisjoint(constraint.parameters) for constraint in bad):
             bad += Box(self._required).constraints()
             projected = project(bad, self._required.keys(), self.deadline)
             if projected is None:
                 raise ValueError(f"{piece} meets what is required, but no changes meet both")
             bad = list(projected)
-        choices = dict.fromkeys(negated for one in bad for negated in one.negation())
+        choices = dict.fromkeys(negated for constraint in bad for negated in constraint.negation())
         return Clause(tuple(filter(self._leaves_schedule, choices)), self._bad.reasons[piece])
 
     def _leaves_schedule(self, choice: LinearConstraint) -> bool:
@@ -506,15 +517,15 @@ class RepairSearch(RepairSearching[Cost, Repair]):
 
     def _domain(self, name: str) -> Iterator[Formula]:
         """What holds of a quantity in every model: its limits, its price, and a flag that is 1 if it changes."""
-        terms, one = self.terms, self._quantities[name]
-        yield from (limit.to_formula(terms) for limit in self._changes.limits(one))
+        terms, quantity = self.terms, self._quantities[name]
+        yield from (limit.to_formula(terms) for limit in self._changes.limits(quantity))
         flag = _variable(_flag(name))
         if self._has_flag(name):
             yield terms.disjunction((terms.equal(flag), terms.equal(flag - 1)))
-        if one.old is not None:
+        if quantity.old is not None:
             yield from (limit.to_formula(terms) for limit in self._changes.price(name))
             if self._has_flag(name):
-                yield terms.disjunction((terms.equal(_variable(name) - one.old), terms.equal(flag - 1)))
+                yield terms.disjunction((terms.equal(_variable(name) - quantity.old), terms.equal(flag - 1)))
 
     def cheaper(self, cost: Cost) -> Formula:
         terms = self.terms
@@ -545,7 +556,11 @@ class RepairSearch(RepairSearching[Cost, Repair]):
     def _result(self, status: Status, reason: str | None = None) -> Repair:
         best, changes = self.best, () if self.best is None else tuple(self._changes_of(self.best))
         # Where the infimum is only approached, the changes cost a little more.
-        cost = None if best is None else Cost(best.cost.count, sum((one.cost or _NOTHING for one in changes), _NOTHING))
+        cost = (
+            None
+            if best is None
+            else Cost(best.cost.count, sum((change.cost or _NOTHING for change in changes), _NOTHING))
+        )
         return Repair(
             status=self.repaired(status),
             required=self._required,
@@ -580,7 +595,9 @@ class RepairSearch(RepairSearching[Cost, Repair]):
             now = Unchanged(self._quantities, undone)
             if not all(order.evaluate(now) for order in self._changes.in_order(name, {name, other})):
                 del undone[other]
-        broken = (one.reason for one in self.clauses if not any(self.holds(choice, undone) for choice in one.choices))
+        broken = (
+            clause.reason for clause in self.clauses if not any(self.holds(choice, undone) for choice in clause.choices)
+        )
         return tuple(dict.fromkeys(broken))
 
 
@@ -596,15 +613,15 @@ class _BadChanges(DiscoveredBadSet):
     def _of_facet(self, facet: Facet, box: Box) -> Polyhedron:
         piece = super()._of_facet(facet, box)
         if facet.obligation is None:
-            told = dict.fromkeys(self._as_written.get(origin, origin) for origin in facet.origins)
-            self.reasons[piece] = f"no schedule: {'; '.join(told)}"
+            origins = dict.fromkeys(self._as_written.get(origin, origin) for origin in facet.origins)
+            self.reasons[piece] = f"no schedule: {'; '.join(origins)}"
         return piece
 
     def _projection(self, constraints: Sequence[LinearConstraint], model: Model) -> Conjunction | None:
         """Exactly, or if there is much to eliminate, a part of it that has the model."""
         names = variables_of(constraints)
         eliminated = set(names).difference(self._names)
-        if sum(1 for one in constraints if not eliminated.isdisjoint(one.parameters)) > CROWDED:
+        if sum(1 for constraint in constraints if not eliminated.isdisjoint(constraint.parameters)) > CROWDED:
             return project_at(constraints, eliminated, {name: Fraction(model.get(name, 0)) for name in names})
         return project(constraints, eliminated, self._deadline)
 
@@ -612,7 +629,9 @@ class _BadChanges(DiscoveredBadSet):
 def _ends(required: Mapping[str, Interval]) -> Iterator[dict[str, Fraction]]:
     """Where all required parameters are as small as they can be, and where all are as great."""
     for side in Side:
-        ends = {name: one.end(side) if one.is_closed_at(side) else None for name, one in required.items()}
+        ends = {
+            name: interval.end(side) if interval.is_closed_at(side) else None for name, interval in required.items()
+        }
         yield {name: required[name].some_value() if end is None else end for name, end in ends.items()}
 
 

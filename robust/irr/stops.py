@@ -113,28 +113,30 @@ def advice(plan: ParametrizedPlan, box: Box, broken: str | None = None) -> tuple
         box: what was found.
         broken: the obligation that breaks at the nominal values, if the plan is invalid.
     """
-    found: dict[bool, list[_Fixed]] = {}
-    for one in _fixed_twice(plan):
-        stuck = any(box[name].width == 0 for name in one.parameters)
-        if one.instance.label(one.constraint) == broken or (broken is None and stuck):
-            found.setdefault(bool(one.length.variables), []).append(one)
-    return tuple(_advice(plan, group) for group in found.values())
+    groups: dict[bool, list[_Fixed]] = {}
+    for fixed in _fixed_twice(plan):
+        stuck = any(box[name].width == 0 for name in fixed.parameters)
+        if fixed.instance.label(fixed.constraint) == broken or (broken is None and stuck):
+            groups.setdefault(bool(fixed.length.variables), []).append(fixed)
+    return tuple(_advice(plan, group) for group in groups.values())
 
 
 def _fixed_twice(plan: ParametrizedPlan) -> Iterator[_Fixed]:
     """Durations that parameters are about, which the network fixes at one expression and the domain at another."""
     lengths: dict[tuple[object, object], Bound] = {}
-    for one in plan.constraints:
-        if one.lower is not None and one.lower == one.upper:
-            lengths[one.source, one.target] = one.lower
-            lengths[one.target, one.source] = -one.lower
+    for item in plan.constraints:
+        if item.lower is not None and item.lower == item.upper:
+            lengths[item.source, item.target] = item.lower
+            lengths[item.target, item.source] = -item.lower
     for instance in plan.instances:
         length = lengths.get((instance.start, instance.end))
         if length is None:
             continue
         for constraint in instance.fixing[:1]:
             gap = _with_values(constraint.condition.expression, length, plan)
-            names = frozenset(one.name for one in gap.variables if isinstance(one, ParameterReference))
+            names = frozenset(
+                reference.name for reference in gap.variables if isinstance(reference, ParameterReference)
+            )
             if names:
                 yield _Fixed(instance, constraint, length, names)
 
@@ -156,7 +158,9 @@ def _with_values(expression: Expression, length: Bound, plan: ParametrizedPlan) 
 
 def _advice(plan: ParametrizedPlan, group: list[_Fixed]) -> Advice:
     first = group[0]
-    names = tuple(one.name for one in plan.parameters if any(one.name in each.parameters for each in group))
+    names = tuple(
+        parameter.name for parameter in plan.parameters if any(parameter.name in fixed.parameters for fixed in group)
+    )
     demand = f"{first.constraint.text} of {first.instance.identifier}{' and the like' if len(group) > 1 else ''}"
     if first.length.variables:
         reason = f"the plan makes parameters of durations, but the domain still demands {demand}"
@@ -170,9 +174,9 @@ def _advice(plan: ParametrizedPlan, group: list[_Fixed]) -> Advice:
 def _options(plan: ParametrizedPlan, group: list[_Fixed]) -> Iterator[str]:
     """`duration:ACTION` for several instances that are all of that action, else `duration:ID` for each."""
     by_action: dict[str, list[str]] = {}
-    for each in group:
-        by_action.setdefault(each.instance.action, []).append(each.instance.identifier)
+    for fixed in group:
+        by_action.setdefault(fixed.instance.action, []).append(fixed.instance.identifier)
     for action, identifiers in by_action.items():
-        all_of_them = sum(1 for one in plan.instances if one.action == action) == len(identifiers) > 1
+        all_of_them = sum(1 for instance in plan.instances if instance.action == action) == len(identifiers) > 1
         names = [action] if all_of_them and action not in plan.instance else identifiers
         yield from (f"duration:{name}" for name in names)

@@ -41,7 +41,10 @@ def widen_around(
     on_box: Callable[[Box], None],
 ) -> None:
     """Exact widening from a good point, each parameter as fast as its values scatter; see :class:`Widening`."""
-    moved = [replace(one, nominal=point[one.name], weight=distributions[one.name].scale) for one in parameters]
+    moved = [
+        replace(parameter, nominal=point[parameter.name], weight=distributions[parameter.name].scale)
+        for parameter in parameters
+    ]
     groups = [faces_of(moved)]
     Widening(bad=bad, parameters=moved, pieces=pieces, groups=groups, deadline=deadline, on_box=on_box).run()
 
@@ -60,7 +63,7 @@ class Packing:
     ) -> None:
         self._bad = bad
         self._parameters = parameters
-        self._distributions = {name: one.settled for name, one in distributions.items()}
+        self._distributions = {name: distribution.settled for name, distribution in distributions.items()}
         self._random = Random(0)  # noqa: S311 - reproducible searches, no secrets
         self._names = tuple(parameter.name for parameter in parameters)
         self._pieces: list[Polyhedron] = []
@@ -108,7 +111,7 @@ class Packing:
         """First the nominal value, or what is nearest to the middle of the distribution; then random ones."""
         distribution = self._distributions[name]
         if attempt == 0 and distribution.kind != "constant":
-            value = next(one.nominal for one in self._parameters if one.name == name)
+            value = next(parameter.nominal for parameter in self._parameters if parameter.name == name)
         else:
             value = distribution.centre if attempt < 2 else distribution.draw(self._random, None)
         if value in interval:
@@ -160,16 +163,16 @@ def _near_end(interval: Interval, step: Fraction) -> Fraction:
 
 def _around(part: Box, box: Box) -> list[Box]:
     """What a box leaves of a part around it, in boxes without common points."""
-    found = []
+    boxes = []
     rest = part
     for name, inner in box.intervals.items():
         outer = rest[name]
         if inner.lower is not None and _is_left(outer, inner.lower, Side.LOWER):
-            found.append(rest.replace(name, outer.with_end(Side.UPPER, inner.lower, closed=False)))
+            boxes.append(rest.replace(name, outer.with_end(Side.UPPER, inner.lower, closed=False)))
         if inner.upper is not None and _is_left(outer, inner.upper, Side.UPPER):
-            found.append(rest.replace(name, outer.with_end(Side.LOWER, inner.upper, closed=False)))
+            boxes.append(rest.replace(name, outer.with_end(Side.LOWER, inner.upper, closed=False)))
         rest = rest.replace(name, inner)
-    return found
+    return boxes
 
 
 def _is_left(outer: Interval, end: Fraction, side: Side) -> bool:
@@ -216,7 +219,7 @@ class Points:
         region: Region | None = None,
     ) -> None:
         self._bad = bad
-        self._distributions = {name: one.settled for name, one in distributions.items()}
+        self._distributions = {name: distribution.settled for name, distribution in distributions.items()}
         self._good = good
         self._region = region
         self._pieces: list[Polyhedron] = []
@@ -231,7 +234,7 @@ class Points:
         """
         while self.draws < draws:
             deadline.enforce()
-            point = {name: one.draw(self._random, None) for name, one in self._distributions.items()}
+            point = {name: distribution.draw(self._random, None) for name, distribution in self._distributions.items()}
             succeeds = self._succeeds(point, deadline)
             self.draws += 1
             self.successes += succeeds
@@ -245,10 +248,10 @@ class Points:
             if point in piece:
                 self._pieces.insert(0, self._pieces.pop(index))  # likely to hold others, too
                 return False
-        found = self._bad.piece_in(Box.point(point), deadline)
-        if found is not None:
-            self._pieces.insert(0, found)
-        return found is None
+        obstacle = self._bad.piece_in(Box.point(point), deadline)
+        if obstacle is not None:
+            self._pieces.insert(0, obstacle)
+        return obstacle is None
 
     @property
     def estimate(self) -> SampledEstimate | None:

@@ -263,9 +263,9 @@ def trim(constraints: Iterable[LinearConstraint]) -> tuple[LinearConstraint, ...
 
 def _settled(factors: Iterable[tuple[str, int]], relation: Sense, constant: Fraction) -> LinearConstraint:
     """A constraint of integer coefficients, none of which is zero or of the same parameter as another."""
-    made = object.__new__(LinearConstraint)
-    made._settle(factors, relation, constant)
-    return made
+    bare = object.__new__(LinearConstraint)
+    bare._settle(factors, relation, constant)
+    return bare
 
 
 def combine(

@@ -105,7 +105,7 @@ class Samples:
 
     def __init__(self, box: Box, symmetry: Symmetry) -> None:
         random = Random(",".join(box.intervals))  # noqa: S311 - reproducible samples, no secrets
-        ends = {name: (one.lower or ZERO, one.upper or ZERO) for name, one in box.intervals.items()}
+        ends = {name: (interval.lower or ZERO, interval.upper or ZERO) for name, interval in box.intervals.items()}
         self._scale = GRID * lcm(*(end.denominator for pair in ends.values() for end in pair))
         self._points = [
             symmetry.sorted({name: self._coordinate(*pair, random.randint(0, GRID)) for name, pair in ends.items()})
@@ -124,18 +124,18 @@ class Samples:
 
     def include(self, cell: Polyhedron) -> None:
         """The points of the cell are good."""
-        found = self._inside(cell.constraints)
-        self.good |= found
-        self.undecided -= found
+        inside = self._inside(cell.constraints)
+        self.good |= inside
+        self.undecided -= inside
 
     def point(self, index: int) -> dict[str, Fraction]:
         return {name: Fraction(value, self._scale) for name, value in self._points[index].items()}
 
     def _inside(self, piece: Conjunction) -> set[int]:
-        found = self.undecided
+        inside = self.undecided
         for constraint in piece:
-            found = {index for index in found if self._holds(constraint, self._points[index])}
-        return set(found)
+            inside = {index for index in inside if self._holds(constraint, self._points[index])}
+        return set(inside)
 
     def _holds(self, constraint: LinearConstraint, point: Mapping[str, int]) -> bool:
         left = sum(factor.numerator * point[name] for name, factor in constraint.coefficients)
@@ -149,8 +149,8 @@ Judged = tuple[set[int], set[int]]
 
 def open_points(groups: Sequence[Judged]) -> int:
     """How many points are bad in no group, and not good in all."""
-    possible = set.intersection(*(one[0] for one in groups))
-    return len(possible) - len(possible.intersection(*(one[1] for one in groups)))
+    possible = set.intersection(*(group[0] for group in groups))
+    return len(possible) - len(possible.intersection(*(group[1] for group in groups)))
 
 
 def product_share(sizes: Sequence[tuple[Fraction, Fraction, Fraction]], box: Box) -> OpenShare | None:
@@ -192,16 +192,16 @@ def volume_bounds(parts: Sequence[Part], limit: int) -> VolumeBounds:
     lower, upper = cell_bounds(cell, solid)
     total = [lower, upper]
     heap = [(lower - upper, 0, lower, upper, cell, solid)]
-    made = 1
-    while made < limit and heap[0][0]:
+    count = 1
+    while count < limit and heap[0][0]:
         _, _, lower, upper, cell, active = heappop(heap)
         total = [total[0] - lower, total[1] - upper]
         for half in _halves(cell):
-            made += 1
+            count += 1
             rest = _undecided(half, active)
             lower, upper = cell_bounds(half, rest)
             total = [total[0] + lower, total[1] + upper]
-            heappush(heap, (lower - upper, made, lower, upper, half, rest))
+            heappush(heap, (lower - upper, count, lower, upper, half, rest))
     return VolumeBounds(*total)
 
 
@@ -323,16 +323,16 @@ def sample(
 ) -> list[dict[str, Fraction]]:
     """`count` points of a union of parts, of which `pieces` is the (possibly costly) description as a union."""
     random = Random(seed)  # noqa: S311 - reproducible samples, no secrets
-    found = _walks([base for base, _ in parts], random)
+    points = _walks([base for base, _ in parts], random)
     if any(removed for _, removed in parts):
         chosen = []
-        for point in islice(found, count * CHANCES):
+        for point in islice(points, count * CHANCES):
             if any(point in base and not any(point in piece for piece in removed) for base, removed in parts):
                 chosen.append(point)
             if len(chosen) == count:
                 return chosen
-        found = _walks(pieces(), random)
-    return list(islice(found, count))
+        points = _walks(pieces(), random)
+    return list(islice(points, count))
 
 
 def _walks(pieces: Iterable[Polyhedron], random: Random) -> Iterator[dict[str, Fraction]]:

@@ -222,13 +222,13 @@ class Polyhedron:
                 f"vertices of a polyhedron of dimension {len(form.free)}; expected at most 3: slice or project it first"
             )
         closed = [constraint.closed() for constraint in form.inequalities]
-        found: dict[tuple[Fraction, ...], dict[str, Fraction]] = {}
+        vertices: dict[tuple[Fraction, ...], dict[str, Fraction]] = {}
         for tight in combinations(closed, len(form.free)):
             point = _solution(form.free, tight)
             if point is not None and all(constraint.evaluate(point) for constraint in closed):
                 vertex = form.complete(point)
-                found[tuple(vertex.values())] = vertex
-        return [found[key] for key in sorted(found)]
+                vertices[tuple(vertex.values())] = vertex
+        return [vertices[key] for key in sorted(vertices)]
 
     def project(self, names: Iterable[str]) -> Polyhedron:
         """The values of the named parameters that some values of the others complete to a point.

@@ -40,7 +40,7 @@ class Optimum:
 
     @property
     def point(self) -> tuple[Fraction, ...]:
-        return tuple(Fraction(*each) for each in self.vertex)
+        return tuple(Fraction(*ratio) for ratio in self.vertex)
 
     @property
     def is_attained(self) -> bool:

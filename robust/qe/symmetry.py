@@ -87,29 +87,29 @@ class Symmetry:
 
     def orbit(self, name: str) -> set[str]:
         """The parameters that exchanges take one to, itself among them."""
-        found, pending = {name}, [name]
+        orbit, pending = {name}, [name]
         while pending:
             current = pending.pop()
-            images = {exchange.get(current, current) for exchange in self._exchanges} - found
-            found |= images
+            images = {exchange.get(current, current) for exchange in self._exchanges} - orbit
+            orbit |= images
             pending += images
-        return found
+        return orbit
 
     def images(self, piece: Conjunction, most: int) -> list[Conjunction] | None:
         """The piece under all permutations, each image once; None if they are more than so many."""
         start = frozenset((side.coefficients, side.relation, side.constant) for side in piece)
-        found, pending = {start}, [start]
+        images, pending = {start}, [start]
         while pending:
             current = pending.pop()
             for exchange in self._exchanges:
                 image = frozenset((_renamed(form, exchange), sense, end) for form, sense, end in current)
-                if image not in found:
-                    if len(found) == most:
+                if image not in images:
+                    if len(images) == most:
                         return None
-                    found.add(image)
+                    images.add(image)
                     pending.append(image)
-        made = {tuple(sorted(starmap(LinearConstraint, image), key=str)) for image in found}
-        return sorted(made, key=str)
+        constraints = {tuple(sorted(starmap(LinearConstraint, image), key=str)) for image in images}
+        return sorted(constraints, key=str)
 
     @cached_property
     def _exchanges(self) -> list[dict[str, str]]:
@@ -177,7 +177,7 @@ def find_symmetry(plan: ParametrizedPlan, deadline: Deadline = NEVER) -> Symmetr
     fixed: set[str] = set()
     for names in facts.alike():
         members: list[str] = []
-        found: list[Swap] = []
+        exchanges: list[Swap] = []
         for name in names:
             if name in fixed:
                 continue
@@ -187,14 +187,14 @@ def find_symmetry(plan: ParametrizedPlan, deadline: Deadline = NEVER) -> Symmetr
             swap = facts.swap(members[0], name)
             if swap is None:
                 continue
-            moved = {one for pair in swap for one in pair}
-            elsewhere = {one for other in found for pair in other for one in pair} | set(members[1:])
+            moved = {item for pair in swap for item in pair}
+            elsewhere = {item for other in exchanges for pair in other for item in pair} | set(members[1:])
             if not moved & (fixed | set(members[1:])) and name not in elsewhere:
                 members.append(name)
-                found.append(swap)
-        if found:
+                exchanges.append(swap)
+        if exchanges:
             classes.append(tuple(members))
-            swaps.append(tuple(found))
+            swaps.append(tuple(exchanges))
             fixed.update(members)
     return Symmetry(tuple(classes), tuple(swaps))
 

@@ -20,7 +20,7 @@ from fractions import Fraction
 from functools import reduce
 from operator import or_
 
-from robust.qe.conjunctions import Conjunction
+from robust.qe.conjunctions import Conjunction, half_space
 from robust.qe.constraint import Coefficients, LinearConstraint, Sense, substitute_equality
 from robust.qe.eliminate.enumerate import polyhedra_of, satisfiable
 from robust.qe.eliminate.interface import Eliminator, Query, without
@@ -76,9 +76,9 @@ class LoosWeispfenning(Eliminator):
                 return satisfiable(session, f"{query.name}: a case", deadline)
 
         # Nothing needs to be said about points of what is known.
-        assumed = [piece[0].negation()[0] for piece in known if len(piece) == 1 and not piece[0].is_equality]
+        assumed = [half.negation()[0] for piece in known if (half := half_space(piece)) is not None]
         result = eliminate(query.formula, query.eliminated, possible, deadline, assumed)
-        yield from polyhedra_of(result, context.session, context.reader, deadline, known)
+        yield from polyhedra_of(result, context, deadline, known)
 
 
 def eliminate(
@@ -451,16 +451,16 @@ def _simplify(node: Nnf, facts: KnownBounds) -> Task:
         for leaf in leaves:
             parts.append(facts.apply(leaf))
             _assume(parts[-1], conjunctive, facts)
-        found = 0
+        count = 0
         for operand in nested:
             if absorbing in parts:
                 break
             parts.append((yield _simplify(operand, facts)))
-            found += _assume(parts[-1], conjunctive, facts)
+            count += _assume(parts[-1], conjunctive, facts)
         facts.forget(mark)
         node = conjunction(parts) if conjunctive else disjunction(parts)
         # Constraints that came to light may say something of the operands before them.
-        if not found or len(nested) == 1:
+        if not count or len(nested) == 1:
             break
     return node
 
