@@ -1,7 +1,7 @@
-"""Gantt charts of executions as SVG, PNG or PDF: who did what when, and what happened meanwhile.
+"""Gantt charts of executions as SVG, PNG or PDF: which agent did what when, and what happened meanwhile.
 
 A chart is pure data. Within a lane, bars and marks are packed into as few rows as leave every label readable: what
-overlaps, labels included, goes to another row. The charts of both kinds of executions follow.
+overlaps, labels included, goes to another row. Executions of plans, and of plans with choices, become such charts.
 """
 
 from __future__ import annotations
@@ -296,7 +296,7 @@ class _ChartDrawing:
 
     @property
     def _legend_columns(self) -> int:
-        """As many entries as are sure to fit beside one another."""
+        """How many entries are sure to fit beside one another."""
         widest = max((_LETTER * len(text) for text in (*self._bar_kinds, *self._mark_kinds)), default=0.0)
         return max(1, int((_WIDTH - 0.3) / (widest + 0.65)))
 
@@ -320,7 +320,7 @@ def _width(label: str) -> float:
 
 
 def plot_run(run: ReplanningRun, executor: str, path: Path) -> None:
-    """Draw an execution: a lane for each first argument of an action, which most domains give to who acts; below them
+    """Draw an execution: a lane for each first argument of an action, which is the agent in most domains; below them
     one for each parameter, with the values in which the plan succeeds and those that were observed.
     """
     executed = [execution for segment in run.segments for execution in segment.executed]
@@ -361,9 +361,7 @@ def _promises(segment: Segment, name: str) -> Iterator[Bar]:
     """Within which values the plan goes on, from one observation to the next, until the value itself is known."""
     changes = [(segment.start, segment.box, segment.guarantee)]
     changes += [(change.time, change.box, segment.promised) for change in segment.left if change.box is not None]
-    seen = min(
-        (observation.time for observation in segment.observations if observation.what == name), default=segment.end
-    )
+    seen = min((known.time for known in segment.observations if known.what == name), default=segment.end)
     held = [(time, box[name], _PROMISES[worth]) for time, box, worth in changes if time < seen and worth in _PROMISES]
     kept = [next(same) for _, same in groupby(held, key=itemgetter(1, 2))]
     for (time, interval, worth), until in zip(kept, [*(time for time, *_ in kept[1:]), seen], strict=False):
@@ -389,7 +387,7 @@ def _marks(run: ReplanningRun) -> Iterator[Mark]:
 
 
 def plot_team_run(record: ExecutionRecord, path: Path | None) -> Figure:
-    """Draw who did what when, with choices, inferences and violations."""
+    """Draw which agent did what when, with choices, inferences and violations."""
     bars: list[Bar] = []
     marks: list[Mark] = []
     for step in record.steps:

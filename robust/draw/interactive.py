@@ -191,9 +191,8 @@ def comparison_data(result: Comparison, breaks: Breaks | None, words: Words) -> 
     varying: set[str] = set()
     for constraint in plan.constraints:
         concerned = {point.instance for point in (constraint.source, constraint.target) if point.instance is not None}
-        if len(concerned) == 1 and not all(
-            bound is None or bound.is_constant for bound in (constraint.lower, constraint.upper)
-        ):
+        bounds = [bound for bound in (constraint.lower, constraint.upper) if bound is not None]
+        if len(concerned) == 1 and not all(bound.is_constant for bound in bounds):
             varying |= concerned
     shown = breaks if region is not None else None
     return {

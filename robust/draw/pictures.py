@@ -286,11 +286,8 @@ def _draw_region(canvas: Axes, result: RiskResult, moving: Sequence[str], words:
     if result.region is None:
         return
     ends = tuple(_view(result, name) for name in moving)
-    fixed = {
-        name: distribution.settled.numbers["value"]
-        for name, distribution in result.distributions.items()
-        if name not in moving
-    }
+    constant = {name: known.settled for name, known in result.distributions.items() if name not in moving}
+    fixed = {name: distribution.numbers["value"] for name, distribution in constant.items()}
     region = result.region.region.slice(fixed)
     boxes = {} if result.best is None else {"the most probable of those compared": result.best.result.box}
     exact = result.region.is_exact

@@ -540,10 +540,8 @@ def _plot_layers(
     names = tuple(axis.name for axis in shown)
     rest = {name: value for name, value in plan.nominal.items() if name not in names}
     sliced = [(label, Region.union_of(names, region.slice(rest).as_union().pieces)) for label, region in layers]
-    title = _title(
-        what,
-        ((parameter.words, parameter.parameter.nominal) for parameter in plan.parameters if parameter not in shown),
-    )
+    fixed = [(parameter.words, parameter.parameter.nominal) for parameter in plan.parameters if parameter not in shown]
+    title = _title(what, fixed)
     return save(lambda: _draw_layers(title, shown, sliced, box), path)
 
 

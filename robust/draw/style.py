@@ -1,7 +1,7 @@
 """What all pictures share: colours and what they mean, texts, and how a figure becomes an SVG, PNG or PDF file.
 
-Colours are those of Okabe and Ito: distinguishable without colour vision, and in grey. Nothing is told by colour alone:
-lines differ in width and dashes, areas in hatching.
+Colours are those of Okabe and Ito: distinguishable without colour vision, and in grey. Nothing is distinguished by
+colour alone: lines differ in width and dashes, areas in hatching.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def save(draw: Callable[[], Figure], path: str | os.PathLike[str] | None, *, lon
 
 
 def _keep_texts(figure: Figure) -> None:
-    """For whoever draws it later: names are no formulas then either, and notebooks know how to show it."""
+    """Keep names from being read as formulas when the figure is drawn later, and let notebooks show it."""
     from matplotlib.text import Text  # noqa: PLC0415 - as above
 
     for text in figure.findobj(Text):
@@ -120,7 +120,7 @@ def entries(axes: Iterable[Axes]) -> dict[str, Artist]:
 
 
 def cut(label: str, longest: int = 44) -> str:
-    """A text of at most so many letters, without its middle: how names end tells more of them apart."""
+    """A text of at most `longest` letters, without its middle: the ends of names distinguish more of them."""
     if len(label) <= longest:
         return label
     tail = (longest - 3) // 2
@@ -128,7 +128,7 @@ def cut(label: str, longest: int = 44) -> str:
 
 
 def wrapped(text: str, width: int) -> str:
-    """A text in lines of about so many letters; also words without blanks are broken."""
+    """A text in lines of at most `width` letters; words without blanks are broken as well."""
     return "\n".join(line for part in text.split("\n") for line in textwrap.wrap(part, width) or [""])
 
 

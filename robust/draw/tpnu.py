@@ -131,9 +131,7 @@ class _NetworkDrawing:
 
     def _of_constraints(self) -> Iterable[_Arrow]:
         known = self._network.temporal_constraints
-        orders = [
-            constraint for constraint in known if constraint.lower is not None and constraint.lower >= self._epsilon
-        ]
+        orders = [order for order in known if order.lower is not None and order.lower >= self._epsilon]
         for constraint in self._network.constraints:
             if not _is_implied(constraint, orders, self._epsilon):
                 plain = constraint.upper is None and constraint.lower == self._epsilon
@@ -255,7 +253,7 @@ class _NetworkDrawing:
     # -- legend --------------------------------------------------------------------------------------------------
 
     def _looks(self) -> dict[str | None, dict[str, Any]]:
-        """The boxes of each agent: colours, and outlines, which are told apart without them."""
+        """The boxes of each agent: colours, and outlines, which are distinguishable without colours."""
         agents = dict.fromkeys(activity.agent for activity in self._network.activities if activity.agent is not None)
         return {
             agent: {"facecolor": LIGHT[at % len(LIGHT)], "edgecolor": DARK_GREY, **_OUTLINES[at % len(_OUTLINES)]}
@@ -368,9 +366,8 @@ def _is_implied(constraint: Constraint, orders: Iterable[Constraint], epsilon: F
 
 def _kinds(choices: Iterable[Choice]) -> Iterable[Choice]:
     """One choice of each kind, controllable first."""
-    return sorted(
-        {choice.controllable: choice for choice in choices}.values(), key=lambda choice: not choice.controllable
-    )
+    kinds = {choice.controllable: choice for choice in choices}
+    return sorted(kinds.values(), key=lambda choice: not choice.controllable)
 
 
 def _note(axes: Axes, place: Point, text: str, colour: str, *, zorder: int) -> None:

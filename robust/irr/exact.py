@@ -5,7 +5,7 @@ the ends of the boxes that meet it; so each known bad polyhedron is a clause ove
 as in :mod:`robust.irr.conflicts`. It is checked against the envelope, and a bad point in it adds a polyhedron. When it
 is inside it is optimal: no box that misses even the known polyhedra is better.
 
-The methods that find a box, by name, and what each of them can be given.
+:class:`BoxMethod` names the methods that find a box, IRR among them, and holds what each of them can be given.
 """
 
 from __future__ import annotations
@@ -190,7 +190,7 @@ class OptimalBox(MasterProblem[Fraction]):
         return None if self.lowest is None else -self.lowest
 
     def run(self) -> Box:
-        """BoxSearch until the best box is proved optimal; `bound` is then its weighted width over finite sides.
+        """Search until the best box is proved optimal; `bound` is then its weighted width over finite sides.
 
         Raises:
             OutOfTimeError: if the deadline passes first; no box is wider than `bound`.

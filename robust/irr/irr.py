@@ -26,7 +26,7 @@ from robust.qe.box import Box, Face, Side
 log = logging.getLogger(__name__)
 
 STREAK = 8
-"""After so many successes in a row in one direction, ask whether it is bounded at all."""
+"""Successes in a row in one direction after which a query asks whether it is bounded at all."""
 
 
 @dataclass(slots=True)

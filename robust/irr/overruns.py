@@ -14,16 +14,8 @@ from typing import Any
 
 from robust.encode.effects import Writes
 from robust.encode.network import duration_rules
-from robust.plan.model import (
-    ActionInstance,
-    Condition,
-    Expression,
-    ParameterReference,
-    ParametrizedPlan,
-    TimePoint,
-    comparisons,
-    fluents_in,
-)
+from robust.plan import model
+from robust.plan.model import ActionInstance, ParameterReference, ParametrizedPlan
 from robust.plan.polynomial import Polynomial
 from robust.qe.box import Box
 
@@ -148,11 +140,10 @@ class Limits:
 def _limits(plan: ParametrizedPlan) -> dict[str, Limits]:
     """What the network, and the domain without regard to the state, say of durations; by instance."""
     limits = {instance.identifier: Limits() for instance in plan.instances}
-    ends = {
-        (instance.start, instance.end): limits[instance.identifier] for instance in plan.instances if instance.durative
-    }
+    durative = (instance for instance in plan.instances if instance.durative)
+    ends = {(instance.start, instance.end): limits[instance.identifier] for instance in durative}
 
-    def add(source: TimePoint, target: TimePoint, least: Limit) -> None:
+    def add(source: model.TimePoint, target: model.TimePoint, least: Limit) -> None:
         """The target is at least so much after the source."""
         if (source, target) in ends:
             ends[source, target].least.append(least)
@@ -188,29 +179,28 @@ def _uses(plan: ParametrizedPlan, name: str) -> set[str]:
             words.add(f"`{item}`" if instance is None else _duration(instance))
     fluents = {fluent for fluent, value in plan.initial_fluents.items() if reference in value.variables}
 
-    def uses(expressions: Iterable[Expression]) -> bool:
+    def uses(expressions: Iterable[model.Expression]) -> bool:
         return any(
-            reference in expression.variables or not fluents.isdisjoint(fluents_in(expression))
+            reference in expression.variables or not fluents.isdisjoint(model.fluents_in(expression))
             for expression in expressions
         )
 
     for instance in plan.instances:
         if uses(duration.condition.expression for duration in instance.durations):
             words.add(_duration(instance))
-        if uses(_of_conditions(condition.condition for condition in instance.conditions)) or uses(
-            _of_effects(instance)
-        ):
+        conditions = (condition.condition for condition in instance.conditions)
+        if uses(_of_conditions(conditions)) or uses(_of_effects(instance)):
             words.add(f"what {instance.identifier} reads or writes")
     if uses(_of_conditions(goal.condition for goal in plan.goal)):
         words.add("the goal")
     return words
 
 
-def _of_conditions(conditions: Iterable[Condition]) -> Iterator[Expression]:
-    return (comparison.expression for condition in conditions for comparison in comparisons(condition))
+def _of_conditions(conditions: Iterable[model.Condition]) -> Iterator[model.Expression]:
+    return (comparison.expression for condition in conditions for comparison in model.comparisons(condition))
 
 
-def _of_effects(instance: ActionInstance) -> Iterator[Expression]:
+def _of_effects(instance: ActionInstance) -> Iterator[model.Expression]:
     for effect in instance.numeric_effects:
         yield effect.expression
         yield Polynomial.variable(effect.fluent)

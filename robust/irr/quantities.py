@@ -20,15 +20,8 @@ from robust.encode.effects import Writes
 from robust.encode.network import duration_rules
 from robust.errors import Location
 from robust.numbers import format_number, readable
-from robust.plan.model import (
-    ZERO,
-    Bound,
-    Parameter,
-    ParameterReference,
-    ParametrizedPlan,
-    TemporalConstraint,
-    TimePoint,
-)
+from robust.plan import model
+from robust.plan.model import Bound, ParametrizedPlan, TemporalConstraint, TimePoint
 from robust.plan.polynomial import Polynomial
 from robust.qe.box import Side
 
@@ -91,18 +84,10 @@ def quantities(
     """
     listed = list(_bounds(plan, gap)) if Changeable.BOUND in kinds else []
     if Changeable.NOMINAL in kinds:
-        listed += [
-            Quantity(
-                parameter.name,
-                Changeable.NOMINAL,
-                parameter.nominal,
-                parameter.weight,
-                parameter.lower,
-                parameter.upper,
-            )
-            for parameter in plan.parameters
-            if parameter.name not in fixed
-        ]
+        for parameter in plan.parameters:
+            if parameter.name not in fixed:
+                numbers = parameter.nominal, parameter.weight, parameter.lower, parameter.upper
+                listed.append(Quantity(parameter.name, Changeable.NOMINAL, *numbers))
     return listed
 
 
@@ -143,7 +128,7 @@ def _limits(plan: ParametrizedPlan) -> dict[tuple[TimePoint, TimePoint], Limits]
         limits[target, source] = None if high is None else -high, -low
 
     for point in plan.time_points[1:]:
-        add(ZERO, point, Fraction(0))
+        add(model.ZERO, point, Fraction(0))
     for rule in duration_rules(plan, Writes(plan)):
         for bound in rule.bounds:
             if bound.weight.is_constant:
@@ -164,11 +149,10 @@ def lifted(plan: ParametrizedPlan, changeable: Sequence[Quantity]) -> Parametriz
     constraints, parameters = list(plan.constraints), list(plan.parameters)
     for quantity in changeable:
         if quantity.kind is Changeable.BOUND:
-            reference: Bound = Polynomial.variable(ParameterReference(quantity.name))
+            reference: Bound = Polynomial.variable(model.ParameterReference(quantity.name))
             constraints[quantity.constraint] = _with_bound(constraints[quantity.constraint], quantity.side, reference)
-            parameters.append(
-                Parameter(quantity.name, quantity.old or Fraction(0), quantity.weight, quantity.lower, quantity.upper)
-            )
+            numbers = quantity.old or Fraction(0), quantity.weight, quantity.lower, quantity.upper
+            parameters.append(model.Parameter(quantity.name, *numbers))
     return replace(plan, constraints=tuple(constraints), parameters=tuple(parameters))
 
 
@@ -249,7 +233,7 @@ def _words(constraint: TemporalConstraint, quantity: Quantity, new: Fraction) ->
 
 def _bounded(constraint: TemporalConstraint, side: Side, value: Fraction) -> str:
     upper = side is Side.UPPER
-    if constraint.source == ZERO and value >= 0:
+    if constraint.source == model.ZERO and value >= 0:
         return f"at {readable(value)} {'at the latest' if upper else 'at the earliest'}"
     if value < 0:
         return f"{'at least' if upper else 'at most'} {readable(-value)} before {constraint.source}"

@@ -6,13 +6,12 @@ in :mod:`robust.irr.widen`. What a plan is required to tolerate is projected out
 one of the inequalities of each polyhedron that is left. The cheapest is found as in :mod:`robust.irr.conflicts`.
 
 Cost is a pair: how many numbers change, and the weighted sum of the changes. By sum, the first counts only bounds that
-were infinite: no distance from infinity can be told, so as few as possible become finite.
+were infinite: their distance from infinity is not defined, so as few as possible become finite.
 
-The cheapest changes of a plan under inequalities between them, by exact linear programming.
-
-A bound that is infinite can stay so, and then satisfies or breaks an inequality whatever the other numbers are; which
-of these become finite is said beforehand. Where a strict inequality excludes the cheapest changes themselves, the ones
-that are found cost a little more.
+The cheapest changes under given inequalities are found by exact linear programming. A bound that is infinite can stay
+so, and then satisfies or breaks an inequality whatever the other numbers are; which of these become finite is said
+beforehand. Where a strict inequality excludes the cheapest changes themselves, the ones that are found cost a little
+more.
 """
 
 from __future__ import annotations
@@ -231,9 +230,8 @@ class CheapestChanges:
         quantity = self.quantities[name]
         old = quantity.old or _NOTHING
         for sign in (1, -1):
-            yield LinearConstraint.of(
-                {cost_name(name): 1, name: -sign * quantity.weight}, ">=", -sign * quantity.weight * old
-            )
+            slope = -sign * quantity.weight
+            yield LinearConstraint.of({cost_name(name): 1, name: slope}, ">=", slope * old)
 
 
 def cost_name(name: str) -> str:
@@ -356,29 +354,19 @@ class RepairSearch(RepairSearching[Cost, Repair]):
         encoding = self._bad.encoding
         asked = [obligation for obligation in encoding.obligations if obligation.violation is not encoding.terms.false]
         kept = {obligation.name: encoding.terms.negation(obligation.violation) for obligation in asked}
+        violations = {obligation.violation for obligation in asked}
         session = self._bad.open_session()
-        formulas = (
-            formula
-            for obligation in asked
-            for formula in encoding.full_query(obligation)
-            if formula is not obligation.violation
-        )
-        session.add_all(list(dict.fromkeys(formulas)), self.deadline)
-        fixed = {
-            parameter.name: parameter.nominal
-            for parameter in self._plan.parameters
-            if parameter.name not in self._quantities
-        }
+        formulas = {formula: None for obligation in asked for formula in encoding.full_query(obligation)}
+        session.add_all([formula for formula in formulas if formula not in violations], self.deadline)
+        fixed = {name: value for name, value in self._plan.nominal.items() if name not in self._quantities}
         for corner in _ends(self._required):
             at = {name: Interval(value, value) for name, value in {**fixed, **corner}.items()}
             with session.frame(*within(encoding, at)):
 
                 def refuted(formulas: Iterable[Formula], session: Session = session) -> bool:
                     with session.frame(*formulas):
-                        return (
-                            session.check("some valid schedule", self.deadline, EFFORTS[1])
-                            is Satisfiability.UNSATISFIABLE
-                        )
+                        verdict = session.check("some valid schedule", self.deadline, EFFORTS[1])
+                    return verdict is Satisfiability.UNSATISFIABLE
 
                 # Without any schedule there are statements to blame, which the search names.
                 if refuted(()) or not refuted(kept.values()):
@@ -413,7 +401,7 @@ class RepairSearch(RepairSearching[Cost, Repair]):
         return self._changes.solution(min(steps, key=attrgetter("cost"))) if steps else None
 
     def accept(self, candidate: Candidate[Cost]) -> None:
-        """Check the repaired plan by itself; it is the best one by now."""
+        """Check the repaired plan by itself, and keep it: it is better than those before it."""
         plan = self._changed(candidate)
         box = Box.nominal(plan.parameters).changed(self._required)
         encoding = RelationalEncoding(plan, self._epsilon)
@@ -456,11 +444,8 @@ class RepairSearch(RepairSearching[Cost, Repair]):
 
     def _clause(self, piece: Polyhedron) -> Clause:
         """What a repair must break of a polyhedron: it is bad whatever the required parameters are in it."""
-        fixed = {
-            parameter.name: parameter.nominal
-            for parameter in self._plan.parameters
-            if parameter.name not in self._quantities and parameter.name not in self._required
-        }
+        variable = self._quantities.keys() | self._required.keys()
+        fixed = {name: value for name, value in self._plan.nominal.items() if name not in variable}
         bad = [constraint.substitute(fixed) for constraint in piece.constraints]
         if any(not self._required.keys().isdisjoint(constraint.parameters) for constraint in bad):
             bad += Box(self._required).constraints()
@@ -556,17 +541,13 @@ class RepairSearch(RepairSearching[Cost, Repair]):
     def _result(self, status: Status, reason: str | None = None) -> Repair:
         best, changes = self.best, () if self.best is None else tuple(self._changes_of(self.best))
         # Where the infimum is only approached, the changes cost a little more.
-        cost = (
-            None
-            if best is None
-            else Cost(best.cost.count, sum((change.cost or _NOTHING for change in changes), _NOTHING))
-        )
+        total = sum((change.cost or _NOTHING for change in changes), _NOTHING)
         return Repair(
             status=self.repaired(status),
             required=self._required,
             plan=None if best is None else self._changed(best),
             changes=changes,
-            cost=cost,
+            cost=None if best is None else Cost(best.cost.count, total),
             bound=self.lowest or Cost(),
             conflicts=len(self.clauses),
             candidates=self.examined,

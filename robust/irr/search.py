@@ -146,7 +146,7 @@ class BoxSearch(Searching[EnvelopeResult]):
     @property
     @abstractmethod
     def checks(self) -> int:
-        """Rectangles tried by now."""
+        """How many rectangles have been tried."""
 
     @property
     def bound(self) -> Fraction | None:
@@ -211,7 +211,7 @@ class BoxSearch(Searching[EnvelopeResult]):
         return stops
 
     def _accept(self, box: Box) -> None:
-        """The box is inside the envelope and the best one by now."""
+        """Keep a box that is inside the envelope, and better than those before it."""
         self.box = box
         if self._first_widening is None and any(interval.width != 0 for interval in box.intervals.values()):
             self._first_widening = self._seconds()

@@ -12,18 +12,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from robust.numbers import format_number
-from robust.plan.model import (
-    ActionInstance,
-    Bound,
-    Duration,
-    DurationConstraint,
-    Expression,
-    Fluent,
-    NumericVariable,
-    Parameter,
-    ParameterReference,
-    ParametrizedPlan,
-)
+from robust.plan import model
+from robust.plan.model import Bound, Parameter, ParametrizedPlan
 from robust.plan.polynomial import Polynomial
 from robust.qe.box import Box, Side
 
@@ -99,8 +89,8 @@ class Advice:
 class _Fixed:
     """An instance whose duration is `length` in the plan, and is demanded to be something else by the domain."""
 
-    instance: ActionInstance
-    constraint: DurationConstraint
+    instance: model.ActionInstance
+    constraint: model.DurationConstraint
     length: Bound
     parameters: frozenset[str]
 
@@ -134,23 +124,21 @@ def _fixed_twice(plan: ParametrizedPlan) -> Iterator[_Fixed]:
             continue
         for constraint in instance.fixing[:1]:
             gap = _with_values(constraint.condition.expression, length, plan)
-            names = frozenset(
-                reference.name for reference in gap.variables if isinstance(reference, ParameterReference)
-            )
+            names = frozenset(known.name for known in gap.variables if isinstance(known, model.ParameterReference))
             if names:
                 yield _Fixed(instance, constraint, length, names)
 
 
-def _with_values(expression: Expression, length: Bound, plan: ParametrizedPlan) -> Expression:
+def _with_values(expression: model.Expression, length: Bound, plan: ParametrizedPlan) -> model.Expression:
     """The expression with the length for `?duration`, and initial values for fluents."""
 
-    def value(unknown: NumericVariable) -> Expression:
+    def value(unknown: model.NumericVariable) -> model.Expression:
         match unknown:
-            case Duration():
+            case model.Duration():
                 return length
-            case Fluent():
+            case model.Fluent():
                 return plan.initial_fluents[unknown]
-            case ParameterReference():
+            case model.ParameterReference():
                 return Polynomial.variable(unknown)
 
     return expression.substitute(value)
@@ -158,9 +146,7 @@ def _with_values(expression: Expression, length: Bound, plan: ParametrizedPlan) 
 
 def _advice(plan: ParametrizedPlan, group: list[_Fixed]) -> Advice:
     first = group[0]
-    names = tuple(
-        parameter.name for parameter in plan.parameters if any(parameter.name in fixed.parameters for fixed in group)
-    )
+    names = tuple(name for name in plan.nominal if any(name in fixed.parameters for fixed in group))
     demand = f"{first.constraint.text} of {first.instance.identifier}{' and the like' if len(group) > 1 else ''}"
     if first.length.variables:
         reason = f"the plan makes parameters of durations, but the domain still demands {demand}"

@@ -271,7 +271,7 @@ class Widening:
             while moving:
                 moving = self._round(moving)
 
-    # -- one round: move until something blocks, then tell who is blocked -------------------------------------------
+    # -- one round: move until something blocks, then find out which faces are blocked ---------------------------------
 
     def _round(self, moving: list[Face]) -> list[Face]:
         """Move faces outwards together; returns those that may go on."""
@@ -294,11 +294,11 @@ class Widening:
     def _split(self, moving: list[Face], least: Least) -> tuple[list[Face], list[Face]]:
         """Which faces can still go beyond the stretch while the others stay there, confirmed."""
         while True:
-            # Pieces farther out leave room for everybody.
+            # Pieces farther out leave room for all faces.
             near = [piece for piece, stretch in self._stretches(moving) if stretch == least]
             going: list[Face] = []
             for face in moving:
-                # A piece that does not stop those who go stops nobody else whom it does not mention.
+                # A piece that does not stop the faces that go does not stop a face that it does not mention.
                 around = [piece for piece in near if face[0] in piece.mentioned]
                 if self._can_go([*going, face], moving, least, around):
                     going.append(face)
@@ -307,7 +307,7 @@ class Widening:
 
     def _can_go(self, going: list[Face], moving: list[Face], least: Least, near: list[Obstacle]) -> bool:
         if least.attained:
-            # The value itself is bad for someone: who may include it?
+            # The value itself is bad for some face: which faces may include it?
             ahead = self._ahead(going, moving, least)
             return not any(piece.meets(ahead) for piece in near)
         growing = self._beyond(going, moving, least) if near else None

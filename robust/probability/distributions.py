@@ -4,9 +4,8 @@ A distribution is a part that has a density, and values that have a probability 
 nothing else, and a normal distribution that is clipped to its minimum has one there. On the command line it is
 `normal:30:5`, the numbers of :data:`KEYS` in their order; an empty or missing one is left out, where it may be.
 
-Enclosures of exp and of the normal distribution: two integers between which the true value lies, in units of 2⁻²⁵⁶.
-
-Everything is integer arithmetic rounded outwards, with the remainders of the series bounded as is said beside them.
+A probability is enclosed by two integers, in units of 2⁻²⁵⁶. Everything is integer arithmetic rounded outwards, with
+the remainders of the series for exp and the normal distribution bounded where they are computed.
 """
 
 from __future__ import annotations
@@ -136,7 +135,7 @@ KEYS: Final[Mapping[str, tuple[str, ...]]] = {
     "triangular": ("lower", "mode", "upper"),
     "exponential": ("mean", "minimum"),
 }
-"""The distributions with what each is told."""
+"""The distributions with the numbers that each takes."""
 PLANNED: Final = frozenset({"value", "mean", "origin", "mode"})
 """Keys that mean the planned value if they are left out."""
 OPTIONAL: Final = PLANNED | {"minimum", "maximum", "below"}
@@ -223,7 +222,7 @@ class Distribution:
 
     @cached_property
     def settled(self) -> Distribution:
-        """The same; a constant, if there is nothing random about it."""
+        """The distribution; a constant, if there is nothing random about it."""
         numbers, value = self.numbers, None
         if self.kind in {"uniform", "triangular"} and numbers["lower"] == numbers["upper"]:
             value = numbers["lower"]

@@ -280,9 +280,8 @@ class Measure:
             for constraint in piece.constraints:
                 if constraint not in known:
                     factors = tuple((index[name], factor) for name, factor in constraint.coefficients)
-                    known[constraint] = Half(
-                        factors, int(constraint.constant * unit), constraint.is_strict, constraint.is_equality
-                    )
+                    limit = int(constraint.constant * unit)
+                    known[constraint] = Half(factors, limit, constraint.is_strict, constraint.is_equality)
             return tuple(known[constraint] for constraint in piece.constraints)
 
         active = [(halves(base), tuple(map(halves, removed))) for base, removed in parts]
@@ -293,7 +292,7 @@ class Measure:
 
     @property
     def bounds(self) -> Bounds:
-        """What is known by now."""
+        """The bounds that are known at the moment."""
         return Bounds.of(self._total)
 
     @property
@@ -329,7 +328,7 @@ class Measure:
         for span in self._axes[axis].split(cell[axis]):
             lower, upper = self._share((*cell[:axis], span, *cell[axis + 1 :]), active)
             least, most = least + lower, most + upper
-        self._total = least, most  # at once: whoever interrupts this finds bounds that hold
+        self._total = least, most  # at once: an interruption must leave bounds that hold
 
     def _choice(self, cell: Cell, active: Sequence[Active]) -> int | None:
         """The axis to split: what makes several sides cut the cell, or else whose density is least like a line."""
@@ -446,7 +445,7 @@ class RegionMeasure:
 
     @property
     def bounds(self) -> Bounds:
-        """What is known by now."""
+        """The bounds that are known at the moment."""
         if self._empty:
             return Bounds(Fraction(0), Fraction(0))
         bounds = [measure.bounds for measure in self._measures]

@@ -41,10 +41,8 @@ def widen_around(
     on_box: Callable[[Box], None],
 ) -> None:
     """Exact widening from a good point, each parameter as fast as its values scatter; see :class:`Widening`."""
-    moved = [
-        replace(parameter, nominal=point[parameter.name], weight=distributions[parameter.name].scale)
-        for parameter in parameters
-    ]
+    scales = {name: distribution.scale for name, distribution in distributions.items()}
+    moved = [replace(known, nominal=point[known.name], weight=scales[known.name]) for known in parameters]
     groups = [faces_of(moved)]
     Widening(bad=bad, parameters=moved, pieces=pieces, groups=groups, deadline=deadline, on_box=on_box).run()
 
@@ -227,7 +225,7 @@ class Points:
         self.draws = self.successes = 0
 
     def run(self, draws: int, deadline: Deadline) -> None:
-        """Draw so many points.
+        """Draw random points until there are `draws`.
 
         Raises:
             OutOfTimeError: if the deadline passes first.
@@ -255,5 +253,5 @@ class Points:
 
     @property
     def estimate(self) -> SampledEstimate | None:
-        """What is known by now; None without any point."""
+        """The estimate from the points drawn so far; None without any point."""
         return SampledEstimate.of(self.successes, self.draws) if self.draws else None

@@ -38,7 +38,7 @@ from robust.searching import Searching, Status
 from robust.smt.limits import Deadline, OutOfTimeError
 
 METHODS = ("irr", "widen", "optimal")
-"""The boxes whose probability is told."""
+"""The methods whose boxes are compared by their probability."""
 MANY = 6
 """Parameters from which on no stage may take longer than `EFFORT`, and random points are drawn."""
 EFFORT = 30.0
@@ -383,7 +383,7 @@ class Attribution:
                 cause.bounds = measure.bounds
 
     def shares(self, failing: Fraction) -> tuple[BlameShare, ...]:
-        """What is known by now, without what takes nothing; `failing` is what all together take at most."""
+        """The shares that are known, without empty ones; `failing` is the most that all take together."""
         inside = box_probability(Box.declared(self.plan.parameters), self.distributions)
         shares = {DECLARED: Bounds(1 - inside.upper, 1 - inside.lower)}
         for cause in self._broken:

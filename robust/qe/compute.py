@@ -21,6 +21,7 @@ from robust.encode import create_encoding
 from robust.encode.interface import EPSILON, Encoding, Facet, Grid, Obligation, Range
 from robust.plan.model import ParametrizedPlan, Relation
 from robust.presented import Presented
+from robust.qe import inner
 from robust.qe.box import Box
 from robust.qe.conjunctions import Conjunction, half_space, project_at
 from robust.qe.constraint import LinearConstraint, substitute_equality
@@ -28,15 +29,7 @@ from robust.qe.eliminate import create_eliminator
 from robust.qe.eliminate.enumerate import polyhedra_of, satisfiable
 from robust.qe.eliminate.interface import Definition, Query, Solvers, outside
 from robust.qe.estimate import OpenShare
-from robust.qe.inner import (
-    EnvelopeFactor,
-    FactorSearch,
-    ParameterGroup,
-    drawn_share,
-    independent_groups,
-    inner_region,
-    open_share,
-)
+from robust.qe.inner import EnvelopeFactor, FactorSearch
 from robust.qe.nnf import FALSE, TRUE, FormulaReader, Junction, Nnf, conjunction, disjunction, names_in, negation
 from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import Region
@@ -330,7 +323,7 @@ class RegionResult(Presented, ask="status"):
         """An inner bound, with some parameters fixed: the envelope, or as much of what is proved as is not too long."""
         if self.is_exact:
             return self.region.slice(at)
-        return inner_region(self.region.parameters, self.factors, at)
+        return inner.inner_region(self.region.parameters, self.factors, at)
 
     def is_proved(self, point: Point) -> bool:
         """Whether a point is known to be in the envelope."""
@@ -413,15 +406,15 @@ class RegionSearch(Searching[RegionResult]):
         if status is not Status.COMPLETE:
             self._share = self.open_share
             try:
-                self._share = open_share(self._factors)
+                self._share = inner.open_share(self._factors)
             except KeyboardInterrupt:
                 status = Status.INTERRUPTED
         return self._result(status, reason)
 
     @property
     def open_share(self) -> OpenShare | None:
-        """How much is open by now, if random points have been drawn already."""
-        return self._share or drawn_share(self._factors)
+        """The share of open points, if random points have been drawn already."""
+        return self._share or inner.drawn_share(self._factors)
 
     @property
     def _bad(self) -> list[Conjunction]:
@@ -435,23 +428,9 @@ class RegionSearch(Searching[RegionResult]):
         region = self._region or self._without(Polyhedron(self._parameters, self._bounds), self._bad)
         factors = tuple(factor.factor() for factor in self._factors)
         share = None if status is Status.COMPLETE else self.open_share
-        return RegionResult(
-            status,
-            region,
-            self.backend,
-            self.splitting,
-            self.learning,
-            self.encoding,
-            self.solver,
-            self._seconds(),
-            self._count,
-            self._statistics,
-            factors,
-            share,
-            reason,
-            self.epsilon,
-            self.plan,
-        )
+        asked = self.backend, self.splitting, self.learning, self.encoding, self.solver
+        known = self._seconds(), self._count, self._statistics, factors, share, reason
+        return RegionResult(status, region, *asked, *known, self.epsilon, self.plan)
 
     def _ending(self) -> tuple[Status, str | None]:
         try:
@@ -494,10 +473,10 @@ class RegionSearch(Searching[RegionResult]):
             sides.append(LinearConstraint.false())
         base = Polyhedron(self._parameters, (*self._bounds, *sides))
         groups = [
-            ParameterGroup(
+            inner.ParameterGroup(
                 names, queries, base.project(names), tuple(self._known()), self.plan.nominal, symmetry.within(names)
             )
-            for names, queries in independent_groups(self._parameters, problem.violations, facets)
+            for names, queries in inner.independent_groups(self._parameters, problem.violations, facets)
         ]
         search = partial(FactorSearch, context, deadline=self._deadline, on_piece=self._tell, on_cell=self.on_cell)
         self._factors = [search(group) for group in groups]

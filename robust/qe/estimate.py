@@ -1,8 +1,8 @@
-"""Certified bounds on volumes by subdividing a bounding box.
+"""Sizes of sets of parameter values: certified bounds on volumes, open shares of boxes, random points of regions.
 
-How much of a box of parameter values is neither proved good nor proved bad: exactly, or estimated by random points.
-
-The box is the product of boxes of independent groups of parameters, and a point is good if it is good in every group.
+Volumes are bounded by subdividing a bounding box. The open share is the part of a box that is neither proved good nor
+proved bad, computed exactly or estimated from random points. The box is the product of boxes of independent groups of
+parameters, and a point is good if it is good in every group.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class OpenShare:
 
     @staticmethod
     def estimated(count: int, points: int, box: Box) -> OpenShare:
-        """So many of these points are open."""
+        """The share estimated from `count` open points among `points`."""
         lower, upper = (
             Fraction(round(end * 10**6), 10**6) for end in proportion_bounds(count, points, float(CONFIDENCE))
         )
@@ -74,7 +74,7 @@ def _bisected(reached: Callable[[float], bool]) -> float:
 
 
 def _at_least(count: int, points: int, chance: float) -> float:
-    """The probability that an event of this chance is seen so many times or more."""
+    """The probability of at least `count` successes in `points` trials, each with this chance."""
     if not 0 < chance < 1:
         return float(chance >= 1)
     choices = lgamma(points + 1)
@@ -119,11 +119,11 @@ class Samples:
         return int((lower + (upper - lower) * place / GRID) * self._scale)
 
     def exclude(self, piece: Conjunction) -> None:
-        """The points of the piece are bad."""
+        """Mark the points of the piece as bad."""
         self.undecided -= self._inside(piece)
 
     def include(self, cell: Polyhedron) -> None:
-        """The points of the cell are good."""
+        """Mark the points of the cell as good."""
         inside = self._inside(cell.constraints)
         self.good |= inside
         self.undecided -= inside

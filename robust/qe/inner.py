@@ -1,4 +1,4 @@
-"""The envelope from outside and from inside at the same time, group by group.
+"""The envelope of each independent group of parameters, from outside and from inside at the same time.
 
 Parameters of which no obligation and no statement of the network speaks together are independent: the envelope is the
 product of one set for each group, and each is searched alone. In a group, bad pieces are found obligation by
@@ -7,9 +7,8 @@ piece that reaches into it, until no obligation can be broken in it; pieces foun
 When the pieces and the cells cover everything, both bounds are the envelope.
 
 What is symmetric is searched where interchangeable parameters ascend, and pieces are lifted from there: to a polyhedron
-around the piece of which every image is bad, so that the pieces of the whole space stay few.
-
-Bad pieces made larger: by several obligations together, and from ascending order to any order.
+around the piece of which every image is bad, so that the pieces of the whole space stay few. Bad pieces are also
+widened where several obligations together leave no way out.
 """
 
 from __future__ import annotations
@@ -144,7 +143,7 @@ class Lifting:
         return tuple(side for side in box_sides(self._base.restricted(piece)) if side not in self._box)
 
     def _minimal(self, sides: Conjunction) -> Conjunction:
-        """As many of the sides left out as can be, one after the other."""
+        """The sides without those that can be left out, tried one after the other."""
         for side in sides:
             others = tuple(other for other in sides if other is not side)
             if self._images(others, MOST_IMAGES) is not None:
@@ -331,7 +330,7 @@ class FactorSearch:
         return not self._pending
 
     def run(self) -> None:
-        """For a while, from outside; after some of those, as long from inside.
+        """Search for a time slice: first from outside, later in turn from inside.
 
         Raises:
             OutOfTimeError: if the deadline passes.
@@ -347,7 +346,7 @@ class FactorSearch:
                 self._inside += time.process_time() - before
 
     def step(self) -> None:
-        """One more piece, or one query fewer.
+        """Find one more piece, or close a query.
 
         Raises:
             OutOfTimeError: if the deadline passes.
@@ -403,7 +402,7 @@ class FactorSearch:
     # -- cells ---------------------------------------------------------------------------------------------------------
 
     def grow(self) -> None:
-        """A cell of good values where nothing is known yet, or a bad piece; if all is known, the search is done.
+        """Find a cell of good values, or a bad piece, where nothing is known yet; if all is known, the search is done.
 
         Raises:
             OutOfTimeError: if the deadline passes.
@@ -425,7 +424,7 @@ class FactorSearch:
             self.on_cell(cell)
 
     def _box_around(self, point: Point) -> None:
-        """A first box of good values, for those who will not wait for a cell: it is proved sooner, because it decides
+        """A first box of good values, which is proved sooner than a cell, because it decides
         more of what happens when, and grows as long as nothing bad reaches into it."""
         for radius in RADII:
             ends = {name: Interval(value - radius, value + radius) for name, value in point.items()}
@@ -552,7 +551,7 @@ class FactorSearch:
         return whole.volume() or ZERO, possible * orders, proved * orders
 
     def factor(self) -> EnvelopeFactor:
-        """What is known by now."""
+        """What is known of the group at the moment."""
         beyond = (piece for piece in self._pieces if half_space(piece.constraints) is None)
         outer = Region.difference(self._base, beyond)
         inner = outer if self.done else Region.union_of(self._parameters, self.good)
@@ -572,7 +571,7 @@ def open_share(factors: Sequence[FactorSearch]) -> OpenShare | None:
 
 
 def drawn_share(factors: Sequence[FactorSearch]) -> OpenShare | None:
-    """The same from random points that have been drawn already, which takes no time; None if there are none."""
+    """The open share from random points that have been drawn already, which takes no time; None if there are none."""
     known = [drawn for drawn in (factor.drawn for factor in factors) if drawn is not None]
     if not known or len(known) < len(factors):
         return None

@@ -118,12 +118,12 @@ class Polyhedron:
         return self.normal_form is not None and not self.normal_form.constraints
 
     def simplified(self) -> Polyhedron:
-        """The same points with no constraint that could be left out, and all implied equalities explicit."""
+        """The polyhedron without redundant constraints, and with all implied equalities explicit."""
         form = self.normal_form
         return Polyhedron.nothing(self.parameters) if form is None else Polyhedron(self.parameters, form.constraints)
 
     def closure(self) -> Polyhedron:
-        """With its boundary; empty if the polyhedron is."""
+        """The polyhedron with its boundary; empty if the polyhedron is."""
         if self.is_empty:
             return Polyhedron.nothing(self.parameters)
         return Polyhedron(self.parameters, tuple(constraint.closed() for constraint in self.constraints))

@@ -50,7 +50,7 @@ def outside(piece: Polyhedron, cover: Sequence[Polyhedron]) -> dict[str, Fractio
 def outside_by_splitting(
     piece: Polyhedron, cover: Sequence[Polyhedron], *, limit: int | None = None
 ) -> dict[str, Fraction] | None:
-    """As `outside`, by exact linear programming alone.
+    """A point of the piece outside of the cover, found by exact linear programming alone.
 
     Raises:
         OutOfWorkError: after `limit` splits.
@@ -73,7 +73,7 @@ def outside_by_splitting(
 
 
 def outside_by_solver(piece: Polyhedron, cover: Sequence[Polyhedron]) -> dict[str, Fraction] | None:
-    """As `outside`, by one query in linear real arithmetic; the answer's point is checked exactly.
+    """A point of the piece outside of the cover, found by one query to a solver and checked exactly.
 
     Raises:
         SolverError: if the solver gives up or its point is wrong.
@@ -275,7 +275,7 @@ class Region:
         return [(self.base, self.pieces)]
 
     def as_union(self, *, disjoint: bool = False) -> Region:
-        """The same points as a union; with `disjoint`, of polyhedra that have no point in common.
+        """The region as a union of polyhedra; with `disjoint`, of polyhedra that have no point in common.
 
         Without it the pieces are as large as possible and may overlap.
         """
@@ -284,12 +284,12 @@ class Region:
         return Region(self.parameters, tuple(self._united(disjoint=disjoint) or ()))
 
     def short_union(self, most: int) -> Region | None:
-        """The same points as a simplified union; None if that takes more than so many polyhedra at any moment."""
+        """The region as a simplified union; None if that takes more than `most` polyhedra at any moment."""
         pieces = None if len(self.pieces) > LONG else self._united(most=most)
         return None if pieces is None else Region(self.parameters, tuple(pieces)).simplified()
 
     def _united(self, *, disjoint: bool = False, most: int | None = None) -> list[Polyhedron] | None:
-        """The polyhedra of a union; None if they are more than so many at any moment."""
+        """The polyhedra of a union; None if there are more than `most` at any moment."""
         current: list[Polyhedron] = []
         for base, removed in self.parts():
             rest = [base]
@@ -302,7 +302,7 @@ class Region:
         return None if most is not None and len(current) > most else current
 
     def as_difference(self) -> Region:
-        """The same points as one polyhedron without a union: everything outside is removed."""
+        """The region as one polyhedron minus a union: everything outside is removed."""
         if self.base is not None:
             return self
         if len(self.pieces) == 1:
@@ -375,7 +375,7 @@ class Region:
         return self.intersection(other.complement())
 
     def simplified(self) -> Region:
-        """The same points in the same form with no constraint or polyhedron that could be left out.
+        """The region in its form, without redundant constraints and polyhedra.
 
         Polyhedra are absorbed by others, merged in pairs, and freed of sides beyond which others take over, so they may
         overlap.

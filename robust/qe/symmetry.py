@@ -20,20 +20,7 @@ from functools import cached_property
 from itertools import pairwise, starmap
 from typing import Any, TypeVar
 
-from robust.plan.model import (
-    And,
-    Atom,
-    Condition,
-    Expression,
-    Fluent,
-    Holds,
-    NumericCondition,
-    Or,
-    ParameterReference,
-    ParametrizedPlan,
-    TimePoint,
-    Truth,
-)
+from robust.plan import model
 from robust.qe.conjunctions import Conjunction
 from robust.qe.constraint import Coefficients, LinearConstraint
 from robust.smt.limits import NEVER, Deadline
@@ -96,7 +83,7 @@ class Symmetry:
         return orbit
 
     def images(self, piece: Conjunction, most: int) -> list[Conjunction] | None:
-        """The piece under all permutations, each image once; None if they are more than so many."""
+        """The images of the piece under all permutations, each once; None if there are more than `most`."""
         start = frozenset((side.coefficients, side.relation, side.constant) for side in piece)
         images, pending = {start}, [start]
         while pending:
@@ -162,7 +149,7 @@ Fact = Any
 Naming = Callable[[_Symbol], Hashable]
 
 
-def find_symmetry(plan: ParametrizedPlan, deadline: Deadline = NEVER) -> Symmetry:
+def find_symmetry(plan: model.ParametrizedPlan, deadline: Deadline = NEVER) -> Symmetry:
     """Classes of parameters that may be permuted.
 
     Raises:
@@ -202,7 +189,7 @@ def find_symmetry(plan: ParametrizedPlan, deadline: Deadline = NEVER) -> Symmetr
 class _Facts:
     """A plan as facts about symbols."""
 
-    def __init__(self, plan: ParametrizedPlan, deadline: Deadline) -> None:
+    def __init__(self, plan: model.ParametrizedPlan, deadline: Deadline) -> None:
         self._deadline = deadline
         self._parameters = [_parameter(parameter.name) for parameter in plan.parameters]
         self._facts: list[Fact] = list(_facts(plan))
@@ -294,7 +281,7 @@ def _parameter(name: str) -> _Symbol:
     return _Symbol("parameter", name)
 
 
-def _facts(plan: ParametrizedPlan) -> Iterator[Fact]:
+def _facts(plan: model.ParametrizedPlan) -> Iterator[Fact]:
     """Everything that decides whether the plan is valid. Effects of one instance, and timed literals, keep their order:
     that is that of the domain, which instances of one action share."""
     for parameter in plan.parameters:
@@ -328,34 +315,34 @@ def _facts(plan: ParametrizedPlan) -> Iterator[Fact]:
         yield "goal", _condition(goal.condition)
 
 
-def _point(point: TimePoint) -> Fact:
+def _point(point: model.TimePoint) -> Fact:
     return point.kind, point.instance and _Symbol("instance", point.instance), point.time
 
 
 def _variable(variable: object) -> Fact:
     match variable:
-        case Atom():
+        case model.Atom():
             return _Symbol("atom", variable)
-        case Fluent():
+        case model.Fluent():
             return _Symbol("fluent", variable)
-        case ParameterReference():
+        case model.ParameterReference():
             return _parameter(variable.name)
     return variable
 
 
-def _polynomial(expression: Expression) -> Fact:
+def _polynomial(expression: model.Expression) -> Fact:
     return _Bag((factor, _Bag(map(_variable, monomial))) for monomial, factor in expression.terms.items())
 
 
-def _condition(condition: Condition) -> Fact:
+def _condition(condition: model.Condition) -> Fact:
     match condition:
-        case Truth():
+        case model.Truth():
             return "truth", condition.value
-        case Holds():
+        case model.Holds():
             return "holds", _variable(condition.atom), condition.value
-        case NumericCondition():
+        case model.NumericCondition():
             return "comparison", _polynomial(condition.expression), condition.relation
-        case And():
+        case model.And():
             return "and", _Bag(map(_condition, condition.operands))
-        case Or():
+        case model.Or():
             return "or", _Bag(map(_condition, condition.operands))

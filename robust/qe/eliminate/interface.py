@@ -101,7 +101,7 @@ class Eliminator(ABC):
         """
 
     def eliminate_nested(self, query: Query, exists: Query, deadline: Deadline) -> Iterator[Conjunction]:
-        """As `eliminate`, for `query ∨ ¬exists` as one formula with both quantifiers; only with `alternation`."""
+        """Eliminate the quantifiers of `query ∨ ¬exists`, one formula with both kinds; only with `alternation`."""
         raise self.unable("alternation", "both quantifiers at once")
 
     def unable(self, capability: str, what: str) -> UnsupportedError:
