@@ -17,7 +17,7 @@ more.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from fractions import Fraction
 from operator import attrgetter
 
@@ -282,6 +282,7 @@ _CHANGES = {
 """What may change, in the words of options."""
 
 
+@dataclass(eq=False)
 class RepairSearch(RepairSearching[Cost, Repair]):
     """One search for the least change of a plan.
 
@@ -297,31 +298,24 @@ class RepairSearch(RepairSearching[Cost, Repair]):
         on_repair: called with the cost of each better repair.
     """
 
-    def __init__(
-        self,
-        plan: ParametrizedPlan,
-        *,
-        require: Mapping[str, Interval] | None = None,
-        kinds: Collection[Changeable] = (Changeable.BOUND,),
-        count: bool = False,
-        reorder: bool = False,
-        epsilon: Fraction = EPSILON,
-        solver: str = "z3",
-        deadline: Deadline = NEVER,
-        on_repair: Callable[[Cost], None] | None = None,
-    ) -> None:
-        super().__init__(solver=solver, deadline=deadline, lowest=Cost())
-        self._plan = plan
-        self._required = dict(require or {})
-        self._kinds = kinds
-        self._counts = count
-        self._epsilon = epsilon
-        self._solver = solver
-        self._on_repair = on_repair
-        gap = None if reorder else epsilon
-        self._quantities = {quantity.name: quantity for quantity in quantities(plan, kinds, self._required, gap)}
-        self._changes = CheapestChanges(plan, self._quantities, counts=count)
-        self._infinity = self._changes.greatest * (1 + len(plan.constraints))
+    plan: ParametrizedPlan
+    _: KW_ONLY
+    require: Mapping[str, Interval] | None = None
+    kinds: Collection[Changeable] = (Changeable.BOUND,)
+    count: bool = False
+    reorder: bool = False
+    epsilon: Fraction = EPSILON
+    solver: str = "z3"
+    deadline: Deadline = NEVER
+    on_repair: Callable[[Cost], None] | None = None
+
+    def __post_init__(self) -> None:
+        super().__init__(solver=self.solver, deadline=self.deadline, lowest=Cost())
+        self._required = dict(self.require or {})
+        changeable = quantities(self.plan, self.kinds, self._required, None if self.reorder else self.epsilon)
+        self._quantities = {quantity.name: quantity for quantity in changeable}
+        self._changes = CheapestChanges(self.plan, self._quantities, counts=self.count)
+        self._infinity = self._changes.greatest * (1 + len(self.plan.constraints))
         self._proof: CheckResult | None = None
         self._declared: set[str] = set()
         self._contradiction: tuple[str, ...] = ()
@@ -329,11 +323,11 @@ class RepairSearch(RepairSearching[Cost, Repair]):
     # -- the search ----------------------------------------------------------------------------------------------------
 
     def _search(self) -> None:
-        plan = lifted(self._plan, list(self._quantities.values()))
-        self._bad = _BadChanges(self._plan, RelationalEncoding(plan, self._epsilon), self._solver, self.deadline)
+        plan = lifted(self.plan, list(self._quantities.values()))
+        self._bad = _BadChanges(self.plan, RelationalEncoding(plan, self.epsilon), self.solver, self.deadline)
         self._network = self._bad.open_session()
         self._network.add_all(self._bad.encoding.network_formulas(), self.deadline)
-        point = {name: self._required.get(name, Interval(value, value)) for name, value in self._plan.nominal.items()}
+        point = {name: self._required.get(name, Interval(value, value)) for name, value in self.plan.nominal.items()}
         self._network.add(
             *within(self._bad.encoding, {n: interval for n, interval in point.items() if n not in self._quantities})
         )
@@ -358,7 +352,7 @@ class RepairSearch(RepairSearching[Cost, Repair]):
         session = self._bad.open_session()
         formulas = {formula: None for obligation in asked for formula in encoding.full_query(obligation)}
         session.add_all([formula for formula in formulas if formula not in violations], self.deadline)
-        fixed = {name: value for name, value in self._plan.nominal.items() if name not in self._quantities}
+        fixed = {name: value for name, value in self.plan.nominal.items() if name not in self._quantities}
         for corner in _ends(self._required):
             at = {name: Interval(value, value) for name, value in {**fixed, **corner}.items()}
             with session.frame(*within(encoding, at)):
@@ -396,7 +390,7 @@ class RepairSearch(RepairSearching[Cost, Repair]):
             free = {n for n, quantity in self._quantities.items() if quantity.old is not None} | needed
             if (programme := self._changes.programme(chosen, free)) is not None:
                 steps.append(programme)
-        if self._counts:
+        if self.count:
             return min(map(self._changes.solution, steps), key=attrgetter("cost"), default=None)
         return self._changes.solution(min(steps, key=attrgetter("cost"))) if steps else None
 
@@ -404,16 +398,16 @@ class RepairSearch(RepairSearching[Cost, Repair]):
         """Check the repaired plan by itself, and keep it: it is better than those before it."""
         plan = self._changed(candidate)
         box = Box.nominal(plan.parameters).changed(self._required)
-        encoding = RelationalEncoding(plan, self._epsilon)
-        proof = Checker(encoding, box, solver=self._solver, deadline=self.deadline).run()
+        encoding = RelationalEncoding(plan, self.epsilon)
+        proof = Checker(encoding, box, solver=self.solver, deadline=self.deadline).run()
         if proof.answer is Answer.UNKNOWN:
             raise KeyboardInterrupt if proof.interrupted else OutOfTimeError(proof.reason)
         if proof.answer is Answer.REFUTED:
             broken = "; ".join(proof.counterexamples) or proof.reason
             raise SolverError(f"the check does not confirm a repair ({broken}); please report this plan as a bug")
         self.best, self._proof = candidate, proof
-        if self._on_repair is not None:
-            self._on_repair(candidate.cost)
+        if self.on_repair is not None:
+            self.on_repair(candidate.cost)
 
     def conflict_at(self, candidate: Candidate[Cost]) -> Clause | None:
         while True:
@@ -445,7 +439,7 @@ class RepairSearch(RepairSearching[Cost, Repair]):
     def _clause(self, piece: Polyhedron) -> Clause:
         """What a repair must break of a polyhedron: it is bad whatever the required parameters are in it."""
         variable = self._quantities.keys() | self._required.keys()
-        fixed = {name: value for name, value in self._plan.nominal.items() if name not in variable}
+        fixed = {name: value for name, value in self.plan.nominal.items() if name not in variable}
         bad = [constraint.substitute(fixed) for constraint in piece.constraints]
         if any(not self._required.keys().isdisjoint(constraint.parameters) for constraint in bad):
             bad += Box(self._required).constraints()
@@ -466,7 +460,7 @@ class RepairSearch(RepairSearching[Cost, Repair]):
 
     def _has_flag(self, name: str) -> bool:
         """Whether a change of the quantity counts."""
-        return self._counts or self._quantities[name].old is None
+        return self.count or self._quantities[name].old is None
 
     def symbols(self) -> Iterator[str]:
         for name in self._declared:
@@ -524,7 +518,7 @@ class RepairSearch(RepairSearching[Cost, Repair]):
         """Obligations, or statements of the network, that no allowed changes reconcile; none can be left out."""
         needed = list(dict.fromkeys(clause.reason for clause in self.clauses))
         for reason in list(needed):
-            session = Session(self.terms, solver=self._solver)
+            session = Session(self.terms, solver=self.solver)
             others = [clause for clause in self.clauses if clause.reason in needed and clause.reason != reason]
             declared: set[str] = set()
             for clause in others:
@@ -536,7 +530,7 @@ class RepairSearch(RepairSearching[Cost, Repair]):
     # -- results -------------------------------------------------------------------------------------------------------
 
     def _changed(self, candidate: Candidate[Cost]) -> ParametrizedPlan:
-        return changed(self._plan, list(self._quantities.values()), candidate.point)
+        return changed(self.plan, list(self._quantities.values()), candidate.point)
 
     def _result(self, status: Status, reason: str | None = None) -> Repair:
         best, changes = self.best, () if self.best is None else tuple(self._changes_of(self.best))
@@ -557,16 +551,16 @@ class RepairSearch(RepairSearching[Cost, Repair]):
             check=self._proof,
             interrupted=status is Status.INTERRUPTED,
             reason=reason,
-            change=_CHANGES[frozenset(self._kinds)],
-            count=self._counts,
-            epsilon=self._epsilon,
-            solver=self._solver,
+            change=_CHANGES[frozenset(self.kinds)],
+            count=self.count,
+            epsilon=self.epsilon,
+            solver=self.solver,
         )
 
     def _changes_of(self, repair: Candidate[Cost]) -> Iterator[QuantityChange]:
         for name, quantity in self._quantities.items():
             if name in repair.point:
-                yield change_of(self._plan, quantity, repair.point[name], self._served(name, repair.point))
+                yield change_of(self.plan, quantity, repair.point[name], self._served(name, repair.point))
 
     def _served(self, name: str, values: Point) -> tuple[str, ...]:
         """What breaks if a change is undone, together with that of the bound which would be on the wrong side of it."""

@@ -429,8 +429,9 @@ class RegionSearch(Searching[RegionResult]):
         factors = tuple(factor.factor() for factor in self._factors)
         share = None if status is Status.COMPLETE else self.open_share
         asked = self.backend, self.splitting, self.learning, self.encoding, self.solver
-        known = self._seconds(), self._count, self._statistics, factors, share, reason
-        return RegionResult(status, region, *asked, *known, self.epsilon, self.plan)
+        statistics = self._statistics
+        known = RegionResult(status, region, *asked, self._seconds(), self._count, statistics, factors, share, reason)
+        return replace(known, epsilon=self.epsilon, plan=self.plan)
 
     def _ending(self) -> tuple[Status, str | None]:
         try:

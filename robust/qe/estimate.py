@@ -44,10 +44,6 @@ class OpenShare:
     points: int | None = None
 
     @staticmethod
-    def exactly(value: Fraction, box: Box) -> OpenShare:
-        return OpenShare(value, value, value, box)
-
-    @staticmethod
     def estimated(count: int, points: int, box: Box) -> OpenShare:
         """The share estimated from `count` open points among `points`."""
         lower, upper = (
@@ -156,7 +152,8 @@ def open_points(groups: Sequence[Judged]) -> int:
 def product_share(sizes: Sequence[tuple[Fraction, Fraction, Fraction]], box: Box) -> OpenShare | None:
     """From the volumes of each group's box, of what is not bad there, and of what is good; None if a box has none."""
     whole, possible, proved = (prod(parts, start=Fraction(1)) for parts in zip(*sizes, strict=True))
-    return OpenShare.exactly((possible - proved) / whole, box) if whole else None
+    share = (possible - proved) / whole if whole else None
+    return None if share is None else OpenShare(share, share, share, box)
 
 
 Cell = tuple[tuple[str, Fraction, Fraction], ...]
