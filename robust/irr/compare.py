@@ -13,6 +13,7 @@ from robust.encode.interface import EPSILON, Encoding
 from robust.irr.check import Answer, Checker
 from robust.irr.exact import BoxMethod
 from robust.irr.search import EnvelopeResult
+from robust.irr.stops import JUST
 from robust.irr.widen import faces_of, least_stretch
 from robust.plan.model import ParametrizedPlan
 from robust.presented import Presented
@@ -35,8 +36,6 @@ CELLS = 300
 """Boxes from which volumes are bounded otherwise."""
 MANY = 60
 """Polyhedra up to which a region is taken apart for its exact volume and bounding box."""
-JUST = Fraction(1, 1000)
-"""How far beyond a face a witness is looked for."""
 
 
 @dataclass(frozen=True, slots=True)

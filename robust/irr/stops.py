@@ -57,7 +57,7 @@ CUT_SHORT = Stop("not reached: the search was cut short")
 NOT_EXAMINED = Stop("not examined: no time was left")
 APPROACHED = Stop("nothing next to it: there is no widest box, and this one is close to those that are wider")
 JUST = Fraction(1, 1000)
-"""How far beyond a side is looked first for what ends it."""
+"""How far beyond a side to look first for what ends it."""
 
 
 def declared_stop(parameter: Parameter, side: Side, end: Fraction) -> Stop | None:

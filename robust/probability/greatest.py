@@ -143,12 +143,9 @@ class ProbableEnds:
         if self.best is None:
             return None
         intervals = {}
-        for number, (name, limits) in enumerate(zip(self._names, self._limits, strict=True)):
+        for number, name in enumerate(self._names):
             lower, upper = (Fraction(self.best[2 * number + side], self._unit) for side in (0, 1))
-            closed = lower == upper
-            intervals[name] = Interval(lower, upper, closed, closed)
-            if limits[0] == limits[1]:
-                intervals[name] = Interval(lower, upper)
+            intervals[name] = Interval(lower, upper, lower == upper, lower == upper)
         return Box(intervals)
 
     # -- the search ----------------------------------------------------------------------------------------------------

@@ -160,23 +160,16 @@ def _near_end(interval: Interval, step: Fraction) -> Fraction:
 
 
 def _around(part: Box, box: Box) -> list[Box]:
-    """What a box leaves of a part around it, in boxes without common points."""
+    """What a box leaves of a part around it, in boxes without common points; single values are left out."""
     boxes = []
     rest = part
     for name, inner in box.intervals.items():
         outer = rest[name]
-        if inner.lower is not None and _is_left(outer, inner.lower, Side.LOWER):
-            boxes.append(rest.replace(name, outer.with_end(Side.UPPER, inner.lower, closed=False)))
-        if inner.upper is not None and _is_left(outer, inner.upper, Side.UPPER):
-            boxes.append(rest.replace(name, outer.with_end(Side.LOWER, inner.upper, closed=False)))
+        for side, other in ((Side.LOWER, Side.UPPER), (Side.UPPER, Side.LOWER)):
+            if (end := inner.end(side)) is not None and end != outer.end(side):
+                boxes.append(rest.replace(name, outer.with_end(other, end, closed=False)))
         rest = rest.replace(name, inner)
     return boxes
-
-
-def _is_left(outer: Interval, end: Fraction, side: Side) -> bool:
-    """Whether there are values between the end of a part and that of a box; single values are left out."""
-    limit = outer.end(side)
-    return limit is None or limit != end
 
 
 # -- random points -----------------------------------------------------------------------------------------------------
