@@ -25,8 +25,9 @@ from tests.plan.building import drawn
 
 ASKED = """
 import json, sys
-from tests.qe.test_history import answers
-for answer in answers(*map(int, sys.argv[1:])):
+from tests.qe.test_history import answers, drawn_plans
+order, seed, count = map(int, sys.argv[1:])
+for answer in answers(order, drawn_plans(seed, count)):
     print(json.dumps(answer))
 """
 Answer = dict[str, Any] | None
@@ -34,7 +35,7 @@ Questions = Iterator[tuple[int, str, Answer]]
 
 
 def drawn_plans(seed: int, count: int) -> list[ParametrizedPlan]:
-    """Plans with parameters, valid or not, the same for the same seed."""
+    """Plans with parameters, valid or not; the same for the same seed, as long as the same modules are imported."""
     plans: list[ParametrizedPlan] = []
 
     @hypothesis_seed(seed)
@@ -64,9 +65,8 @@ def answer(plan: ParametrizedPlan, verb: str) -> Answer:
     return None if risk.cut_short else {name: [str(one.lower), str(one.upper)] for name, one in bounds}
 
 
-def answers(order: int, seed: int, count: int) -> Questions:
-    """What verbs say of drawn plans, asked in some order and, in every other order, about boxes in between."""
-    plans = drawn_plans(seed, count)
+def answers(order: int, plans: list[ParametrizedPlan]) -> Questions:
+    """What verbs say of plans, asked in some order and, in every other order, about boxes in between."""
     questions = [(number, verb) for number in range(len(plans)) for verb in ("region", "risk")]
     Random(order).shuffle(questions)  # noqa: S311 - reproducible orders
     for number, verb in questions:
@@ -106,7 +106,8 @@ def differences(first: Questions, second: Questions, least: int) -> list[tuple[i
 
 
 def test_regions_and_risks_do_not_depend_on_what_was_asked_before() -> None:
-    assert differences(answers(0, 3, 4), answers(1, 3, 4), 6) == []
+    plans = drawn_plans(3, 4)
+    assert differences(answers(0, plans), answers(1, plans), 6) == []
 
 
 @pytest.mark.slow
