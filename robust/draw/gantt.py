@@ -1,7 +1,7 @@
-"""Gantt charts of executions as SVG, PNG or PDF: who did what when, and what happened meanwhile.
+"""Gantt charts of executions as SVG, PNG or PDF: which agent did what when, and what happened meanwhile.
 
 A chart is pure data. Within a lane, bars and marks are packed into as few rows as leave every label readable: what
-overlaps, labels included, goes to another row. The charts of both kinds of executions follow.
+overlaps, labels included, goes to another row. Executions of plans, and of plans with choices, become such charts.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from robust.draw.style import DARK_GREY, GRID, HATCHES, LIGHT, STRONG, cut, save, without_frame, wrapped
+from robust.draw import style
+from robust.draw.style import DARK_GREY, HATCHES, LIGHT, STRONG, cut
 from robust.errors import InputError
 from robust.execute.dispatchable import Guarantee
 from robust.execute.replan import ReplanningRun, Segment
@@ -107,7 +108,7 @@ def draw_chart(chart: Chart, path: str | os.PathLike[str] | None) -> Figure:
     for bar in chart.bars:
         if bar.end is not None and bar.end < bar.start:
             raise InputError(f"found bar {bar.label!r} from {bar.start} to {bar.end}, expected an end after its start")
-    return save(_ChartDrawing(chart).figure, path)
+    return style.save(_ChartDrawing(chart).figure, path)
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,13 +163,13 @@ class _ChartDrawing:
 
     def _pack_header(self) -> list[tuple[Mark, int]]:
         """Marks without a lane and the line of the header that each label is on."""
-        rows: list[list[tuple[float, float]]] = []
-        found = []
+        rows: list[style.Spans] = []
+        places = []
         for mark in sorted((mark for mark in self._chart.marks if mark.lane is None), key=lambda mark: mark.time):
             left = self._left_of_header(mark)
-            found.append((mark, _put(rows, left, left + self._width_in_header(mark))))
+            places.append((mark, style.free_row(rows, left, left + self._width_in_header(mark))))
         self._header_rows = len(rows)
-        return found
+        return places
 
     def _left_of_header(self, mark: Mark) -> float:
         return max(0.0, min(self._at(mark.time), self._room - self._width_in_header(mark)))
@@ -185,13 +186,13 @@ class _ChartDrawing:
         for lane in self._chart.lanes:
             bars = [bar for bar in self._chart.bars if bar.lane == lane.name]
             marks = [mark for mark in self._chart.marks if mark.lane == lane.name]
-            rows: list[list[tuple[float, float]]] = []
+            rows: list[style.Spans] = []
             bars.sort(key=lambda bar: bar.start)
             marks.sort(key=lambda mark: mark.time)
             items: list[Bar | Mark] = [*bars, *marks]
             for item in items:
                 left, right, outside = self._extent(item)
-                self._placed.append(_Placed(item, top + _put(rows, left, right), outside))
+                self._placed.append(_Placed(item, top + style.free_row(rows, left, right), outside))
             self._rows[lane.name] = (top, max(1, len(rows)))
             top += max(1, len(rows))
         self._count = top
@@ -209,7 +210,7 @@ class _ChartDrawing:
     # -- drawing -----------------------------------------------------------------------------------------------------
 
     def figure(self) -> Figure:
-        title = wrapped(self._chart.title, 130)
+        title = style.wrapped(self._chart.title, 130)
         header = 0.3 + 0.17 * (title.count("\n") + 1) + 0.2 * self._header_rows
         body = _ROW * self._count + 0.15 * len(self._chart.lanes)
         footer = 0.65 + 0.2 * ceil((len(self._bar_kinds) + len(self._mark_kinds)) / self._legend_columns)
@@ -278,8 +279,8 @@ class _ChartDrawing:
         ticks = [tick for tick in MaxNLocator(9).tick_values(self._first, reach) if self._first <= tick <= reach]
         axes.set_xticks([self._at(tick) for tick in ticks], [f"{tick:g}" for tick in ticks])
         axes.set_xlabel(self._chart.axis, fontsize=8.5)
-        without_frame(axes, ("top", "right", "left"))
-        axes.grid(axis="x", color=GRID, linewidth=0.7, zorder=1)
+        style.without_frame(axes, ("top", "right", "left"))
+        axes.grid(axis="x", color=style.GRID, linewidth=0.7, zorder=1)
         axes.tick_params(labelsize=8.5)
         axes.tick_params(axis="y", length=0)
 
@@ -295,7 +296,7 @@ class _ChartDrawing:
 
     @property
     def _legend_columns(self) -> int:
-        """As many entries as are sure to fit beside one another."""
+        """How many entries are sure to fit beside one another."""
         widest = max((_LETTER * len(text) for text in (*self._bar_kinds, *self._mark_kinds)), default=0.0)
         return max(1, int((_WIDTH - 0.3) / (widest + 0.65)))
 
@@ -311,16 +312,6 @@ def _bar_look(kind: int) -> dict[str, Any]:
     return {"facecolor": face, "edgecolor": DARK_GREY, "linewidth": 0.7, "hatch": hatch}
 
 
-def _put(rows: list[list[tuple[float, float]]], left: float, right: float) -> int:
-    """Take room in the first row in which nothing overlaps, perhaps a new one; which row that is."""
-    fits = (row for row, taken in enumerate(rows) if all(right <= start or end <= left for start, end in taken))
-    row = next(fits, len(rows))
-    if row == len(rows):
-        rows.append([])
-    rows[row].append((left, right))
-    return row
-
-
 def _width(label: str) -> float:
     return _LETTER * (len(cut(label)) + 1)
 
@@ -329,28 +320,28 @@ def _width(label: str) -> float:
 
 
 def plot_run(run: ReplanningRun, executor: str, path: Path) -> None:
-    """Draw an execution: a lane for each first argument of an action, which most domains give to who acts; below them
+    """Draw an execution: a lane for each first argument of an action, which is the agent in most domains; below them
     one for each parameter, with the values in which the plan succeeds and those that were observed.
     """
-    executed = [one for segment in run.segments for one in segment.executed]
-    names = dict.fromkeys(one.name for segment in run.segments for one in segment.plan.parameters)
+    executed = [execution for segment in run.segments for execution in segment.executed]
+    names = dict.fromkeys(parameter.name for segment in run.segments for parameter in segment.plan.parameters)
     shown = names if len(names) <= _PARAMETERS else ()
-    lanes = [Lane(name) for name in dict.fromkeys(_lane(one.instance) for one in executed)]
+    lanes = [Lane(name) for name in dict.fromkeys(_lane(execution.instance) for execution in executed)]
     lanes += [Lane(_parameter_lane(name), name) for name in shown]
     kinds = {InstanceOutcome.DONE: "action", InstanceOutcome.RUNNING: "running"}
     bars = [
         Bar(
-            _lane(one.instance),
-            one.start,
-            one.end,
-            f"{one.instance.action} {' '.join(one.instance.arguments[1:])}".strip(),
-            kinds.get(one.outcome, one.outcome.value),
+            _lane(execution.instance),
+            execution.start,
+            execution.end,
+            f"{execution.instance.action} {' '.join(execution.instance.arguments[1:])}".strip(),
+            kinds.get(execution.outcome, execution.outcome.value),
         )
-        for one in executed
+        for execution in executed
     ]
     marks = [*_marks(run)]
     for segment in run.segments:
-        for name in (one.name for one in segment.plan.parameters if one.name in shown):
+        for name in (parameter.name for parameter in segment.plan.parameters if parameter.name in shown):
             bars += _promises(segment, name)
             marks += _observed(segment, name)
     title = f"Execution: {run.status.value} with {plural(run.replans, 're-plan')} ({executor}, seed {run.seed})"
@@ -369,8 +360,8 @@ def _parameter_lane(name: str) -> str:
 def _promises(segment: Segment, name: str) -> Iterator[Bar]:
     """Within which values the plan goes on, from one observation to the next, until the value itself is known."""
     changes = [(segment.start, segment.box, segment.guarantee)]
-    changes += [(one.time, one.box, segment.promised) for one in segment.left if one.box is not None]
-    seen = min((one.time for one in segment.observations if one.what == name), default=segment.end)
+    changes += [(change.time, change.box, segment.promised) for change in segment.left if change.box is not None]
+    seen = min((known.time for known in segment.observations if known.what == name), default=segment.end)
     held = [(time, box[name], _PROMISES[worth]) for time, box, worth in changes if time < seen and worth in _PROMISES]
     kept = [next(same) for _, same in groupby(held, key=itemgetter(1, 2))]
     for (time, interval, worth), until in zip(kept, [*(time for time, *_ in kept[1:]), seen], strict=False):
@@ -378,10 +369,10 @@ def _promises(segment: Segment, name: str) -> Iterator[Bar]:
 
 
 def _observed(segment: Segment, name: str) -> Iterator[Mark]:
-    for one in segment.observations:
-        if one.what == name:
-            outside = "" if one.inside else ", outside"
-            yield Mark(one.time, _parameter_lane(name), f"{readable(one.value)}{outside}", "observed")
+    for observation in segment.observations:
+        if observation.what == name:
+            outside = "" if observation.inside else ", outside"
+            yield Mark(observation.time, _parameter_lane(name), f"{readable(observation.value)}{outside}", "observed")
 
 
 def _marks(run: ReplanningRun) -> Iterator[Mark]:
@@ -396,7 +387,7 @@ def _marks(run: ReplanningRun) -> Iterator[Mark]:
 
 
 def plot_team_run(record: ExecutionRecord, path: Path | None) -> Figure:
-    """Draw who did what when, with choices, inferences and violations."""
+    """Draw which agent did what when, with choices, inferences and violations."""
     bars: list[Bar] = []
     marks: list[Mark] = []
     for step in record.steps:

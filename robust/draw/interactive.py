@@ -1,18 +1,17 @@
-"""The page of a comparison: sliders for parameters, the verdict there, a slice of the envelope, a Gantt chart.
+"""Pages for a browser, one file each, which load nothing: that of a comparison, and the table of a batch.
 
+The page of a comparison has sliders for parameters, the verdict there, a slice of the envelope and a Gantt chart.
 Python writes what is known, exactly: the region's polyhedra, the boxes, the network, and where each obligation breaks.
 The page decides every point by itself, with fractions (`web/exact.js`); nothing in it is a grid or rounded.
 
-Pages for a browser: one file each, without a network, whatever names from files are written into it.
-
-The table of many plans is sorted by its headings, and readable without scripts.
+The table of a batch is sorted by its headings, and readable without scripts. Names from files cannot break a page.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from fractions import Fraction
 from html import escape
 from importlib.resources import files
@@ -96,18 +95,18 @@ _NOTHING = Cell("–", -1.0)
 """Before all numbers."""
 
 
-def batch_page(found: Batch) -> str:
+def batch_page(batch: Batch) -> str:
     """The page of a batch."""
     head = ["plan"]
-    for one in found.asked:
-        before = f"{NAMES[one.name]}: " if found.verb == "compare" else ""
+    for asked in batch.asked:
+        before = f"{NAMES[asked.name]}: " if batch.verb == "compare" else ""
         head += [f"{before}{word}" for word in ("answer", "seconds", "what it says")]
-    head += ["volume IRR/CCMMZ", "width IRR/CCMMZ"] if found.verb == "compare" else []
+    head += ["volume IRR/CCMMZ", "width IRR/CCMMZ"] if batch.verb == "compare" else []
     headings = "".join(f'<th scope="col"><button type="button">{escape(cell)}</button></th>' for cell in head)
-    rows = "\n".join(f"<tr>{''.join(cell.html for cell in _cells(found, row))}</tr>" for row in found.plans)
-    summary = "".join(f"<li>{escape(line)}</li>" for line in summary_lines(found))
-    title = f"robust batch {found.verb}"
-    body = f"""<header><h1>{escape(title)}</h1><p>{escape(found.suite)}</p></header>
+    rows = "\n".join(f"<tr>{''.join(cell.html for cell in _cells(batch, row))}</tr>" for row in batch.plans)
+    summary = "".join(f"<li>{escape(line)}</li>" for line in summary_lines(batch))
+    title = f"robust batch {batch.verb}"
+    body = f"""<header><h1>{escape(title)}</h1><p>{escape(batch.suite)}</p></header>
 <ul>{summary}</ul>
 <table class="sorted"><thead><tr>{headings}</tr></thead>
 <tbody>
@@ -116,12 +115,12 @@ def batch_page(found: Batch) -> str:
     return self_contained(title, body, scripts=["batch.js"])
 
 
-def _cells(found: Batch, row: BatchRow) -> list[Cell]:
-    one = row.instance
-    cells = [Cell(one.name, more=[one.domain, one.problem, one.plan])]
-    for asked in found.asked:
+def _cells(batch: Batch, row: BatchRow) -> list[Cell]:
+    instance = row.instance
+    cells = [Cell(instance.name, more=[instance.domain, instance.problem, instance.plan])]
+    for asked in batch.asked:
         cells += _answer(row.runs.get(asked.name))
-    if found.verb == "compare":
+    if batch.verb == "compare":
         cells += [_share(row.volume_ratio), _share(row.width_ratio)]
     return cells
 
@@ -190,22 +189,23 @@ def comparison_data(result: Comparison, breaks: Breaks | None, words: Words) -> 
     boxes = {entry.method: entry.result.box for entry in result.entries if entry.result.verified}
     points = {point: number for number, point in enumerate(plan.time_points)}
     varying: set[str] = set()
-    for one in plan.constraints:
-        concerned = {point.instance for point in (one.source, one.target) if point.instance is not None}
-        if len(concerned) == 1 and not all(bound is None or bound.is_constant for bound in (one.lower, one.upper)):
+    for constraint in plan.constraints:
+        concerned = {point.instance for point in (constraint.source, constraint.target) if point.instance is not None}
+        bounds = [bound for bound in (constraint.lower, constraint.upper) if bound is not None]
+        if len(concerned) == 1 and not all(bound.is_constant for bound in bounds):
             varying |= concerned
-    found = breaks if region is not None else None
+    shown = breaks if region is not None else None
     return {
         "parameters": [
             {
-                "name": one.name,
-                "words": words.parameters[one.name],
-                "nominal": str(one.nominal),
-                "lower": _text(one.lower),
-                "upper": _text(one.upper),
-                **_slider(one, region, list(boxes.values())),
+                "name": parameter.name,
+                "words": words.parameters[parameter.name],
+                "nominal": str(parameter.nominal),
+                "lower": _text(parameter.lower),
+                "upper": _text(parameter.upper),
+                **_slider(parameter, region, list(boxes.values())),
             }
-            for one in plan.parameters
+            for parameter in plan.parameters
         ],
         "region": None if region is None else _region(region),
         "missing": why,
@@ -214,25 +214,25 @@ def comparison_data(result: Comparison, breaks: Breaks | None, words: Words) -> 
         "network": list(_network(plan, words)),
         "actions": [
             {
-                "id": one.identifier,
-                "words": words.actions[one.identifier],
-                "start": points[one.start],
-                "end": points[one.end],
-                "varies": one.identifier in varying,
+                "id": instance.identifier,
+                "words": words.actions[instance.identifier],
+                "start": points[instance.start],
+                "end": points[instance.end],
+                "varies": instance.identifier in varying,
             }
-            for one in plan.instances
+            for instance in plan.instances
         ],
         "obligations": [
             {
-                "words": words.obligation(one.obligation),
-                "name": one.obligation,
-                "actions": list(words.concerned(one.obligation)),
-                "demand": one.demand,
-                "pieces": [_constraints(piece) for piece in one.pieces],
+                "words": words.obligation(obligation.obligation),
+                "name": obligation.obligation,
+                "actions": list(words.concerned(obligation.obligation)),
+                "demand": obligation.demand,
+                "pieces": [_constraints(piece) for piece in obligation.pieces],
             }
-            for one in (found.found if found is not None else ())
+            for obligation in (shown.obligations if shown is not None else ())
         ],
-        "complete": found is not None and found.complete,
+        "complete": shown is not None and shown.complete,
     }
 
 
@@ -252,31 +252,24 @@ def _region(region: Region) -> dict[str, Any]:
 
 
 def _intervals(box: Box) -> dict[str, Any]:
-    return {
-        name: {
-            "lower": _text(one.lower),
-            "upper": _text(one.upper),
-            "lower_closed": one.lower_closed,
-            "upper_closed": one.upper_closed,
-        }
-        for name, one in box.intervals.items()
-    }
+    ends = ((name, asdict(interval)) for name, interval in box.intervals.items())
+    return {name: {**end, "lower": _text(end["lower"]), "upper": _text(end["upper"])} for name, end in ends}
 
 
 def _network(plan: ParametrizedPlan, words: Words) -> Iterator[dict[str, Any]]:
     """Statements about the time between two time points, by their numbers."""
     number = {point: index for index, point in enumerate(plan.time_points)}
-    for one in plan.constraints:
+    for constraint in plan.constraints:
         yield {
-            "source": number[one.source],
-            "target": number[one.target],
-            "lower": _bound(one.lower),
-            "upper": _bound(one.upper),
-            "words": words.statement(one),
+            "source": number[constraint.source],
+            "target": number[constraint.target],
+            "lower": _bound(constraint.lower),
+            "upper": _bound(constraint.upper),
+            "words": words.statement(constraint),
         }
     for time in sorted({literal.time for literal in plan.timed_literals}):
         at = {"constant": str(time), "coefficients": {}}
-        point = next(one for one in plan.time_points if one.time == time)
+        point = next(point for point in plan.time_points if point.time == time)
         yield {"source": number[ZERO], "target": number[point], "lower": at, "upper": at, "words": words.point(point)}
 
 

@@ -1,6 +1,6 @@
-"""The picture of each kind of result; `plot` of results loads this.
+"""The picture of each kind of result, which `plot` of results loads; those of boxes and of probabilities are here.
 
-Pictures of boxes with how the search came to them, and of probabilities of success with what fails first.
+A box is drawn with how the search came to it, a probability of success with what fails first.
 
 Rows of a box are deviations from the nominal values, so that parameters of different size can share one axis; where
 deviations differ by orders of magnitude, the axis is logarithmic on both sides of zero.
@@ -21,23 +21,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
 
+from robust.draw import style
 from robust.draw.gantt import plot_team_run
 from robust.draw.plane import draw_plane, plot_comparison, plot_region, plot_team_envelope, plot_team_region
-from robust.draw.style import (
-    BLACK,
-    EDGE,
-    GREY,
-    GRID,
-    HATCHES,
-    LIGHT,
-    NOMINAL,
-    VALID,
-    VERMILION,
-    entries,
-    save,
-    without_frame,
-    wrapped,
-)
+from robust.draw.style import EDGE, VALID, VERMILION, save, wrapped
 from robust.errors import InputError
 from robust.irr.compare import Comparison
 from robust.irr.search import EnvelopeResult
@@ -81,9 +68,9 @@ def plot_envelope(result: EnvelopeResult, path: Path | None) -> Figure:
     Raises:
         InputError: if there is no box around nominal values, or the file cannot be written.
     """
-    if not result.verified or not all(one.has_nominal for one in result.parameters):
-        found = "a parameter without a nominal value" if result.verified else "no box"
-        raise InputError(f"found {found}, expected a box around nominal values", place_of("plot"))
+    if not result.verified or not all(parameter.has_nominal for parameter in result.parameters):
+        lacking = "a parameter without a nominal value" if result.verified else "no box"
+        raise InputError(f"found {lacking}, expected a box around nominal values", place_of("plot"))
     words = {} if result.plan is None else Words(result.plan).parameters
     return save(lambda: _figure(result, _rows(result, words)), path)
 
@@ -99,7 +86,7 @@ def _figure(result: EnvelopeResult, rows: Sequence[_Row]) -> Figure:
     _draw_box(figure.add_subplot(grid[:, 0] if tall else grid[0, 0]), rows)
     _draw_convergence(figure.add_subplot(grid[0, 1]), result)
     figure.suptitle(_title(result), fontsize=10, x=0.01, ha="left")
-    shown = entries(figure.axes[:1])
+    shown = style.entries(figure.axes[:1])
     figure.legend(shown.values(), shown.keys(), loc="outside lower left", ncols=4, fontsize=8, frameon=False)
     return figure
 
@@ -143,11 +130,11 @@ def _draw_box(axes: Axes, rows: Sequence[_Row]) -> None:
         right = ends[1] if row.above is None else row.above
         axes.barh(index, right - left, left=left, height=0.5, color=VALID, edgecolor=EDGE, linewidth=1, zorder=2,
                   label="all values in the box, together")  # fmt: skip
-        axes.plot(0, index, zorder=4, label="nominal value", **NOMINAL)
+        axes.plot(0, index, zorder=4, label="nominal value", **style.NOMINAL)
         if row.below != 0 or row.above != 0:
             _draw_end(axes, (left, index), row.lower, infinite=row.below is None, side=-1)
         _draw_end(axes, (right, index), row.upper, infinite=row.above is None, side=1)
-    axes.axvline(0, color=BLACK, linewidth=0.8, zorder=1)
+    axes.axvline(0, color=style.BLACK, linewidth=0.8, zorder=1)
     axes.set_yticks(range(len(rows)), [row.name for row in rows])
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_xlabel("deviation from the nominal value")
@@ -170,7 +157,7 @@ def _draw_end(axes: Axes, place: tuple[float, float], text: str, *, infinite: bo
 def _scale(axes: Axes, rows: Sequence[_Row]) -> tuple[float, float]:
     """Set the horizontal axis; returns how far to the left and to the right unbounded ends are drawn."""
     sides = [[row.below for row in rows], [row.above for row in rows]]
-    finite = [one for side in sides for one in side if one]
+    finite = [reach for side in sides for reach in side if reach]
     largest, smallest = max(finite, default=1.0), min(finite, default=1.0)
     wide = largest / smallest > _WIDE
     if wide:
@@ -180,7 +167,7 @@ def _scale(axes: Axes, rows: Sequence[_Row]) -> tuple[float, float]:
         axes.xaxis.set_major_formatter(FuncFormatter(_tick))
     ends, limits = [], []
     for side in sides:
-        reach = max((one for one in side if one), default=0.0)
+        reach = max((reach for reach in side if reach), default=0.0)
         ends.append((reach or largest) * (3 if wide else 1.25))
         shown = ends[-1] if None in side else reach
         # Room for the labels beside the bars.
@@ -223,7 +210,7 @@ def _draw_convergence(axes: Axes, result: EnvelopeResult) -> None:
         axes.set_yticks([])
         axes.set_ylabel("")
         place = axes.transAxes
-        axes.text(0.5, 0.5, "no finite width", ha="center", va="center", color=GREY, transform=place)
+        axes.text(0.5, 0.5, "no finite width", ha="center", va="center", color=style.GREY, transform=place)
     _tidy(axes, grid="both")
 
 
@@ -246,8 +233,8 @@ def _width(box: Box, names: Sequence[str]) -> Fraction:
 
 
 def _tidy(axes: Axes, *, grid: Literal["x", "both"]) -> None:
-    without_frame(axes)
-    axes.grid(axis=grid, color=GRID, linewidth=0.8, zorder=0)
+    style.without_frame(axes)
+    axes.grid(axis=grid, color=style.GRID, linewidth=0.8, zorder=0)
     axes.tick_params(labelsize=8)
 
 
@@ -264,11 +251,11 @@ def plot_risk(result: RiskResult, path: Path | None) -> Figure:
 
 
 def _risk_figure(result: RiskResult) -> Figure:
-    moving = [name for name, one in result.distributions.items() if one.settled.kind != "constant"]
+    moving = [name for name, distribution in result.distributions.items() if distribution.settled.kind != "constant"]
     plane = len(moving) == 2 and result.region is not None
     shown = _shown(result)
     words = Words(result.plan)
-    names = [wrapped(words.obligation(one.name), 40) for one in shown]
+    names = [wrapped(words.obligation(share.name), 40) for share in shown]
     lines = sum(name.count("\n") + 1 for name in names)
     height = max(4.6 if plane else 2.4, 1.6 + 0.16 * lines + 0.16 * len(names))
     figure = Figure(figsize=(13.0 if plane else 8.5, height), layout="constrained")
@@ -279,31 +266,32 @@ def _risk_figure(result: RiskResult) -> Figure:
     else:
         right = figure.subplots()
     _draw_shares(right, shown, names)
-    explained = entries(figure.axes)
+    explained = style.entries(figure.axes)
     figure.legend(explained.values(), explained.keys(), loc="outside lower left", ncols=3, fontsize=8, frameon=False)
     return figure
 
 
 def _risk_title(result: RiskResult, words: Words) -> str:
     """The probability, and the values of what is no random number."""
-    found = f"Probability that the plan succeeds: {bounds_text(result.probability, places_for(result.within))}"
+    text = f"Probability that the plan succeeds: {bounds_text(result.probability, places_for(result.within))}"
     fixed = ", ".join(
-        f"{words.parameters[name]} = {readable(one.settled.numbers['value'])}"
-        for name, one in result.distributions.items()
-        if one.settled.kind == "constant"
+        f"{words.parameters[name]} = {readable(distribution.settled.numbers['value'])}"
+        for name, distribution in result.distributions.items()
+        if distribution.settled.kind == "constant"
     )
-    return wrapped(f"{found}\nfixed: {fixed}" if fixed else found, 120)
+    return wrapped(f"{text}\nfixed: {fixed}" if fixed else text, 120)
 
 
 def _draw_region(canvas: Axes, result: RiskResult, moving: Sequence[str], words: Words) -> None:
     if result.region is None:
         return
     ends = tuple(_view(result, name) for name in moving)
-    fixed = {name: one.settled.numbers["value"] for name, one in result.distributions.items() if name not in moving}
-    found = result.region.region.slice(fixed)
+    constant = {name: known.settled for name, known in result.distributions.items() if name not in moving}
+    fixed = {name: distribution.numbers["value"] for name, distribution in constant.items()}
+    region = result.region.region.slice(fixed)
     boxes = {} if result.best is None else {"the most probable of those compared": result.best.result.box}
     exact = result.region.is_exact
-    shown = Region(tuple(moving), found.pieces, found.base)
+    shown = Region(tuple(moving), region.pieces, region.base)
     draw_plane(canvas, shown, ends, boxes, {}, words=words.parameters, exact=exact)
     grids = [[low + (high - low) * Fraction(step, _FINE) for step in range(_FINE + 1)] for low, high in ends]
     across, up = (
@@ -332,23 +320,23 @@ def _view(result: RiskResult, name: str) -> tuple[Fraction, Fraction]:
 
 def _shown(result: RiskResult) -> list[BlameShare]:
     """The obligations that matter, the most probable last."""
-    found = [one for one in result.shares or () if one.probability.upper >= result.within]
-    return sorted(found, key=lambda one: one.probability.upper)
+    shares = [share for share in result.shares or () if share.probability.upper >= result.within]
+    return sorted(shares, key=lambda share: share.probability.upper)
 
 
 def _draw_shares(canvas: Axes, shown: Sequence[BlameShare], names: Sequence[str]) -> None:
     """A bar for each obligation: what is certain in full colour, what is possible lighter and hatched."""
-    for row, one in enumerate(shown):
-        possible: Any = {"color": LIGHT[5], "edgecolor": VERMILION, "hatch": HATCHES[1]}
-        canvas.barh(row, float(one.probability.upper), height=0.55, label="possibly (upper bound)", **possible)
-        canvas.barh(row, float(one.probability.lower), height=0.55, color=VERMILION, label="certainly (lower bound)")
+    for row, share in enumerate(shown):
+        possible: Any = {"color": style.LIGHT[5], "edgecolor": VERMILION, "hatch": style.HATCHES[1]}
+        canvas.barh(row, float(share.probability.upper), height=0.55, label="possibly (upper bound)", **possible)
+        canvas.barh(row, float(share.probability.lower), height=0.55, color=VERMILION, label="certainly (lower bound)")
     canvas.set_yticks(range(len(shown)), names, fontsize=8)
     canvas.set_xlabel("probability that this is the first to break")
     canvas.set_title("What fails first", fontsize=9, loc="left")
     if not shown:
         canvas.text(0.5, 0.5, "nothing that matters", ha="center", va="center", transform=canvas.transAxes)
         canvas.set_xticks([])
-    without_frame(canvas)
+    style.without_frame(canvas)
 
 
 @singledispatch
@@ -359,8 +347,8 @@ def picture(result: object, path: Path | None, axes: Sequence[str]) -> Figure:
         InputError: if there is nothing to draw, or the file cannot be written.
     """
     drawn = sorted({noun(kind) for kind in picture.registry if kind is not object})
-    found = noun(type(result))
-    raise InputError(f"found {found}, expected something to draw: {', '.join(drawn)}", place_of("plot"))
+    what = noun(type(result))
+    raise InputError(f"found {what}, expected something to draw: {', '.join(drawn)}", place_of("plot"))
 
 
 picture.register(EnvelopeResult, lambda result, path, _: plot_envelope(result, path))

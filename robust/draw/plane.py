@@ -15,24 +15,8 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from robust.draw.style import (
-    BLACK,
-    BOX_LINES,
-    DARK_GREY,
-    EDGE,
-    GREEN,
-    HATCHES,
-    LIGHT,
-    NOMINAL,
-    REMOVED,
-    VALID,
-    box_line,
-    cut,
-    entries,
-    hatch_outside,
-    save,
-    wrapped,
-)
+from robust.draw import style
+from robust.draw.style import DARK_GREY, EDGE, GREEN, VALID, cut, save, wrapped
 from robust.errors import InputError, did_you_mean
 from robust.irr.compare import Comparison
 from robust.numbers import plural, readable
@@ -99,7 +83,7 @@ def shown_axes(plan: ParametrizedPlan, axes: Sequence[str]) -> tuple[str, ...]:
     if len(axes) > 2 or len(set(axes)) < len(axes):
         raise InputError(f"found {','.join(axes)}, expected one or two different parameters", place_of("axes"))
     shown = tuple(axes) or tuple(known[:2])
-    require_nominal_values(one for one in plan.parameters if one.name not in shown)
+    require_nominal_values(parameter for parameter in plan.parameters if parameter.name not in shown)
     return shown
 
 
@@ -189,7 +173,7 @@ def _title(what: str, fixed: Iterable[tuple[str, Fraction]]) -> str:
 
 def _legend(canvas: Axes) -> None:
     """Everything with a label, beside the drawing."""
-    shown = entries([canvas])
+    shown = style.entries([canvas])
     texts = [wrapped(label, 34) for label in shown]
     canvas.legend(shown.values(), texts, loc="upper left", bbox_to_anchor=(1.01, 1.0), fontsize="small",
                   frameon=False, handlelength=2.6)  # fmt: skip
@@ -254,22 +238,27 @@ def draw_plane(
             disjoint += Region.difference(base, removed).as_union(disjoint=True).pieces
     area = "valid" if exact else "not known to fail"
     for piece in disjoint:
-        _fill(canvas, piece, area)
-    for piece in [base for base, _ in parts]:
+        _show(canvas, piece, area)
+    for piece in [*(base for base, _ in parts), *cuts]:
         _outline(canvas, piece, region, rectangle)
     for slab in cuts:
-        _outline(canvas, slab, region, rectangle)
         _mark_thin(canvas, slab, rectangle)
     for order, (label, box) in enumerate(_labelled(boxes)):
         shape = Polyhedron.nothing(names) if box is None else Polyhedron(names, _sides(names, box)).restricted(clip)
-        _draw_box(canvas, shape, rectangle, {**box_line(order, len(boxes)), "zorder": 6 + order, "label": label})
-    hatch_outside(canvas, "not valid")
+        _draw_box(canvas, shape, rectangle, {**style.box_line(order, len(boxes)), "zorder": 6 + order, "label": label})
+    style.hatch_outside(canvas, "not valid")
+    _finish(canvas, rectangle, [named(name, words) for name in names],
+            {label: (point[names[0]], point[names[1]]) for label, point in points.items()})  # fmt: skip
+
+
+def _finish(canvas: Axes, rectangle: Rectangle, words: Sequence[str], points: Mapping[str, Corner]) -> None:
+    """Mark points, and say what the axes are and where they end."""
     for label, point in points.items():
-        canvas.plot([float(point[names[0]])], [float(point[names[1]])], label=label, zorder=16, **NOMINAL)
+        canvas.plot(*_floats([point]), label=label, zorder=16, **style.NOMINAL)
     canvas.set_xlim(*map(float, rectangle[0]))
     canvas.set_ylim(*map(float, rectangle[1]))
-    canvas.set_xlabel(wrapped(named(names[0], words), 70))
-    canvas.set_ylabel(wrapped(named(names[1], words), 48))
+    canvas.set_xlabel(wrapped(words[0], 70))
+    canvas.set_ylabel(wrapped(words[1], 48))
 
 
 def _draw_box(canvas: Axes, shape: Polyhedron, rectangle: Rectangle, look: dict[str, Any]) -> None:
@@ -279,8 +268,7 @@ def _draw_box(canvas: Axes, shape: Polyhedron, rectangle: Rectangle, look: dict[
     marker = "s" if len(corners) == 1 else ""
     # A box that fills the view, or is far from it, has no side to be seen: its line stands in the legend alone.
     for stroke in strokes or [[]]:
-        xs, ys = [float(x) for x, _ in stroke], [float(y) for _, y in stroke]
-        canvas.plot(xs, ys, marker=marker, fillstyle="none", solid_capstyle="projecting", **look)
+        canvas.plot(*_floats(stroke), marker=marker, fillstyle="none", solid_capstyle="projecting", **look)
 
 
 def _draw_inner(canvas: Axes, inner: Region, names: tuple[str, ...], rectangle: Rectangle) -> None:
@@ -289,10 +277,8 @@ def _draw_inner(canvas: Axes, inner: Region, names: tuple[str, ...], rectangle: 
     for piece in (Polyhedron(names, (*piece.constraints, *_clip_to(names, rectangle))) for piece in inner.pieces):
         if len(names) == 1:
             _bar(canvas, piece, rectangle, 0, GREEN, label=label)
-        elif len(corners := [(float(x), float(y)) for x, y in _corners_of(piece)]) > 2:
-            canvas.fill(
-                *zip(*corners, strict=True), facecolor=GREEN, edgecolor=GREEN, linewidth=0.4, zorder=2, label=label
-            )
+        else:
+            _fill(canvas, piece, facecolor=GREEN, edgecolor=GREEN, linewidth=0.4, zorder=2, label=label)
         label = "_" + label.lstrip("_")
 
 
@@ -323,20 +309,28 @@ def _corners_of(piece: Polyhedron) -> list[Corner]:
     )
 
 
-def _fill(canvas: Axes, piece: Polyhedron, label: str) -> None:
+def _floats(corners: Iterable[Corner]) -> tuple[list[float], list[float]]:
+    """Where corners are, across and up."""
+    listed = list(corners)
+    return [float(x) for x, _ in listed], [float(y) for _, y in listed]
+
+
+def _fill(canvas: Axes, piece: Polyhedron, **look: Any) -> None:
+    """Fill a polygon, if it has an area."""
+    if len(corners := _corners_of(piece)) > 2:
+        canvas.fill(*_floats(corners), **look)
+
+
+def _show(canvas: Axes, piece: Polyhedron, label: str) -> None:
     """Fill a polygon; what is lower-dimensional becomes a line or a dot."""
-    corners = [(float(x), float(y)) for x, y in _corners_of(piece)]
-    match len(corners):
-        case 0:
-            return
-        case 1:
-            canvas.plot(*zip(*corners, strict=True), "o", color=EDGE, markersize=4, zorder=3, label=label)
-        case 2:
-            canvas.plot(*zip(*corners, strict=True), "-", color=EDGE, linewidth=1.6, zorder=3, label=label)
-        case _:
-            # A hair-thin line of the same colour closes the gap that antialiasing leaves between neighbours.
-            look: dict[str, Any] = {"facecolor": VALID, "edgecolor": VALID, "linewidth": 0.4, "zorder": 1}
-            canvas.fill(*zip(*corners, strict=True), label=label, **look)
+    corners = _corners_of(piece)
+    if 0 < len(corners) < 3:
+        look: dict[str, Any] = (
+            {"marker": "o", "markersize": 4, "linestyle": ""} if len(corners) == 1 else {"linewidth": 1.6}
+        )
+        canvas.plot(*_floats(corners), color=EDGE, zorder=3, label=label, **look)
+    # A hair-thin line of the same colour closes the gap that antialiasing leaves between neighbours.
+    _fill(canvas, piece, facecolor=VALID, edgecolor=VALID, linewidth=0.4, zorder=1, label=label)
 
 
 def _edges(piece: Polyhedron, rectangle: Rectangle) -> list[tuple[Polyhedron, bool]]:
@@ -359,10 +353,9 @@ def _outline(canvas: Axes, piece: Polyhedron, region: Region, rectangle: Rectang
         corners = _corners_of(side)
         if len(corners) == 2:
             for stroke, dashed in _boundary((corners[0], corners[1]), region):
-                xs, ys = zip(*((float(x), float(y)) for x, y in stroke), strict=True)
                 style: Any = (0, (4, 3)) if dashed else "-"
                 label = "edge that does not belong to it" if dashed else "edge that belongs to it"
-                canvas.plot(xs, ys, color=EDGE, linestyle=style, linewidth=1.1, zorder=4, label=label)
+                canvas.plot(*_floats(stroke), color=EDGE, linestyle=style, linewidth=1.1, zorder=4, label=label)
 
 
 def _boundary(segment: Segment, region: Region) -> list[tuple[Segment, bool]]:
@@ -422,8 +415,8 @@ def _mark_thin(canvas: Axes, slab: Polyhedron, rectangle: Rectangle) -> None:
     length = float((ax - bx) ** 2 + (ay - by) ** 2) ** 0.5
     away = max(abs(float((x - ax) * (by - ay) - (y - ay) * (bx - ax))) for x, y in scaled)
     if length and away / length < float(THIN):
-        line = [(float(x), float(y)) for x, y in (corners[ends[0]], corners[ends[1]])]
-        canvas.plot(*zip(*line, strict=True), color=REMOVED, linewidth=1.2, zorder=5, label="left out: a thin slab")
+        line = _floats(corners[end] for end in ends)
+        canvas.plot(*line, color=style.REMOVED, linewidth=1.2, zorder=5, label="left out: a thin slab")
 
 
 def _draw_line(
@@ -447,12 +440,12 @@ def _draw_line(
         _bar(canvas, piece, rectangle, 0, EDGE)
     rows = [area]
     for row, (label, box) in enumerate(_labelled(boxes), start=1):
-        colour = BOX_LINES[(row - 1) % len(BOX_LINES)]["color"]
+        colour = style.BOX_LINES[(row - 1) % len(style.BOX_LINES)]["color"]
         if box is not None:
             _bar(canvas, Polyhedron((name,), (*_sides((name,), box), *clip)), rectangle, row, colour)
         rows.append(wrapped(label, 34))
     for label, point in points.items():
-        canvas.axvline(float(point[name]), color=BLACK, linewidth=1, linestyle=":", label=label)
+        canvas.axvline(float(point[name]), color=style.BLACK, linewidth=1, linestyle=":", label=label)
     canvas.plot([], [], "o", color=EDGE, label="end that belongs to it")
     canvas.plot([], [], "o", color=EDGE, markerfacecolor="white", label="end that does not")
     canvas.set_xlim(*map(float, rectangle[0]))
@@ -489,7 +482,7 @@ def shown_team_axes(plan: ParametricPlan, axes: Sequence[str]) -> tuple[TeamPara
     _require_known(names, plan.names)
     if len(names) != 2 or names[0] == names[1]:
         raise InputError(f"found {plural(len(names), 'parameter')} to draw, expected two", place_of("plot"))
-    known = {one.name: one for one in plan.parameters}
+    known = {parameter.name: parameter for parameter in plan.parameters}
     return known[names[0]], known[names[1]]
 
 
@@ -501,8 +494,8 @@ def plot_team_region(region: LabeledRegion, path: Path | None, axes: Sequence[st
 def plot_cells(region: LabeledRegion, cells: Cells | None, path: Path | None, axes: Sequence[str]) -> Figure:
     """Draw the same where the cells are known; without them, where each combination is possible."""
     if cells is None:
-        parts = [one for one in region.combinations if one.pieces]
-        layers = [(guard_text(one.choices), region.region(dict(one.choices))) for one in parts]
+        parts = [combination for combination in region.combinations if combination.pieces]
+        layers = [(guard_text(combination.choices), region.region(dict(combination.choices))) for combination in parts]
     else:
         layers = [(_combinations_text(possible), cell) for possible, cell in cells if possible]
     what = "Which choices are possible, by the values of two parameters"
@@ -528,7 +521,7 @@ def plot_team_envelope(envelope: TeamEnvelope, path: Path | None, axes: Sequence
 
 def _combinations_text(possible: Sequence[Combination]) -> str:
     """The choices of an area for the legend; of many combinations, the first ones."""
-    labels = [guard_text(one.choices) or "any choices" for one in possible]
+    labels = [guard_text(combination.choices) or "any choices" for combination in possible]
     rest = [f"and {len(labels) - _NAMED} more"] if len(labels) > _NAMED else []
     return "\n".join([*(cut(label, 80) for label in labels[:_NAMED]), *rest])
 
@@ -544,10 +537,11 @@ def _plot_layers(
 ) -> Figure:
     """Draw regions of two parameters, the others at their nominal values, and perhaps a box."""
     shown = shown_team_axes(plan, axes)
-    names = tuple(one.name for one in shown)
+    names = tuple(axis.name for axis in shown)
     rest = {name: value for name, value in plan.nominal.items() if name not in names}
     sliced = [(label, Region.union_of(names, region.slice(rest).as_union().pieces)) for label, region in layers]
-    title = _title(what, ((one.words, one.parameter.nominal) for one in plan.parameters if one not in shown))
+    fixed = [(parameter.words, parameter.parameter.nominal) for parameter in plan.parameters if parameter not in shown]
+    title = _title(what, fixed)
     return save(lambda: _draw_layers(title, shown, sliced, box), path)
 
 
@@ -558,28 +552,25 @@ def _draw_layers(
     figure = Figure(figsize=(8.4, 4.8 + 0.15 * lines), layout="constrained")
     canvas = figure.add_subplot()
     figure.suptitle(title, fontsize=10, x=0.01, ha="left")
-    names, nominal = tuple(one.name for one in shown), {one.name: one.parameter.nominal for one in shown}
+    names, nominal = tuple(axis.name for axis in shown), {axis.name: axis.parameter.nominal for axis in shown}
     regions, boxes = [region for _, region in layers], [] if box is None else [box]
-    ranges = [(_range(regions, one.name, boxes, [nominal]), one.parameter.lower) for one in shown]
+    ranges = [(_range(regions, axis.name, boxes, [nominal]), axis.parameter.lower) for axis in shown]
     view = tuple((low if least is None else max(low, least), high) for (low, high), least in ranges)
     clip = _clip_to(names, view)
     for number, (label, region) in enumerate(layers):
-        look: dict[str, Any] = {"facecolor": LIGHT[number % len(LIGHT)], "hatch": HATCHES[number % len(HATCHES)]}
+        look: dict[str, Any] = {
+            "facecolor": style.LIGHT[number % len(style.LIGHT)],
+            "hatch": style.HATCHES[number % len(style.HATCHES)],
+        }
         for piece in region.pieces:
-            corners = [(float(x), float(y)) for x, y in _corners_of(piece.restricted(clip))]
-            if len(corners) > 2:
-                canvas.fill(*zip(*corners, strict=True), edgecolor=DARK_GREY, linewidth=0.5, label=label, **look)
-    hatch_outside(canvas, "no correct execution found")
-    for one in boxes:
-        _draw_box(canvas, Polyhedron(names, (*_sides(names, one), *clip)), view,
-                  {**box_line(0, 1), "zorder": 6, "label": "box"})  # fmt: skip
-    canvas.plot(*([float(value)] for value in nominal.values()), zorder=8, label="nominal values", **NOMINAL)
-    across, up = shown
-    canvas.set_xlabel(wrapped(f"{across.words}: {across.meaning}", 80))
-    canvas.set_ylabel(wrapped(f"{up.words}: {up.meaning}", 48))
-    canvas.set_xlim(*map(float, view[0]))
-    canvas.set_ylim(*map(float, view[1]))
-    once = entries([canvas])
+            _fill(canvas, piece.restricted(clip), edgecolor=DARK_GREY, linewidth=0.5, label=label, **look)
+    style.hatch_outside(canvas, "no correct execution found")
+    for shown_box in boxes:
+        _draw_box(canvas, Polyhedron(names, (*_sides(names, shown_box), *clip)), view,
+                  {**style.box_line(0, 1), "zorder": 6, "label": "box"})  # fmt: skip
+    words, point = [f"{axis.words}: {axis.meaning}" for axis in shown], (nominal[names[0]], nominal[names[1]])
+    _finish(canvas, view, words, {"nominal values": point})
+    once = style.entries([canvas])
     texts = [wrapped(label, 60) for label in once]
     figure.legend(once.values(), texts, loc="outside lower center", fontsize="small", frameon=False, ncols=2)
     return figure

@@ -1,7 +1,7 @@
 """What all pictures share: colours and what they mean, texts, and how a figure becomes an SVG, PNG or PDF file.
 
-Colours are those of Okabe and Ito: distinguishable without colour vision, and in grey. Nothing is told by colour alone:
-lines differ in width and dashes, areas in hatching.
+Colours are those of Okabe and Ito: distinguishable without colour vision, and in grey. Nothing is distinguished by
+colour alone: lines differ in width and dashes, areas in hatching.
 """
 
 from __future__ import annotations
@@ -81,13 +81,26 @@ def save(draw: Callable[[], Figure], path: str | os.PathLike[str] | None, *, lon
 
 
 def _keep_texts(figure: Figure) -> None:
-    """For whoever draws it later: names are no formulas then either, and notebooks know how to show it."""
+    """Keep names from being read as formulas when the figure is drawn later, and let notebooks show it."""
     from matplotlib.text import Text  # noqa: PLC0415 - as above
 
-    for one in figure.findobj(Text):
-        one.set_parse_math(False)
+    for text in figure.findobj(Text):
+        text.set_parse_math(False)
     if "IPython" in sys.modules:
         import_module("matplotlib.pyplot")  # which tells IPython
+
+
+Spans = list[tuple[float, float]]
+
+
+def free_row(rows: list[Spans], left: float, right: float) -> int:
+    """Take room in the first row in which nothing overlaps, perhaps a new one; which row that is."""
+    fits = (row for row, taken in enumerate(rows) if all(right <= start or end <= left for start, end in taken))
+    row = next(fits, len(rows))
+    if row == len(rows):
+        rows.append([])
+    rows[row].append((left, right))
+    return row
 
 
 def without_frame(axes: Axes, sides: Iterable[str] = ("top", "right")) -> None:
@@ -99,15 +112,15 @@ def without_frame(axes: Axes, sides: Iterable[str] = ("top", "right")) -> None:
 
 def entries(axes: Iterable[Axes]) -> dict[str, Artist]:
     """What a legend of these axes says, by label: each once."""
-    found: dict[str, Artist] = {}
-    for one in axes:
-        for handle, label in zip(*one.get_legend_handles_labels(), strict=True):
-            found.setdefault(label, handle)
-    return found
+    handles: dict[str, Artist] = {}
+    for canvas in axes:
+        for handle, label in zip(*canvas.get_legend_handles_labels(), strict=True):
+            handles.setdefault(label, handle)
+    return handles
 
 
 def cut(label: str, longest: int = 44) -> str:
-    """A text of at most so many letters, without its middle: how names end tells more of them apart."""
+    """A text of at most `longest` letters, without its middle: the ends of names distinguish more of them."""
     if len(label) <= longest:
         return label
     tail = (longest - 3) // 2
@@ -115,7 +128,7 @@ def cut(label: str, longest: int = 44) -> str:
 
 
 def wrapped(text: str, width: int) -> str:
-    """A text in lines of about so many letters; also words without blanks are broken."""
+    """A text in lines of at most `width` letters; words without blanks are broken as well."""
     return "\n".join(line for part in text.split("\n") for line in textwrap.wrap(part, width) or [""])
 
 

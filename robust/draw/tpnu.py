@@ -29,7 +29,7 @@ from matplotlib.patches import Circle, FancyArrowPatch, FancyBboxPatch, Rectangl
 from matplotlib.path import Path as Curve
 from matplotlib.transforms import Affine2D
 
-from robust.draw.style import BLUE, DARK_GREY, GREEN, LIGHT, PALE, SHADE, cut, save
+from robust.draw.style import BLUE, DARK_GREY, GREEN, LIGHT, PALE, SHADE, Spans, cut, free_row, save
 from robust.errors import InputError
 from robust.numbers import format_number, shorten
 from robust.pike_bridge.model import EPSILON, Activity, Choice, Constraint, Tpnu, contradicts, guard_text
@@ -131,7 +131,7 @@ class _NetworkDrawing:
 
     def _of_constraints(self) -> Iterable[_Arrow]:
         known = self._network.temporal_constraints
-        orders = [one for one in known if one.lower is not None and one.lower >= self._epsilon]
+        orders = [order for order in known if order.lower is not None and order.lower >= self._epsilon]
         for constraint in self._network.constraints:
             if not _is_implied(constraint, orders, self._epsilon):
                 plain = constraint.upper is None and constraint.lower == self._epsilon
@@ -226,8 +226,8 @@ class _NetworkDrawing:
     def _tracks(self, wiring: Wires) -> Iterator[tuple[int, float, float, str]]:
         """Of each track with its label: its number, and from where to where it reaches, its label included."""
         for link, number in wiring.tracks.items():
-            one, other = sorted((wiring.rises[link.producer], wiring.falls[link.consumer]))
-            middle, half = (one + other) / 2, max(other - one, _LABEL * len(link.label)) / 2
+            start, other = sorted((wiring.rises[link.producer], wiring.falls[link.consumer]))
+            middle, half = (start + other) / 2, max(other - start, _LABEL * len(link.label)) / 2
             yield number, middle - half, middle + half, link.label
 
     def _wires(self, axes: Axes, wiring: Wires, high: float) -> None:
@@ -253,7 +253,7 @@ class _NetworkDrawing:
     # -- legend --------------------------------------------------------------------------------------------------
 
     def _looks(self) -> dict[str | None, dict[str, Any]]:
-        """The boxes of each agent: colours, and outlines, which are told apart without them."""
+        """The boxes of each agent: colours, and outlines, which are distinguishable without colours."""
         agents = dict.fromkeys(activity.agent for activity in self._network.activities if activity.agent is not None)
         return {
             agent: {"facecolor": LIGHT[at % len(LIGHT)], "edgecolor": DARK_GREY, **_OUTLINES[at % len(_OUTLINES)]}
@@ -332,27 +332,21 @@ class Wires:
         for consumer in dict.fromkeys(link.consumer for link in joined):
             at = columns.index(places[consumer][0])
             after.setdefault(columns[at - 1] if at else columns[0] - 1.0, []).append((consumer, False))
-        found: dict[tuple[str, bool], float] = {}
+        across: dict[tuple[str, bool], float] = {}
         for column, wires in after.items():
-            right = next((each for each in columns if each > column), column + edges.get(column, 0.0) + 0.6)
+            right = next((later for later in columns if later > column), column + edges.get(column, 0.0) + 0.6)
             start, end = column + edges.get(column, 0.0) + 0.05, right - edges.get(right, 0.0) - 0.05
             # Those that come from far below are nearer to their nodes: fewer wires cross there.
             for number, wire in enumerate(sorted(wires, key=lambda wire: (not wire[1], places[wire[0]][1])), start=1):
-                found[wire] = start + (end - start) * number / (len(wires) + 1)
-        rises = {event: x for (event, up), x in found.items() if up}
-        falls = {event: x for (event, up), x in found.items() if not up}
+                across[wire] = start + (end - start) * number / (len(wires) + 1)
+        rises = {event: x for (event, up), x in across.items() if up}
+        falls = {event: x for (event, up), x in across.items() if not up}
         tracks: dict[DrawnLink, int] = {}
-        taken: list[list[tuple[float, float]]] = []
+        taken: list[Spans] = []
         for link in sorted(joined, key=lambda link: abs(rises[link.producer] - falls[link.consumer])):
-            one, other = sorted((rises[link.producer], falls[link.consumer]))
-            half = max(other - one, _LABEL * len(link.label)) / 2 + 0.05
-            low, high = (one + other) / 2 - half, (one + other) / 2 + half
-            free = (row for row, spans in enumerate(taken) if all(high <= a or b <= low for a, b in spans))
-            row = next(free, len(taken))
-            if row == len(taken):
-                taken.append([])
-            taken[row].append((low, high))
-            tracks[link] = row
+            first, other = sorted((rises[link.producer], falls[link.consumer]))
+            half = max(other - first, _LABEL * len(link.label)) / 2 + 0.05
+            tracks[link] = free_row(taken, (first + other) / 2 - half, (first + other) / 2 + half)
         return Wires(rises, falls, tracks, len(taken))
 
 
@@ -372,7 +366,8 @@ def _is_implied(constraint: Constraint, orders: Iterable[Constraint], epsilon: F
 
 def _kinds(choices: Iterable[Choice]) -> Iterable[Choice]:
     """One choice of each kind, controllable first."""
-    return sorted({choice.controllable: choice for choice in choices}.values(), key=lambda one: not one.controllable)
+    kinds = {choice.controllable: choice for choice in choices}
+    return sorted(kinds.values(), key=lambda choice: not choice.controllable)
 
 
 def _note(axes: Axes, place: Point, text: str, colour: str, *, zorder: int) -> None:
@@ -471,9 +466,9 @@ class _Layering(Generic[N]):
             self._after.append([])
         chain.append(target)
         if self._columns[source] < self._columns[target]:
-            for one, other in pairwise(chain):
-                self._after[one].append(other)
-                self._before[other].append(one)
+            for node, other in pairwise(chain):
+                self._after[node].append(other)
+                self._before[other].append(node)
         return chain
 
     def _sort(self) -> None:
@@ -482,8 +477,8 @@ class _Layering(Generic[N]):
             forward = sweep % 2 == 0
             neighbours = self._before if forward else self._after
             for layer in self._layers if forward else reversed(self._layers):
-                place = {node: at / max(1, len(one) - 1) for one in self._layers for at, node in enumerate(one)}
-                layer.sort(key=lambda node: _mean((place[one] for one in neighbours[node]), place[node]))
+                place = {node: at / max(1, len(layer) - 1) for layer in self._layers for at, node in enumerate(layer)}
+                layer.sort(key=lambda node: _mean((place[neighbour] for neighbour in neighbours[node]), place[node]))
 
     def _horizontal(self) -> list[float]:
         """The middle of each column."""
@@ -505,7 +500,9 @@ class _Layering(Generic[N]):
         for sweep in range(_SWEEPS):
             neighbours = self._before if sweep % 2 == 0 else self._after
             for layer in self._layers if sweep % 2 == 0 else reversed(self._layers):
-                wanted = {node: _mean((heights[one] for one in neighbours[node]), heights[node]) for node in layer}
+                wanted = {
+                    node: _mean((heights[neighbour] for neighbour in neighbours[node]), heights[node]) for node in layer
+                }
                 self._place(layer, heights, wanted)
         return [-height for height in heights]
 
@@ -533,7 +530,7 @@ def _columns(count: int, edges: Iterable[tuple[int, int]]) -> list[int]:
     graph = networkx.DiGraph(edges)
     graph.add_nodes_from(range(count))
     for members in list(networkx.strongly_connected_components(graph)):
-        graph.remove_edges_from([(one, other) for one, other in graph.subgraph(members).edges if other <= one])
+        graph.remove_edges_from([(source, other) for source, other in graph.subgraph(members).edges if other <= source])
     columns = [0] * count
     for column, nodes in enumerate(networkx.topological_generations(graph)):
         for node in nodes:

@@ -155,16 +155,16 @@ class Checker(Searching[CheckResult]):
 
     def _has_schedule(self) -> bool:
         """Whether obligations can be examined: enc_valid holds throughout the box, or one of them breaks."""
-        found = self.encoding.validity.broken_facet(self.box.grid, self._session, self.deadline)
-        match found:
+        facet = self.encoding.validity.broken_facet(self.box.grid, self._session, self.deadline)
+        match facet:
             case None:
                 self._existence_known = True
             case Facet(obligation=None):
                 require_some_schedule(self.encoding, self._session(), self.deadline)
-                self._reason = no_schedule(found, worst_point(found, self.box))
+                self._reason = no_schedule(facet, worst_point(facet, self.box))
                 return False
             case Facet():
-                self._broken = found
+                self._broken = facet
             case Satisfiability():
                 # Where it was not for lack of time, obligations may be refuted or proved all the same.
                 return self._statistics.failure is not None

@@ -13,6 +13,7 @@ from robust.encode.interface import EPSILON, Encoding
 from robust.irr.check import Answer, Checker
 from robust.irr.exact import BoxMethod
 from robust.irr.search import EnvelopeResult
+from robust.irr.stops import JUST
 from robust.irr.widen import faces_of, least_stretch
 from robust.plan.model import ParametrizedPlan
 from robust.presented import Presented
@@ -35,8 +36,6 @@ CELLS = 300
 """Boxes from which volumes are bounded otherwise."""
 MANY = 60
 """Polyhedra up to which a region is taken apart for its exact volume and bounding box."""
-JUST = Fraction(1, 1000)
-"""How far beyond a face a witness is looked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,15 +103,15 @@ class Comparison(Presented, ask="status"):
     @property
     def status(self) -> Status:
         """COMPLETE if every stage is; else the worst of them."""
-        found = {entry.result.status for entry in self.entries}
-        if self.interrupted or Status.INTERRUPTED in found:
-            return Status.INTERRUPTED
-        complete = self.region is not None and self.region.is_exact and len(self.entries) == len(METHODS)
-        if Status.UNKNOWN in found or (self.region is not None and self.region.status is Status.UNKNOWN):
-            return Status.UNKNOWN
-        if not complete or Status.TIMEOUT in found:
-            return Status.TIMEOUT
-        return Status.INVALID if Status.INVALID in found else Status.COMPLETE
+        stages = {entry.result.status for entry in self.entries}
+        if self.region is not None:
+            stages.add(self.region.status)
+        if self.interrupted:
+            stages.add(Status.INTERRUPTED)
+        if self.region is None or len(self.entries) < len(METHODS):
+            stages.add(Status.TIMEOUT)
+        worst_first = Status.INTERRUPTED, Status.UNKNOWN, Status.TIMEOUT, Status.INVALID
+        return next((status for status in worst_first if status in stages), Status.COMPLETE)
 
     @property
     def cut_short(self) -> bool:
@@ -166,7 +165,11 @@ class Comparing(Searching[Comparison]):
         for number, stage in enumerate(stages):
             limit = self._begin(stage, Fraction(1, 2 if stage == "region" else len(METHODS) + 2 - number))
             if stage == "region":
-                self._find_region(limit)
+                search = RegionSearch(
+                    self.plan, epsilon=self.epsilon, solver=self.solver, encoding=self.encoding, timeout=limit
+                )
+                self._region = search.run()
+                self._interrupted = self._region.status is Status.INTERRUPTED
             else:
                 self._find_box(stage, limit)
             if self._interrupted:
@@ -174,17 +177,15 @@ class Comparing(Searching[Comparison]):
         if self._region is not None:
             self._measure(self._region, Deadline.after(self._begin("faces and witnesses", Fraction(1))))
 
-    def _find_region(self, limit: float | None) -> None:
-        self._region = RegionSearch(
-            self.plan, epsilon=self.epsilon, solver=self.solver, encoding=self.encoding, timeout=limit
-        ).run()
-        self._interrupted = self._region.status is Status.INTERRUPTED
-
     def _find_box(self, method: str, limit: float | None) -> None:
+        deadline = Deadline.after(limit)
         try:
-            result = self._box(method, limit)
+            encoding = create_encoding(self.encoding, self.plan, self.epsilon, deadline)
         except OutOfTimeError:
             return  # not even encoded: there is no box
+        name, _, around = method.partition("-")
+        box_method = BoxMethod(name, self.beta, doubling=self.doubling, contain_nominal=bool(around))
+        result = box_method.search(encoding, solver=self.solver, deadline=deadline).run()
         self._entries[method] = Entry(method, result)
         self._interrupted = result.status is Status.INTERRUPTED
 
@@ -207,17 +208,10 @@ class Comparing(Searching[Comparison]):
             return None
         return max(1e-3, (self.timeout - self._seconds()) * float(share))
 
-    def _box(self, method: str, limit: float | None) -> EnvelopeResult:
-        deadline = Deadline.after(limit)
-        encoding = create_encoding(self.encoding, self.plan, self.epsilon, deadline)
-        name, _, around = method.partition("-")
-        asked = BoxMethod(name, self.beta, doubling=self.doubling, contain_nominal=bool(around))
-        return asked.search(encoding, solver=self.solver, deadline=deadline).run()
-
     # -- measures ----------------------------------------------------------------------------------------------------
 
-    def _measure(self, found: RegionResult, deadline: Deadline) -> None:
-        region = found.region
+    def _measure(self, result: RegionResult, deadline: Deadline) -> None:
+        region = result.region
         short = region.short_union(MANY)
         self._volume = volume_of(region, short)
         width = bounding_width(short)
@@ -231,8 +225,8 @@ class Comparing(Searching[Comparison]):
             self._entries[method] = Entry(
                 method,
                 entry.result,
-                volume_share(box, self._volume, exact=found.is_exact),
-                width_share(box, width, exact=found.is_exact),
+                volume_share(box, self._volume, exact=result.is_exact),
+                width_share(box, width, exact=result.is_exact),
                 tuple(
                     face_gap(box, (name, side), end, bad, confirm)
                     for name, side in faces_of(self.plan.parameters)
@@ -295,18 +289,18 @@ def volume_share(box: Box, volume: VolumeBounds, *, exact: bool) -> RatioBounds 
 
     Of an outer bound only the lower end counts: the envelope may be smaller.
     """
-    own = box.volume
-    if own is None or not box.intervals or volume.upper is None or not volume.upper:
+    size = box.volume
+    if size is None or not box.intervals or volume.upper is None or not volume.upper:
         return None
     # The box is inside, so that the region is at least as large.
-    least = max(volume.lower, own)
-    lower = own / volume.upper
-    return RatioBounds(lower, own / least if exact and least else None)
+    least = max(volume.lower, size)
+    lower = size / volume.upper
+    return RatioBounds(lower, size / least if exact and least else None)
 
 
 def width_share(box: Box, width: Fraction | None, *, exact: bool) -> RatioBounds | None:
     """Total width of the box as a share of that of the region's bounding box; None where there is no finite one."""
-    own = box.total_width
-    if own is None or not width:
+    size = box.total_width
+    if size is None or not width:
         return None
-    return RatioBounds(own / width, own / width if exact else None)
+    return RatioBounds(size / width, size / width if exact else None)

@@ -155,7 +155,7 @@ class ConflictSearch(MasterProblem[CostT]):
         """The cheapest candidate that satisfies one more clause, by its number; None if there is none."""
 
     def accept(self, candidate: Candidate[CostT]) -> None:
-        """The candidate is good, and the best one by now."""
+        """Keep a candidate that is good, and better than those before it."""
         self.best = candidate
 
     def is_hopeless(self) -> bool:
@@ -210,12 +210,12 @@ class RepairStatus(VerdictEnum):
     """How a search for a repair ended."""
 
     UNNEEDED = "unneeded"
-    """It is right as it is."""
+    """Nothing has to be changed."""
     OPTIMAL = "optimal"
     FEASIBLE = "feasible"
     """A repair, but perhaps not the cheapest."""
     IMPOSSIBLE = "impossible"
-    """Whatever is changed of what may be changed, it is not right."""
+    """No allowed change repairs it."""
     UNKNOWN = "unknown"
 
     @property

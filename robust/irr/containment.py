@@ -119,11 +119,11 @@ class Questions(ABC, Generic[Found]):
         for effort in EFFORTS:
             hard: list[ObligationQuestion] = []
             for question in questions:
-                found = self._ask(question, box, deadline, effort, hard)
-                if found is not None:
+                obstacle = self._ask(question, box, deadline, effort, hard)
+                if obstacle is not None:
                     self._questions.remove(question)
                     self._questions.insert(0, question)
-                    return found
+                    return obstacle
             questions = hard
         return None
 
@@ -171,12 +171,12 @@ class Questions(ABC, Generic[Found]):
 
         Most break nowhere around the box, so that one question about all faces is enough for them.
         """
-        found: dict[Face, list[str]] = {face: [] for face in reach}
+        ended: dict[Face, list[str]] = {face: [] for face in reach}
         for question in self._in_order:
             left = [face for face in reach if not question.opened or face[0] in question.parameters]
             for face in self._ended(question, box, {face: reach[face] for face in left}, deadline):
-                found[face].append(question.obligation.name)
-        return {face: tuple(names) for face, names in found.items()}
+                ended[face].append(question.obligation.name)
+        return {face: tuple(names) for face, names in ended.items()}
 
     def _ended(self, question: ObligationQuestion, box: Box, reach: Margins, deadline: Deadline) -> set[Face]:
         """The faces just beyond which an obligation breaks."""
@@ -203,7 +203,7 @@ class Questions(ABC, Generic[Found]):
         return ()
 
     @abstractmethod
-    def _distance(self, found: Found | Facet, face: Face, step: Fraction, box: Box) -> Fraction | None:
+    def _distance(self, obstacle: Found | Facet, face: Face, step: Fraction, box: Box) -> Fraction | None:
         """How far a face has to move alone to meet what was found; 0 if it is as near as counts, None if never."""
 
     def _ask(
@@ -316,19 +316,19 @@ class Containment(Questions[Callable[[], Refutation]]):
         for known in reversed(self._refuted):
             if known.values in box:
                 return known
-        found = self._look_in(box, deadline)
-        return None if found is None else found()
+        obstacle = self._look_in(box, deadline)
+        return None if obstacle is None else obstacle()
 
     def _known_ends(self, question: ObligationQuestion, box: Box, reach: Margins) -> Iterable[Face]:
         points = [known.values for known in self._refuted if known.reason == question.obligation.name]
         return (face for face, step in reach.items() if any(map(_moved(box, {face: step}).__contains__, points)))
 
     def _distance(
-        self, found: Callable[[], Refutation] | Facet, face: Face, step: Fraction, box: Box
+        self, obstacle: Callable[[], Refutation] | Facet, face: Face, step: Fraction, box: Box
     ) -> Fraction | None:
         """0 if it is met within the step."""
         beyond = _moved(box, {face: step})
-        met = found.breaks_in(beyond.grid) if isinstance(found, Facet) else found().values in beyond
+        met = obstacle.breaks_in(beyond.grid) if isinstance(obstacle, Facet) else obstacle().values in beyond
         return Fraction(0) if met else None
 
     def _of_facet(self, facet: Facet, box: Box) -> Callable[[], Refutation]:

@@ -5,7 +5,7 @@ the ends of the boxes that meet it; so each known bad polyhedron is a clause ove
 as in :mod:`robust.irr.conflicts`. It is checked against the envelope, and a bad point in it adds a polyhedron. When it
 is inside it is optimal: no box that misses even the known polyhedra is better.
 
-The methods that find a box, by name, and what each of them can be given.
+:class:`BoxMethod` names the methods that find a box, IRR among them, and holds what each of them can be given.
 """
 
 from __future__ import annotations
@@ -124,24 +124,24 @@ class ExactSearch(BoxSearch):
     def _enumerated(self) -> list[Polyhedron]:
         """Bad polyhedra by enumeration, for a while: they are larger than what single boxes run into."""
         remaining = self.deadline.remaining
-        found = RegionSearch(
+        result = RegionSearch(
             self.encoding.plan,
             epsilon=self.encoding.epsilon,
             solver=self._bad.solver,
             encoding=self.encoding.name,
             timeout=ENUMERATION if remaining is None else min(ENUMERATION, remaining / 2),
         ).run()
-        if found.status is Status.INTERRUPTED:
+        if result.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
-        difference = found.region.as_difference()
+        difference = result.region.as_difference()
         outside = difference.base.complement() if difference.base is not None else []
         return [*outside, *difference.pieces]
 
     def _margins(self) -> Margins:
         return {
-            (one.name, side): JUST
-            for one, side in product(self.encoding.plan.parameters, Side)
-            if (end := self.box[one.name].end(side)) is not None and declared_stop(one, side, end) is None
+            (parameter.name, side): JUST
+            for parameter, side in product(self.encoding.plan.parameters, Side)
+            if (end := self.box[parameter.name].end(side)) is not None and declared_stop(parameter, side, end) is None
         }
 
     def _keep(self, box: Box) -> None:
@@ -190,7 +190,7 @@ class OptimalBox(MasterProblem[Fraction]):
         return None if self.lowest is None else -self.lowest
 
     def run(self) -> Box:
-        """BoxSearch until the best box is proved optimal; `bound` is then its weighted width over finite sides.
+        """Search until the best box is proved optimal; `bound` is then its weighted width over finite sides.
 
         Raises:
             OutOfTimeError: if the deadline passes first; no box is wider than `bound`.

@@ -26,7 +26,7 @@ from robust.qe.box import Box, Face, Side
 log = logging.getLogger(__name__)
 
 STREAK = 8
-"""After so many successes in a row in one direction, ask whether it is bounded at all."""
+"""Successes in a row in one direction after which a query asks whether it is bounded at all."""
 
 
 @dataclass(slots=True)
@@ -70,9 +70,9 @@ class IncrementalRobustification(BoxSearch):
         **conduct: Unpack[Conduct],
     ) -> None:
         super().__init__(containment, method="irr", **conduct)
-        self.beta = self._beta = beta
+        self.beta = self._precision = beta
         self._containment = containment
-        self.doubling = self._doubling = doubling
+        self.doubling = doubling
         self._failures: dict[Face, Fraction | None] = {}
         """Where each face was tried last, and could not be."""
         self._parameters = ordered(self.encoding.plan.parameters, order)
@@ -91,9 +91,9 @@ class IncrementalRobustification(BoxSearch):
             raise OutsideError(refutation.reason, refutation.values)
         self.verified = True
         turns = [self._first_turn(parameter) for parameter in self._parameters]
-        least = self._beta / 2
+        least = self._precision / 2
         # The recorded runs try parameters down to β/2 as well, but end as soon as every Δ is below β.
-        enough = self._beta if self._doubling else least
+        enough = self._precision if self.doubling else least
         for turn in cycle(turns):
             if not any(other.available and other.delta >= enough for other in turns):
                 return
@@ -112,11 +112,11 @@ class IncrementalRobustification(BoxSearch):
     def _first_turn(self, parameter: Parameter) -> _Turn:
         """Lines 4 and 5; the default schedule has nothing to try where the nominal value is at a declared bound."""
         limits = {Side.UPPER: parameter.upper, Side.LOWER: parameter.lower}
-        if self._doubling:
+        if self.doubling:
             sides, delta = list(limits), max(parameter.nominal, Fraction(1)) * parameter.weight
         else:
             sides = [side for side, limit in limits.items() if limit != parameter.nominal]
-            delta = max(parameter.nominal * parameter.weight, self._beta)
+            delta = max(parameter.nominal * parameter.weight, self._precision)
         return _Turn(parameter, limits, delta, sides, list(sides))
 
     def _attempt(self, turn: _Turn) -> None:
@@ -147,13 +147,13 @@ class IncrementalRobustification(BoxSearch):
         if end is None:
             raise ValueError("a side that is unbounded is not tried again")
         moved = end + side.sign * turn.delta
-        if limit is not None and not self._doubling and side.sign * moved > side.sign * limit:
+        if limit is not None and not self.doubling and side.sign * moved > side.sign * limit:
             moved = limit
         return self.box.moved((name, side), moved)
 
     def _note_success(self, turn: _Turn, side: Side) -> None:
         turn.streak += 1
-        if self._doubling:
+        if self.doubling:
             if not turn.halved:
                 turn.delta *= 2
             return
@@ -183,12 +183,9 @@ class IncrementalRobustification(BoxSearch):
             return
         candidate = self.box.moved((turn.parameter.name, side), turn.limits[side])
         self.unbounded_checks += 1
-        if self._is_inside(candidate):
+        if self._containment.contains(candidate, self.deadline):
             self._accept(candidate)
             self._close(turn, side)
-
-    def _is_inside(self, box: Box) -> bool:
-        return self._containment.contains(box, self.deadline)
 
 
 def ordered(parameters: Sequence[Parameter], order: Sequence[str]) -> list[Parameter]:

@@ -14,16 +14,8 @@ from typing import Any
 
 from robust.encode.effects import Writes
 from robust.encode.network import duration_rules
-from robust.plan.model import (
-    ActionInstance,
-    Condition,
-    Expression,
-    ParameterReference,
-    ParametrizedPlan,
-    TimePoint,
-    comparisons,
-    fluents_in,
-)
+from robust.plan import model
+from robust.plan.model import ActionInstance, ParameterReference, ParametrizedPlan
 from robust.plan.polynomial import Polynomial
 from robust.qe.box import Box
 
@@ -81,19 +73,19 @@ class ActionOverrun:
 def action_overruns(plan: ParametrizedPlan, box: Box) -> tuple[ActionOverrun, ...]:
     """For each durative action of the plan, in the order of their first instances."""
     by_action: dict[str, list[Overrun]] = {}
-    for one in overruns(plan, box):
-        by_action.setdefault(one.instance.action, []).append(one)
-    return tuple(_of_action(action, tuple(found)) for action, found in by_action.items())
+    for overrun in overruns(plan, box):
+        by_action.setdefault(overrun.instance.action, []).append(overrun)
+    return tuple(_of_action(action, tuple(members)) for action, members in by_action.items())
 
 
-def _of_action(action: str, found: tuple[Overrun, ...]) -> ActionOverrun:
-    known = [(one.percent, one.closed, one) for one in found if one.percent is not None]
+def _of_action(action: str, members: tuple[Overrun, ...]) -> ActionOverrun:
+    known = [(overrun.percent, overrun.closed, overrun) for overrun in members if overrun.percent is not None]
     if known:
-        percent, closed, decisive = min(known, key=lambda each: (each[0], each[1]))
-        return ActionOverrun(action, found, percent, closed, decisive)
+        percent, closed, decisive = min(known, key=lambda share: (share[0], share[1]))
+        return ActionOverrun(action, members, percent, closed, decisive)
     # Any share of a planned duration of 0 is 0.
-    empty = next((one for one in found if one.proved is not None), None)
-    return ActionOverrun(action, found, None if empty is None else Fraction(0), True, empty)
+    empty = next((overrun for overrun in members if overrun.proved is not None), None)
+    return ActionOverrun(action, members, None if empty is None else Fraction(0), True, empty)
 
 
 def overruns(plan: ParametrizedPlan, box: Box) -> Iterator[Overrun]:
@@ -106,9 +98,9 @@ def overruns(plan: ParametrizedPlan, box: Box) -> Iterator[Overrun]:
 
 
 def _overrun(
-    plan: ParametrizedPlan, box: Box, instance: ActionInstance, found: Limits, uses: Mapping[str, set[str]]
+    plan: ParametrizedPlan, box: Box, instance: ActionInstance, bounds: Limits, uses: Mapping[str, set[str]]
 ) -> Overrun:
-    limits = found.most
+    limits = bounds.most
     nominal = {ParameterReference(name): value for name, value in plan.nominal.items()}
     planned = min((limit.evaluate(nominal) for limit in limits), default=None)
     if planned is None:
@@ -132,7 +124,7 @@ def _overrun(
     least = min(constants, default=None)
     if least is not None and (proved is None or least < proved):
         proved, closed = least, True
-    below = (box.values_of(limit.coefficients(), limit.constant_term).lower for limit in found.least)
+    below = (box.values_of(limit.coefficients(), limit.constant_term).lower for limit in bounds.least)
     shortest = max((least for least in below if least is not None), default=Fraction(0))
     return Overrun(instance, planned, proved, closed, None, names, shortest)
 
@@ -147,10 +139,11 @@ class Limits:
 
 def _limits(plan: ParametrizedPlan) -> dict[str, Limits]:
     """What the network, and the domain without regard to the state, say of durations; by instance."""
-    found = {instance.identifier: Limits() for instance in plan.instances}
-    ends = {(one.start, one.end): found[one.identifier] for one in plan.instances if one.durative}
+    limits = {instance.identifier: Limits() for instance in plan.instances}
+    durative = (instance for instance in plan.instances if instance.durative)
+    ends = {(instance.start, instance.end): limits[instance.identifier] for instance in durative}
 
-    def add(source: TimePoint, target: TimePoint, least: Limit) -> None:
+    def add(source: model.TimePoint, target: model.TimePoint, least: Limit) -> None:
         """The target is at least so much after the source."""
         if (source, target) in ends:
             ends[source, target].least.append(least)
@@ -165,7 +158,7 @@ def _limits(plan: ParametrizedPlan) -> dict[str, Limits]:
     for rule in duration_rules(plan, Writes(plan)):
         for bound in rule.bounds:
             add(bound.source, bound.target, bound.weight)
-    return found
+    return limits
 
 
 # -- what parameters stand for -----------------------------------------------------------------------------------------
@@ -178,32 +171,36 @@ def _duration(instance: ActionInstance) -> str:
 def _uses(plan: ParametrizedPlan, name: str) -> set[str]:
     """What changes with a parameter, in words: durations, other statements of the network, conditions and effects."""
     reference = ParameterReference(name)
-    ends = {frozenset((one.start, one.end)): one for one in plan.instances if one.durative}
-    found = set()
+    ends = {frozenset((instance.start, instance.end)): instance for instance in plan.instances if instance.durative}
+    words = set()
     for item in plan.constraints:
         if any(bound is not None and reference in bound.variables for bound in (item.lower, item.upper)):
             instance = ends.get(frozenset((item.source, item.target)))
-            found.add(f"`{item}`" if instance is None else _duration(instance))
+            words.add(f"`{item}`" if instance is None else _duration(instance))
     fluents = {fluent for fluent, value in plan.initial_fluents.items() if reference in value.variables}
 
-    def uses(expressions: Iterable[Expression]) -> bool:
-        return any(reference in one.variables or not fluents.isdisjoint(fluents_in(one)) for one in expressions)
+    def uses(expressions: Iterable[model.Expression]) -> bool:
+        return any(
+            reference in expression.variables or not fluents.isdisjoint(model.fluents_in(expression))
+            for expression in expressions
+        )
 
     for instance in plan.instances:
-        if uses(one.condition.expression for one in instance.durations):
-            found.add(_duration(instance))
-        if uses(_of_conditions(one.condition for one in instance.conditions)) or uses(_of_effects(instance)):
-            found.add(f"what {instance.identifier} reads or writes")
-    if uses(_of_conditions(one.condition for one in plan.goal)):
-        found.add("the goal")
-    return found
+        if uses(duration.condition.expression for duration in instance.durations):
+            words.add(_duration(instance))
+        conditions = (condition.condition for condition in instance.conditions)
+        if uses(_of_conditions(conditions)) or uses(_of_effects(instance)):
+            words.add(f"what {instance.identifier} reads or writes")
+    if uses(_of_conditions(goal.condition for goal in plan.goal)):
+        words.add("the goal")
+    return words
 
 
-def _of_conditions(conditions: Iterable[Condition]) -> Iterator[Expression]:
-    return (one.expression for condition in conditions for one in comparisons(condition))
+def _of_conditions(conditions: Iterable[model.Condition]) -> Iterator[model.Expression]:
+    return (comparison.expression for condition in conditions for comparison in model.comparisons(condition))
 
 
-def _of_effects(instance: ActionInstance) -> Iterator[Expression]:
+def _of_effects(instance: ActionInstance) -> Iterator[model.Expression]:
     for effect in instance.numeric_effects:
         yield effect.expression
         yield Polynomial.variable(effect.fluent)

@@ -20,15 +20,8 @@ from robust.encode.effects import Writes
 from robust.encode.network import duration_rules
 from robust.errors import Location
 from robust.numbers import format_number, readable
-from robust.plan.model import (
-    ZERO,
-    Bound,
-    Parameter,
-    ParameterReference,
-    ParametrizedPlan,
-    TemporalConstraint,
-    TimePoint,
-)
+from robust.plan import model
+from robust.plan.model import Bound, ParametrizedPlan, TemporalConstraint, TimePoint
 from robust.plan.polynomial import Polynomial
 from robust.qe.box import Side
 
@@ -89,14 +82,13 @@ def quantities(
         fixed: parameters that keep their nominal values.
         gap: what is left at least of a bound that orders two time points; None: it may order them the other way.
     """
-    found = list(_bounds(plan, gap)) if Changeable.BOUND in kinds else []
+    listed = list(_bounds(plan, gap)) if Changeable.BOUND in kinds else []
     if Changeable.NOMINAL in kinds:
-        found += [
-            Quantity(one.name, Changeable.NOMINAL, one.nominal, one.weight, one.lower, one.upper)
-            for one in plan.parameters
-            if one.name not in fixed
-        ]
-    return found
+        for parameter in plan.parameters:
+            if parameter.name not in fixed:
+                numbers = parameter.nominal, parameter.weight, parameter.lower, parameter.upper
+                listed.append(Quantity(parameter.name, Changeable.NOMINAL, *numbers))
+    return listed
 
 
 def _bounds(plan: ParametrizedPlan, gap: Fraction | None) -> Iterator[Quantity]:
@@ -127,21 +119,21 @@ def _bounds(plan: ParametrizedPlan, gap: Fraction | None) -> Iterator[Quantity]:
 
 def _limits(plan: ParametrizedPlan) -> dict[tuple[TimePoint, TimePoint], Limits]:
     """How far apart two time points can be in any schedule of a valid plan, by what the domain says of durations."""
-    found: dict[tuple[TimePoint, TimePoint], Limits] = {}
+    limits: dict[tuple[TimePoint, TimePoint], Limits] = {}
 
     def add(source: TimePoint, target: TimePoint, least: Fraction) -> None:
-        low, high = found.get((source, target), (None, None))
+        low, high = limits.get((source, target), (None, None))
         low = least if low is None else max(low, least)
-        found[source, target] = low, high
-        found[target, source] = None if high is None else -high, -low
+        limits[source, target] = low, high
+        limits[target, source] = None if high is None else -high, -low
 
     for point in plan.time_points[1:]:
-        add(ZERO, point, Fraction(0))
+        add(model.ZERO, point, Fraction(0))
     for rule in duration_rules(plan, Writes(plan)):
         for bound in rule.bounds:
             if bound.weight.is_constant:
                 add(bound.source, bound.target, bound.weight.constant_term)
-    return found
+    return limits
 
 
 def _bound_of(constraint: TemporalConstraint, side: Side) -> Bound | None:
@@ -155,27 +147,28 @@ def _with_bound(constraint: TemporalConstraint, side: Side, bound: Bound) -> Tem
 def lifted(plan: ParametrizedPlan, changeable: Sequence[Quantity]) -> ParametrizedPlan:
     """The plan with a parameter for each bound that may be changed."""
     constraints, parameters = list(plan.constraints), list(plan.parameters)
-    for one in changeable:
-        if one.kind is Changeable.BOUND:
-            reference: Bound = Polynomial.variable(ParameterReference(one.name))
-            constraints[one.constraint] = _with_bound(constraints[one.constraint], one.side, reference)
-            parameters.append(Parameter(one.name, one.old or Fraction(0), one.weight, one.lower, one.upper))
+    for quantity in changeable:
+        if quantity.kind is Changeable.BOUND:
+            reference: Bound = Polynomial.variable(model.ParameterReference(quantity.name))
+            constraints[quantity.constraint] = _with_bound(constraints[quantity.constraint], quantity.side, reference)
+            numbers = quantity.old or Fraction(0), quantity.weight, quantity.lower, quantity.upper
+            parameters.append(model.Parameter(quantity.name, *numbers))
     return replace(plan, constraints=tuple(constraints), parameters=tuple(parameters))
 
 
 def changed(plan: ParametrizedPlan, changeable: Sequence[Quantity], values: Mapping[str, Fraction]) -> ParametrizedPlan:
     """The plan with other values for some quantities, by their names."""
     constraints = list(plan.constraints)
-    parameters = {one.name: one for one in plan.parameters}
-    for one in changeable:
-        if one.name not in values:
+    parameters = {parameter.name: parameter for parameter in plan.parameters}
+    for quantity in changeable:
+        if quantity.name not in values:
             continue
-        value = values[one.name]
-        if one.kind is Changeable.BOUND:
+        value = values[quantity.name]
+        if quantity.kind is Changeable.BOUND:
             moved: Bound = Polynomial.constant(value)
-            constraints[one.constraint] = _with_bound(constraints[one.constraint], one.side, moved)
+            constraints[quantity.constraint] = _with_bound(constraints[quantity.constraint], quantity.side, moved)
         else:
-            parameters[one.name] = replace(parameters[one.name], nominal=value)
+            parameters[quantity.name] = replace(parameters[quantity.name], nominal=value)
     return replace(plan, constraints=tuple(constraints), parameters=tuple(parameters.values()))
 
 
@@ -218,7 +211,7 @@ class QuantityChange:
 def change_of(plan: ParametrizedPlan, quantity: Quantity, new: Fraction, serves: tuple[str, ...]) -> QuantityChange:
     """What becomes of a quantity of the plan."""
     if quantity.kind is Changeable.NOMINAL:
-        parameter = next(one for one in plan.parameters if one.name == quantity.name)
+        parameter = next(parameter for parameter in plan.parameters if parameter.name == quantity.name)
         words = f"{quantity.name} {readable(new)} instead of {readable(parameter.nominal)}"
         return QuantityChange(quantity, new, f"parameter {quantity.name}", parameter.location, words, serves)
     constraint = plan.constraints[quantity.constraint]
@@ -240,7 +233,7 @@ def _words(constraint: TemporalConstraint, quantity: Quantity, new: Fraction) ->
 
 def _bounded(constraint: TemporalConstraint, side: Side, value: Fraction) -> str:
     upper = side is Side.UPPER
-    if constraint.source == ZERO and value >= 0:
+    if constraint.source == model.ZERO and value >= 0:
         return f"at {readable(value)} {'at the latest' if upper else 'at the earliest'}"
     if value < 0:
         return f"{'at least' if upper else 'at most'} {readable(-value)} before {constraint.source}"

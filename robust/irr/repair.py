@@ -6,19 +6,18 @@ in :mod:`robust.irr.widen`. What a plan is required to tolerate is projected out
 one of the inequalities of each polyhedron that is left. The cheapest is found as in :mod:`robust.irr.conflicts`.
 
 Cost is a pair: how many numbers change, and the weighted sum of the changes. By sum, the first counts only bounds that
-were infinite: no distance from infinity can be told, so as few as possible become finite.
+were infinite: their distance from infinity is not defined, so as few as possible become finite.
 
-The cheapest changes of a plan under inequalities between them, by exact linear programming.
-
-A bound that is infinite can stay so, and then satisfies or breaks an inequality whatever the other numbers are; which
-of these become finite is said beforehand. Where a strict inequality excludes the cheapest changes themselves, the ones
-that are found cost a little more.
+The cheapest changes under given inequalities are found by exact linear programming. A bound that is infinite can stay
+so, and then satisfies or breaks an inequality whatever the other numbers are; which of these become finite is said
+beforehand. Where a strict inequality excludes the cheapest changes themselves, the ones that are found cost a little
+more.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from fractions import Fraction
 from operator import attrgetter
 
@@ -95,7 +94,7 @@ class CheapestChanges:
         self._plan = plan
         self.quantities = quantities
         self._counts = counts
-        numbers = [abs(one.old) for one in quantities.values() if one.old is not None]
+        numbers = [abs(quantity.old) for quantity in quantities.values() if quantity.old is not None]
         self.greatest = max([Fraction(1), *numbers, *(abs(p.nominal) for p in plan.parameters)])
         """The greatest number of the plan."""
         self._reach = _FAR * self.greatest
@@ -131,12 +130,12 @@ class CheapestChanges:
                 constraints.append(choice.substitute(old))
             elif not self.holds(choice, {}, endless):
                 return None
-        mentioned = {name for one in constraints for name in one.parameters}
+        mentioned = {name for constraint in constraints for name in constraint.parameters}
         # The other bound of a constraint may have to make room, unless it is infinite.
         partners = {other for name in mentioned if (other := self.partner(name)) is not None and other in free}
         used = sorted(mentioned | {name for name in partners if self.quantities[name].old is not None})
         constraints += self._always(used)
-        if any(one.is_false for one in constraints):
+        if any(constraint.is_false for constraint in constraints):
             return None
         finite = [name for name in used if self.quantities[name].old is not None]
         constraints += [limit for name in finite for limit in self.price(name)]
@@ -164,13 +163,13 @@ class CheapestChanges:
         names, kept, point = solved.names, solved.constraints, solved.best.point
         outwards = {name: Fraction(self.quantities[name].side.sign) for name in solved.new}
         for goal, best in ((solved.objective, solved.best), (outwards, None)):
-            found = best or (maximize(names, kept, goal) if goal else None)
-            if found is not None and found.value is not None:
-                slack = _NOTHING if found.attained else max(abs(found.value), Fraction(1)) * _CLOSE
-                kept = [*kept, LinearConstraint.of(goal, ">=", found.value - slack)]
-                point = found.point
+            optimum = best or (maximize(names, kept, goal) if goal else None)
+            if optimum is not None and optimum.value is not None:
+                slack = _NOTHING if optimum.attained else max(abs(optimum.value), Fraction(1)) * _CLOSE
+                kept = [*kept, LinearConstraint.of(goal, ">=", optimum.value - slack)]
+                point = optimum.point
         # An optimum is on the boundary, which strict inequalities exclude.
-        return point if all(one.evaluate(point) for one in kept) else feasible_point(names, kept) or point
+        return point if all(constraint.evaluate(point) for constraint in kept) else feasible_point(names, kept) or point
 
     def _without_idle(
         self, values: Mapping[str, Fraction], constraints: Sequence[LinearConstraint], point: Mapping[str, Fraction]
@@ -180,19 +179,19 @@ class CheapestChanges:
         for name in values:
             pair = {name, self.partner(name) or name}
             for idle in ({name}, pair):
-                still = {other: value for other, value in kept.items() if other not in idle}
+                rest = {other: value for other, value in kept.items() if other not in idle}
                 olds = {other: self.quantities[other].old for other in idle & point.keys()}
                 at = {**point, **{other: old for other, old in olds.items() if old is not None}}
-                if None not in olds.values() and all(one.evaluate({**at, **still}) for one in constraints):
-                    kept, point = still, at
+                if None not in olds.values() and all(constraint.evaluate({**at, **rest}) for constraint in constraints):
+                    kept, point = rest, at
                     break
         return kept
 
     def partner(self, name: str) -> str | None:
         """The other bound of the same constraint, if it may be changed."""
-        one = self.quantities[name]
-        other = bound_name(one.constraint, Side.LOWER if one.side is Side.UPPER else Side.UPPER)
-        return other if one.kind is Changeable.BOUND and other in self.quantities else None
+        quantity = self.quantities[name]
+        other = bound_name(quantity.constraint, Side.LOWER if quantity.side is Side.UPPER else Side.UPPER)
+        return other if quantity.kind is Changeable.BOUND and other in self.quantities else None
 
     def _always(self, names: Collection[str]) -> Iterator[LinearConstraint]:
         """Bounds and nominal values within their limits, lower bounds not above upper ones; the others do not move."""
@@ -200,14 +199,14 @@ class CheapestChanges:
             yield from self.limits(self.quantities[name])
         yield from dict.fromkeys(order for name in names for order in self.in_order(name, names))
 
-    def limits(self, one: Quantity) -> Iterator[LinearConstraint]:
-        far = self._reach if one.old is None else None
-        lower = one.lower if one.lower is not None or far is None else -far
-        upper = one.upper if one.upper is not None or far is None else far
+    def limits(self, quantity: Quantity) -> Iterator[LinearConstraint]:
+        far = self._reach if quantity.old is None else None
+        lower = quantity.lower if quantity.lower is not None or far is None else -far
+        upper = quantity.upper if quantity.upper is not None or far is None else far
         if lower is not None:
-            yield LinearConstraint.of({one.name: 1}, ">=", lower)
+            yield LinearConstraint.of({quantity.name: 1}, ">=", lower)
         if upper is not None:
-            yield LinearConstraint.of({one.name: 1}, "<=", upper)
+            yield LinearConstraint.of({quantity.name: 1}, "<=", upper)
 
     def in_order(self, name: str, moving: Collection[str]) -> Iterator[LinearConstraint]:
         """The lower bound is not above the upper one, if it is about a bound and both are numbers."""
@@ -218,8 +217,8 @@ class CheapestChanges:
         form: dict[str, int] = {}
         least = _NOTHING
         for side, bound in ((Side.LOWER, written.lower), (Side.UPPER, written.upper)):
-            if (one := bound_name(constraint, side)) in moving:
-                form[one] = side.sign
+            if (bounded := bound_name(constraint, side)) in moving:
+                form[bounded] = side.sign
             elif bound is None or not bound.is_constant:
                 return
             else:
@@ -228,10 +227,11 @@ class CheapestChanges:
 
     def price(self, name: str) -> Iterator[LinearConstraint]:
         """A change costs its amount times its weight, whichever way it goes."""
-        one = self.quantities[name]
-        old = one.old or _NOTHING
+        quantity = self.quantities[name]
+        old = quantity.old or _NOTHING
         for sign in (1, -1):
-            yield LinearConstraint.of({cost_name(name): 1, name: -sign * one.weight}, ">=", -sign * one.weight * old)
+            slope = -sign * quantity.weight
+            yield LinearConstraint.of({cost_name(name): 1, name: slope}, ">=", slope * old)
 
 
 def cost_name(name: str) -> str:
@@ -282,6 +282,7 @@ _CHANGES = {
 """What may change, in the words of options."""
 
 
+@dataclass(eq=False)
 class RepairSearch(RepairSearching[Cost, Repair]):
     """One search for the least change of a plan.
 
@@ -297,31 +298,24 @@ class RepairSearch(RepairSearching[Cost, Repair]):
         on_repair: called with the cost of each better repair.
     """
 
-    def __init__(
-        self,
-        plan: ParametrizedPlan,
-        *,
-        require: Mapping[str, Interval] | None = None,
-        kinds: Collection[Changeable] = (Changeable.BOUND,),
-        count: bool = False,
-        reorder: bool = False,
-        epsilon: Fraction = EPSILON,
-        solver: str = "z3",
-        deadline: Deadline = NEVER,
-        on_repair: Callable[[Cost], None] | None = None,
-    ) -> None:
-        super().__init__(solver=solver, deadline=deadline, lowest=Cost())
-        self._plan = plan
-        self._required = dict(require or {})
-        self._kinds = kinds
-        self._counts = count
-        self._epsilon = epsilon
-        self._solver = solver
-        self._on_repair = on_repair
-        gap = None if reorder else epsilon
-        self._quantities = {one.name: one for one in quantities(plan, kinds, self._required, gap)}
-        self._changes = CheapestChanges(plan, self._quantities, counts=count)
-        self._infinity = self._changes.greatest * (1 + len(plan.constraints))
+    plan: ParametrizedPlan
+    _: KW_ONLY
+    require: Mapping[str, Interval] | None = None
+    kinds: Collection[Changeable] = (Changeable.BOUND,)
+    count: bool = False
+    reorder: bool = False
+    epsilon: Fraction = EPSILON
+    solver: str = "z3"
+    deadline: Deadline = NEVER
+    on_repair: Callable[[Cost], None] | None = None
+
+    def __post_init__(self) -> None:
+        super().__init__(solver=self.solver, deadline=self.deadline, lowest=Cost())
+        self._required = dict(self.require or {})
+        changeable = quantities(self.plan, self.kinds, self._required, None if self.reorder else self.epsilon)
+        self._quantities = {quantity.name: quantity for quantity in changeable}
+        self._changes = CheapestChanges(self.plan, self._quantities, counts=self.count)
+        self._infinity = self._changes.greatest * (1 + len(self.plan.constraints))
         self._proof: CheckResult | None = None
         self._declared: set[str] = set()
         self._contradiction: tuple[str, ...] = ()
@@ -329,13 +323,13 @@ class RepairSearch(RepairSearching[Cost, Repair]):
     # -- the search ----------------------------------------------------------------------------------------------------
 
     def _search(self) -> None:
-        plan = lifted(self._plan, list(self._quantities.values()))
-        self._bad = _BadChanges(self._plan, RelationalEncoding(plan, self._epsilon), self._solver, self.deadline)
+        plan = lifted(self.plan, list(self._quantities.values()))
+        self._bad = _BadChanges(self.plan, RelationalEncoding(plan, self.epsilon), self.solver, self.deadline)
         self._network = self._bad.open_session()
         self._network.add_all(self._bad.encoding.network_formulas(), self.deadline)
-        point = {name: self._required.get(name, Interval(value, value)) for name, value in self._plan.nominal.items()}
+        point = {name: self._required.get(name, Interval(value, value)) for name, value in self.plan.nominal.items()}
         self._network.add(
-            *within(self._bad.encoding, {n: one for n, one in point.items() if n not in self._quantities})
+            *within(self._bad.encoding, {n: interval for n, interval in point.items() if n not in self._quantities})
         )
         self.search()
         if self.best is None and not self._contradiction:
@@ -352,22 +346,21 @@ class RepairSearch(RepairSearching[Cost, Repair]):
         can be left out. What the solver does not tell soon is left to the search.
         """
         encoding = self._bad.encoding
-        asked = [one for one in encoding.obligations if one.violation is not encoding.terms.false]
-        kept = {one.name: encoding.terms.negation(one.violation) for one in asked}
+        asked = [obligation for obligation in encoding.obligations if obligation.violation is not encoding.terms.false]
+        kept = {obligation.name: encoding.terms.negation(obligation.violation) for obligation in asked}
+        violations = {obligation.violation for obligation in asked}
         session = self._bad.open_session()
-        formulas = (formula for one in asked for formula in encoding.full_query(one) if formula is not one.violation)
-        session.add_all(list(dict.fromkeys(formulas)), self.deadline)
-        fixed = {one.name: one.nominal for one in self._plan.parameters if one.name not in self._quantities}
+        formulas = {formula: None for obligation in asked for formula in encoding.full_query(obligation)}
+        session.add_all([formula for formula in formulas if formula not in violations], self.deadline)
+        fixed = {name: value for name, value in self.plan.nominal.items() if name not in self._quantities}
         for corner in _ends(self._required):
             at = {name: Interval(value, value) for name, value in {**fixed, **corner}.items()}
             with session.frame(*within(encoding, at)):
 
                 def refuted(formulas: Iterable[Formula], session: Session = session) -> bool:
                     with session.frame(*formulas):
-                        return (
-                            session.check("some valid schedule", self.deadline, EFFORTS[1])
-                            is Satisfiability.UNSATISFIABLE
-                        )
+                        verdict = session.check("some valid schedule", self.deadline, EFFORTS[1])
+                    return verdict is Satisfiability.UNSATISFIABLE
 
                 # Without any schedule there are statements to blame, which the search names.
                 if refuted(()) or not refuted(kept.values()):
@@ -397,24 +390,24 @@ class RepairSearch(RepairSearching[Cost, Repair]):
             free = {n for n, quantity in self._quantities.items() if quantity.old is not None} | needed
             if (programme := self._changes.programme(chosen, free)) is not None:
                 steps.append(programme)
-        if self._counts:
+        if self.count:
             return min(map(self._changes.solution, steps), key=attrgetter("cost"), default=None)
         return self._changes.solution(min(steps, key=attrgetter("cost"))) if steps else None
 
     def accept(self, candidate: Candidate[Cost]) -> None:
-        """Check the repaired plan by itself; it is the best one by now."""
+        """Check the repaired plan by itself, and keep it: it is better than those before it."""
         plan = self._changed(candidate)
         box = Box.nominal(plan.parameters).changed(self._required)
-        encoding = RelationalEncoding(plan, self._epsilon)
-        proof = Checker(encoding, box, solver=self._solver, deadline=self.deadline).run()
+        encoding = RelationalEncoding(plan, self.epsilon)
+        proof = Checker(encoding, box, solver=self.solver, deadline=self.deadline).run()
         if proof.answer is Answer.UNKNOWN:
             raise KeyboardInterrupt if proof.interrupted else OutOfTimeError(proof.reason)
         if proof.answer is Answer.REFUTED:
             broken = "; ".join(proof.counterexamples) or proof.reason
             raise SolverError(f"the check does not confirm a repair ({broken}); please report this plan as a bug")
         self.best, self._proof = candidate, proof
-        if self._on_repair is not None:
-            self._on_repair(candidate.cost)
+        if self.on_repair is not None:
+            self.on_repair(candidate.cost)
 
     def conflict_at(self, candidate: Candidate[Cost]) -> Clause | None:
         while True:
@@ -434,30 +427,27 @@ class RepairSearch(RepairSearching[Cost, Repair]):
     def _box_at(self, candidate: Candidate[Cost]) -> Box:
         """Where the plan with parameters for what may be changed has to be valid."""
         moved = dict(self._required)
-        for name, one in self._quantities.items():
-            value = candidate.point.get(name, one.old)
+        for name, quantity in self._quantities.items():
+            value = candidate.point.get(name, quantity.old)
             if value is not None:
                 moved[name] = Interval(value, value)
             else:
-                end = one.side.sign * self._infinity
-                moved[name] = Interval(end, None) if one.side is Side.UPPER else Interval(None, end)
+                end = quantity.side.sign * self._infinity
+                moved[name] = Interval(end, None) if quantity.side is Side.UPPER else Interval(None, end)
         return Box.nominal(self._bad.encoding.plan.parameters).changed(moved)
 
     def _clause(self, piece: Polyhedron) -> Clause:
         """What a repair must break of a polyhedron: it is bad whatever the required parameters are in it."""
-        fixed = {
-            one.name: one.nominal
-            for one in self._plan.parameters
-            if one.name not in self._quantities and one.name not in self._required
-        }
-        bad = [one.substitute(fixed) for one in piece.constraints]
-        if any(not self._required.keys().isdisjoint(one.parameters) for one in bad):
+        variable = self._quantities.keys() | self._required.keys()
+        fixed = {name: value for name, value in self.plan.nominal.items() if name not in variable}
+        bad = [constraint.substitute(fixed) for constraint in piece.constraints]
+        if any(not self._required.keys().isdisjoint(constraint.parameters) for constraint in bad):
             bad += Box(self._required).constraints()
             projected = project(bad, self._required.keys(), self.deadline)
             if projected is None:
                 raise ValueError(f"{piece} meets what is required, but no changes meet both")
             bad = list(projected)
-        choices = dict.fromkeys(negated for one in bad for negated in one.negation())
+        choices = dict.fromkeys(negated for constraint in bad for negated in constraint.negation())
         return Clause(tuple(filter(self._leaves_schedule, choices)), self._bad.reasons[piece])
 
     def _leaves_schedule(self, choice: LinearConstraint) -> bool:
@@ -470,7 +460,7 @@ class RepairSearch(RepairSearching[Cost, Repair]):
 
     def _has_flag(self, name: str) -> bool:
         """Whether a change of the quantity counts."""
-        return self._counts or self._quantities[name].old is None
+        return self.count or self._quantities[name].old is None
 
     def symbols(self) -> Iterator[str]:
         for name in self._declared:
@@ -506,15 +496,15 @@ class RepairSearch(RepairSearching[Cost, Repair]):
 
     def _domain(self, name: str) -> Iterator[Formula]:
         """What holds of a quantity in every model: its limits, its price, and a flag that is 1 if it changes."""
-        terms, one = self.terms, self._quantities[name]
-        yield from (limit.to_formula(terms) for limit in self._changes.limits(one))
+        terms, quantity = self.terms, self._quantities[name]
+        yield from (limit.to_formula(terms) for limit in self._changes.limits(quantity))
         flag = _variable(_flag(name))
         if self._has_flag(name):
             yield terms.disjunction((terms.equal(flag), terms.equal(flag - 1)))
-        if one.old is not None:
+        if quantity.old is not None:
             yield from (limit.to_formula(terms) for limit in self._changes.price(name))
             if self._has_flag(name):
-                yield terms.disjunction((terms.equal(_variable(name) - one.old), terms.equal(flag - 1)))
+                yield terms.disjunction((terms.equal(_variable(name) - quantity.old), terms.equal(flag - 1)))
 
     def cheaper(self, cost: Cost) -> Formula:
         terms = self.terms
@@ -528,7 +518,7 @@ class RepairSearch(RepairSearching[Cost, Repair]):
         """Obligations, or statements of the network, that no allowed changes reconcile; none can be left out."""
         needed = list(dict.fromkeys(clause.reason for clause in self.clauses))
         for reason in list(needed):
-            session = Session(self.terms, solver=self._solver)
+            session = Session(self.terms, solver=self.solver)
             others = [clause for clause in self.clauses if clause.reason in needed and clause.reason != reason]
             declared: set[str] = set()
             for clause in others:
@@ -540,18 +530,18 @@ class RepairSearch(RepairSearching[Cost, Repair]):
     # -- results -------------------------------------------------------------------------------------------------------
 
     def _changed(self, candidate: Candidate[Cost]) -> ParametrizedPlan:
-        return changed(self._plan, list(self._quantities.values()), candidate.point)
+        return changed(self.plan, list(self._quantities.values()), candidate.point)
 
     def _result(self, status: Status, reason: str | None = None) -> Repair:
         best, changes = self.best, () if self.best is None else tuple(self._changes_of(self.best))
         # Where the infimum is only approached, the changes cost a little more.
-        cost = None if best is None else Cost(best.cost.count, sum((one.cost or _NOTHING for one in changes), _NOTHING))
+        total = sum((change.cost or _NOTHING for change in changes), _NOTHING)
         return Repair(
             status=self.repaired(status),
             required=self._required,
             plan=None if best is None else self._changed(best),
             changes=changes,
-            cost=cost,
+            cost=None if best is None else Cost(best.cost.count, total),
             bound=self.lowest or Cost(),
             conflicts=len(self.clauses),
             candidates=self.examined,
@@ -561,16 +551,16 @@ class RepairSearch(RepairSearching[Cost, Repair]):
             check=self._proof,
             interrupted=status is Status.INTERRUPTED,
             reason=reason,
-            change=_CHANGES[frozenset(self._kinds)],
-            count=self._counts,
-            epsilon=self._epsilon,
-            solver=self._solver,
+            change=_CHANGES[frozenset(self.kinds)],
+            count=self.count,
+            epsilon=self.epsilon,
+            solver=self.solver,
         )
 
     def _changes_of(self, repair: Candidate[Cost]) -> Iterator[QuantityChange]:
         for name, quantity in self._quantities.items():
             if name in repair.point:
-                yield change_of(self._plan, quantity, repair.point[name], self._served(name, repair.point))
+                yield change_of(self.plan, quantity, repair.point[name], self._served(name, repair.point))
 
     def _served(self, name: str, values: Point) -> tuple[str, ...]:
         """What breaks if a change is undone, together with that of the bound which would be on the wrong side of it."""
@@ -580,7 +570,9 @@ class RepairSearch(RepairSearching[Cost, Repair]):
             now = Unchanged(self._quantities, undone)
             if not all(order.evaluate(now) for order in self._changes.in_order(name, {name, other})):
                 del undone[other]
-        broken = (one.reason for one in self.clauses if not any(self.holds(choice, undone) for choice in one.choices))
+        broken = (
+            clause.reason for clause in self.clauses if not any(self.holds(choice, undone) for choice in clause.choices)
+        )
         return tuple(dict.fromkeys(broken))
 
 
@@ -596,15 +588,15 @@ class _BadChanges(DiscoveredBadSet):
     def _of_facet(self, facet: Facet, box: Box) -> Polyhedron:
         piece = super()._of_facet(facet, box)
         if facet.obligation is None:
-            told = dict.fromkeys(self._as_written.get(origin, origin) for origin in facet.origins)
-            self.reasons[piece] = f"no schedule: {'; '.join(told)}"
+            origins = dict.fromkeys(self._as_written.get(origin, origin) for origin in facet.origins)
+            self.reasons[piece] = f"no schedule: {'; '.join(origins)}"
         return piece
 
     def _projection(self, constraints: Sequence[LinearConstraint], model: Model) -> Conjunction | None:
         """Exactly, or if there is much to eliminate, a part of it that has the model."""
         names = variables_of(constraints)
         eliminated = set(names).difference(self._names)
-        if sum(1 for one in constraints if not eliminated.isdisjoint(one.parameters)) > CROWDED:
+        if sum(1 for constraint in constraints if not eliminated.isdisjoint(constraint.parameters)) > CROWDED:
             return project_at(constraints, eliminated, {name: Fraction(model.get(name, 0)) for name in names})
         return project(constraints, eliminated, self._deadline)
 
@@ -612,7 +604,9 @@ class _BadChanges(DiscoveredBadSet):
 def _ends(required: Mapping[str, Interval]) -> Iterator[dict[str, Fraction]]:
     """Where all required parameters are as small as they can be, and where all are as great."""
     for side in Side:
-        ends = {name: one.end(side) if one.is_closed_at(side) else None for name, one in required.items()}
+        ends = {
+            name: interval.end(side) if interval.is_closed_at(side) else None for name, interval in required.items()
+        }
         yield {name: required[name].some_value() if end is None else end for name, end in ends.items()}
 
 

@@ -146,7 +146,7 @@ class BoxSearch(Searching[EnvelopeResult]):
     @property
     @abstractmethod
     def checks(self) -> int:
-        """Rectangles tried by now."""
+        """How many rectangles have been tried."""
 
     @property
     def bound(self) -> Fraction | None:
@@ -203,15 +203,15 @@ class BoxSearch(Searching[EnvelopeResult]):
     def _all_stops(self, status: Status) -> dict[Face, Stop]:
         """What ends each finite side, or why that is not known."""
         unknown = NOT_EXAMINED if status is Status.COMPLETE else CUT_SHORT
-        found: dict[Face, Stop] = {}
+        stops: dict[Face, Stop] = {}
         for parameter, side in product(self.encoding.plan.parameters, Side):
             face = parameter.name, side
             if (end := self.box[parameter.name].end(side)) is not None:
-                found[face] = declared_stop(parameter, side, end) or self._stops.get(face, unknown)
-        return found
+                stops[face] = declared_stop(parameter, side, end) or self._stops.get(face, unknown)
+        return stops
 
     def _accept(self, box: Box) -> None:
-        """The box is inside the envelope and the best one by now."""
+        """Keep a box that is inside the envelope, and better than those before it."""
         self.box = box
         if self._first_widening is None and any(interval.width != 0 for interval in box.intervals.values()):
             self._first_widening = self._seconds()

@@ -12,18 +12,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from robust.numbers import format_number
-from robust.plan.model import (
-    ActionInstance,
-    Bound,
-    Duration,
-    DurationConstraint,
-    Expression,
-    Fluent,
-    NumericVariable,
-    Parameter,
-    ParameterReference,
-    ParametrizedPlan,
-)
+from robust.plan import model
+from robust.plan.model import Bound, Parameter, ParametrizedPlan
 from robust.plan.polynomial import Polynomial
 from robust.qe.box import Box, Side
 
@@ -67,7 +57,7 @@ CUT_SHORT = Stop("not reached: the search was cut short")
 NOT_EXAMINED = Stop("not examined: no time was left")
 APPROACHED = Stop("nothing next to it: there is no widest box, and this one is close to those that are wider")
 JUST = Fraction(1, 1000)
-"""How far beyond a side is looked first for what ends it."""
+"""How far beyond a side to look first for what ends it."""
 
 
 def declared_stop(parameter: Parameter, side: Side, end: Fraction) -> Stop | None:
@@ -99,8 +89,8 @@ class Advice:
 class _Fixed:
     """An instance whose duration is `length` in the plan, and is demanded to be something else by the domain."""
 
-    instance: ActionInstance
-    constraint: DurationConstraint
+    instance: model.ActionInstance
+    constraint: model.DurationConstraint
     length: Bound
     parameters: frozenset[str]
 
@@ -113,42 +103,42 @@ def advice(plan: ParametrizedPlan, box: Box, broken: str | None = None) -> tuple
         box: what was found.
         broken: the obligation that breaks at the nominal values, if the plan is invalid.
     """
-    found: dict[bool, list[_Fixed]] = {}
-    for one in _fixed_twice(plan):
-        stuck = any(box[name].width == 0 for name in one.parameters)
-        if one.instance.label(one.constraint) == broken or (broken is None and stuck):
-            found.setdefault(bool(one.length.variables), []).append(one)
-    return tuple(_advice(plan, group) for group in found.values())
+    groups: dict[bool, list[_Fixed]] = {}
+    for fixed in _fixed_twice(plan):
+        stuck = any(box[name].width == 0 for name in fixed.parameters)
+        if fixed.instance.label(fixed.constraint) == broken or (broken is None and stuck):
+            groups.setdefault(bool(fixed.length.variables), []).append(fixed)
+    return tuple(_advice(plan, group) for group in groups.values())
 
 
 def _fixed_twice(plan: ParametrizedPlan) -> Iterator[_Fixed]:
     """Durations that parameters are about, which the network fixes at one expression and the domain at another."""
     lengths: dict[tuple[object, object], Bound] = {}
-    for one in plan.constraints:
-        if one.lower is not None and one.lower == one.upper:
-            lengths[one.source, one.target] = one.lower
-            lengths[one.target, one.source] = -one.lower
+    for item in plan.constraints:
+        if item.lower is not None and item.lower == item.upper:
+            lengths[item.source, item.target] = item.lower
+            lengths[item.target, item.source] = -item.lower
     for instance in plan.instances:
         length = lengths.get((instance.start, instance.end))
         if length is None:
             continue
         for constraint in instance.fixing[:1]:
             gap = _with_values(constraint.condition.expression, length, plan)
-            names = frozenset(one.name for one in gap.variables if isinstance(one, ParameterReference))
+            names = frozenset(known.name for known in gap.variables if isinstance(known, model.ParameterReference))
             if names:
                 yield _Fixed(instance, constraint, length, names)
 
 
-def _with_values(expression: Expression, length: Bound, plan: ParametrizedPlan) -> Expression:
+def _with_values(expression: model.Expression, length: Bound, plan: ParametrizedPlan) -> model.Expression:
     """The expression with the length for `?duration`, and initial values for fluents."""
 
-    def value(unknown: NumericVariable) -> Expression:
+    def value(unknown: model.NumericVariable) -> model.Expression:
         match unknown:
-            case Duration():
+            case model.Duration():
                 return length
-            case Fluent():
+            case model.Fluent():
                 return plan.initial_fluents[unknown]
-            case ParameterReference():
+            case model.ParameterReference():
                 return Polynomial.variable(unknown)
 
     return expression.substitute(value)
@@ -156,7 +146,7 @@ def _with_values(expression: Expression, length: Bound, plan: ParametrizedPlan) 
 
 def _advice(plan: ParametrizedPlan, group: list[_Fixed]) -> Advice:
     first = group[0]
-    names = tuple(one.name for one in plan.parameters if any(one.name in each.parameters for each in group))
+    names = tuple(name for name in plan.nominal if any(name in fixed.parameters for fixed in group))
     demand = f"{first.constraint.text} of {first.instance.identifier}{' and the like' if len(group) > 1 else ''}"
     if first.length.variables:
         reason = f"the plan makes parameters of durations, but the domain still demands {demand}"
@@ -170,9 +160,9 @@ def _advice(plan: ParametrizedPlan, group: list[_Fixed]) -> Advice:
 def _options(plan: ParametrizedPlan, group: list[_Fixed]) -> Iterator[str]:
     """`duration:ACTION` for several instances that are all of that action, else `duration:ID` for each."""
     by_action: dict[str, list[str]] = {}
-    for each in group:
-        by_action.setdefault(each.instance.action, []).append(each.instance.identifier)
+    for fixed in group:
+        by_action.setdefault(fixed.instance.action, []).append(fixed.instance.identifier)
     for action, identifiers in by_action.items():
-        all_of_them = sum(1 for one in plan.instances if one.action == action) == len(identifiers) > 1
+        all_of_them = sum(1 for instance in plan.instances if instance.action == action) == len(identifiers) > 1
         names = [action] if all_of_them and action not in plan.instance else identifiers
         yield from (f"duration:{name}" for name in names)

@@ -111,6 +111,12 @@ def least_stretch(piece: Obstacle, growing: Growing) -> Least | None:
     return Least(-best.value, best.attained)
 
 
+def first(stretches: Iterable[Least | None]) -> Least | None:
+    """The least of some stretches, an attained one before others; None if there is none."""
+    known = (least for least in stretches if least is not None)
+    return min(known, key=lambda least: (least.value, not least.attained), default=None)
+
+
 def touching(pieces: Iterable[Polyhedron], box: Box, face: Face) -> Iterator[Polyhedron]:
     """The polyhedra, of some that a box misses, that it meets as soon as the face moves outwards alone."""
     end = box[face[0]].end(face[1])
@@ -173,8 +179,8 @@ class DiscoveredBadSet(Questions[Polyhedron]):
         pieces = [piece for piece, reason in self.reasons.items() if reason == question.obligation.name]
         return (face for face in reach if next(touching(pieces, box, face), None) is not None)
 
-    def _distance(self, found: Polyhedron | Facet, face: Face, step: Fraction, box: Box) -> Fraction | None:
-        piece = self._outside(found) if isinstance(found, Facet) else found
+    def _distance(self, obstacle: Polyhedron | Facet, face: Face, step: Fraction, box: Box) -> Fraction | None:
+        piece = self._outside(obstacle) if isinstance(obstacle, Facet) else obstacle
         end = box[face[0]].end(face[1])
         least = None if end is None else least_stretch(piece, Growing(box, {face: (end, Fraction(1))}))
         return None if least is None else least.value
@@ -265,7 +271,7 @@ class Widening:
             while moving:
                 moving = self._round(moving)
 
-    # -- one round: move until something blocks, then tell who is blocked -------------------------------------------
+    # -- one round: move until something blocks, then find out which faces are blocked ---------------------------------
 
     def _round(self, moving: list[Face]) -> list[Face]:
         """Move faces outwards together; returns those that may go on."""
@@ -288,11 +294,11 @@ class Widening:
     def _split(self, moving: list[Face], least: Least) -> tuple[list[Face], list[Face]]:
         """Which faces can still go beyond the stretch while the others stay there, confirmed."""
         while True:
-            # Pieces farther out leave room for everybody.
-            near = [piece for piece, found in self._stretches(moving) if found == least]
+            # Pieces farther out leave room for all faces.
+            near = [piece for piece, stretch in self._stretches(moving) if stretch == least]
             going: list[Face] = []
             for face in moving:
-                # A piece that does not stop those who go stops nobody else whom it does not mention.
+                # A piece that does not stop the faces that go does not stop a face that it does not mention.
                 around = [piece for piece in near if face[0] in piece.mentioned]
                 if self._can_go([*going, face], moving, least, around):
                     going.append(face)
@@ -301,7 +307,7 @@ class Widening:
 
     def _can_go(self, going: list[Face], moving: list[Face], least: Least, near: list[Obstacle]) -> bool:
         if least.attained:
-            # The value itself is bad for someone: who may include it?
+            # The value itself is bad for some face: which faces may include it?
             ahead = self._ahead(going, moving, least)
             return not any(piece.meets(ahead) for piece in near)
         growing = self._beyond(going, moving, least) if near else None
@@ -319,9 +325,9 @@ class Widening:
         for piece in self.pieces:
             near = piece.slabs.least_stretch(growing)
             if near is not None and (room is None or near[0] < room):
-                found = least_stretch(piece, growing)
-                if found is not None and (room is None or found.value < room):
-                    room = found.value
+                nearest = least_stretch(piece, growing)
+                if nearest is not None and (room is None or nearest.value < room):
+                    room = nearest.value
         return room
 
     def _ahead(self, going: list[Face], moving: list[Face], least: Least) -> Box:
@@ -346,8 +352,7 @@ class Widening:
                 yield piece, least
 
     def _least_stretch(self, moving: list[Face]) -> Least | None:
-        found = (least for _, least in self._stretches(moving))
-        return min(found, key=lambda least: (least.value, not least.attained), default=None)
+        return first(least for _, least in self._stretches(moving))
 
     def _place(self, face: Face, stretch: Fraction) -> Fraction:
         name, side = face

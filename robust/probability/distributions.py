@@ -4,9 +4,8 @@ A distribution is a part that has a density, and values that have a probability 
 nothing else, and a normal distribution that is clipped to its minimum has one there. On the command line it is
 `normal:30:5`, the numbers of :data:`KEYS` in their order; an empty or missing one is left out, where it may be.
 
-Enclosures of exp and of the normal distribution: two integers between which the true value lies, in units of 2⁻²⁵⁶.
-
-Everything is integer arithmetic rounded outwards, with the remainders of the series bounded as is said beside them.
+A probability is enclosed by two integers, in units of 2⁻²⁵⁶. Everything is integer arithmetic rounded outwards, with
+the remainders of the series for exp and the normal distribution bounded where they are computed.
 """
 
 from __future__ import annotations
@@ -89,10 +88,10 @@ def exp_minus(value: Fraction) -> Enclosure:
         low, high = (low * least >> BITS) // count, -((-high * most >> BITS) // count)
         total[0] += -high if count % 2 else low
         total[1] += -low if count % 2 else high
-    found: Enclosure = max(0, total[0] - high), min(UNIT, total[1] + high)
+    power: Enclosure = max(0, total[0] - high), min(UNIT, total[1] + high)
     for _ in range(halvings):
-        found = product(found, found)
-    return found
+        power = product(power, power)
+    return power
 
 
 @lru_cache(maxsize=1)
@@ -136,7 +135,7 @@ KEYS: Final[Mapping[str, tuple[str, ...]]] = {
     "triangular": ("lower", "mode", "upper"),
     "exponential": ("mean", "minimum"),
 }
-"""The distributions with what each is told."""
+"""The distributions with the numbers that each takes."""
 PLANNED: Final = frozenset({"value", "mean", "origin", "mode"})
 """Keys that mean the planned value if they are left out."""
 OPTIONAL: Final = PLANNED | {"minimum", "maximum", "below"}
@@ -223,7 +222,7 @@ class Distribution:
 
     @cached_property
     def settled(self) -> Distribution:
-        """The same; a constant, if there is nothing random about it."""
+        """The distribution; a constant, if there is nothing random about it."""
         numbers, value = self.numbers, None
         if self.kind in {"uniform", "triangular"} and numbers["lower"] == numbers["upper"]:
             value = numbers["lower"]
@@ -312,23 +311,23 @@ class Distribution:
             return self._normal(lower) if self.atoms and self.kind == "normal" else ZERO
         match self.kind:
             case "uniform":
-                found = of((value - self.numbers["lower"]) / self.scale)
+                share = of((value - self.numbers["lower"]) / self.scale)
             case "triangular":
-                found = of(self._triangle(value))
+                share = of(self._triangle(value))
             case "exponential":
-                found = difference(ONE, exp_minus((value - self._start) / self.scale))
+                share = difference(ONE, exp_minus((value - self._start) / self.scale))
             case "half-normal":
                 low, high = self._normal(value)
-                found = max(0, 2 * low - UNIT), min(UNIT, 2 * high - UNIT)
+                share = max(0, 2 * low - UNIT), min(UNIT, 2 * high - UNIT)
             case "truncated-normal":
                 first, last = self.truncation
                 low, high = quotient(difference(self._normal(value), first), difference(last, first))
-                found = low, min(UNIT, high)
+                share = low, min(UNIT, high)
             case _:
-                found = self._normal(value)
+                share = self._normal(value)
                 if lower is not None and self.below is Below.FOLD:
-                    found = difference(found, self._normal(2 * lower - value))
-        return found
+                    share = difference(share, self._normal(2 * lower - value))
+        return share
 
     @cached_property
     def truncation(self) -> tuple[Enclosure, Enclosure]:
@@ -405,20 +404,20 @@ _STEEP: Final = 30
 
 def _interpolated(length: Fraction, components: Iterable[Component]) -> Weights | None:
     """Weights for a sum of such functions over a length."""
-    found = list(components)
-    base = min(min(first, last) for first, last, _, _ in found)
-    if max(base - least for _, _, least, _ in found) > _STEEP:
+    summands = list(components)
+    base = min(min(first, last) for first, last, _, _ in summands)
+    if max(base - least for _, _, least, _ in summands) > _STEEP:
         return None
     ends, error = [0, 0], Fraction(0)
-    for first, last, least, bend in found:
+    for first, last, least, bend in summands:
         for place, value in enumerate((first, last)):
             ends[place] += _weight(value - base)
         above, below = max(least - base, Fraction(0)), max(base - least, Fraction(0))
         highest = Fraction(exp_minus(above)[1], exp_minus(below)[0])
         error += min(length * length / 8 * bend, Fraction(1)) * highest
     # Each weight is rounded by less than one unit for each component.
-    floor = Fraction(min(ends) - len(found), _FINE)
-    error += Fraction(2 * len(found), _FINE)
+    floor = Fraction(min(ends) - len(summands), _FINE)
+    error += Fraction(2 * len(summands), _FINE)
     if floor <= 2 * error:
         return None
     return ends[0], ends[1], _rounded_up((floor + error) / (floor - error))
@@ -482,7 +481,7 @@ def require_possible(kind: str, numbers: Mapping[str, Fraction], place: Location
     if kind == "exponential" and "mean" in numbers and numbers["mean"] < numbers.get("minimum", 0):
         raise InputError("found mean below minimum, expected minimum ≤ mean; minimum is 0 if left out", place)
     if kind == "truncated-normal" and numbers.get("deviation") and "mean" in numbers:
-        one = Distribution(kind, numbers)
-        first, last = one.truncation
+        distribution = Distribution(kind, numbers)
+        first, last = distribution.truncation
         if difference(last, first)[0] < UNIT // LEAST_SHARE:
             raise InputError("found almost nothing between minimum and maximum, expected values near the mean", place)

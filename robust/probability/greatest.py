@@ -20,7 +20,7 @@ from typing import Unpack
 from robust.encode.interface import Encoding
 from robust.irr.exact import ExactSearch, end_of, missing
 from robust.irr.search import Conduct
-from robust.irr.widen import faces_of, least_stretch
+from robust.irr.widen import faces_of, first, least_stretch
 from robust.plan.model import Parameter
 from robust.probability.distributions import ONE, UNIT, Distribution, Enclosure, product
 from robust.probability.measure import interval_probability
@@ -71,9 +71,9 @@ class ProbableEnds:
     def __init__(self, parameters: Sequence[Parameter], distributions: Mapping[str, Distribution]) -> None:
         self._names = [parameter.name for parameter in parameters]
         self._distributions = [distributions[name].settled for name in self._names]
-        fine = max(-(-(1 << FINENESS) // one.scale) for one in self._distributions)
-        bounds = [end for one in parameters for end in (one.lower, one.upper) if end is not None]
-        values = [value for one in self._distributions for value in one.numbers.values()]
+        fine = max(-(-(1 << FINENESS) // distribution.scale) for distribution in self._distributions)
+        bounds = [end for parameter in parameters for end in (parameter.lower, parameter.upper) if end is not None]
+        values = [value for distribution in self._distributions for value in distribution.numbers.values()]
         self._unit = lcm(*(value.denominator for value in (*bounds, *values))) << max(0, int(fine).bit_length())
         self._index = {
             end_of((name, side)): 2 * number + (side is Side.UPPER)
@@ -82,8 +82,8 @@ class ProbableEnds:
         }
         self._limits = [self._range(*pair) for pair in zip(parameters, self._distributions, strict=True)]
         self._endless = [
-            (one.lower is None and known.support[0] is None, one.upper is None and known.support[1] is None)
-            for one, known in zip(parameters, self._distributions, strict=True)
+            (parameter.lower is None and known.support[0] is None, parameter.upper is None and known.support[1] is None)
+            for parameter, known in zip(parameters, self._distributions, strict=True)
         ]
         self._clauses: list[Clause] = []
         self._masses: dict[tuple[int, int, int], Enclosure] = {}
@@ -114,8 +114,8 @@ class ProbableEnds:
             self.is_exact = len(piece.constraints) == 1 and self.is_exact
             sides = [_throughout(half) for side in piece.constraints for half in side.negation()]
         self.is_exact = self.is_exact and not strictly
-        found = [self._limit(side, strictly=strictly) for side in sides if not _is_emptiness(side)]
-        self._clauses.append(tuple(found))
+        limits = [self._limit(side, strictly=strictly) for side in sides if not _is_emptiness(side)]
+        self._clauses.append(tuple(limits))
         if self.best is not None and not self._satisfies(self.best):
             self.best, self.value = None, 0
 
@@ -143,12 +143,9 @@ class ProbableEnds:
         if self.best is None:
             return None
         intervals = {}
-        for number, (name, limits) in enumerate(zip(self._names, self._limits, strict=True)):
+        for number, name in enumerate(self._names):
             lower, upper = (Fraction(self.best[2 * number + side], self._unit) for side in (0, 1))
-            closed = lower == upper
-            intervals[name] = Interval(lower, upper, closed, closed)
-            if limits[0] == limits[1]:
-                intervals[name] = Interval(lower, upper)
+            intervals[name] = Interval(lower, upper, lower == upper, lower == upper)
         return Box(intervals)
 
     # -- the search ----------------------------------------------------------------------------------------------------
@@ -162,12 +159,12 @@ class ProbableEnds:
         wanted = floor(within * UNIT)
         start: Ranges = tuple(limits for limits in self._limits for _ in range(2))
         parts: list[tuple[int, int, Ranges]] = []
-        made = 0
+        count = 0
         highest_closed = 0
         pending = [start]
         while True:
             for ranges in pending:
-                made += 1
+                count += 1
                 narrowed = self._narrowed(ranges)
                 if narrowed is None:
                     continue
@@ -178,9 +175,9 @@ class ProbableEnds:
                     highest_closed = max(highest_closed, value)
                     continue
                 self._look_inside(narrowed)
-                heappush(parts, (-value, made, narrowed))
+                heappush(parts, (-value, count, narrowed))
             self.bound = max(highest_closed, self.value, -parts[0][0] if parts else 0)
-            if not parts or self.bound - self.value <= wanted or (most is not None and made > most):
+            if not parts or self.bound - self.value <= wanted or (most is not None and count > most):
                 return
             deadline.enforce()
             value, _, part = heappop(parts)
@@ -199,15 +196,15 @@ class ProbableEnds:
 
     def _extended(self, ends: list[int]) -> list[int]:
         """Each end moved outwards as far as it goes, where most is gained first."""
-        found = list(ends)
-        waiting = set(range(len(found)))
+        extended = list(ends)
+        waiting = set(range(len(extended)))
         while waiting:
-            moved = {end: self._farthest(found, end) for end in waiting}
-            gains = {end: self._mass([*found[:end], place, *found[end + 1 :]])[0] for end, place in moved.items()}
+            moved = {end: self._farthest(extended, end) for end in waiting}
+            gains = {end: self._mass([*extended[:end], place, *extended[end + 1 :]])[0] for end, place in moved.items()}
             best = max(waiting, key=lambda end: gains[end])
-            found[best] = moved[best]
+            extended[best] = moved[best]
             waiting.remove(best)
-        return found
+        return extended
 
     def _farthest(self, ends: Sequence[int], end: int) -> int:
         """How far an end may move while the others stay."""
@@ -282,10 +279,10 @@ class ProbableEnds:
         mass = ONE
         for number, distribution in enumerate(self._distributions):
             key = number, ends[2 * number], ends[2 * number + 1]
-            found = self._masses.get(key)
-            if found is None:
-                found = self._masses[key] = self._between(distribution, *key)
-            mass = product(mass, found)
+            share = self._masses.get(key)
+            if share is None:
+                share = self._masses[key] = self._between(distribution, *key)
+            mass = product(mass, share)
         return mass
 
     def _between(self, distribution: Distribution, number: int, low: int, high: int) -> Enclosure:
@@ -357,7 +354,7 @@ class GreatestBox(ExactSearch):
     ) -> None:
         super().__init__(encoding, method="risk", solver=solver, exporter=exporter, **conduct)
         self._within = within
-        self._distributions = {name: one.settled for name, one in distributions.items()}
+        self._distributions = {name: distribution.settled for name, distribution in distributions.items()}
         self._ends = ProbableEnds(encoding.plan.parameters, self._distributions)
         self._proved = False
 
@@ -372,12 +369,12 @@ class GreatestBox(ExactSearch):
         pieces = self._pieces
         self._widen_around(pieces)
         pieces += self._enumerated()
-        told = 0
+        added = 0
         limit = None if self.deadline.moment is not None else PARTS
         while True:
-            for piece in pieces[told:]:
+            for piece in pieces[added:]:
                 self._ends.add(piece)
-            told = len(pieces)
+            added = len(pieces)
             if self.verified:
                 self._ends.offer(self.box)
             try:
@@ -387,31 +384,27 @@ class GreatestBox(ExactSearch):
             self._proved = self._ends.is_exact
             box = self._ends.box()
             if box is None:
-                return self._without_any()
-            found = self._bad.piece_in(box, self.deadline)
-            if found is None:
+                # What the plan's nominal values are, if they are good, is a box without any probability.
+                return None if self.verified else self._widen()
+            obstacle = self._bad.piece_in(box, self.deadline)
+            if obstacle is None:
                 self._keep(box)
                 self._extend()
                 return None
-            if found in pieces:
-                self._ends.add(found, strictly=True)
+            if obstacle in pieces:
+                self._ends.add(obstacle, strictly=True)
             else:
-                pieces.append(found)
+                pieces.append(obstacle)
 
     def _half_of_time(self) -> Deadline:
         remaining = self.deadline.remaining
         return Deadline.after(None if remaining is None else remaining / 2)
 
-    def _without_any(self) -> None:
-        """No box is known: what the plan's nominal values are, if they are good, is one without any probability."""
-        if not self.verified:
-            self._widen()
-
     def _widen_around(self, pieces: list[Polyhedron]) -> None:
         """A good box at once, if the nominal values are good, or the middle of the distributions is."""
         plan = self.encoding.plan
-        middle = {one.name: self._distributions[one.name].centre for one in plan.parameters}
-        for point in ({one.name: one.nominal for one in plan.parameters}, middle):
+        middle = {parameter.name: self._distributions[parameter.name].centre for parameter in plan.parameters}
+        for point in ({parameter.name: parameter.nominal for parameter in plan.parameters}, middle):
             fixed = {name: value if self._distributions[name].kind != "constant" else middle[name]
                      for name, value in point.items()}  # fmt: skip
             piece = self._bad.piece_in(Box.point(fixed), self.deadline)
@@ -448,9 +441,7 @@ class GreatestBox(ExactSearch):
         if end is None:
             return self.box
         growing = Growing(self.box, {face: (end, Fraction(1))})
-        stretches = (least_stretch(piece, growing) for piece in self._pieces)
-        known = [one for one in stretches if one is not None]
-        least = min(known, key=lambda one: (one.value, not one.attained), default=None)
+        least = first(least_stretch(piece, growing) for piece in self._pieces)
         if least is None:
             return self.box.moved(face, None)
         return self.box.moved(face, end + side.sign * least.value, closed=not least.attained)

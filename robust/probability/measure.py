@@ -83,14 +83,14 @@ class Axis:
 
     def roots(self) -> list[AxisSpan]:
         """The values with a probability of their own, and all others."""
-        found = []
+        spans = []
         for value, mass in self._distribution.atoms:
             place = int(value * self._unit)
-            found.append(AxisSpan(place, place, mass))
+            spans.append(AxisSpan(place, place, mass))
         if self._distribution.kind != "constant":
             ends = (None if end is None else int(end * self._unit) for end in self._distribution.support)
-            found.append(self._span(*ends))
-        return found
+            spans.append(self._span(*ends))
+        return spans
 
     def _span(self, lower: int | None, upper: int | None) -> AxisSpan:
         low, high = (None if end is None else Fraction(end, self._unit) for end in (lower, upper))
@@ -175,10 +175,10 @@ def holds(half: Half, cell: Cell) -> bool | None:
 def beyond(half: Half, cell: Cell) -> tuple[int, int]:
     """How much of a cell is beyond a half-space that cuts it, in shares of `WHOLE`."""
     spans = tuple(cell[axis] for axis, _ in half.factors)
-    found = half.shares.get(spans)
-    if found is None:
-        found = half.shares[spans] = _beyond(half, spans)
-    return found
+    share = half.shares.get(spans)
+    if share is None:
+        share = half.shares[spans] = _beyond(half, spans)
+    return share
 
 
 def _beyond(half: Half, spans: Cell) -> tuple[int, int]:
@@ -226,11 +226,11 @@ def _beyond(half: Half, spans: Cell) -> tuple[int, int]:
 
 def _times(series: Sequence[int], first: int, second: int) -> list[int]:
     """A polynomial times `first · x + second · x²`."""
-    found = [0] * (len(series) + 2)
+    total = [0] * (len(series) + 2)
     for power, coefficient in enumerate(series):
-        found[power + 1] += first * coefficient
-        found[power + 2] += second * coefficient
-    return found
+        total[power + 1] += first * coefficient
+        total[power + 2] += second * coefficient
+    return total
 
 
 def _lost(halves: Sequence[Half], cell: Cell) -> tuple[int, int]:
@@ -277,21 +277,22 @@ class Measure:
         known: dict[LinearConstraint, Half] = {}
 
         def halves(piece: Polyhedron) -> tuple[Half, ...]:
-            for one in piece.constraints:
-                if one not in known:
-                    factors = tuple((index[name], factor) for name, factor in one.coefficients)
-                    known[one] = Half(factors, int(one.constant * unit), one.is_strict, one.is_equality)
-            return tuple(known[one] for one in piece.constraints)
+            for constraint in piece.constraints:
+                if constraint not in known:
+                    factors = tuple((index[name], factor) for name, factor in constraint.coefficients)
+                    limit = int(constraint.constant * unit)
+                    known[constraint] = Half(factors, limit, constraint.is_strict, constraint.is_equality)
+            return tuple(known[constraint] for constraint in piece.constraints)
 
         active = [(halves(base), tuple(map(halves, removed))) for base, removed in parts]
         self._heap: list[tuple[int, int, int, int, Cell, list[Active]]] = []
         self._made = 0
-        found = [self._share(cell, active) for cell in every(*(axis.roots() for axis in self._axes))]
-        self._total = sum(lower for lower, _ in found), sum(upper for _, upper in found)
+        shares = [self._share(cell, active) for cell in every(*(axis.roots() for axis in self._axes))]
+        self._total = sum(lower for lower, _ in shares), sum(upper for _, upper in shares)
 
     @property
     def bounds(self) -> Bounds:
-        """What is known by now."""
+        """The bounds that are known at the moment."""
         return Bounds.of(self._total)
 
     @property
@@ -327,7 +328,7 @@ class Measure:
         for span in self._axes[axis].split(cell[axis]):
             lower, upper = self._share((*cell[:axis], span, *cell[axis + 1 :]), active)
             least, most = least + lower, most + upper
-        self._total = least, most  # at once: whoever interrupts this finds bounds that hold
+        self._total = least, most  # at once: an interruption must leave bounds that hold
 
     def _choice(self, cell: Cell, active: Sequence[Active]) -> int | None:
         """The axis to split: what makes several sides cut the cell, or else whose density is least like a line."""
@@ -377,7 +378,7 @@ def _unsettled(active: Sequence[Active], cell: Cell) -> list[Active]:
                 kept.append(half)
         return tuple(kept)
 
-    found: list[Active] = []
+    parts: list[Active] = []
     for base, removed in active:
         rest = cutting(base)
         if rest is None:
@@ -387,17 +388,17 @@ def _unsettled(active: Sequence[Active], cell: Cell) -> list[Active]:
             continue
         if not rest and not cuts:
             return [((), ())]
-        found.append((rest, cuts))
-    return found
+        parts.append((rest, cuts))
+    return parts
 
 
 def _unit(parts: Iterable[Part], distributions: Iterable[Distribution]) -> int:
     """How many units are one: every number that occurs is a whole number of them."""
     exact = [c.constant for base, removed in parts for piece in (base, *removed) for c in piece.constraints]
     fine = 1
-    for one in distributions:
-        exact += [value for value in one.numbers.values() if value is not None]
-        fine = max(fine, -(-(1 << FINENESS) // one.scale))
+    for distribution in distributions:
+        exact += [value for value in distribution.numbers.values() if value is not None]
+        fine = max(fine, -(-(1 << FINENESS) // distribution.scale))
     shared = lcm(*(value.denominator for value in exact))
     return shared << max(0, (fine // shared).bit_length())
 
@@ -444,18 +445,19 @@ class RegionMeasure:
 
     @property
     def bounds(self) -> Bounds:
-        """What is known by now."""
+        """The bounds that are known at the moment."""
         if self._empty:
             return Bounds(Fraction(0), Fraction(0))
-        found = [one.bounds for one in self._measures]
+        bounds = [measure.bounds for measure in self._measures]
         return Bounds(
-            prod((one.lower for one in found), start=Fraction(1)), prod((one.upper for one in found), start=Fraction(1))
+            prod((bound.lower for bound in bounds), start=Fraction(1)),
+            prod((bound.upper for bound in bounds), start=Fraction(1)),
         )
 
     @property
     def cells(self) -> int:
         """How many cells were looked at."""
-        return sum(one.cells for one in self._measures)
+        return sum(measure.cells for measure in self._measures)
 
     def run(self, within: Fraction, deadline: Deadline) -> Bounds:
         """Split, always in the group whose bounds are widest, until the bounds are close.
@@ -464,8 +466,8 @@ class RegionMeasure:
             OutOfTimeError: if the deadline passes first; `bounds` are what is known then.
         """
         enough = within / (2 * max(1, len(self._measures)))
-        while (open_ := [one for one in self._measures if not one.is_done]) and self.bounds.width > within:
-            widest = max(open_, key=lambda one: one.bounds.width)
+        while (open_ := [measure for measure in self._measures if not measure.is_done]) and self.bounds.width > within:
+            widest = max(open_, key=lambda measure: measure.bounds.width)
             if widest.bounds.width <= enough:
                 break
             widest.run(max(widest.bounds.width / 2, enough), deadline)
@@ -476,11 +478,11 @@ def _groups(
     base: Polyhedron, removed: Sequence[Polyhedron]
 ) -> list[tuple[tuple[str, ...], tuple[LinearConstraint, ...], tuple[Polyhedron, ...]]]:
     """Groups of parameters of which no side and no polyhedron to remove speaks together; others are free."""
-    statements = (*(one.parameters for one in base.constraints), *(piece.mentioned for piece in removed))
+    statements = (*(constraint.parameters for constraint in base.constraints), *(piece.mentioned for piece in removed))
     return [
         (
             tuple(name for name in base.parameters if name in group),
-            tuple(one for one in base.constraints if group.intersection(one.parameters)),
+            tuple(constraint for constraint in base.constraints if group.intersection(constraint.parameters)),
             tuple(piece for piece in removed if group & piece.mentioned),
         )
         for group in dict.fromkeys(linked(statements).values())

@@ -41,7 +41,8 @@ def widen_around(
     on_box: Callable[[Box], None],
 ) -> None:
     """Exact widening from a good point, each parameter as fast as its values scatter; see :class:`Widening`."""
-    moved = [replace(one, nominal=point[one.name], weight=distributions[one.name].scale) for one in parameters]
+    scales = {name: distribution.scale for name, distribution in distributions.items()}
+    moved = [replace(known, nominal=point[known.name], weight=scales[known.name]) for known in parameters]
     groups = [faces_of(moved)]
     Widening(bad=bad, parameters=moved, pieces=pieces, groups=groups, deadline=deadline, on_box=on_box).run()
 
@@ -60,7 +61,7 @@ class Packing:
     ) -> None:
         self._bad = bad
         self._parameters = parameters
-        self._distributions = {name: one.settled for name, one in distributions.items()}
+        self._distributions = {name: distribution.settled for name, distribution in distributions.items()}
         self._random = Random(0)  # noqa: S311 - reproducible searches, no secrets
         self._names = tuple(parameter.name for parameter in parameters)
         self._pieces: list[Polyhedron] = []
@@ -108,7 +109,7 @@ class Packing:
         """First the nominal value, or what is nearest to the middle of the distribution; then random ones."""
         distribution = self._distributions[name]
         if attempt == 0 and distribution.kind != "constant":
-            value = next(one.nominal for one in self._parameters if one.name == name)
+            value = next(parameter.nominal for parameter in self._parameters if parameter.name == name)
         else:
             value = distribution.centre if attempt < 2 else distribution.draw(self._random, None)
         if value in interval:
@@ -159,23 +160,16 @@ def _near_end(interval: Interval, step: Fraction) -> Fraction:
 
 
 def _around(part: Box, box: Box) -> list[Box]:
-    """What a box leaves of a part around it, in boxes without common points."""
-    found = []
+    """What a box leaves of a part around it, in boxes without common points; single values are left out."""
+    boxes = []
     rest = part
     for name, inner in box.intervals.items():
         outer = rest[name]
-        if inner.lower is not None and _is_left(outer, inner.lower, Side.LOWER):
-            found.append(rest.replace(name, outer.with_end(Side.UPPER, inner.lower, closed=False)))
-        if inner.upper is not None and _is_left(outer, inner.upper, Side.UPPER):
-            found.append(rest.replace(name, outer.with_end(Side.LOWER, inner.upper, closed=False)))
+        for side, other in ((Side.LOWER, Side.UPPER), (Side.UPPER, Side.LOWER)):
+            if (end := inner.end(side)) is not None and end != outer.end(side):
+                boxes.append(rest.replace(name, outer.with_end(other, end, closed=False)))
         rest = rest.replace(name, inner)
-    return found
-
-
-def _is_left(outer: Interval, end: Fraction, side: Side) -> bool:
-    """Whether there are values between the end of a part and that of a box; single values are left out."""
-    limit = outer.end(side)
-    return limit is None or limit != end
+    return boxes
 
 
 # -- random points -----------------------------------------------------------------------------------------------------
@@ -216,7 +210,7 @@ class Points:
         region: Region | None = None,
     ) -> None:
         self._bad = bad
-        self._distributions = {name: one.settled for name, one in distributions.items()}
+        self._distributions = {name: distribution.settled for name, distribution in distributions.items()}
         self._good = good
         self._region = region
         self._pieces: list[Polyhedron] = []
@@ -224,14 +218,14 @@ class Points:
         self.draws = self.successes = 0
 
     def run(self, draws: int, deadline: Deadline) -> None:
-        """Draw so many points.
+        """Draw random points until there are `draws`.
 
         Raises:
             OutOfTimeError: if the deadline passes first.
         """
         while self.draws < draws:
             deadline.enforce()
-            point = {name: one.draw(self._random, None) for name, one in self._distributions.items()}
+            point = {name: distribution.draw(self._random, None) for name, distribution in self._distributions.items()}
             succeeds = self._succeeds(point, deadline)
             self.draws += 1
             self.successes += succeeds
@@ -245,12 +239,12 @@ class Points:
             if point in piece:
                 self._pieces.insert(0, self._pieces.pop(index))  # likely to hold others, too
                 return False
-        found = self._bad.piece_in(Box.point(point), deadline)
-        if found is not None:
-            self._pieces.insert(0, found)
-        return found is None
+        obstacle = self._bad.piece_in(Box.point(point), deadline)
+        if obstacle is not None:
+            self._pieces.insert(0, obstacle)
+        return obstacle is None
 
     @property
     def estimate(self) -> SampledEstimate | None:
-        """What is known by now; None without any point."""
+        """The estimate from the points drawn so far; None without any point."""
         return SampledEstimate.of(self.successes, self.draws) if self.draws else None

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from fractions import Fraction
 
 from robust.encode import create_encoding
@@ -38,7 +38,7 @@ from robust.searching import Searching, Status
 from robust.smt.limits import Deadline, OutOfTimeError
 
 METHODS = ("irr", "widen", "optimal")
-"""The boxes whose probability is told."""
+"""The methods whose boxes are compared by their probability."""
 MANY = 6
 """Parameters from which on no stage may take longer than `EFFORT`, and random points are drawn."""
 EFFORT = 30.0
@@ -113,9 +113,10 @@ class RiskResult(Presented, ask="probability"):
     @property
     def best(self) -> Kept | None:
         """The most probable of the boxes that were compared."""
-        return max(self.kept, key=lambda one: one.probability.lower, default=None)
+        return max(self.kept, key=lambda kept: kept.probability.lower, default=None)
 
 
+@dataclass(eq=False)
 class Risk(Searching[RiskResult]):
     """One search for the probability of success.
 
@@ -135,34 +136,28 @@ class Risk(Searching[RiskResult]):
         InputError: if a parameter has no distribution, or one is of no parameter.
     """
 
-    def __init__(
-        self,
-        plan: ParametrizedPlan,
-        distributions: Mapping[str, Distribution],
-        *,
-        within: Fraction = Fraction(1, 1000),
-        draws: int | None = None,
-        epsilon: Fraction = EPSILON,
-        encoding: str = "relational",
-        solver: str = "z3",
-        timeout: float | None = None,
-        on_bounds: Callable[[Bounds], None] | None = None,
-        on_stage: Callable[[str], None] | None = None,
-    ) -> None:
+    plan: ParametrizedPlan
+    distributions: Mapping[str, Distribution]
+    _: KW_ONLY
+    within: Fraction = Fraction(1, 1000)
+    draws: int | None = None
+    epsilon: Fraction = EPSILON
+    encoding: str = "relational"
+    solver: str = "z3"
+    timeout: float | None = None
+    on_bounds: Callable[[Bounds], None] | None = None
+    on_stage: Callable[[str], None] | None = None
+
+    def __post_init__(self) -> None:
         super().__init__()
-        names = [parameter.name for parameter in plan.parameters]
-        missing = [name for name in names if name not in distributions]
+        names = [parameter.name for parameter in self.plan.parameters]
+        missing = [name for name in names if name not in self.distributions]
         if missing:
             raise InputError(f"found no distribution of parameter {missing[0]!r}, expected one of each parameter")
-        self._plan = plan
-        self._distributions = {name: distributions[name] for name in names}
-        self._within = within
+        self._distributions = {name: self.distributions[name] for name in names}
         self._many = len(names) > MANY
-        self._draws = draws
-        self._epsilon, self._encoding, self._solver = epsilon, encoding, solver
-        self._deadline = Deadline.after(timeout)
-        self._on_bounds = on_bounds or (lambda _: None)
-        self._on_stage = on_stage or (lambda _: None)
+        self._deadline = Deadline.after(self.timeout)
+        self._on_stage = self.on_stage or (lambda _: None)
         self._region: RegionResult | None = None
         self._bounds = Bounds(Fraction(0), Fraction(1))
         self._cells = 0
@@ -173,15 +168,15 @@ class Risk(Searching[RiskResult]):
 
     def _result(self, status: Status, reason: str | None = None) -> RiskResult:
         ended = RiskStatus(status.value)
-        if status is Status.COMPLETE and self._bounds.width > self._within:
+        if status is Status.COMPLETE and self._bounds.width > self.within:
             # With few parameters only the time that a stage may take can have ended it early.
             ended = RiskStatus.WIDE if self._many else RiskStatus.TIMEOUT
         failing = 1 - self._bounds.lower
         return RiskResult(
             ended,
-            self._plan,
+            self.plan,
             self._distributions,
-            self._within,
+            self.within,
             self._bounds,
             self._region,
             tuple(self._kept),
@@ -204,10 +199,10 @@ class Risk(Searching[RiskResult]):
         """
         self._on_stage("envelope")
         search = RegionSearch(
-            self._plan,
-            epsilon=self._epsilon,
-            encoding=self._encoding,
-            solver=self._solver,
+            self.plan,
+            epsilon=self.epsilon,
+            encoding=self.encoding,
+            solver=self.solver,
             timeout=self._share(Fraction(1, 3)),
         )
         self._region = region = search.run()
@@ -220,7 +215,7 @@ class Risk(Searching[RiskResult]):
             self._keep(method)
         self._on_stage("what fails")
         self._attribute()
-        if self._draws or (self._many and self._bounds.width > self._within):
+        if self.draws or (self._many and self._bounds.width > self.within):
             self._go_without_region(region)
         self._deadline.enforce()
 
@@ -236,7 +231,8 @@ class Risk(Searching[RiskResult]):
     def _know(self, lower: Fraction, upper: Fraction) -> None:
         """Bounds that hold, beside those that are known."""
         self._bounds = Bounds(max(lower, self._bounds.lower), min(upper, self._bounds.upper))
-        self._on_bounds(self._bounds)
+        if self.on_bounds is not None:
+            self.on_bounds(self._bounds)
 
     def _measure(self, region: RegionResult) -> None:
         """The probability of the envelope, or of what is known to hold it and what is known to be in it."""
@@ -244,19 +240,19 @@ class Risk(Searching[RiskResult]):
         whole = RegionMeasure(outer.base or Polyhedron.universe(outer.parameters), outer.pieces, self._distributions)
         deadline = Deadline.after(self._share(Fraction(1, 2)))
         inner = None if region.is_exact else Measure(region.inner().parts(), self._distributions)
-        within = self._within if inner is None else self._within / 4
+        within = self.within if inner is None else self.within / 4
         measures: list[Measure | RegionMeasure] = [whole] if inner is None else [whole, inner]
 
         def tell() -> None:
             self._know(measures[-1].bounds.lower, whole.bounds.upper)
-            self._cells = sum(one.cells for one in measures)
+            self._cells = sum(measure.cells for measure in measures)
 
         width = Fraction(1)
         try:
-            while width > within and self._bounds.width > self._within:
+            while width > within and self._bounds.width > self.within:
                 width = max(width / 2, within)
-                for one in measures:
-                    _run_telling(one, width, deadline, tell)
+                for measure in measures:
+                    _run_telling(measure, width, deadline, tell)
                 tell()
         except OutOfTimeError:
             pass
@@ -265,38 +261,38 @@ class Risk(Searching[RiskResult]):
 
     def _keep(self, method: str) -> None:
         """The box of a method, and its probability: it is inside, so that success is at least as probable."""
-        if method != "optimal" and not self._plan.has_nominal:
+        if method != "optimal" and not self.plan.has_nominal:
             return
         deadline = Deadline.after(self._share(Fraction(1, 3)))
         try:
-            encoding = create_encoding(self._encoding, self._plan, self._epsilon, deadline)
+            encoding = create_encoding(self.encoding, self.plan, self.epsilon, deadline)
         except OutOfTimeError:
             return
         asked = BoxMethod(method, contain_nominal=False)
-        found = asked.search(encoding, solver=self._solver, deadline=deadline).run()
-        if found.status is Status.INTERRUPTED:
+        result = asked.search(encoding, solver=self.solver, deadline=deadline).run()
+        if result.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
-        if found.verified:
-            probability = box_probability(found.box, self._distributions)
-            self._kept.append(Kept(method, found, probability))
+        if result.verified:
+            probability = box_probability(result.box, self._distributions)
+            self._kept.append(Kept(method, result, probability))
             self._know(probability.lower, self._bounds.upper)
 
     def _attribute(self) -> None:
         """Which obligation takes how much."""
         deadline = Deadline.after(self._share(Fraction(1, 2)))
         self._attribution = Attribution(
-            self._plan, self._distributions, epsilon=self._epsilon, solver=self._solver, deadline=deadline
+            self.plan, self._distributions, epsilon=self.epsilon, solver=self.solver, deadline=deadline
         )
         with _ending_early():
-            self._attribution.run(self._within / FINER)
+            self._attribution.run(self.within / FINER)
 
     def _go_without_region(self, region: RegionResult) -> None:
         """Boxes without common points, and random points."""
-        encoding = create_encoding(self._encoding, self._plan, self._epsilon, self._deadline)
-        bad = DiscoveredBadSet(encoding, solver=self._solver)
+        encoding = create_encoding(self.encoding, self.plan, self.epsilon, self._deadline)
+        bad = DiscoveredBadSet(encoding, solver=self.solver)
         if self._many:
             self._on_stage("boxes without common points")
-            self._packing = Packing(bad, self._plan.parameters, self._distributions)
+            self._packing = Packing(bad, self.plan.parameters, self._distributions)
             with _ending_early():
                 self._packing.run(Deadline.after(self._share(Fraction(1, 2))))
             self._know(self._packing.lower, self._bounds.upper)
@@ -305,7 +301,7 @@ class Risk(Searching[RiskResult]):
         known = region.region if region.is_exact else None
         self._points = Points(bad, self._distributions, good=good, region=known)
         with _ending_early():
-            self._points.run(self._draws or DRAWS, Deadline.after(self._share(Fraction(9, 10))))
+            self._points.run(self.draws or DRAWS, Deadline.after(self._share(Fraction(9, 10))))
 
 
 @contextmanager
@@ -318,12 +314,14 @@ def _ending_early() -> Iterator[None]:
             raise
 
 
-def _run_telling(one: Measure | RegionMeasure, within: Fraction, deadline: Deadline, tell: Callable[[], None]) -> None:
+def _run_telling(
+    measure: Measure | RegionMeasure, within: Fraction, deadline: Deadline, tell: Callable[[], None]
+) -> None:
     """Until the bounds are close, and tell them now and then; OutOfTimeError if the deadline passes first."""
     while True:
         left = deadline.remaining
         try:
-            one.run(within, Deadline.after(TICK if left is None else min(TICK, left)))
+            measure.run(within, Deadline.after(TICK if left is None else min(TICK, left)))
         except OutOfTimeError:
             deadline.enforce()
             tell()
@@ -345,6 +343,7 @@ class FirstBroken:
     bounds: Bounds | None = None
 
 
+@dataclass(eq=False)
 class Attribution:
     """Finds the shares, obligation by obligation.
 
@@ -356,24 +355,17 @@ class Attribution:
         deadline: when to stop.
     """
 
-    def __init__(
-        self,
-        plan: ParametrizedPlan,
-        distributions: Mapping[str, Distribution],
-        *,
-        epsilon: Fraction,
-        solver: str,
-        deadline: Deadline,
-    ) -> None:
-        self._plan = plan
-        self._distributions = distributions
-        self._epsilon = epsilon
-        self._solver = solver
-        self._deadline = deadline
-        self._names = tuple(parameter.name for parameter in plan.parameters)
-        self._within = Polyhedron(self._names, declared_bounds(plan))
+    plan: ParametrizedPlan
+    distributions: Mapping[str, Distribution]
+    _: KW_ONLY
+    epsilon: Fraction
+    solver: str
+    deadline: Deadline
+
+    def __post_init__(self) -> None:
+        self._names = tuple(parameter.name for parameter in self.plan.parameters)
+        self._within = Polyhedron(self._names, declared_bounds(self.plan))
         self._broken: list[FirstBroken] = []
-        self._done = False
 
     def run(self, within: Fraction) -> None:
         """Enumerate, and measure.
@@ -382,34 +374,28 @@ class Attribution:
             OutOfTimeError: if the deadline passes first.
             UnsupportedError: an expression that is not linear.
         """
-        for one in self._enumerated():
-            parts = [(self._within.restricted(piece.constraints), one.earlier) for piece in one.pieces]
-            measure = Measure(parts, self._distributions)
+        for cause in self._enumerated():
+            parts = [(self._within.restricted(piece.constraints), cause.earlier) for piece in cause.pieces]
+            measure = Measure(parts, self.distributions)
             try:
-                measure.run(within, self._deadline)
+                measure.run(within, self.deadline)
             finally:
-                one.bounds = measure.bounds
-        self._done = True
+                cause.bounds = measure.bounds
 
     def shares(self, failing: Fraction) -> tuple[BlameShare, ...]:
-        """What is known by now, without what takes nothing; `failing` is what all together take at most."""
-        inside = box_probability(Box.declared(self._plan.parameters), self._distributions)
-        found = {DECLARED: Bounds(1 - inside.upper, 1 - inside.lower)}
-        for one in self._broken:
-            known = one.bounds or (NOTHING if one.complete and not one.pieces else Bounds(Fraction(0), failing))
-            upper = known.upper if one.complete else failing
-            before = found.get(one.name, NOTHING)
-            found[one.name] = Bounds(before.lower + known.lower, min(failing, before.upper + upper))
-        return tuple(BlameShare(name, bounds) for name, bounds in found.items() if bounds.upper)
-
-    @property
-    def complete(self) -> bool:
-        """Whether nothing but what is named can break."""
-        return self._done
+        """The shares that are known, without empty ones; `failing` is the most that all take together."""
+        inside = box_probability(Box.declared(self.plan.parameters), self.distributions)
+        shares = {DECLARED: Bounds(1 - inside.upper, 1 - inside.lower)}
+        for cause in self._broken:
+            known = cause.bounds or (NOTHING if cause.complete and not cause.pieces else Bounds(Fraction(0), failing))
+            upper = known.upper if cause.complete else failing
+            before = shares.get(cause.name, NOTHING)
+            shares[cause.name] = Bounds(before.lower + known.lower, min(failing, before.upper + upper))
+        return tuple(BlameShare(name, bounds) for name, bounds in shares.items() if bounds.upper)
 
     def _enumerated(self) -> Iterator[FirstBroken]:
         """Each thing that can go wrong, when all about it is known."""
-        causes = Causes(self._plan, self._epsilon, self._solver, self._deadline)
+        causes = Causes(self.plan, self.epsilon, self.solver, self.deadline)
         known = causes.outside
         for name, halves in causes.demands().items():
             yield self._found(name, halves, known)
@@ -418,12 +404,12 @@ class Attribution:
             yield self._found(obligation.name, causes.pieces(obligation, known), known)
 
     def _found(self, name: str, pieces: Iterable[Conjunction], known: list[Conjunction]) -> FirstBroken:
-        found = FirstBroken(name, tuple(piece for one in self._broken for piece in one.pieces))
-        self._broken.append(found)
+        cause = FirstBroken(name, tuple(piece for earlier in self._broken for piece in earlier.pieces))
+        self._broken.append(cause)
         for piece in pieces:
             polyhedron = Polyhedron(self._names, piece)
             if piece not in known and not polyhedron.is_disjoint_from(self._within):
-                found.pieces.append(polyhedron)
+                cause.pieces.append(polyhedron)
                 known.append(piece)
-        found.complete = True
-        return found
+        cause.complete = True
+        return cause

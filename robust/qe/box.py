@@ -56,10 +56,10 @@ class Interval:
     @staticmethod
     def nothing(at: Fraction) -> Interval:
         """`(at, at)`, in which there is no value."""
-        found = Interval(at, at)
+        empty = Interval(at, at)
         for closed in ("lower_closed", "upper_closed"):
-            object.__setattr__(found, closed, False)
-        return found
+            object.__setattr__(empty, closed, False)
+        return empty
 
     @staticmethod
     def from_dict(ends: Mapping[str, Any]) -> Interval:
@@ -150,7 +150,7 @@ class Box:
     @staticmethod
     def declared(parameters: Iterable[Parameter]) -> Box:
         """All values within the declared bounds."""
-        return Box({one.name: Interval(one.lower, one.upper) for one in parameters})
+        return Box({parameter.name: Interval(parameter.lower, parameter.upper) for parameter in parameters})
 
     def __getitem__(self, name: str) -> Interval:
         return self.intervals[name]

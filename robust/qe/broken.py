@@ -17,10 +17,10 @@ from robust.encode import create_encoding
 from robust.encode.interface import EPSILON, Facet, Obligation, Stage
 from robust.encode.validity import Validity
 from robust.plan.model import ParametrizedPlan, Relation
-from robust.qe.compute import ProblemBuilder, UnschedulableValues, declared_bounds
+from robust.qe.compute import ProblemBuilder, beyond_bounds
 from robust.qe.conjunctions import Conjunction
 from robust.qe.constraint import LinearConstraint
-from robust.qe.eliminate.enumerate import PieceSearch
+from robust.qe.eliminate import create_eliminator
 from robust.qe.eliminate.interface import Solvers
 from robust.qe.nnf import FormulaReader
 from robust.qe.polyhedron import Polyhedron
@@ -46,7 +46,7 @@ class BrokenObligation:
 class Breaks:
     """What breaks where, in the order in which obligations are examined; all of it, if `complete`."""
 
-    found: tuple[BrokenObligation, ...]
+    obligations: tuple[BrokenObligation, ...]
     complete: bool
 
 
@@ -58,15 +58,15 @@ def what_breaks(
     Raises:
         UnsupportedError: an expression that is not linear.
     """
-    found: list[BrokenObligation] = []
+    broken: list[BrokenObligation] = []
     try:
-        for one in _enumerated(plan, epsilon, solver, Deadline.after(timeout)):
-            found.append(one)
-            if sum(len(each.pieces) for each in found) > MOST:
-                return Breaks(tuple(found), complete=False)
+        for obligation in _enumerated(plan, epsilon, solver, Deadline.after(timeout)):
+            broken.append(obligation)
+            if sum(len(obligation.pieces) for obligation in broken) > MOST:
+                return Breaks(tuple(broken), complete=False)
     except OutOfTimeError:
-        return Breaks(tuple(found), complete=False)
-    return Breaks(tuple(found), complete=True)
+        return Breaks(tuple(broken), complete=False)
+    return Breaks(tuple(broken), complete=True)
 
 
 def _enumerated(
@@ -76,7 +76,7 @@ def _enumerated(
     piece_of = partial(Polyhedron, tuple(parameter.name for parameter in plan.parameters))
     causes = Causes(plan, epsilon, solver, deadline)
     demands = causes.demands()
-    yield from (BrokenObligation(name, tuple(map(piece_of, found)), demand=True) for name, found in demands.items())
+    yield from (BrokenObligation(name, tuple(map(piece_of, halves)), demand=True) for name, halves in demands.items())
     known: list[Conjunction] = [*causes.outside, *causes.without_schedule()]
     for obligation in causes.obligations:
         if obligation.name not in demands:
@@ -94,51 +94,41 @@ class Causes:
     """
 
     def __init__(self, plan: ParametrizedPlan, epsilon: Fraction, solver: str, deadline: Deadline) -> None:
-        self.bounds = declared_bounds(plan)
+        self.outside = beyond_bounds(plan)
+        """Outside of declared bounds."""
         self._deadline = deadline
         self._encoding = create_encoding("relational", plan, epsilon, deadline)
         self._context = Solvers(self._encoding.terms, FormulaReader(self._encoding.terms), solver)
-        self._builder = ProblemBuilder(self._encoding, self._context.reader, self._context.session())
-
-    @property
-    def outside(self) -> list[Conjunction]:
-        """Outside of declared bounds."""
-        return [(half,) for bound in self.bounds for half in bound.negation()]
+        self._builder = ProblemBuilder(self._encoding, self._context)
 
     def demands(self) -> dict[str, list[Conjunction]]:
         """Demands on durations over parameters alone do not hold, by obligation."""
         validity = self._encoding.validity
-        found: dict[str, list[Conjunction]] = {}
+        demands: dict[str, list[Conjunction]] = {}
         for facet in validity.facets if isinstance(validity, Validity) else ():
             if facet.obligation is not None:
-                found.setdefault(facet.obligation, []).extend(beyond(facet))
-        return found
+                demands.setdefault(facet.obligation, []).extend(beyond(facet))
+        return demands
 
     def without_schedule(self) -> Iterator[Conjunction]:
         """There is no schedule."""
-        return UnschedulableValues(self._encoding, self._context, self._builder.existence(), self.bounds).pieces(
-            self._deadline
-        )
+        return self._builder.without_schedule(self._deadline)
 
     @cached_property
     def obligations(self) -> list[Obligation]:
         """Those that can break in some schedule."""
-        return [one for one in self._encoding.obligations if one.violation is not self._encoding.terms.false]
+        false = self._encoding.terms.false
+        return [obligation for obligation in self._encoding.obligations if obligation.violation is not false]
 
     @cached_property
     def _durations_may_break(self) -> bool:
         """If so, there may be schedules and yet none with all that later obligations assume."""
-        return any(one.stage is Stage.DURATION for one in self.obligations)
+        return any(obligation.stage is Stage.DURATION for obligation in self.obligations)
 
     def pieces(self, obligation: Obligation, known: Iterable[Conjunction]) -> Iterator[Conjunction]:
         """An obligation breaks in some schedule, but for what is known already."""
         query = self._builder.query(obligation, whole=self._durations_may_break)
-        search = PieceSearch(self._context, query, self._deadline)
-        for piece in known:
-            search.exclude(piece)
-        while (found := search.next_piece()) is not None:
-            yield found
-            search.exclude(found)
+        return create_eliminator("project", self._context).eliminate(query, known, self._deadline)
 
 
 def beyond(facet: Facet) -> Iterator[Conjunction]:

@@ -11,7 +11,7 @@ an obligation. How they are grouped is the splitting:
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from fractions import Fraction
 from functools import partial
 from graphlib import CycleError, TopologicalSorter
@@ -21,22 +21,15 @@ from robust.encode import create_encoding
 from robust.encode.interface import EPSILON, Encoding, Facet, Grid, Obligation, Range
 from robust.plan.model import ParametrizedPlan, Relation
 from robust.presented import Presented
+from robust.qe import inner
 from robust.qe.box import Box
-from robust.qe.conjunctions import Conjunction, project_at
+from robust.qe.conjunctions import Conjunction, half_space, project_at
 from robust.qe.constraint import LinearConstraint, substitute_equality
 from robust.qe.eliminate import create_eliminator
 from robust.qe.eliminate.enumerate import polyhedra_of, satisfiable
 from robust.qe.eliminate.interface import Definition, Query, Solvers, outside
 from robust.qe.estimate import OpenShare
-from robust.qe.inner import (
-    EnvelopeFactor,
-    FactorSearch,
-    ParameterGroup,
-    drawn_share,
-    independent_groups,
-    inner_region,
-    open_share,
-)
+from robust.qe.inner import EnvelopeFactor, FactorSearch
 from robust.qe.nnf import FALSE, TRUE, FormulaReader, Junction, Nnf, conjunction, disjunction, names_in, negation
 from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import Region
@@ -50,12 +43,10 @@ from robust.smt.session import Satisfiability, Session, Statistics
 class EliminationProblem:
     """What is to be eliminated for one plan.
 
-    `bounds` are the declared parameter bounds as a conjunction, `exists` is the query of enc_valid, and the union of
-    `violations` and of its complement is the bad set.
+    `exists` is the query of enc_valid, and the union of `violations` and of its complement is the bad set.
     """
 
     parameters: tuple[str, ...]
-    bounds: Conjunction
     exists: Query
     violations: tuple[Query, ...]
 
@@ -71,14 +62,14 @@ class ProblemBuilder:
 
     Args:
         encoding: the plan's formulas.
-        reader: of the encoding's terms.
-        session: an empty session over these terms, for the examination of definitions.
+        context: the solvers, which examine definitions.
     """
 
-    def __init__(self, encoding: Encoding, reader: FormulaReader, session: Session) -> None:
+    def __init__(self, encoding: Encoding, context: Solvers) -> None:
         self._encoding = encoding
-        self._reader = reader
-        self._session = session
+        self._context = context
+        self._reader = context.reader
+        self._session = context.session()
         self._kept = tuple(parameter.name for parameter in encoding.plan.parameters)
         self._unknowns = {symbol.symbol_name() for symbol in encoding.unknowns()} | set(self._kept)
         self._defined: dict[Nnf, Mapping[str, bool]] = {}
@@ -93,13 +84,21 @@ class ProblemBuilder:
         if splitting != "full":
             queries = [merged("all obligations", self._kept, queries)] if queries else []
         queries.sort(key=lambda query: len(query.eliminated))
-        return EliminationProblem(self._kept, declared_bounds(self._encoding.plan), self.existence(), tuple(queries))
+        return EliminationProblem(self._kept, self.existence(), tuple(queries))
 
     def existence(self) -> Query:
         """∃ times. enc_tn."""
         network = conjunction(map(self._reader.read, self._encoding.network_formulas()))
         constraints, rest = _inequalities([network])
         return Query("some schedule exists", self._kept, constraints, TRUE, (), rest)
+
+    def without_schedule(self, deadline: Deadline) -> Iterator[Conjunction]:
+        """Half-spaces of bad values that together hold every value that leaves no schedule, within the bounds.
+
+        Raises:
+            OutOfTimeError: if the deadline passes.
+        """
+        return _UnschedulableValues(self._encoding, self._context, self.existence()).pieces(deadline)
 
     def query(self, obligation: Obligation, *, whole: bool = False) -> Query:
         """∃ times, auxiliaries. enc_tn ∧ enc_eff ∧ ¬P; with the whole of enc_tn, also where enc_valid does not hold."""
@@ -117,14 +116,14 @@ class ProblemBuilder:
     def _definitions(self, formulas: Iterable[Nnf]) -> tuple[tuple[Definition, ...], list[Nnf]]:
         """Tell apart definitions of single symbols that can always be satisfied, without circles, and the rest."""
         open_ = {formula: [n for n, total in self._candidates(formula).items() if total] for formula in formulas}
-        found: dict[str, Nnf] = {}
+        chosen: dict[str, Nnf] = {}
         while unique := [(formula, names[0]) for formula, names in open_.items() if len(names) == 1]:
             for formula, name in unique:
-                if name not in found:
-                    found[name] = formula
+                if name not in chosen:
+                    chosen[name] = formula
                 del open_[formula]
-            open_ = {formula: [n for n in names if n not in found] for formula, names in open_.items()}
-        definitions = _in_order([Definition(name, formula) for name, formula in found.items()]) or ()
+            open_ = {formula: [n for n in names if n not in chosen] for formula, names in open_.items()}
+        definitions = _in_order([Definition(name, formula) for name, formula in chosen.items()]) or ()
         taken = {definition.formula for definition in definitions}
         return definitions, [formula for formula in formulas if formula not in taken]
 
@@ -134,7 +133,7 @@ class ProblemBuilder:
             names = sorted(names_in(formula) - self._unknowns)
             cases = {name: _cases(formula, name) for name in names}
             self._defined[formula] = {
-                name: self._is_total(name, found) for name, found in cases.items() if found is not None
+                name: self._is_total(name, case) for name, case in cases.items() if case is not None
             }
         return self._defined[formula]
 
@@ -157,6 +156,11 @@ def declared_bounds(plan: ParametrizedPlan) -> Conjunction:
     return tuple(Box.declared(plan.parameters).constraints())
 
 
+def beyond_bounds(plan: ParametrizedPlan) -> list[Conjunction]:
+    """Half-spaces that together hold all that is outside of the declared parameter bounds."""
+    return [(half,) for bound in declared_bounds(plan) for half in bound.negation()]
+
+
 def merged(name: str, kept: tuple[str, ...], queries: Iterable[Query]) -> Query:
     """The disjunction of several queries; definitions stay apart, because they can always be satisfied."""
     queries = list(queries)
@@ -171,7 +175,9 @@ def merged(name: str, kept: tuple[str, ...], queries: Iterable[Query]) -> Query:
 def _in_order(definitions: Sequence[Definition]) -> tuple[Definition, ...] | None:
     """Each definition after those that it depends on; None if there is a circle, or a symbol has two."""
     by_symbol = {definition.symbol: definition for definition in definitions}
-    depends = {symbol: names_in(one.formula) & by_symbol.keys() - {symbol} for symbol, one in by_symbol.items()}
+    depends = {
+        symbol: names_in(definition.formula) & by_symbol.keys() - {symbol} for symbol, definition in by_symbol.items()
+    }
     try:
         order = [by_symbol[symbol] for symbol in TopologicalSorter(depends).static_order()]
     except CycleError:
@@ -202,59 +208,52 @@ def _cases(formula: Nnf, name: str) -> list[tuple[Nnf, LinearConstraint]] | None
 
 
 @dataclass(eq=False)
-class UnschedulableValues:
-    """Finds what lies outside enc_valid.
+class _UnschedulableValues:
+    """Finds what lies outside enc_valid, but within the declared bounds.
 
     Args:
         encoding: the plan's formulas; its `validity` may report facets that are duration obligations as well.
         context: the solvers.
         query: ∃ times. enc_tn.
-        bounds: the declared parameter bounds.
     """
 
     encoding: Encoding
     context: Solvers
     query: Query
-    bounds: Conjunction
 
     def __post_init__(self) -> None:
-        self._left = Polyhedron(self.query.kept, self.bounds)
+        self._rest = Polyhedron(self.query.kept, declared_bounds(self.encoding.plan))
 
     def pieces(self, deadline: Deadline) -> Iterator[Conjunction]:
-        """Half-spaces of bad values that together hold every value that leaves no schedule, within the bounds.
-
-        Raises:
-            OutOfTimeError: if the deadline passes.
-        """
-        while not self._left.is_empty:
+        while not self._rest.is_empty:
             deadline.enforce()
-            extents = self._left.bounding_box() or {}
+            extents = self._rest.bounding_box() or {}
             facet = self._facet({name: (extent.lower, extent.upper) for name, extent in extents.items()}, deadline)
             if facet is None:
                 return
             inside = LinearConstraint.from_polynomial(facet.expression, Relation.AT_LEAST)
-            if self._left.satisfies(inside):
+            if self._rest.satisfies(inside):
                 yield from self._by_points(deadline)
                 return
-            yield from self._cut(inside)
+            yield self._beyond(inside)
 
-    def _cut(self, inside: LinearConstraint) -> Iterator[Conjunction]:
-        self._left = self._left.restricted([inside])
-        yield tuple(inside.negation()) if not inside.is_false else ()
+    def _beyond(self, inside: LinearConstraint) -> Conjunction:
+        """What a half-space excludes, which need not be looked at again."""
+        self._rest = self._rest.restricted([inside])
+        return tuple(inside.negation()) if not inside.is_false else ()
 
     def _facet(self, ranges: Mapping[str, Range], deadline: Deadline) -> Facet | None:
-        found = self.encoding.validity.broken_facet(Grid(ranges), self.context.session, deadline)
-        if isinstance(found, Satisfiability):
+        facet = self.encoding.validity.broken_facet(Grid(ranges), self.context.session, deadline)
+        if isinstance(facet, Satisfiability):
             raise OutOfTimeError(self.context.statistics.failure)
-        return found
+        return facet
 
     def _by_points(self, deadline: Deadline) -> Iterator[Conjunction]:
         reader = self.context.reader
         session = self.context.session()
         network = self.context.session()
         network.add(reader.write(self.query.formula))
-        for constraint in self._left.constraints:
-            session.add(reader.write(constraint))
+        session.add(*map(reader.write, self._rest.constraints))
         while satisfiable(session, "enc_valid: a point that is left", deadline):
             values = session.values(reader.symbols(self.query.kept))
             point = {name: Fraction(values.get(name, 0)) for name in self.query.kept}
@@ -262,7 +261,7 @@ class UnschedulableValues:
             if facet is not None:
                 inside = LinearConstraint.from_polynomial(facet.expression, Relation.AT_LEAST)
                 session.add(reader.write(inside))
-                yield from self._cut(inside)
+                yield self._beyond(inside)
             else:
                 session.add(reader.outside(self._around(point, network, deadline)))
 
@@ -324,7 +323,7 @@ class RegionResult(Presented, ask="status"):
         """An inner bound, with some parameters fixed: the envelope, or as much of what is proved as is not too long."""
         if self.is_exact:
             return self.region.slice(at)
-        return inner_region(self.region.parameters, self.factors, at)
+        return inner.inner_region(self.region.parameters, self.factors, at)
 
     def is_proved(self, point: Point) -> bool:
         """Whether a point is known to be in the envelope."""
@@ -349,6 +348,7 @@ _ENDED = {
 }
 
 
+@dataclass(eq=False)
 class RegionSearch(Searching[RegionResult]):
     """All parameter values under which a plan is valid, exactly.
 
@@ -366,35 +366,28 @@ class RegionSearch(Searching[RegionResult]):
         on_cell: called with each polyhedron of good parameter values, likewise.
     """
 
-    def __init__(
-        self,
-        plan: ParametrizedPlan,
-        *,
-        backend: str = "project",
-        splitting: str = "full",
-        learning: bool = True,
-        epsilon: Fraction = EPSILON,
-        solver: str = "z3",
-        encoding: str = "relational",
-        timeout: float | None = None,
-        on_piece: Callable[[Polyhedron], None] | None = None,
-        on_cell: Callable[[Polyhedron], None] | None = None,
-    ) -> None:
+    plan: ParametrizedPlan
+    _: KW_ONLY
+    backend: str = "project"
+    splitting: str = "full"
+    learning: bool = True
+    epsilon: Fraction = EPSILON
+    solver: str = "z3"
+    encoding: str = "relational"
+    timeout: float | None = None
+    on_piece: Callable[[Polyhedron], None] | None = None
+    on_cell: Callable[[Polyhedron], None] | None = None
+
+    def __post_init__(self) -> None:
         super().__init__()
-        self._plan = plan
-        self._epsilon = epsilon
-        self._names = (backend, splitting, learning, encoding, solver)
-        self._learning = learning
-        self._on_piece = on_piece
-        self._on_cell = on_cell or (lambda _cell: None)
-        self._deadline = Deadline.after(timeout)
+        self._deadline = Deadline.after(self.timeout)
         self._statistics = Statistics()
-        self._parameters = tuple(parameter.name for parameter in plan.parameters)
-        self._bounds = declared_bounds(plan)
+        self._parameters = tuple(parameter.name for parameter in self.plan.parameters)
+        self._bounds = declared_bounds(self.plan)
         self._pieces: list[Conjunction] = []
         """What is bad by itself; the rest is known to the groups."""
         self._factors: list[FactorSearch] = []
-        self._found = 0
+        self._count = 0
         self._share: OpenShare | None = None
         self._region: Region | None = None
 
@@ -407,23 +400,21 @@ class RegionSearch(Searching[RegionResult]):
         """
         status, reason = self._ending()
         # Half-spaces become sides of the polyhedron to subtract from.
-        bad = self._bad
-        half_spaces = [piece[0] for piece in bad if len(piece) == 1 and not piece[0].is_equality]
-        others = [piece for piece in bad if len(piece) != 1 or piece[0].is_equality]
-        sides = [side.negation()[0] for side in half_spaces]
-        self._region = self._without(Polyhedron(self._parameters, (*self._bounds, *sides)).simplified(), others)
+        sides = [half.negation()[0] for piece in self._bad if (half := half_space(piece)) is not None]
+        base = Polyhedron(self._parameters, (*self._bounds, *sides)).simplified()
+        self._region = self._without(base, (piece for piece in self._bad if half_space(piece) is None))
         if status is not Status.COMPLETE:
             self._share = self.open_share
             try:
-                self._share = open_share(self._factors)
+                self._share = inner.open_share(self._factors)
             except KeyboardInterrupt:
                 status = Status.INTERRUPTED
         return self._result(status, reason)
 
     @property
     def open_share(self) -> OpenShare | None:
-        """How much is open by now, if random points have been drawn already."""
-        return self._share or drawn_share(self._factors)
+        """The share of open points, if random points have been drawn already."""
+        return self._share or inner.drawn_share(self._factors)
 
     @property
     def _bad(self) -> list[Conjunction]:
@@ -437,8 +428,10 @@ class RegionSearch(Searching[RegionResult]):
         region = self._region or self._without(Polyhedron(self._parameters, self._bounds), self._bad)
         factors = tuple(factor.factor() for factor in self._factors)
         share = None if status is Status.COMPLETE else self.open_share
-        known = *self._names, self._seconds(), self._found, self._statistics, factors, share, reason
-        return RegionResult(status, region, *known, epsilon=self._epsilon, plan=self._plan)
+        asked = self.backend, self.splitting, self.learning, self.encoding, self.solver
+        statistics = self._statistics
+        known = RegionResult(status, region, *asked, self._seconds(), self._count, statistics, factors, share, reason)
+        return replace(known, epsilon=self.epsilon, plan=self.plan)
 
     def _ending(self) -> tuple[Status, str | None]:
         try:
@@ -447,28 +440,26 @@ class RegionSearch(Searching[RegionResult]):
             return Status.UNKNOWN, died.message
 
     def _search(self) -> None:
-        backend, splitting, _, name, solver = self._names
-        encoding = create_encoding(name, self._plan, self._epsilon, self._deadline)
-        context = Solvers(encoding.terms, FormulaReader(encoding.terms), solver, self._statistics)
-        eliminator = create_eliminator(backend, context)
-        builder = ProblemBuilder(encoding, context.reader, context.session())
-        problem = builder.build(splitting)
-        if splitting == "monolithic" and eliminator.alternation:
+        encoding = create_encoding(self.encoding, self.plan, self.epsilon, self._deadline)
+        context = Solvers(encoding.terms, FormulaReader(encoding.terms), self.solver, self._statistics)
+        eliminator = create_eliminator(self.backend, context)
+        builder = ProblemBuilder(encoding, context)
+        problem = builder.build(self.splitting)
+        if self.splitting == "monolithic" and eliminator.alternation:
             self._add(eliminator.eliminate_nested(problem.violation, problem.exists, self._deadline))
             return
-        if backend == "project":
-            existence = UnschedulableValues(encoding, context, problem.exists, problem.bounds).pieces(self._deadline)
+        if self.backend == "project":
+            existence = builder.without_schedule(self._deadline)
         else:
             # What none of the pieces that leave a schedule covers, within the declared bounds.
-            rest = conjunction(outside(one) for one in eliminator.eliminate(problem.exists, (), self._deadline))
-            beyond = self._beyond_bounds()
-            existence = polyhedra_of(rest, context.session, context.reader, self._deadline, beyond)
-        if splitting == "monolithic":
+            rest = conjunction(map(outside, eliminator.eliminate(problem.exists, (), self._deadline)))
+            existence = polyhedra_of(rest, context, self._deadline, beyond_bounds(self.plan))
+        if self.splitting == "monolithic":
             # Only one quantifier at a time: the inner one goes first, and its result becomes part of the outer formula.
             self._add(eliminator.eliminate(_with_existence(problem, existence), self._known(), self._deadline))
             return
         self._add(existence)
-        if backend == "project" and splitting == "full" and self._learning:
+        if self.backend == "project" and self.splitting == "full" and self.learning:
             self._search_factors(context, problem)
             return
         for query in problem.violations:
@@ -477,18 +468,18 @@ class RegionSearch(Searching[RegionResult]):
     def _search_factors(self, context: Solvers, problem: EliminationProblem) -> None:
         """Group by group, up to symmetry; again without where that leaves too much to describe."""
         facets = list(self._pieces)
-        symmetry = find_symmetry(self._plan, self._deadline)
+        symmetry = find_symmetry(self.plan, self._deadline)
         sides = [side for facet in facets for constraint in facet for side in constraint.negation()]
         if () in facets:
             sides.append(LinearConstraint.false())
         base = Polyhedron(self._parameters, (*self._bounds, *sides))
         groups = [
-            ParameterGroup(
-                names, queries, base.project(names), tuple(self._known()), self._plan.nominal, symmetry.within(names)
+            inner.ParameterGroup(
+                names, queries, base.project(names), tuple(self._known()), self.plan.nominal, symmetry.within(names)
             )
-            for names, queries in independent_groups(self._parameters, problem.violations, facets)
+            for names, queries in inner.independent_groups(self._parameters, problem.violations, facets)
         ]
-        search = partial(FactorSearch, context, deadline=self._deadline, on_piece=self._tell, on_cell=self._on_cell)
+        search = partial(FactorSearch, context, deadline=self._deadline, on_piece=self._tell, on_cell=self.on_cell)
         self._factors = [search(group) for group in groups]
         pending = list(range(len(groups)))
         while pending:
@@ -502,10 +493,7 @@ class RegionSearch(Searching[RegionResult]):
 
     def _known(self) -> list[Conjunction]:
         """What a problem need not describe again."""
-        return [*self._beyond_bounds(), *self._pieces] if self._learning else []
-
-    def _beyond_bounds(self) -> list[Conjunction]:
-        return [(half,) for bound in self._bounds for half in bound.negation()]
+        return [*beyond_bounds(self.plan), *self._pieces] if self.learning else []
 
     def _add(self, pieces: Iterable[Conjunction]) -> None:
         for piece in pieces:
@@ -513,9 +501,9 @@ class RegionSearch(Searching[RegionResult]):
             self._tell(Polyhedron(self._parameters, piece))
 
     def _tell(self, piece: Polyhedron) -> None:
-        self._found += 1
-        if self._on_piece is not None:
-            self._on_piece(piece)
+        self._count += 1
+        if self.on_piece is not None:
+            self.on_piece(piece)
 
 
 def _with_existence(problem: EliminationProblem, existence: Iterable[Conjunction]) -> Query:

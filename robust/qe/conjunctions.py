@@ -21,6 +21,12 @@ from robust.smt.limits import NEVER, Deadline
 
 Conjunction = tuple[LinearConstraint, ...]
 
+
+def half_space(piece: Conjunction) -> LinearConstraint | None:
+    """The only constraint, if the conjunction is one inequality."""
+    return piece[0] if len(piece) == 1 and not piece[0].is_equality else None
+
+
 CROWD = 12
 """From how many constraints on redundancy is looked for between two steps."""
 
@@ -45,9 +51,9 @@ def solve_equalities(constraints: Iterable[LinearConstraint], eliminated: Collec
         gone.discard(solved)
         pending[place] = None
         for other in dict.fromkeys(mentions[solved]):
-            found = pending[other]
-            if found is not None and found.factor(solved):
-                pending[other] = replaced = substitute_equality(found, equality, solved)
+            old = pending[other]
+            if old is not None and old.factor(solved):
+                pending[other] = replaced = substitute_equality(old, equality, solved)
                 for new in equality.parameters:
                     mentions[new].append(other)
                 if replaced.is_equality:
@@ -322,12 +328,12 @@ def _facets(
             del unknown[index]
             continue
         beyond = _homogeneous(_beyond(optimum, form, constant))
-        found = min(
+        crossed = min(
             (i for i in unknown if _distance(forms[i], beyond) < 0), key=lambda i: _crossing(forms[i], centre, beyond)
         )
-        facets.add(found)
-        del unknown[found]
-        known.add(forms[found][0], Sense.AT_MOST, forms[found][1])
+        facets.add(crossed)
+        del unknown[crossed]
+        known.add(forms[crossed][0], Sense.AT_MOST, forms[crossed][1])
         known.restore()
     return facets
 

@@ -162,7 +162,7 @@ class LinearConstraint:
         return [self.with_relation(Sense.AT_MOST), self.opposite(Sense.AT_MOST)]
 
     def with_relation(self, relation: Sense) -> LinearConstraint:
-        """The same linear form and constant under another relation."""
+        """The constraint with its linear form and constant, but another relation."""
         return self if relation is self.relation else _settled(self.coefficients, relation, self.constant)
 
     def opposite(self, relation: Sense) -> LinearConstraint:
@@ -170,7 +170,7 @@ class LinearConstraint:
         return _settled(((n, -c) for n, c in self.coefficients), relation, -self.constant)
 
     def closed(self) -> LinearConstraint:
-        """The constraint with its boundary."""
+        """The constraint including its boundary."""
         return self.with_relation(Sense.AT_MOST) if self.is_strict else self
 
     def substitute(self, values: Mapping[str, Fraction]) -> LinearConstraint:
@@ -263,9 +263,9 @@ def trim(constraints: Iterable[LinearConstraint]) -> tuple[LinearConstraint, ...
 
 def _settled(factors: Iterable[tuple[str, int]], relation: Sense, constant: Fraction) -> LinearConstraint:
     """A constraint of integer coefficients, none of which is zero or of the same parameter as another."""
-    made = object.__new__(LinearConstraint)
-    made._settle(factors, relation, constant)
-    return made
+    bare = object.__new__(LinearConstraint)
+    bare._settle(factors, relation, constant)
+    return bare
 
 
 def combine(

@@ -1,8 +1,8 @@
-"""Certified bounds on volumes by subdividing a bounding box.
+"""Sizes of sets of parameter values: certified bounds on volumes, open shares of boxes, random points of regions.
 
-How much of a box of parameter values is neither proved good nor proved bad: exactly, or estimated by random points.
-
-The box is the product of boxes of independent groups of parameters, and a point is good if it is good in every group.
+Volumes are bounded by subdividing a bounding box. The open share is the part of a box that is neither proved good nor
+proved bad, computed exactly or estimated from random points. The box is the product of boxes of independent groups of
+parameters, and a point is good if it is good in every group.
 """
 
 from __future__ import annotations
@@ -44,12 +44,8 @@ class OpenShare:
     points: int | None = None
 
     @staticmethod
-    def exactly(value: Fraction, box: Box) -> OpenShare:
-        return OpenShare(value, value, value, box)
-
-    @staticmethod
     def estimated(count: int, points: int, box: Box) -> OpenShare:
-        """So many of these points are open."""
+        """The share estimated from `count` open points among `points`."""
         lower, upper = (
             Fraction(round(end * 10**6), 10**6) for end in proportion_bounds(count, points, float(CONFIDENCE))
         )
@@ -74,7 +70,7 @@ def _bisected(reached: Callable[[float], bool]) -> float:
 
 
 def _at_least(count: int, points: int, chance: float) -> float:
-    """The probability that an event of this chance is seen so many times or more."""
+    """The probability of at least `count` successes in `points` trials, each with this chance."""
     if not 0 < chance < 1:
         return float(chance >= 1)
     choices = lgamma(points + 1)
@@ -105,7 +101,7 @@ class Samples:
 
     def __init__(self, box: Box, symmetry: Symmetry) -> None:
         random = Random(",".join(box.intervals))  # noqa: S311 - reproducible samples, no secrets
-        ends = {name: (one.lower or ZERO, one.upper or ZERO) for name, one in box.intervals.items()}
+        ends = {name: (interval.lower or ZERO, interval.upper or ZERO) for name, interval in box.intervals.items()}
         self._scale = GRID * lcm(*(end.denominator for pair in ends.values() for end in pair))
         self._points = [
             symmetry.sorted({name: self._coordinate(*pair, random.randint(0, GRID)) for name, pair in ends.items()})
@@ -119,23 +115,23 @@ class Samples:
         return int((lower + (upper - lower) * place / GRID) * self._scale)
 
     def exclude(self, piece: Conjunction) -> None:
-        """The points of the piece are bad."""
+        """Mark the points of the piece as bad."""
         self.undecided -= self._inside(piece)
 
     def include(self, cell: Polyhedron) -> None:
-        """The points of the cell are good."""
-        found = self._inside(cell.constraints)
-        self.good |= found
-        self.undecided -= found
+        """Mark the points of the cell as good."""
+        inside = self._inside(cell.constraints)
+        self.good |= inside
+        self.undecided -= inside
 
     def point(self, index: int) -> dict[str, Fraction]:
         return {name: Fraction(value, self._scale) for name, value in self._points[index].items()}
 
     def _inside(self, piece: Conjunction) -> set[int]:
-        found = self.undecided
+        inside = self.undecided
         for constraint in piece:
-            found = {index for index in found if self._holds(constraint, self._points[index])}
-        return set(found)
+            inside = {index for index in inside if self._holds(constraint, self._points[index])}
+        return set(inside)
 
     def _holds(self, constraint: LinearConstraint, point: Mapping[str, int]) -> bool:
         left = sum(factor.numerator * point[name] for name, factor in constraint.coefficients)
@@ -149,14 +145,15 @@ Judged = tuple[set[int], set[int]]
 
 def open_points(groups: Sequence[Judged]) -> int:
     """How many points are bad in no group, and not good in all."""
-    possible = set.intersection(*(one[0] for one in groups))
-    return len(possible) - len(possible.intersection(*(one[1] for one in groups)))
+    possible = set.intersection(*(group[0] for group in groups))
+    return len(possible) - len(possible.intersection(*(group[1] for group in groups)))
 
 
 def product_share(sizes: Sequence[tuple[Fraction, Fraction, Fraction]], box: Box) -> OpenShare | None:
     """From the volumes of each group's box, of what is not bad there, and of what is good; None if a box has none."""
     whole, possible, proved = (prod(parts, start=Fraction(1)) for parts in zip(*sizes, strict=True))
-    return OpenShare.exactly((possible - proved) / whole, box) if whole else None
+    share = (possible - proved) / whole if whole else None
+    return None if share is None else OpenShare(share, share, share, box)
 
 
 Cell = tuple[tuple[str, Fraction, Fraction], ...]
@@ -192,16 +189,16 @@ def volume_bounds(parts: Sequence[Part], limit: int) -> VolumeBounds:
     lower, upper = cell_bounds(cell, solid)
     total = [lower, upper]
     heap = [(lower - upper, 0, lower, upper, cell, solid)]
-    made = 1
-    while made < limit and heap[0][0]:
+    count = 1
+    while count < limit and heap[0][0]:
         _, _, lower, upper, cell, active = heappop(heap)
         total = [total[0] - lower, total[1] - upper]
         for half in _halves(cell):
-            made += 1
+            count += 1
             rest = _undecided(half, active)
             lower, upper = cell_bounds(half, rest)
             total = [total[0] + lower, total[1] + upper]
-            heappush(heap, (lower - upper, made, lower, upper, half, rest))
+            heappush(heap, (lower - upper, count, lower, upper, half, rest))
     return VolumeBounds(*total)
 
 
@@ -323,16 +320,16 @@ def sample(
 ) -> list[dict[str, Fraction]]:
     """`count` points of a union of parts, of which `pieces` is the (possibly costly) description as a union."""
     random = Random(seed)  # noqa: S311 - reproducible samples, no secrets
-    found = _walks([base for base, _ in parts], random)
+    points = _walks([base for base, _ in parts], random)
     if any(removed for _, removed in parts):
         chosen = []
-        for point in islice(found, count * CHANCES):
+        for point in islice(points, count * CHANCES):
             if any(point in base and not any(point in piece for piece in removed) for base, removed in parts):
                 chosen.append(point)
             if len(chosen) == count:
                 return chosen
-        found = _walks(pieces(), random)
-    return list(islice(found, count))
+        points = _walks(pieces(), random)
+    return list(islice(points, count))
 
 
 def _walks(pieces: Iterable[Polyhedron], random: Random) -> Iterator[dict[str, Fraction]]:

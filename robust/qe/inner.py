@@ -1,4 +1,4 @@
-"""The envelope from outside and from inside at the same time, group by group.
+"""The envelope of each independent group of parameters, from outside and from inside at the same time.
 
 Parameters of which no obligation and no statement of the network speaks together are independent: the envelope is the
 product of one set for each group, and each is searched alone. In a group, bad pieces are found obligation by
@@ -7,9 +7,8 @@ piece that reaches into it, until no obligation can be broken in it; pieces foun
 When the pieces and the cells cover everything, both bounds are the envelope.
 
 What is symmetric is searched where interchangeable parameters ascend, and pieces are lifted from there: to a polyhedron
-around the piece of which every image is bad, so that the pieces of the whole space stay few.
-
-Bad pieces made larger: by several obligations together, and from ascending order to any order.
+around the piece of which every image is bad, so that the pieces of the whole space stay few. Bad pieces are also
+widened where several obligations together leave no way out.
 """
 
 from __future__ import annotations
@@ -18,17 +17,16 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
 from itertools import islice
 from math import factorial, prod
 
 from robust.qe.box import Box, Interval
-from robust.qe.conjunctions import Conjunction, linked, variables_of
+from robust.qe.conjunctions import Conjunction, half_space, linked, variables_of
 from robust.qe.constraint import ZERO, LinearConstraint
 from robust.qe.eliminate.enumerate import Outlook, PieceSearch, satisfiable
 from robust.qe.eliminate.interface import Query, Solvers, outside
 from robust.qe.estimate import POINTS, Judged, OpenShare, Samples, open_points, product_share, volumes
-from robust.qe.nnf import conjunction, disjunction, names_in, negation
+from robust.qe.nnf import Nnf, conjunction, disjunction, names_in, negation
 from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import LONG, Region, absorb
 from robust.qe.symmetry import Symmetry
@@ -48,30 +46,19 @@ class PieceWidening:
     """
 
     def __init__(self, context: Solvers, base: Polyhedron, queries: Sequence[Query], deadline: Deadline) -> None:
-        self._context = context
         self._base = base
         self._box = set(box_sides(base))
-        self._queries = queries
-        self._deadline = deadline
         self._failures = 0
-        self._excluded: list[Conjunction] = []
-
-    @cached_property
-    def _fine(self) -> Outlook:
-        """Schedules that break nothing; opened once there is something to widen."""
-        made = Outlook(self._context.session(), self._context.reader, self._deadline)
-        for query in self._queries:
+        fine: list[Nnf] = []
+        for query in queries:
             definitions = (definition.formula for definition in query.definitions)
-            made.add(*query.network, *definitions, query.remainder, negation(query.violation))
-        for piece in self._excluded:
-            made.exclude(piece)
-        return made
+            fine += [*query.network, *definitions, query.remainder, negation(query.violation)]
+        self._fine = Outlook(context, deadline, *fine)
+        """Schedules that break nothing."""
 
     def exclude(self, piece: Conjunction) -> None:
         """The piece is known to be bad."""
-        self._excluded.append(piece)
-        if "_fine" in self.__dict__:
-            self._fine.exclude(piece)
+        self._fine.exclude(piece)
 
     def widened(self, piece: Conjunction) -> Conjunction:
         """A bad piece that holds this one: of its sides, and those of the box around it, as few as suffice."""
@@ -105,17 +92,15 @@ class Lifting:
 
     def _outlook(self) -> Outlook:
         """What is left of the base."""
-        made = Outlook(self._context.session(), self._context.reader, self._deadline)
-        made.add(*self._base.constraints)
-        return made
+        return Outlook(self._context, self._deadline, *self._base.constraints)
 
     def add(self, piece: Conjunction) -> None:
         """A piece that is bad in ascending order; lifted at once if that is quick."""
         self._known.exclude(piece)
         self._pieces.append(piece)
         if not self._covered.excludes(piece):
-            found = self._first_images([piece, self._hull(piece)], SOME_IMAGES)
-            self.lifted += self._cover(found or [])
+            images = self._first_images([piece, self._hull(piece)], SOME_IMAGES)
+            self.lifted += self._cover(images or [])
 
     def finish(self) -> bool:
         """Lift the pieces that are needed, again; whether none of them has too many images."""
@@ -126,9 +111,9 @@ class Lifting:
             if not self._covered.excludes(piece):
                 ordered = (*self._symmetry.ascending, *piece)
                 candidates = (self._minimal(sides) for sides in (piece, self._hull(piece), ordered))
-                found = self._first_images(candidates, MOST_IMAGES)
-                finished = finished and found is not None
-                kept += self._cover(found or [])
+                images = self._first_images(candidates, MOST_IMAGES)
+                finished = finished and images is not None
+                kept += self._cover(images or [])
         if finished:
             self.lifted = kept
         return finished
@@ -145,8 +130,8 @@ class Lifting:
         return list(beyond)
 
     def _first_images(self, candidates: Iterable[Conjunction], most: int) -> list[Conjunction] | None:
-        found = (self._images(candidate, most) for candidate in candidates)
-        return next((images for images in found if images is not None), None)
+        image_lists = (self._images(candidate, most) for candidate in candidates)
+        return next((images for images in image_lists if images is not None), None)
 
     def _cover(self, images: list[Conjunction]) -> list[Conjunction]:
         for image in images:
@@ -158,7 +143,7 @@ class Lifting:
         return tuple(side for side in box_sides(self._base.restricted(piece)) if side not in self._box)
 
     def _minimal(self, sides: Conjunction) -> Conjunction:
-        """As many of the sides left out as can be, one after the other."""
+        """The sides without those that can be left out, tried one after the other."""
         for side in sides:
             others = tuple(other for other in sides if other is not side)
             if self._images(others, MOST_IMAGES) is not None:
@@ -167,10 +152,10 @@ class Lifting:
 
     def _images(self, candidate: Conjunction, most: int) -> list[Conjunction] | None:
         """All images if there are not too many, and all are bad."""
-        found = self._symmetry.images(candidate, most)
-        if found is None or not self._known.excludes((), disjunction(conjunction(image) for image in found)):
+        images = self._symmetry.images(candidate, most)
+        if images is None or not self._known.excludes((), disjunction(conjunction(image) for image in images)):
             return None
-        return found
+        return images
 
 
 def box_sides(polyhedron: Polyhedron) -> list[LinearConstraint]:
@@ -209,20 +194,20 @@ def independent_groups(
     for query in queries:
         homes = (home[name] for name in spoken[query.name])
         groups[next((group for group in homes if group in groups), next(iter(groups)))][1].append(query)
-    return [(tuple(filter(None, names)), tuple(own)) for names, own in groups.values()]
+    return [(tuple(filter(None, names)), tuple(members)) for names, members in groups.values()]
 
 
 def _names_of(query: Query) -> list[str]:
     """Unknowns that the query's violation depends on, by definitions or by itself."""
-    definition = {one.symbol: one.formula for one in query.definitions}
-    found: set[str] = set()
+    definition = {definition.symbol: definition.formula for definition in query.definitions}
+    names: set[str] = set()
     pending = set(names_in(query.core))
     while pending:
         name = pending.pop()
-        found.add(name)
+        names.add(name)
         if name in definition:
-            pending |= names_in(definition[name]) - found
-    return sorted(found - definition.keys())
+            pending |= names_in(definition[name]) - names
+    return sorted(names - definition.keys())
 
 
 @dataclass(frozen=True)
@@ -253,8 +238,8 @@ class EnvelopeFactor:
         """Polyhedra of good values in any order; those with too many images, or too many holes, are left out."""
         if self.inner.base is not None and len(self.inner.pieces) > LONG:
             return []
-        found = (self.symmetry.images(piece.constraints, MOST_IMAGES) for piece in self.inner.as_union().pieces)
-        return [image for images in found for image in images or ()]
+        image_lists = (self.symmetry.images(piece.constraints, MOST_IMAGES) for piece in self.inner.as_union().pieces)
+        return [image for images in image_lists for image in images or ()]
 
 
 def inner_region(parameters: tuple[str, ...], factors: Sequence[EnvelopeFactor], at: Point) -> Region:
@@ -267,8 +252,8 @@ def inner_region(parameters: tuple[str, ...], factors: Sequence[EnvelopeFactor],
     for factor in factors:
         pieces = (Polyhedron(rest, tuple(side.substitute(at) for side in piece)) for piece in factor.good_pieces())
         solid = [piece for piece in pieces if not piece.is_empty]
-        met = (one.intersection(piece) for one in products for piece in solid)
-        products = list(islice((one for one in met if not one.is_empty), MOST_IMAGES))
+        met = (product.intersection(piece) for product in products for piece in solid)
+        products = list(islice((product for product in met if not product.is_empty), MOST_IMAGES))
     return Region.union_of(rest, absorb(products) if len(products) <= LONG else products)
 
 
@@ -294,6 +279,7 @@ class ParameterGroup:
     symmetry: Symmetry
 
 
+@dataclass(eq=False)
 class FactorSearch:
     """Finds bad pieces and good cells of one group.
 
@@ -305,15 +291,14 @@ class FactorSearch:
         on_cell: called with each good cell.
     """
 
-    def __init__(
-        self,
-        context: Solvers,
-        group: ParameterGroup,
-        deadline: Deadline,
-        on_piece: Callable[[Polyhedron], None],
-        on_cell: Callable[[Polyhedron], None],
-    ) -> None:
-        self._context = context
+    context: Solvers
+    group: ParameterGroup
+    deadline: Deadline
+    on_piece: Callable[[Polyhedron], None]
+    on_cell: Callable[[Polyhedron], None] | None
+
+    def __post_init__(self) -> None:
+        group, deadline = self.group, self.deadline
         self._parameters = group.parameters
         self.symmetry = group.symmetry
         self._pending = list(group.queries)
@@ -322,16 +307,13 @@ class FactorSearch:
         self._known = [*group.known, *descending]
         self._nominal = {name: group.nominal[name] for name in group.parameters}
         self._first: Point | None = group.symmetry.sorted(self._nominal)
-        self._deadline = deadline
-        self._on_piece = on_piece
-        self._on_cell = on_cell
         self._searches: dict[str, tuple[PieceSearch, int]] = {}
         self._pieces: list[Polyhedron] = []
         self.good: list[Polyhedron] = []
-        self._widening = PieceWidening(context, self._base, group.queries, deadline)
+        self._widening = PieceWidening(self.context, self._base, group.queries, deadline)
         for piece in self._known:
             self._widening.exclude(piece)
-        self._lifting = Lifting(context, self._base, group.symmetry, deadline) if group.symmetry else None
+        self._lifting = Lifting(self.context, self._base, group.symmetry, deadline) if group.symmetry else None
         self._samples: tuple[Polyhedron, Box, Samples] | None = None
         remaining = deadline.remaining
         patience = PATIENCE if remaining is None else min(PATIENCE, remaining / 3)
@@ -348,7 +330,7 @@ class FactorSearch:
         return not self._pending
 
     def run(self) -> None:
-        """For a while, from outside; after some of those, as long from inside.
+        """Search for a time slice: first from outside, later in turn from inside.
 
         Raises:
             OutOfTimeError: if the deadline passes.
@@ -364,7 +346,7 @@ class FactorSearch:
                 self._inside += time.process_time() - before
 
     def step(self) -> None:
-        """One more piece, or one query fewer.
+        """Find one more piece, or close a query.
 
         Raises:
             OutOfTimeError: if the deadline passes.
@@ -379,27 +361,27 @@ class FactorSearch:
 
     def _search(self, query: Query) -> PieceSearch:
         """The search for violations of a query, which knows all pieces."""
-        search, told = self._searches.get(query.name) or (PieceSearch(self._context, query, self._deadline), -1)
-        for piece in self._known if told < 0 else ():
+        search, count = self._searches.get(query.name) or (PieceSearch(self.context, query, self.deadline), -1)
+        for piece in self._known if count < 0 else ():
             search.exclude(piece)
-        for known in self._pieces[max(told, 0) :]:
-            search.exclude(known.constraints)
+        for bad in self._pieces[max(count, 0) :]:
+            search.exclude(bad.constraints)
         self._searches[query.name] = search, len(self._pieces)
         return search
 
-    def _add(self, found: Conjunction) -> Polyhedron:
+    def _add(self, sides: Conjunction) -> Polyhedron:
         # The violation and the network's statements about another group say nothing of each other: what a piece says
         # of other groups is that they have a schedule, perhaps a certain one.
-        mine = tuple(c for c in found if not set(c.parameters).isdisjoint(self._parameters))
+        mine = tuple(c for c in sides if not set(c.parameters).isdisjoint(self._parameters))
         mine = self._widening.widened(mine)
         self._widening.exclude(mine)
         piece = Polyhedron(self._parameters, mine)
         self._pieces.append(piece)
-        if len(mine) == 1 and not mine[0].is_equality:
-            self._base = self._base.restricted(mine[0].negation())
+        if (half := half_space(mine)) is not None:
+            self._base = self._base.restricted(half.negation())
         if self._samples is not None:
             self._samples[2].exclude(mine)
-        self._on_piece(piece)
+        self.on_piece(piece)
         if self._lifting is not None:
             self._lifting.add(mine)
         return piece
@@ -420,7 +402,7 @@ class FactorSearch:
     # -- cells ---------------------------------------------------------------------------------------------------------
 
     def grow(self) -> None:
-        """A cell of good values where nothing is known yet, or a bad piece; if all is known, the search is done.
+        """Find a cell of good values, or a bad piece, where nothing is known yet; if all is known, the search is done.
 
         Raises:
             OutOfTimeError: if the deadline passes.
@@ -431,18 +413,18 @@ class FactorSearch:
             return
         if not self.good and not self._is_bad(point):
             self._box_around(point)
-        found = None if self._is_bad(point) else self._cell(point)
-        if found is not None:
-            self._prove(found)
+        if not self._is_bad(point) and (cell := self._cell(point)) is not None:
+            self._prove(cell)
 
     def _prove(self, cell: Polyhedron) -> None:
         self.good = [other for other in self.good if not other.is_subset_of(cell)]
         self.good.append(cell)
         self.samples.include(cell)
-        self._on_cell(cell)
+        if self.on_cell is not None:
+            self.on_cell(cell)
 
     def _box_around(self, point: Point) -> None:
-        """A first box of good values, for those who will not wait for a cell: it is proved sooner, because it decides
+        """A first box of good values, which is proved sooner than a cell, because it decides
         more of what happens when, and grows as long as nothing bad reaches into it."""
         for radius in RADII:
             ends = {name: Interval(value - radius, value + radius) for name, value in point.items()}
@@ -458,11 +440,11 @@ class FactorSearch:
             return first
         if samples.undecided:
             return samples.point(min(samples.undecided))
-        reader, session = self._context.reader, self._context.session()
-        session.add(*(reader.write(constraint) for constraint in self._base.constraints))
+        reader, session = self.context.reader, self.context.session()
+        session.add(*map(reader.write, self._base.constraints))
         for known in (*self._pieces, *self.good):
             session.add(reader.outside(known.constraints))
-        if not satisfiable(session, "values of which nothing is known", self._deadline):
+        if not satisfiable(session, "values of which nothing is known", self.deadline):
             return None
         values = session.values(reader.symbols(self._parameters))
         return {name: Fraction(values.get(name, 0)) for name in self._parameters}
@@ -472,26 +454,22 @@ class FactorSearch:
 
     def _cell(self, point: Point) -> Polyhedron | None:
         """A good polyhedron around the point; None if the point is bad, which the pieces tell then."""
-        cell, sides = self._base, []
-        for piece in [*self._pieces]:
+        cell, sides, known = self._base, [], iter([*self._pieces])
+        while (piece := next(known, None) or self._piece_in(cell)) is not None:
             if not cell.is_disjoint_from(piece):
+                if point in piece:
+                    return None
                 side = outer_side(piece, point)
                 cell = cell.restricted([side])
                 sides.append(side)
-        while (found := self._piece_in(cell)) is not None:
-            if point in found:
-                return None
-            side = outer_side(found, point)
-            cell = cell.restricted([side])
-            sides.append(side)
         return self._generalized(sides)
 
     def _piece_in(self, cell: Polyhedron) -> Polyhedron | None:
         """A new bad piece that reaches into a cell without known ones; None if the cell is good."""
         for query in self._pending:
-            found = self._search(query).next_piece(cell.constraints)
-            if found is not None:
-                return self._add(found)
+            piece = self._search(query).next_piece(cell.constraints)
+            if piece is not None:
+                return self._add(piece)
         return None
 
     def _generalized(self, sides: list[LinearConstraint]) -> Polyhedron:
@@ -552,8 +530,8 @@ class FactorSearch:
             nominal = [self._nominal[other] for other in orbit]
             far = 2 * max(Fraction(1), *map(abs, nominal))
             known = [extents[other] for other in orbit if other in extents]
-            lower = [end for end in (one.lower for one in known) if end is not None]
-            upper = [end for end in (one.upper for one in known) if end is not None]
+            lower = [end for end in (extent.lower for extent in known) if end is not None]
+            upper = [end for end in (extent.upper for extent in known) if end is not None]
             least = min(lower) if len(lower) == len(orbit) else min([*nominal, *lower, *upper]) - far
             most = max(upper) if len(upper) == len(orbit) else max([*nominal, *lower, *upper]) + far
             ends[name] = Interval(least, most)
@@ -565,16 +543,16 @@ class FactorSearch:
         whole = Polyhedron.of_box(self._parameters, self.box)
         inside = self._base.intersection(whole)
         good = [inside] if self.done else [inside.intersection(cell) for cell in self.good]
-        found = volumes(inside, self.bad, good)
-        if found is None:
+        sizes = volumes(inside, self.bad, good)
+        if sizes is None:
             return None
-        possible, proved = found[0], found[0] if self.done else found[1]
+        possible, proved = sizes[0], sizes[0] if self.done else sizes[1]
         orders = prod(factorial(len(names)) for names in self.symmetry.classes)
         return whole.volume() or ZERO, possible * orders, proved * orders
 
     def factor(self) -> EnvelopeFactor:
-        """What is known by now."""
-        beyond = (piece for piece in self._pieces if len(piece.constraints) != 1 or piece.constraints[0].is_equality)
+        """What is known of the group at the moment."""
+        beyond = (piece for piece in self._pieces if half_space(piece.constraints) is None)
         outer = Region.difference(self._base, beyond)
         inner = outer if self.done else Region.union_of(self._parameters, self.good)
         return EnvelopeFactor(self._parameters, self.symmetry, outer, inner)
@@ -593,11 +571,11 @@ def open_share(factors: Sequence[FactorSearch]) -> OpenShare | None:
 
 
 def drawn_share(factors: Sequence[FactorSearch]) -> OpenShare | None:
-    """The same from random points that have been drawn already, which takes no time; None if there are none."""
+    """The open share from random points that have been drawn already, which takes no time; None if there are none."""
     known = [drawn for drawn in (factor.drawn for factor in factors) if drawn is not None]
     if not known or len(known) < len(factors):
         return None
-    judged = [one for _, one in known]
+    judged = [share for _, share in known]
     return OpenShare.estimated(open_points(judged), POINTS, _product(box for box, _ in known))
 
 

@@ -118,12 +118,12 @@ class Polyhedron:
         return self.normal_form is not None and not self.normal_form.constraints
 
     def simplified(self) -> Polyhedron:
-        """The same points with no constraint that could be left out, and all implied equalities explicit."""
+        """The polyhedron without redundant constraints, and with all implied equalities explicit."""
         form = self.normal_form
         return Polyhedron.nothing(self.parameters) if form is None else Polyhedron(self.parameters, form.constraints)
 
     def closure(self) -> Polyhedron:
-        """With its boundary; empty if the polyhedron is."""
+        """The polyhedron with its boundary; empty if the polyhedron is."""
         if self.is_empty:
             return Polyhedron.nothing(self.parameters)
         return Polyhedron(self.parameters, tuple(constraint.closed() for constraint in self.constraints))
@@ -222,13 +222,13 @@ class Polyhedron:
                 f"vertices of a polyhedron of dimension {len(form.free)}; expected at most 3: slice or project it first"
             )
         closed = [constraint.closed() for constraint in form.inequalities]
-        found: dict[tuple[Fraction, ...], dict[str, Fraction]] = {}
+        vertices: dict[tuple[Fraction, ...], dict[str, Fraction]] = {}
         for tight in combinations(closed, len(form.free)):
             point = _solution(form.free, tight)
             if point is not None and all(constraint.evaluate(point) for constraint in closed):
                 vertex = form.complete(point)
-                found[tuple(vertex.values())] = vertex
-        return [found[key] for key in sorted(found)]
+                vertices[tuple(vertex.values())] = vertex
+        return [vertices[key] for key in sorted(vertices)]
 
     def project(self, names: Iterable[str]) -> Polyhedron:
         """The values of the named parameters that some values of the others complete to a point.

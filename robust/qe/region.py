@@ -1,6 +1,7 @@
-"""Whether a polyhedron is covered by others: by splitting it along their sides, or by asking a solver.
+"""Regions: unions and differences of polyhedra, their simplification, and regions as text and in other languages.
 
-Regions as text, LaTeX, SMT-LIB and sympy expressions.
+All of it rests on one question, whether a polyhedron is covered by others, which is answered by splitting it along
+their sides, or by asking a solver.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from robust.errors import InputError, SolverError
 from robust.plan.model import ParameterReference
 from robust.qe.box import Box
 from robust.qe.constraint import LinearConstraint, Sense
-from robust.qe.estimate import Part, VolumeBounds, sample, volume_bounds
+from robust.qe.estimate import VolumeBounds, sample, volume_bounds
 from robust.qe.polyhedron import Point, Polyhedron, check_known, check_names, check_same, union_volume
 from robust.smt.session import Satisfiability, Session
 from robust.smt.terms import Formula, Terms
@@ -49,7 +50,7 @@ def outside(piece: Polyhedron, cover: Sequence[Polyhedron]) -> dict[str, Fractio
 def outside_by_splitting(
     piece: Polyhedron, cover: Sequence[Polyhedron], *, limit: int | None = None
 ) -> dict[str, Fraction] | None:
-    """As `outside`, by exact linear programming alone.
+    """A point of the piece outside of the cover, found by exact linear programming alone.
 
     Raises:
         OutOfWorkError: after `limit` splits.
@@ -72,7 +73,7 @@ def outside_by_splitting(
 
 
 def outside_by_solver(piece: Polyhedron, cover: Sequence[Polyhedron]) -> dict[str, Fraction] | None:
-    """As `outside`, by one query in linear real arithmetic; the answer's point is checked exactly.
+    """A point of the piece outside of the cover, found by one query to a solver and checked exactly.
 
     Raises:
         SolverError: if the solver gives up or its point is wrong.
@@ -274,7 +275,7 @@ class Region:
         return [(self.base, self.pieces)]
 
     def as_union(self, *, disjoint: bool = False) -> Region:
-        """The same points as a union; with `disjoint`, of polyhedra that have no point in common.
+        """The region as a union of polyhedra; with `disjoint`, of polyhedra that have no point in common.
 
         Without it the pieces are as large as possible and may overlap.
         """
@@ -283,12 +284,12 @@ class Region:
         return Region(self.parameters, tuple(self._united(disjoint=disjoint) or ()))
 
     def short_union(self, most: int) -> Region | None:
-        """The same points as a simplified union; None if that takes more than so many polyhedra at any moment."""
-        found = None if len(self.pieces) > LONG else self._united(most=most)
-        return None if found is None else Region(self.parameters, tuple(found)).simplified()
+        """The region as a simplified union; None if that takes more than `most` polyhedra at any moment."""
+        pieces = None if len(self.pieces) > LONG else self._united(most=most)
+        return None if pieces is None else Region(self.parameters, tuple(pieces)).simplified()
 
     def _united(self, *, disjoint: bool = False, most: int | None = None) -> list[Polyhedron] | None:
-        """The polyhedra of a union; None if they are more than so many at any moment."""
+        """The polyhedra of a union; None if there are more than `most` at any moment."""
         current: list[Polyhedron] = []
         for base, removed in self.parts():
             rest = [base]
@@ -301,7 +302,7 @@ class Region:
         return None if most is not None and len(current) > most else current
 
     def as_difference(self) -> Region:
-        """The same points as one polyhedron without a union: everything outside is removed."""
+        """The region as one polyhedron minus a union: everything outside is removed."""
         if self.base is not None:
             return self
         if len(self.pieces) == 1:
@@ -321,23 +322,18 @@ class Region:
 
     def some_point(self) -> dict[str, Fraction] | None:
         """A point of the region, or None."""
-        found = (outside(base, removed) for base, removed in self.parts())
-        return next((point for point in found if point is not None), None)
+        return _first(outside(base, removed) for base, removed in self.parts())
 
     def point_outside(self, of: Region | None = None) -> dict[str, Fraction] | None:
         """A point that is not in the region, but in `of` (default: anywhere); None if there is none."""
         within = Region.universe(self.parameters) if of is None else of
         check_same(self.parameters, within.parameters)
         for base, removed in within.parts():
-            if self.base is None:
-                found = outside(base, (*removed, *self.pieces))
-            else:
-                found = outside(base, (*removed, self.base))
-                for piece in self.pieces:
-                    if found is None:
-                        found = outside(base.intersection(piece), removed)
-            if found is not None:
-                return found
+            point = outside(base, (*removed, *(self.pieces if self.base is None else (self.base,))))
+            if point is None and self.base is not None:
+                point = _first(outside(base.intersection(piece), removed) for piece in self.pieces)
+            if point is not None:
+                return point
         return None
 
     def is_subset_of(self, other: Region) -> bool:
@@ -379,7 +375,7 @@ class Region:
         return self.intersection(other.complement())
 
     def simplified(self) -> Region:
-        """The same points in the same form with no constraint or polyhedron that could be left out.
+        """The region in its form, without redundant constraints and polyhedra.
 
         Polyhedra are absorbed by others, merged in pairs, and freed of sides beyond which others take over, so they may
         overlap.
@@ -439,31 +435,86 @@ class Region:
 
     def to_sympy(self) -> sympy.Basic:
         """A Boolean expression over real sympy symbols named after the parameters."""
-        return to_sympy(self.parts())
+        import sympy  # noqa: PLC0415 - takes half a second to import
+
+        def rational(value: Fraction | int) -> sympy.Basic:
+            return sympy.Rational(value.numerator, value.denominator)
+
+        def relational(constraint: LinearConstraint) -> sympy.Basic:
+            terms = (rational(factor) * sympy.Symbol(name, real=True) for name, factor in constraint.coefficients)
+            relation = {Sense.AT_MOST: sympy.Le, Sense.LESS: sympy.Lt, Sense.EQUAL: sympy.Eq}[constraint.relation]
+            return relation(sum(terms, sympy.Integer(0)), rational(constraint.constant))
+
+        def junction(piece: Polyhedron) -> sympy.Basic:
+            return sympy.And(*map(relational, piece.constraints))
+
+        return sympy.Or(
+            *(sympy.And(junction(base), *(sympy.Not(junction(p)) for p in removed)) for base, removed in self.parts())
+        )
 
     def to_latex(self) -> str:
-        """A formula for LaTeX's mathematical mode."""
-        return to_latex(self.parts())
+        r"""A formula for LaTeX's mathematical mode; `\bot` and `\top` for nothing and everything."""
+        texts = []
+        for base, removed in self.parts():
+            outside = [rf"\neg \left({_latex_conjunction(piece)}\right)" for piece in removed]
+            shown = [] if removed and not base.constraints else [_latex_conjunction(base)]
+            texts.append(r" \land ".join([*shown, *outside]))
+        if len(texts) > 1:
+            texts = [rf"\left({text}\right)" for text in texts]
+        return r" \lor ".join(texts) or r"\bot"
 
     def to_smtlib(self, name: str = "region") -> str:
         """A `define-fun` of a predicate over the parameters, in SMT-LIB 2.6."""
-        return to_smtlib(self.parameters, self.parts(), name)
+        arguments = " ".join(f"({_symbol(parameter)} Real)" for parameter in self.parameters)
+        texts = []
+        for base, removed in self.parts():
+            literals = [*map(_smt, base.constraints), *(f"(not {_smt_conjunction(piece)})" for piece in removed)]
+            texts.append(_junction("and", literals, "true"))
+        return f"(define-fun {_symbol(name)} ({arguments}) Bool\n  {_junction('or', texts, 'false')})\n"
 
     def as_dict(self) -> dict[str, Any]:
         """The region's part of a `robust/region/1` document, which may be extended by other keys."""
-        return write_region(self.parameters, self.pieces, self.base)
+        document: dict[str, Any] = {"schema": SCHEMA, "parameters": list(self.parameters), "form": self.form}
+        pieces = [{"constraints": _written(piece)} for piece in self.pieces]
+        if self.base is None:
+            return {**document, "polyhedra": pieces}
+        return {**document, "base": _written(self.base), "minus": pieces}
 
     @staticmethod
     def from_dict(document: Mapping[str, Any]) -> Region:
         """Read what `as_dict` writes; other keys are left alone.
 
         Raises:
-            InputError: if the document is not a region.
+            InputError: if a key is missing or of the wrong kind, or the schema or form is unknown.
         """
-        return Region(*read_region(document))
+        if not isinstance(document, Mapping):
+            raise InputError(f"cannot read a region from {document!r}: expected a JSON object")
+        if document.get("schema", SCHEMA) != SCHEMA:
+            raise InputError(f"cannot read a region of schema {document['schema']!r}; expected {SCHEMA!r}")
+        parameters = tuple(str(name) for name in _list(document, "parameters"))
+        form = document.get("form", "union")
+        if form not in {"union", "difference"}:
+            raise InputError(f"cannot read a region of form {form!r}; expected 'union' or 'difference'")
+
+        def polyhedron(document: Any, key: str) -> Polyhedron:
+            return Polyhedron(parameters, tuple(map(LinearConstraint.from_dict, _list(document, key))))
+
+        base = polyhedron(document, "base") if form == "difference" else None
+        listed = _list(document, "polyhedra" if base is None else "minus")
+        return Region(parameters, tuple(polyhedron(piece, "constraints") for piece in listed), base)
 
     def __str__(self) -> str:
-        return to_text(self.parts())
+        """One line for each polyhedron."""
+        lines: list[str] = []
+        for base, removed in self.parts():
+            lines.append(f"{'∪ ' if lines else ''}{{ {base} }}")
+            lines += [f"∖ {{ {piece} }}" for piece in removed]
+        return "\n".join(lines) or "∅"
+
+
+def _first(points: Iterable[dict[str, Fraction] | None]) -> dict[str, Fraction] | None:
+    """The first point that there is."""
+    return next((point for point in points if point is not None), None)
 
 
 def _over(parameters: tuple[str, ...], polyhedron: Polyhedron) -> Polyhedron:
@@ -481,29 +532,8 @@ def _without(piece: Polyhedron, removed: Polyhedron, *, disjoint: bool) -> Seque
     return [part for part in beyond if not part.is_empty]
 
 
-LATEX = {"≤": r"\le", "≥": r"\ge", "<": "<", ">": ">", "=": "="}
-SIMPLE_SYMBOL = r"[A-Za-z~!@$%^&*_+=<>.?/-][A-Za-z0-9~!@$%^&*_+=<>.?/-]*"
-
-
-def to_text(parts: Sequence[Part]) -> str:
-    """One line for each polyhedron."""
-    lines: list[str] = []
-    for base, removed in parts:
-        lines.append(f"{'∪ ' if lines else ''}{{ {base} }}")
-        lines += [f"∖ {{ {piece} }}" for piece in removed]
-    return "\n".join(lines) or "∅"
-
-
-def to_latex(parts: Sequence[Part]) -> str:
-    """A formula in mathematical mode; `\\bot` and `\\top` for nothing and everything."""
-    texts = []
-    for base, removed in parts:
-        outside = [rf"\neg \left({_latex_conjunction(piece)}\right)" for piece in removed]
-        shown = [] if removed and not base.constraints else [_latex_conjunction(base)]
-        texts.append(r" \land ".join([*shown, *outside]))
-    if len(texts) > 1:
-        texts = [rf"\left({text}\right)" for text in texts]
-    return r" \lor ".join(texts) or r"\bot"
+_LATEX = {"≤": r"\le", "≥": r"\ge", "<": "<", ">": ">", "=": "="}
+_SIMPLE_SYMBOL = r"[A-Za-z~!@$%^&*_+=<>.?/-][A-Za-z0-9~!@$%^&*_+=<>.?/-]*"
 
 
 def _latex_conjunction(piece: Polyhedron) -> str:
@@ -521,7 +551,7 @@ def _latex(constraint: LinearConstraint) -> str:
         else rf"{'-' if right < 0 else ''}\frac{{{abs(right.numerator)}}}"
         rf"{{{right.denominator}}}"
     )
-    return f"{text} {LATEX[relation]} {number}"
+    return f"{text} {_LATEX[relation]} {number}"
 
 
 def signed_sum(terms: Iterable[tuple[str, Fraction]], minus: str, number: Callable[[Fraction], str]) -> str:
@@ -540,15 +570,8 @@ def _latex_name(name: str) -> str:
     return rf"\mathit{{{escaped}}}"
 
 
-def to_smtlib(parameters: Sequence[str], parts: Sequence[Part], name: str) -> str:
-    """`(define-fun name ((x Real) …) Bool …)`."""
-    arguments = " ".join(f"({_symbol(parameter)} Real)" for parameter in parameters)
-    texts = []
-    for base, removed in parts:
-        literals = [_smt(constraint) for constraint in base.constraints]
-        literals += [f"(not {_junction('and', [_smt(c) for c in piece.constraints], 'true')})" for piece in removed]
-        texts.append(_junction("and", literals, "true"))
-    return f"(define-fun {_symbol(name)} ({arguments}) Bool\n  {_junction('or', texts, 'false')})\n"
+def _smt_conjunction(piece: Polyhedron) -> str:
+    return _junction("and", [*map(_smt, piece.constraints)], "true")
 
 
 def _junction(operator: str, operands: list[str], neutral: str) -> str:
@@ -573,76 +596,14 @@ def _number(value: Fraction | int) -> str:
 
 
 def _symbol(name: str) -> str:
-    return name if re.fullmatch(SIMPLE_SYMBOL, name) else f"|{name}|"
-
-
-def to_sympy(parts: Sequence[Part]) -> sympy.Basic:
-    """A Boolean expression over real symbols."""
-    import sympy  # noqa: PLC0415 - takes half a second to import
-
-    def junction(piece: Polyhedron) -> sympy.Basic:
-        return sympy.And(*(relational(constraint) for constraint in piece.constraints))
-
-    def relational(constraint: LinearConstraint) -> sympy.Basic:
-        form = sum(
-            (_rational(factor) * sympy.Symbol(name, real=True) for name, factor in constraint.coefficients),
-            sympy.Integer(0),
-        )
-        relation = {Sense.AT_MOST: sympy.Le, Sense.LESS: sympy.Lt, Sense.EQUAL: sympy.Eq}[constraint.relation]
-        return relation(form, _rational(constraint.constant))
-
-    def _rational(value: Fraction | int) -> sympy.Basic:
-        return sympy.Rational(value.numerator, value.denominator)
-
-    return sympy.Or(
-        *(sympy.And(junction(base), *(sympy.Not(junction(piece)) for piece in removed)) for base, removed in parts)
-    )
+    return name if re.fullmatch(_SIMPLE_SYMBOL, name) else f"|{name}|"
 
 
 SCHEMA = "robust/region/1"
 
 
-def write_region(parameters: tuple[str, ...], pieces: Iterable[Polyhedron], base: Polyhedron | None) -> dict[str, Any]:
-    """A document with rationals as strings."""
-    document: dict[str, Any] = {"schema": SCHEMA, "parameters": list(parameters)}
-    polyhedra = [{"constraints": _write(piece)} for piece in pieces]
-    if base is None:
-        return {**document, "form": "union", "polyhedra": polyhedra}
-    return {**document, "form": "difference", "base": _write(base), "minus": polyhedra}
-
-
-def read_region(
-    document: Mapping[str, Any],
-) -> tuple[tuple[str, ...], tuple[Polyhedron, ...], Polyhedron | None]:
-    """Parameters, pieces and base of a document.
-
-    Raises:
-        InputError: if a key is missing or of the wrong kind, or the schema or form is unknown.
-    """
-    if not isinstance(document, Mapping):
-        raise InputError(f"cannot read a region from {document!r}: expected a JSON object")
-    if document.get("schema", SCHEMA) != SCHEMA:
-        raise InputError(f"cannot read a region of schema {document['schema']!r}; expected {SCHEMA!r}")
-    parameters = tuple(str(name) for name in _list(document, "parameters"))
-    form = document.get("form", "union")
-    if form == "union":
-        return parameters, _pieces(parameters, document, "polyhedra"), None
-    if form == "difference":
-        base = Polyhedron(parameters, _read(_list(document, "base")))
-        return parameters, _pieces(parameters, document, "minus"), base
-    raise InputError(f"cannot read a region of form {form!r}; expected 'union' or 'difference'")
-
-
-def _write(polyhedron: Polyhedron) -> list[dict[str, Any]]:
+def _written(polyhedron: Polyhedron) -> list[dict[str, Any]]:
     return [constraint.as_dict() for constraint in polyhedron.constraints]
-
-
-def _pieces(parameters: tuple[str, ...], document: Mapping[str, Any], key: str) -> tuple[Polyhedron, ...]:
-    return tuple(Polyhedron(parameters, _read(_list(polyhedron, "constraints"))) for polyhedron in _list(document, key))
-
-
-def _read(constraints: list[Any]) -> tuple[LinearConstraint, ...]:
-    return tuple(LinearConstraint.from_dict(constraint) for constraint in constraints)
 
 
 def _list(document: Any, key: str) -> list[Any]:

@@ -40,7 +40,7 @@ class Optimum:
 
     @property
     def point(self) -> tuple[Fraction, ...]:
-        return tuple(Fraction(*each) for each in self.vertex)
+        return tuple(Fraction(*ratio) for ratio in self.vertex)
 
     @property
     def is_attained(self) -> bool:
@@ -335,7 +335,7 @@ def maximize(
 
 
 def supremum(solved: Tableau, parameters: Sequence[str], objective: Mapping[str, Fraction]) -> Supremum:
-    """As `maximize`, on a tableau whose feasibility has been restored."""
+    """The least upper bound of `Σ objective · parameter` on a tableau whose feasibility has been restored."""
     scale = lcm(*(Fraction(factor).denominator for factor in objective.values()))
     form = [int(objective.get(name, 0) * scale) for name in parameters]
     optimum = solved.maximize(form)

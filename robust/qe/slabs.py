@@ -118,13 +118,13 @@ class Slabs:
         """The least λ ≥ 0 at which the box meets each bound, and whether it does at that λ; None if it never does."""
         greatest, attained = _AT_ONCE
         for bound in self.bounds:
-            found = bound.least_stretch(growing)
-            if found is None:
+            met = bound.least_stretch(growing)
+            if met is None:
                 return None
-            if found[0] > greatest:
-                greatest, attained = found
-            elif found[0] == greatest:
-                attained = attained and found[1]
+            if met[0] > greatest:
+                greatest, attained = met
+            elif met[0] == greatest:
+                attained = attained and met[1]
         return greatest, attained
 
 
@@ -145,9 +145,9 @@ def _are_apart(halves: Iterable[LinearConstraint]) -> bool:
     return sum(map(len, slabs)) == len({name for names in slabs for name in names})
 
 
-def _face_each_other(one: LinearConstraint, other: LinearConstraint) -> bool:
+def _face_each_other(half: LinearConstraint, other: LinearConstraint) -> bool:
     """Whether `−limit ≤ form ≤ limit'` has room in between."""
-    if any(a != -b for (_, a), (_, b) in zip(one.coefficients, other.coefficients, strict=True)):
+    if any(a != -b for (_, a), (_, b) in zip(half.coefficients, other.coefficients, strict=True)):
         return False
-    room = one.constant + other.constant
-    return room > 0 or (room == 0 and Sense.LESS not in (one.relation, other.relation))
+    room = half.constant + other.constant
+    return room > 0 or (room == 0 and Sense.LESS not in (half.relation, other.relation))

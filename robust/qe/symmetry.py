@@ -20,20 +20,7 @@ from functools import cached_property
 from itertools import pairwise, starmap
 from typing import Any, TypeVar
 
-from robust.plan.model import (
-    And,
-    Atom,
-    Condition,
-    Expression,
-    Fluent,
-    Holds,
-    NumericCondition,
-    Or,
-    ParameterReference,
-    ParametrizedPlan,
-    TimePoint,
-    Truth,
-)
+from robust.plan import model
 from robust.qe.conjunctions import Conjunction
 from robust.qe.constraint import Coefficients, LinearConstraint
 from robust.smt.limits import NEVER, Deadline
@@ -87,29 +74,29 @@ class Symmetry:
 
     def orbit(self, name: str) -> set[str]:
         """The parameters that exchanges take one to, itself among them."""
-        found, pending = {name}, [name]
+        orbit, pending = {name}, [name]
         while pending:
             current = pending.pop()
-            images = {exchange.get(current, current) for exchange in self._exchanges} - found
-            found |= images
+            images = {exchange.get(current, current) for exchange in self._exchanges} - orbit
+            orbit |= images
             pending += images
-        return found
+        return orbit
 
     def images(self, piece: Conjunction, most: int) -> list[Conjunction] | None:
-        """The piece under all permutations, each image once; None if they are more than so many."""
+        """The images of the piece under all permutations, each once; None if there are more than `most`."""
         start = frozenset((side.coefficients, side.relation, side.constant) for side in piece)
-        found, pending = {start}, [start]
+        images, pending = {start}, [start]
         while pending:
             current = pending.pop()
             for exchange in self._exchanges:
                 image = frozenset((_renamed(form, exchange), sense, end) for form, sense, end in current)
-                if image not in found:
-                    if len(found) == most:
+                if image not in images:
+                    if len(images) == most:
                         return None
-                    found.add(image)
+                    images.add(image)
                     pending.append(image)
-        made = {tuple(sorted(starmap(LinearConstraint, image), key=str)) for image in found}
-        return sorted(made, key=str)
+        constraints = {tuple(sorted(starmap(LinearConstraint, image), key=str)) for image in images}
+        return sorted(constraints, key=str)
 
     @cached_property
     def _exchanges(self) -> list[dict[str, str]]:
@@ -162,7 +149,7 @@ Fact = Any
 Naming = Callable[[_Symbol], Hashable]
 
 
-def find_symmetry(plan: ParametrizedPlan, deadline: Deadline = NEVER) -> Symmetry:
+def find_symmetry(plan: model.ParametrizedPlan, deadline: Deadline = NEVER) -> Symmetry:
     """Classes of parameters that may be permuted.
 
     Raises:
@@ -177,7 +164,7 @@ def find_symmetry(plan: ParametrizedPlan, deadline: Deadline = NEVER) -> Symmetr
     fixed: set[str] = set()
     for names in facts.alike():
         members: list[str] = []
-        found: list[Swap] = []
+        exchanges: list[Swap] = []
         for name in names:
             if name in fixed:
                 continue
@@ -187,14 +174,14 @@ def find_symmetry(plan: ParametrizedPlan, deadline: Deadline = NEVER) -> Symmetr
             swap = facts.swap(members[0], name)
             if swap is None:
                 continue
-            moved = {one for pair in swap for one in pair}
-            elsewhere = {one for other in found for pair in other for one in pair} | set(members[1:])
+            moved = {item for pair in swap for item in pair}
+            elsewhere = {item for other in exchanges for pair in other for item in pair} | set(members[1:])
             if not moved & (fixed | set(members[1:])) and name not in elsewhere:
                 members.append(name)
-                found.append(swap)
-        if found:
+                exchanges.append(swap)
+        if exchanges:
             classes.append(tuple(members))
-            swaps.append(tuple(found))
+            swaps.append(tuple(exchanges))
             fixed.update(members)
     return Symmetry(tuple(classes), tuple(swaps))
 
@@ -202,7 +189,7 @@ def find_symmetry(plan: ParametrizedPlan, deadline: Deadline = NEVER) -> Symmetr
 class _Facts:
     """A plan as facts about symbols."""
 
-    def __init__(self, plan: ParametrizedPlan, deadline: Deadline) -> None:
+    def __init__(self, plan: model.ParametrizedPlan, deadline: Deadline) -> None:
         self._deadline = deadline
         self._parameters = [_parameter(parameter.name) for parameter in plan.parameters]
         self._facts: list[Fact] = list(_facts(plan))
@@ -294,7 +281,7 @@ def _parameter(name: str) -> _Symbol:
     return _Symbol("parameter", name)
 
 
-def _facts(plan: ParametrizedPlan) -> Iterator[Fact]:
+def _facts(plan: model.ParametrizedPlan) -> Iterator[Fact]:
     """Everything that decides whether the plan is valid. Effects of one instance, and timed literals, keep their order:
     that is that of the domain, which instances of one action share."""
     for parameter in plan.parameters:
@@ -328,34 +315,34 @@ def _facts(plan: ParametrizedPlan) -> Iterator[Fact]:
         yield "goal", _condition(goal.condition)
 
 
-def _point(point: TimePoint) -> Fact:
+def _point(point: model.TimePoint) -> Fact:
     return point.kind, point.instance and _Symbol("instance", point.instance), point.time
 
 
 def _variable(variable: object) -> Fact:
     match variable:
-        case Atom():
+        case model.Atom():
             return _Symbol("atom", variable)
-        case Fluent():
+        case model.Fluent():
             return _Symbol("fluent", variable)
-        case ParameterReference():
+        case model.ParameterReference():
             return _parameter(variable.name)
     return variable
 
 
-def _polynomial(expression: Expression) -> Fact:
+def _polynomial(expression: model.Expression) -> Fact:
     return _Bag((factor, _Bag(map(_variable, monomial))) for monomial, factor in expression.terms.items())
 
 
-def _condition(condition: Condition) -> Fact:
+def _condition(condition: model.Condition) -> Fact:
     match condition:
-        case Truth():
+        case model.Truth():
             return "truth", condition.value
-        case Holds():
+        case model.Holds():
             return "holds", _variable(condition.atom), condition.value
-        case NumericCondition():
+        case model.NumericCondition():
             return "comparison", _polynomial(condition.expression), condition.relation
-        case And():
+        case model.And():
             return "and", _Bag(map(_condition, condition.operands))
-        case Or():
+        case model.Or():
             return "or", _Bag(map(_condition, condition.operands))

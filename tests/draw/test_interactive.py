@@ -138,7 +138,7 @@ def test_the_page_decides_as_python_does(compared):
         met["valid" if found["valid"] else found["why"]] += 1
         named = {compared.data["obligations"][one["at"]]["name"] for one in found["broken"]}
         if found["why"] == "obligations" and not found["valid"]:
-            broken = [one for one in compared.breaks.found if any(point in piece for piece in one.pieces)]
+            broken = [one for one in compared.breaks.obligations if any(point in piece for piece in one.pieces)]
             demands = {one.obligation for one in broken if one.demand}
             assert named == (demands or {one.obligation for one in broken})
             assert named
@@ -172,8 +172,8 @@ def test_what_breaks_first_gives_way_where_it_is_said(compared):
         count += 1
         first = found["broken"][0]
         share = Fraction(first["share"])
-        pieces = compared.breaks.found[first["at"]].pieces
-        every = [piece for one in found["broken"] for piece in compared.breaks.found[one["at"]].pieces]
+        pieces = compared.breaks.obligations[first["at"]].pieces
+        every = [piece for one in found["broken"] for piece in compared.breaks.obligations[one["at"]].pieces]
 
         def on_the_way(part, point=point):
             return {name: value + part * (point[name] - value) for name, value in plan.nominal.items()}

@@ -356,7 +356,7 @@ def faces(result, breaks, random, count):
         for entry in result.entries
         if pieces and entry.result.verified
     ]
-    pieces += [piece for one in breaks.found for piece in one.pieces]
+    pieces += [piece for one in breaks.obligations for piece in one.pieces]
     found = [(piece, one) for piece in pieces for one in piece.constraints if one.coefficients]
     seen = {}
     for piece, one in found:
@@ -387,7 +387,7 @@ def hunt(plan, met, *, seed=0, count=6, nominals=3, own=(), timeout=None):
         pages = [(result, breaks)]
         if values == plan.nominal:
             twins = tuple(replace(one, result=result.entries[0].result) for one in result.entries)
-            pages += [(result, Breaks(breaks.found[:-1], complete=False)), (result, None)]
+            pages += [(result, Breaks(breaks.obligations[:-1], complete=False)), (result, None)]
             pages += [(replace(result, region=None), None), (replace(result, region=None, entries=twins), None)]
         for shown, known in pages:
             boxes = {one.method: one.result.box for one in shown.entries if one.result.verified}

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from robust.qe.eliminate.cvc5_native import Cvc5Disjuncts, _Native
+from robust.qe.eliminate.cvc5_native import Cvc5Disjuncts, _Native, _shape
 from robust.qe.eliminate.z3_tactics import Z3Tactic
-from robust.qe.nnf import Nnf
+from robust.qe.nnf import ExpressionReader, Nnf
 
 REFEREES = {"z3-qe": (__name__, "Z3OldTactic"), "cvc5-whole": (__name__, "Cvc5Whole")}
 """As in :data:`robust.backends.ELIMINATORS`."""
@@ -26,4 +26,4 @@ class Cvc5Whole(Cvc5Disjuncts):
 
     def _work(self, formula: Nnf, eliminated: Iterable[str]) -> Iterator[Nnf]:
         native = _Native(formula)
-        yield native.read(native.solver.getQuantifierElimination(native.exists(formula, eliminated)))
+        yield ExpressionReader(_shape).read(native.solver.getQuantifierElimination(native.exists(formula, eliminated)))

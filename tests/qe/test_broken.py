@@ -25,7 +25,7 @@ def test_what_breaks_is_what_checks_refute(name):
         point = {one.name: one.nominal + Fraction(random.randint(-60, 60)) for one in plan.parameters}
         result = check(plan, at=point, every=True)
         refuted = {name for name, answer in result.obligations.items() if answer is Answer.REFUTED}
-        named = [one for one in breaks.found if any(point in piece for piece in one.pieces)]
+        named = [one for one in breaks.obligations if any(point in piece for piece in one.pieces)]
         demands = {one.obligation for one in named if one.demand}
         if result.reason is not None:
             met["no schedule"] += 1

@@ -352,6 +352,6 @@ def test_splitting_stops_at_its_limit():
 def test_an_undecided_query_is_an_error(monkeypatch):
     from robust.qe import region as cover  # noqa: PLC0415
 
-    monkeypatch.setattr(cover.Session, "check", lambda *_: cover.Verdict.UNKNOWN)
+    monkeypatch.setattr(cover.Session, "check", lambda *_: cover.Satisfiability.UNKNOWN)
     with pytest.raises(SolverError, match="could not decide"):
         outside_by_solver(SQUARE, [])

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from importlib import import_module
 
 from robust.backends import ELIMINATORS
-from robust.errors import InputError, did_you_mean
+from robust.errors import InputError, SolverError, did_you_mean
 from robust.qe.eliminate.interface import Eliminator, Solvers
 
 
@@ -18,8 +19,23 @@ def create_eliminator(name: str, context: Solvers) -> Eliminator:
     """
     if name not in ELIMINATORS:
         raise InputError(f"unknown back end {name!r}{did_you_mean(name, ELIMINATORS)}")
+    return _loaded(name)(context, capable)
+
+
+def capable(capability: str) -> Iterator[str]:
+    """The names of the installed back ends that have a capability, such as `alternation`."""
+    for name in ELIMINATORS:
+        try:
+            backend = _loaded(name)
+        except SolverError:
+            continue
+        if getattr(backend, capability):
+            yield name
+
+
+def _loaded(name: str) -> type[Eliminator]:
     module, attribute = ELIMINATORS[name]
-    made = getattr(import_module(module), attribute)(context)
-    if not isinstance(made, Eliminator):
+    backend: type[Eliminator] = getattr(import_module(module), attribute)
+    if not issubclass(backend, Eliminator):
         raise TypeError(f"{attribute} is not an elimination back end")
-    return made
+    return backend

@@ -7,11 +7,12 @@ from fractions import Fraction
 from typing import Any
 
 from robust.errors import SolverError, UnsupportedError
+from robust.qe import nnf
 from robust.qe.conjunctions import Conjunction
 from robust.qe.constraint import Sense
 from robust.qe.eliminate.enumerate import polyhedra_of
-from robust.qe.eliminate.interface import Eliminator, Query, require_reals, without
-from robust.qe.nnf import FALSE, TRUE, BoolLeaf, ExpressionReader, Junction, Leaf, Nnf, Operator, Shape, fold, names_in
+from robust.qe.eliminate.interface import Eliminator, Query, without
+from robust.qe.nnf import FALSE, BoolLeaf, Junction, Leaf, Nnf, Operator, Shape, names_in
 from robust.smt.limits import Deadline, stream_from_copy
 
 try:
@@ -25,15 +26,17 @@ class Cvc5Disjuncts(Eliminator):
     """`getQuantifierEliminationDisjunct`, until nothing is left."""
 
     name = "cvc5"
+    booleans = False
 
     def eliminate(self, query: Query, known: Iterable[Conjunction], deadline: Deadline) -> Iterator[Conjunction]:
-        context, said = self.context, list(known)
+        said = list(known)
         formula = without(query.formula, said)
-        require_reals(formula, self.name)
+        if booleans := nnf.booleans_in(formula):
+            raise self.unable("booleans", f"the Boolean symbol {min(booleans)!r}")
         for result in stream_from_copy(
             lambda: self._work(formula, query.eliminated), deadline, "quantifier elimination"
         ):
-            for piece in polyhedra_of(result, context.session, context.reader, deadline, said):
+            for piece in polyhedra_of(result, self.context, deadline, said):
                 yield piece
                 said.append(piece)
 
@@ -42,11 +45,11 @@ class Cvc5Disjuncts(Eliminator):
         quantified = native.exists(formula, eliminated)
         while True:
             disjunct = native.solver.getQuantifierEliminationDisjunct(quantified)
-            result = native.read(disjunct)
+            result = nnf.ExpressionReader(_shape).read(disjunct)
             if result is FALSE:
                 return
             yield result
-            if result is TRUE:
+            if result is nnf.TRUE:
                 return
             native.solver.assertFormula(native.manager.mkTerm(Kind.NOT, disjunct))
 
@@ -79,7 +82,7 @@ class _Native:
 
         def leaf(node: Leaf) -> Any:
             if isinstance(node, BoolLeaf):
-                raise UnsupportedError(f"found the Boolean symbol {node.name!r}, expected real symbols only")
+                raise TypeError(f"{node.name!r} is no real symbol")
             parts = [manager.mkTerm(Kind.MULT, number(c), symbols[name]) for name, c in node.coefficients]
             kind = {Sense.AT_MOST: Kind.LEQ, Sense.LESS: Kind.LT, Sense.EQUAL: Kind.EQUAL}[node.relation]
             return manager.mkTerm(kind, joined(Kind.ADD, parts), number(node.constant))
@@ -89,15 +92,7 @@ class _Native:
                 return manager.mkBoolean(node.conjunctive)
             return joined(Kind.AND if node.conjunctive else Kind.OR, operands)
 
-        return fold(root, leaf, junction)
-
-    def read(self, root: Any) -> Nnf:
-        """A quantifier-free term as a formula.
-
-        Raises:
-            UnsupportedError: if a quantifier or anything but linear arithmetic is left.
-        """
-        return ExpressionReader(_shape).read(root)
+        return nnf.fold(root, leaf, junction)
 
 
 _SHAPES = {
@@ -131,5 +126,5 @@ def _shape(node: Any) -> Shape:
     if kind == Kind.EQUAL and node[0].getSort().isBoolean():
         return Operator.IFF, list(node)
     if kind not in _SHAPES:
-        raise UnsupportedError(f"cvc5 left {node} in its result; back ends 'project' and 'loos-weispfenning' do not")
+        raise UnsupportedError(f"cvc5 left {node} in its result, expected linear arithmetic; choose another back end")
     return _SHAPES[kind], list(node)

@@ -11,13 +11,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
 from typing import TypeVar
 
 from robust.qe.conjunctions import Conjunction, irredundant, project, project_at, solve_equalities, variables_of
 from robust.qe.constraint import LinearConstraint, trim
 from robust.qe.eliminate.interface import Eliminator, Query, Solvers, outside, without
-from robust.qe.nnf import BoolLeaf, FormulaReader, Leaf, Model, Nnf, implicant, names_in, negation
+from robust.qe.nnf import BoolLeaf, Leaf, Model, Nnf, implicant, names_in, negation
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Satisfiability, Session
 
@@ -25,19 +24,26 @@ L = TypeVar("L", bound=Leaf)
 
 
 class Outlook:
-    """A session in which nothing must be left: whether a conjunction stays inside what its assertions exclude."""
+    """A session in which nothing must be left: whether a conjunction stays inside what its assertions exclude.
 
-    def __init__(self, session: Session, reader: FormulaReader, deadline: Deadline) -> None:
-        self._session = session
-        self._reader = reader
+    It is opened when it is first asked.
+
+    Args:
+        context: the solvers.
+        deadline: when to stop.
+        formulas: the first assertions.
+    """
+
+    def __init__(self, context: Solvers, deadline: Deadline, *formulas: Nnf) -> None:
+        self._context = context
         self._deadline = deadline
-
-    def add(self, *formulas: Nnf) -> None:
-        for formula in formulas:
-            self._session.add(self._reader.write(formula))
+        self._formulas = formulas
+        self._excluded: list[Conjunction] = []
+        self._asserted = 0
+        self._session: Session | None = None
 
     def exclude(self, piece: Conjunction) -> None:
-        self._session.add(self._reader.outside(piece))
+        self._excluded.append(piece)
 
     def excludes(self, constraints: Iterable[Leaf], *extra: Nnf) -> bool:
         """Whether no point of the conjunction satisfies the assertions.
@@ -45,7 +51,13 @@ class Outlook:
         Raises:
             OutOfTimeError: if the deadline passes.
         """
-        with self._session.frame(*(self._reader.write(part) for part in (*constraints, *extra))):
+        reader = self._context.reader
+        if self._session is None:
+            self._session = self._context.session()
+            self._session.add(*map(reader.write, self._formulas))
+        self._session.add(*map(reader.outside, self._excluded[self._asserted :]))
+        self._asserted = len(self._excluded)
+        with self._session.frame(*(reader.write(part) for part in (*constraints, *extra))):
             return not satisfiable(self._session, "a generalised piece stays inside", self._deadline)
 
     def generalize(self, leaves: tuple[L, ...]) -> tuple[L, ...]:
@@ -118,20 +130,15 @@ def _mentioned(leaves: Mapping[Leaf, None]) -> set[str]:
 
 
 def polyhedra_of(
-    formula: Nnf,
-    make_session: Callable[[], Session],
-    reader: FormulaReader,
-    deadline: Deadline,
-    known: Iterable[Conjunction] = (),
+    formula: Nnf, context: Solvers, deadline: Deadline, known: Iterable[Conjunction] = ()
 ) -> Iterator[Conjunction]:
     """Conjunctions, over the formula's own real symbols, whose union is the formula; points of `known` may be skipped.
 
     Raises:
         OutOfTimeError: if the deadline passes.
     """
-    asked, complement = make_session(), Outlook(make_session(), reader, deadline)
+    reader, asked, complement = context.reader, context.session(), Outlook(context, deadline, negation(formula))
     asked.add(reader.write(formula))
-    complement.add(negation(formula))
     for piece in known:
         asked.add(reader.outside(piece))
         complement.exclude(piece)
@@ -157,52 +164,34 @@ class Project(Eliminator):
 
     def eliminate(self, query: Query, known: Iterable[Conjunction], deadline: Deadline) -> Iterator[Conjunction]:
         search = PieceSearch(self.context, query, deadline)
-        for piece in known:
+        for excluded in known:
+            search.exclude(excluded)
+        while (piece := search.next_piece()) is not None:
+            yield piece
             search.exclude(piece)
-        while (found := search.next_piece()) is not None:
-            yield found
-            search.exclude(found)
 
 
 class PieceSearch:
     """The sessions of one query: where pieces come from, what they must not lose, and what is known already."""
 
     def __init__(self, context: Solvers, query: Query, deadline: Deadline) -> None:
-        self._context = context
         self._reader = context.reader
         self._query = query
         self._deadline = deadline
-        self._definition = {definition.symbol: definition.formula for definition in query.definitions}
+        definition = {definition.symbol: definition.formula for definition in query.definitions}
         self._names = names_in(query.formula)
         self._asked = context.session()
         self._asked.add_all([self._reader.write(query.formula)], deadline)
-        self._projects = bool(query.network or self._names - set(query.kept) - self._definition.keys())
-        self._excluded: list[Conjunction] = []
+        self._projects = bool(query.network or self._names - set(query.kept) - definition.keys())
+        self._known = Outlook(context, deadline)
+        """Where a conjunction stays inside what is excluded."""
+        self._needs = Outlook(context, deadline, *query.network, *definition.values(), negation(query.core))
+        """Where it stays inside the query or what is excluded."""
 
     def exclude(self, piece: Conjunction) -> None:
         self._asked.add(self._reader.outside(piece))
-        self._excluded.append(piece)
-        for outlook in ("_needs", "_known"):
-            if outlook in self.__dict__:
-                self.__dict__[outlook].exclude(piece)
-
-    @cached_property
-    def _needs(self) -> Outlook:
-        """Where a conjunction stays inside the query or what is excluded; opened once there is something to find."""
-        made = self._known_only()
-        made.add(*self._query.network, *self._definition.values(), negation(self._query.core))
-        return made
-
-    @cached_property
-    def _known(self) -> Outlook:
-        """Where a conjunction stays inside what is excluded."""
-        return self._known_only()
-
-    def _known_only(self) -> Outlook:
-        made = Outlook(self._context.session(), self._reader, self._deadline)
-        for piece in self._excluded:
-            made.exclude(piece)
-        return made
+        self._known.exclude(piece)
+        self._needs.exclude(piece)
 
     def next_piece(self, within: Iterable[LinearConstraint] = ()) -> Conjunction | None:
         """A polyhedron of kept symbols that the query covers and that is not covered yet; None if there is none.
@@ -226,12 +215,12 @@ class PieceSearch:
 
     def _implicant(self, model: Model) -> tuple[Leaf, ...]:
         """Leaves without defined symbols that imply the query, within its network."""
-        found = QueryImplicant.at(self._query, model)
+        implicant = QueryImplicant.at(self._query, model)
         # What the violation itself says comes last, where fewer constraints are dropped.
-        leaves = (*found.support, *found.chosen)
+        leaves = (*implicant.support, *implicant.chosen)
         constraints = (leaf for leaf in leaves if isinstance(leaf, LinearConstraint))
         literals = (leaf for leaf in leaves if isinstance(leaf, BoolLeaf))
-        return (*dict.fromkeys(literals), *solve_equalities(constraints, found.defined))
+        return (*dict.fromkeys(literals), *solve_equalities(constraints, implicant.defined))
 
     def _projection(self, constraints: Conjunction, model: Model) -> Conjunction:
         eliminated = set(variables_of(constraints)) - set(self._query.kept)
@@ -252,8 +241,8 @@ class FourierMotzkin(Eliminator):
         session.add_all([context.reader.write(without(formula, known))], deadline)
         names, eliminated = names_in(formula), query.eliminated
         while satisfiable(session, query.name, deadline):
-            found = QueryImplicant.at(query, session.values(context.reader.symbols(names)))
-            leaves = (*query.network, *found.chosen, *found.support)
+            implicant = QueryImplicant.at(query, session.values(context.reader.symbols(names)))
+            leaves = (*query.network, *implicant.chosen, *implicant.support)
             constraints = trim(leaf for leaf in leaves if isinstance(leaf, LinearConstraint))
             piece = project(constraints, eliminated, deadline)
             if piece is None:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import ClassVar
 
 from robust.errors import UnsupportedError
 from robust.qe.conjunctions import Conjunction
 from robust.qe.constraint import LinearConstraint
-from robust.qe.nnf import TRUE, FormulaReader, Nnf, booleans_in, conjunction, disjunction, names_in
+from robust.qe.nnf import TRUE, FormulaReader, Nnf, conjunction, disjunction, names_in
 from robust.smt.limits import Deadline
 from robust.smt.session import Session, Statistics
 from robust.smt.terms import Terms
@@ -70,14 +71,22 @@ class Solvers:
 
 
 class Eliminator(ABC):
-    """One way of eliminating quantifiers."""
+    """One way of eliminating quantifiers, and what it is capable of.
 
-    name: str
-    alternation = False
+    Args:
+        context: the solvers.
+        capable: the names of the installed back ends that have a capability, for messages.
+    """
+
+    name: ClassVar[str]
+    booleans: ClassVar[bool] = True
+    """Whether it takes formulas with Boolean symbols."""
+    alternation: ClassVar[bool] = False
     """Whether it takes formulas with both quantifiers."""
 
-    def __init__(self, context: Solvers) -> None:
+    def __init__(self, context: Solvers, capable: Callable[[str], Iterable[str]]) -> None:
         self.context = context
+        self._capable = capable
 
     @abstractmethod
     def eliminate(self, query: Query, known: Iterable[Conjunction], deadline: Deadline) -> Iterator[Conjunction]:
@@ -92,8 +101,13 @@ class Eliminator(ABC):
         """
 
     def eliminate_nested(self, query: Query, exists: Query, deadline: Deadline) -> Iterator[Conjunction]:
-        """As `eliminate`, for `query ∨ ¬exists` as one formula with both quantifiers; only with `alternation`."""
-        raise UnsupportedError(f"back end {self.name!r} does not take both quantifiers at once; back end 'z3' does")
+        """Eliminate the quantifiers of `query ∨ ¬exists`, one formula with both kinds; only with `alternation`."""
+        raise self.unable("alternation", "both quantifiers at once")
+
+    def unable(self, capability: str, what: str) -> UnsupportedError:
+        """The error that this back end lacks a capability, with the back ends that have it."""
+        capable = ", ".join(map(repr, self._capable(capability)))
+        return UnsupportedError(f"back end {self.name!r} does not take {what}; choose one of the back ends {capable}")
 
 
 def without(formula: Nnf, known: Iterable[Conjunction]) -> Nnf:
@@ -104,13 +118,3 @@ def without(formula: Nnf, known: Iterable[Conjunction]) -> Nnf:
 def outside(piece: Iterable[LinearConstraint]) -> Nnf:
     """The complement of a conjunction of constraints."""
     return disjunction(half for constraint in piece for half in constraint.negation())
-
-
-def require_reals(formula: Nnf, name: str) -> None:
-    """UnsupportedError if Boolean symbols occur, for back ends of pure arithmetic."""
-    booleans = booleans_in(formula)
-    if booleans:
-        raise UnsupportedError(
-            f"back end {name!r} found the Boolean symbol {min(booleans)!r}, expected real symbols only; "
-            "back ends 'project', 'fourier-motzkin', 'loos-weispfenning' and 'z3' take both"
-        )

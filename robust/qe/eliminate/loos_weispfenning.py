@@ -20,24 +20,12 @@ from fractions import Fraction
 from functools import reduce
 from operator import or_
 
-from robust.qe.conjunctions import Conjunction
+from robust.qe import nnf
+from robust.qe.conjunctions import Conjunction, half_space
 from robust.qe.constraint import Coefficients, LinearConstraint, Sense, substitute_equality
 from robust.qe.eliminate.enumerate import polyhedra_of, satisfiable
 from robust.qe.eliminate.interface import Eliminator, Query, without
-from robust.qe.nnf import (
-    FALSE,
-    TRUE,
-    BoolLeaf,
-    Junction,
-    Leaf,
-    Nnf,
-    booleans_in,
-    conjunction,
-    disjunction,
-    fold,
-    negation,
-    rebuild,
-)
+from robust.qe.nnf import FALSE, TRUE, BoolLeaf, Junction, Leaf, Nnf, conjunction, disjunction
 from robust.smt.limits import Deadline
 
 LARGE = 30
@@ -76,9 +64,9 @@ class LoosWeispfenning(Eliminator):
                 return satisfiable(session, f"{query.name}: a case", deadline)
 
         # Nothing needs to be said about points of what is known.
-        assumed = [piece[0].negation()[0] for piece in known if len(piece) == 1 and not piece[0].is_equality]
+        assumed = [half.negation()[0] for piece in known if (half := half_space(piece)) is not None]
         result = eliminate(query.formula, query.eliminated, possible, deadline, assumed)
-        yield from polyhedra_of(result, context.session, context.reader, deadline, known)
+        yield from polyhedra_of(result, context, deadline, known)
 
 
 def eliminate(
@@ -116,7 +104,7 @@ class _Run:
     def __post_init__(self) -> None:
         self._names = sorted(self.names)
         self._bit = {name: 1 << index for index, name in enumerate(self._names)}
-        self._booleans = booleans_in(self.formula)
+        self._booleans = nnf.booleans_in(self.formula)
         self._assumed = tuple(self.assumed)
         self._found: dict[Nnf, tuple[int, int]] = {}
         self._results: dict[tuple[frozenset[Nnf], int], Nnf] = {}
@@ -144,7 +132,7 @@ class _Run:
             return reduce(or_, (mask for mask, _ in parts), 0), sum(leaves for _, leaves in parts)
 
         known = self._found.get(root)
-        return fold(root, leaf, junction, self._found) if known is None else known
+        return nnf.fold(root, leaf, junction, self._found) if known is None else known
 
     def _listed(self, mask: int) -> list[str]:
         return [name for name in self._names if self._bit[name] & mask]
@@ -271,7 +259,7 @@ class _Run:
                 around = ()
             if isinstance(node, Junction):
                 beside = (o for o in node.operands if not self._mask(o) & bit and self._leaves(o) <= SMALL)
-                holding = beside if node.conjunctive else (negation(o) for o in beside)
+                holding = beside if node.conjunctive else (nnf.negation(o) for o in beside)
                 inside = (*around, *holding)[-SMALL:]
                 stack.extend((operand, inside) for operand in node.operands)
             elif isinstance(node, LinearConstraint):
@@ -321,7 +309,7 @@ def substitute(formula: Nnf, name: str, value: Value) -> Nnf:
             node = node.with_relation(Sense.LESS if factor * value.direction > 0 else Sense.AT_MOST)
         return substitute_equality(node, value.equality, name)
 
-    return rebuild(formula, leaf)
+    return nnf.rebuild(formula, leaf)
 
 
 # -- simplification by what surrounds a part ---------------------------------------------------------------------------
@@ -451,16 +439,16 @@ def _simplify(node: Nnf, facts: KnownBounds) -> Task:
         for leaf in leaves:
             parts.append(facts.apply(leaf))
             _assume(parts[-1], conjunctive, facts)
-        found = 0
+        count = 0
         for operand in nested:
             if absorbing in parts:
                 break
             parts.append((yield _simplify(operand, facts)))
-            found += _assume(parts[-1], conjunctive, facts)
+            count += _assume(parts[-1], conjunctive, facts)
         facts.forget(mark)
         node = conjunction(parts) if conjunctive else disjunction(parts)
         # Constraints that came to light may say something of the operands before them.
-        if not found or len(nested) == 1:
+        if not count or len(nested) == 1:
             break
     return node
 

@@ -6,22 +6,12 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from robust.errors import SolverError, UnsupportedError
+from robust.qe import nnf
 from robust.qe.conjunctions import Conjunction
 from robust.qe.constraint import Sense
 from robust.qe.eliminate.enumerate import polyhedra_of
 from robust.qe.eliminate.interface import Eliminator, Query, without
-from robust.qe.nnf import (
-    BoolLeaf,
-    ExpressionReader,
-    Leaf,
-    Nnf,
-    Operator,
-    Shape,
-    booleans_in,
-    conjunction,
-    disjunction,
-    fold,
-)
+from robust.qe.nnf import BoolLeaf, Leaf, Nnf, Operator, Shape
 from robust.smt.limits import Deadline, stream_from_copy
 
 try:
@@ -59,15 +49,14 @@ class Z3Tactic(Eliminator):
                 yield from_z3(expression)
                 return
             goals = z3.Then(self.tactic, "simplify")(expression)
-            yield disjunction(conjunction(from_z3(part) for part in goal) for goal in goals)
+            yield nnf.disjunction(nnf.conjunction(from_z3(part) for part in goal) for goal in goals)
 
         for result in stream_from_copy(work, deadline, "quantifier elimination"):
-            context = self.context
-            yield from polyhedra_of(result, context.session, context.reader, deadline, known)
+            yield from polyhedra_of(result, self.context, deadline, known)
 
 
 def _exists(formula: Nnf, names: Iterable[str]) -> Any:
-    booleans = booleans_in(formula)
+    booleans = nnf.booleans_in(formula)
     bound = [(z3.Bool if name in booleans else z3.Real)(name) for name in sorted(names)]
     body = to_z3(formula)
     return z3.Exists(bound, body) if bound else body
@@ -91,7 +80,7 @@ def to_z3(root: Nnf) -> Any:
             case Sense.EQUAL:
                 return form == constant
 
-    return fold(root, leaf, lambda node, operands: (z3.And if node.conjunctive else z3.Or)(operands))
+    return nnf.fold(root, leaf, lambda node, operands: (z3.And if node.conjunctive else z3.Or)(operands))
 
 
 def from_z3(root: Any) -> Nnf:
@@ -100,7 +89,7 @@ def from_z3(root: Any) -> Nnf:
     Raises:
         UnsupportedError: if a quantifier or anything but linear arithmetic is left.
     """
-    return ExpressionReader(_shape, key=lambda node: node.get_id()).read(root)
+    return nnf.ExpressionReader(_shape, key=lambda node: node.get_id()).read(root)
 
 
 _SHAPES = {
@@ -132,5 +121,5 @@ def _shape(node: Any) -> Shape:
     if kind == z3.Z3_OP_EQ and z3.is_bool(node.arg(0)):
         return Operator.IFF, node.children()
     if kind not in _SHAPES:
-        raise UnsupportedError(f"z3 left {node} in its result; back ends 'project' and 'loos-weispfenning' do not")
+        raise UnsupportedError(f"z3 left {node} in its result, expected linear arithmetic; choose another back end")
     return _SHAPES[kind], node.children()

@@ -149,8 +149,12 @@ def test_constants(name: str) -> None:
 def test_what_a_back_end_does_not_take_is_told() -> None:
     with pytest.raises(InputError, match=r"unknown back end 'cvc4'.*cvc5"):
         create_eliminator("cvc4", context())
-    with pytest.raises(UnsupportedError, match=r"Boolean symbol 'p'.*back ends 'project'"):
+    with pytest.raises(
+        UnsupportedError, match=r"Boolean symbol 'p'.*back ends 'project', 'z3', 'fourier-motzkin', 'loos-weispfenning'"
+    ):
         eliminate("cvc5", query(conjunction((BoolLeaf("p", True), at_most(0, a=1)))))
+    with pytest.raises(UnsupportedError, match=r"'project' does not take both quantifiers at once.*back ends 'z3'"):
+        create_eliminator("project", context()).eliminate_nested(query(at_most(0, a=1)), query(at_most(0, a=1)), NEVER)
 
 
 @pytest.mark.parametrize("name", OURS)

@@ -25,6 +25,7 @@ from robust.plan.model import ZERO, Condition, DurationConstraint, Parameter, Pa
 from robust.qe.box import Box, Interval
 from robust.qe.compute import ProblemBuilder, RegionResult, RegionSearch, RegionStatus
 from robust.qe.constraint import LinearConstraint
+from robust.qe.eliminate.interface import Solvers
 from robust.qe.nnf import FormulaReader, conjunction
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
@@ -259,7 +260,7 @@ def test_queries_are_named_timed_and_counted(monkeypatch: pytest.MonkeyPatch, ba
 
 def test_the_problem_as_a_whole() -> None:
     encoding = RelationalEncoding(fixed_plan(parameter(upper=9), condition=at_least(k, 3)))
-    builder = ProblemBuilder(encoding, FormulaReader(encoding.terms), Session(encoding.terms))
+    builder = ProblemBuilder(encoding, Solvers(encoding.terms, FormulaReader(encoding.terms)))
     existence = builder.existence()
     assert (existence.name, existence.kept, existence.definitions) == ("some schedule exists", ("k",), ())
     assert existence.formula == conjunction((*existence.network, existence.remainder))

@@ -1,0 +1,125 @@
+"""Regions and risks do not depend on what else the process was asked before."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import suppress
+from fractions import Fraction
+from random import Random
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import seed as hypothesis_seed
+
+import robust
+from robust.errors import InputError
+from robust.plan.model import ParametrizedPlan
+from robust.qe.region import Region
+from tests.irr.building import parametric
+from tests.plan.building import drawn
+
+ASKED = """
+import json, sys
+from tests.qe.test_history import answers, drawn_plans
+order, seed, count = map(int, sys.argv[1:])
+for answer in answers(order, drawn_plans(seed, count)):
+    print(json.dumps(answer))
+"""
+Answer = dict[str, Any] | None
+Questions = Iterator[tuple[int, str, Answer]]
+
+
+def drawn_plans(seed: int, count: int) -> list[ParametrizedPlan]:
+    """Plans with parameters, valid or not; the same for the same seed, as long as the same modules are imported."""
+    plans: list[ParametrizedPlan] = []
+
+    @hypothesis_seed(seed)
+    @settings(drawn(count), database=None)
+    @given(parametric(parameters=3))
+    def draw(plan: ParametrizedPlan) -> None:
+        plans.append(plan)
+
+    draw()
+    return plans
+
+
+def answer(plan: ParametrizedPlan, verb: str) -> Answer:
+    """What a verb says of a plan; None if that takes too long."""
+    try:
+        if verb == "region":
+            region = robust.region(plan, timeout=20)
+            return {"region": region.region.as_dict()} if region.is_exact else None
+        spread = {one.name: f"uniform:{one.nominal - 2}:{one.nominal + 2}" for one in plan.parameters}
+        risk = robust.risk(plan, spread, within="1/100", timeout=20)
+    except InputError as error:
+        return {"error": str(error)}
+    shares = [(share.name, share.probability) for share in risk.shares or ()]
+    # Of several boxes that are as wide the optimal one is any.
+    boxes = [(kept.method, kept.probability) for kept in risk.kept if kept.method != "optimal"]
+    bounds = [*shares, *boxes, ("success", risk.probability)]
+    return None if risk.cut_short else {name: [str(one.lower), str(one.upper)] for name, one in bounds}
+
+
+def answers(order: int, plans: list[ParametrizedPlan]) -> Questions:
+    """What verbs say of plans, asked in some order and, in every other order, about boxes in between."""
+    questions = [(number, verb) for number in range(len(plans)) for verb in ("region", "risk")]
+    Random(order).shuffle(questions)  # noqa: S311 - reproducible orders
+    for number, verb in questions:
+        if order % 2:
+            with suppress(InputError):
+                robust.check(plans[number], every=True)
+                robust.envelope(plans[number], timeout=20)
+        yield number, verb, answer(plans[number], verb)
+
+
+def differences(first: Questions, second: Questions, least: int) -> list[tuple[int, str]]:
+    """Questions with two answers; at least so many have any.
+
+    A region is one set of points, however it is described; bounds on one probability overlap.
+    """
+    known = {(number, verb): said for number, verb, said in first if said is not None}
+    different, count = [], 0
+    for number, verb, said in second:
+        before = known.get((number, verb))
+        if before is None or said is None:
+            continue
+        count += 1
+        if "error" in before or "error" in said:
+            same = before == said
+        elif verb == "region":
+            same = Region.from_dict(before["region"]).equals(Region.from_dict(said["region"]))
+        else:
+            bounds = (
+                [Fraction(end) for end in (*before.get(name, "00"), *said.get(name, "00"))]
+                for name in {**before, **said}
+            )
+            same = all(max(low, other) <= min(high, most) for low, high, other, most in bounds)
+        if not same:
+            different.append((number, verb))
+    assert count >= least
+    return different
+
+
+def test_regions_and_risks_do_not_depend_on_what_was_asked_before() -> None:
+    plans = drawn_plans(3, 4)
+    assert differences(answers(0, plans), answers(1, plans), 6) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("seed", range(1, 4))
+def test_fresh_processes_agree(seed: int, order: int) -> None:
+    """They ask in different orders, and hash in other ways."""
+
+    def asked(order: int) -> Questions:
+        words = [sys.executable, "-c", ASKED, str(order), str(seed), "60"]
+        environment = {**os.environ, "PYTHONHASHSEED": str(order)}
+        lines = subprocess.run(words, capture_output=True, text=True, check=True, env=environment).stdout.splitlines()
+        return ((number, verb, said) for number, verb, said in map(json.loads, lines))
+
+    assert differences(asked(0), asked(order), 100) == []
