@@ -3,6 +3,8 @@
 import gc
 import os
 import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -40,3 +42,16 @@ def dataset() -> Path:
     if not path.is_dir():
         pytest.skip(f"no recorded instances at {path}; set ROBUST_DATASET to run this test")
     return path
+
+
+@pytest.fixture(scope="session")
+def warm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, ...]]:
+    """The first words of a command line that is run as `robust` would, without its start; see `tests.warm`."""
+    path = str(tmp_path_factory.mktemp("warm") / "server")
+    code = f"from tests.warm import serve; serve({path!r})"
+    folder = Path(__file__).resolve().parents[1]
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, cwd=folder) as server:
+        assert server.stdout is not None
+        assert server.stdout.readline() == b"ready\n"
+        yield (sys.executable, "-I", "-S", str(Path(__file__).with_name("warm.py")), path)
+        server.kill()

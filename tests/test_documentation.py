@@ -13,8 +13,10 @@ import importlib.util
 import json
 import os
 import re
+import shlex
 import subprocess
 import sys
+from collections.abc import Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass
 from io import StringIO
@@ -88,14 +90,14 @@ def steps_of(block: str) -> tuple[tuple[str, tuple[str, ...]], ...]:
     return tuple((command, tuple(lines)) for command, lines in steps)
 
 
-def run(session: Session, directory: Path) -> list[str]:
+def run(session: Session, directory: Path, robust: Sequence[str] = (sys.executable, "-m", "robust")) -> list[str]:
     """What each command of the session prints, run in a directory that looks like the checkout."""
     for name in ("robust", "benchmarks", "docs"):
         (directory / name).symlink_to(ROOT / name)
     for name, text in session.files:
         (directory / name).write_text(text, encoding="utf-8")
     script = [
-        f'robust() {{ "{sys.executable}" -m robust "$@"; }}',
+        f'robust() {{ {shlex.join(robust)} "$@"; }}',
         f'python3() {{ "{sys.executable}" "$@"; }}',
         "shown=0",
     ]
@@ -138,8 +140,8 @@ def shown(expected: tuple[str, ...], printed: str) -> bool:
 
 
 @pytest.mark.parametrize("session", sessions(), ids=str)
-def test_documented_commands_print_what_is_shown(session, tmp_path):
-    for (command, expected), printed in zip(session.steps, run(session, tmp_path), strict=True):
+def test_documented_commands_print_what_is_shown(session, tmp_path, warm):
+    for (command, expected), printed in zip(session.steps, run(session, tmp_path, warm), strict=True):
         assert shown(expected, printed), f"{session}: {command}\nprints\n{printed}"
 
 

@@ -78,4 +78,4 @@ def test_a_checker_that_believes_more_is_found_out(name, monkeypatch) -> None:
         monkeypatch.setattr(proofs, "lemma", lambda *_: None)
     else:
         monkeypatch.setattr(proofs, "demand", lambda *_: None)
-    assert run(2_000, plans=25).accepted
+    assert any(run(200, plans=5, seed=seed).accepted for seed in range(50))

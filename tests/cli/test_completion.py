@@ -1,8 +1,8 @@
 """Completion: what each of four shells is given; those which are installed complete commands, options and values."""
 
+import shlex
 import shutil
 import subprocess
-import sys
 
 import pytest
 
@@ -22,11 +22,11 @@ SHELLS = {
 
 
 @pytest.fixture(scope="module")
-def home(tmp_path_factory):
+def home(tmp_path_factory, warm):
     """A home directory, with the command `robust` in it."""
     directory = tmp_path_factory.mktemp("home")
     command = directory / "robust"
-    command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m robust "$@"\n', encoding="utf-8")
+    command.write_text(f'#!/bin/sh\nexec {shlex.join(warm)} "$@"\n', encoding="utf-8")
     command.chmod(0o755)
     return directory
 

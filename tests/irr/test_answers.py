@@ -302,24 +302,26 @@ def strict(weight: int, *pieces, sign: int = 1) -> ParametrizedPlan:
 SHORT, SHORTER = (END, at_most(DURATION, 8)), (END, above(number(8), DURATION))
 
 
-@pytest.mark.parametrize(("enumerated", "solver"), [(20.0, "z3"), (0.0, "z3"), (20.0, "cvc5")])
-@pytest.mark.parametrize("contain_nominal", [False, True])
+OPTIMA = {
+    "pentagon": (shipped("two_sample_navigation"), 25, 25),
+    "weighted": (shipped("two_sample_navigation", "to_crater,weight=3"), 75, 57),
+    "open": (strict(1, SHORT), 8, 8),
+    "approached": (strict(3, SHORT), 24, 22),
+    "both": (strict(1, SHORTER), 8, 8),
+    "sliding": (strict(3, SHORTER, sign=-1), 24, 24),
+    "apart": (strict(3, (START, above(number(8), value(G))), sign=-1), 24, 22),
+}
+
+
 @pytest.mark.parametrize(
-    ("plan", "free", "around"),
+    ("name", "contain_nominal", "enumerated", "solver"),
     [
-        (shipped("two_sample_navigation"), 25, 25),
-        (shipped("two_sample_navigation", "to_crater,weight=3"), 75, 57),
-        (strict(1, SHORT), 8, 8),
-        (strict(3, SHORT), 24, 22),
-        (strict(1, SHORTER), 8, 8),
-        (strict(3, SHORTER, sign=-1), 24, 24),
-        (strict(3, (START, above(number(8), value(G))), sign=-1), 24, 22),
+        *product(OPTIMA, (False, True), (20.0, 0.0), ("z3",)),
+        *((name, number % 2 == 1, 20.0, "cvc5") for number, name in enumerate(("weighted", "pentagon", "approached"))),
     ],
-    ids=["pentagon", "weighted", "open", "approached", "both", "sliding", "apart"],
 )
-def test_optima_do_not_depend_on_what_is_known_at_first(
-    monkeypatch, plan, free, around, contain_nominal, enumerated, solver
-) -> None:
+def test_optima_do_not_depend_on_what_is_known_at_first(monkeypatch, name, contain_nominal, enumerated, solver) -> None:
+    plan, free, around = OPTIMA[name]
     monkeypatch.setattr("robust.irr.exact.ENUMERATION", enumerated)
     result = envelope(plan, method="optimal", contain_nominal=contain_nominal, solver=solver)
     optimum = around if contain_nominal else free
@@ -330,6 +332,6 @@ def test_optima_do_not_depend_on_what_is_known_at_first(
     assert not contain_nominal or plan.nominal in result.box
     containment = Containment(RelationalEncoding(plan))
     assert containment.refute(result.box, Deadline()) is None
-    for name, side in product(result.box.intervals, Side):
-        closed = result.box.moved((name, side), result.box[name].end(side))
-        assert result.box[name].is_closed_at(side) or containment.refute(closed, Deadline())
+    for parameter, side in product(result.box.intervals, Side):
+        closed = result.box.moved((parameter, side), result.box[parameter].end(side))
+        assert result.box[parameter].is_closed_at(side) or containment.refute(closed, Deadline())

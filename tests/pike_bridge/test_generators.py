@@ -172,7 +172,7 @@ def test_random_k_intents():
 
 
 def test_random_plans_are_reproducible_and_of_the_described_shape(tmp_path):
-    plans = [random_plan(0, index) for index in range(60)]
+    plans = [random_plan(0, index) for index in range(30)]
     assert random_plan(0, 5) == plans[5]
     assert random_plan(1, 5) != plans[5]
     files = [random_plan(0, 5).write(tmp_path / name) for name in ("one", "other")]

@@ -36,7 +36,7 @@ from tests.pike_bridge.online.examples import kitchen
 from tests.pike_bridge.plans import P, network, plans, tiny_plans
 
 
-@settings(max_examples=500)
+@settings(max_examples=200)
 @given(plans, st.data())
 def test_unmet_conditions_are_those_of_the_definition(plan, data):
     scenario = {choice.name: data.draw(st.sampled_from(choice.domain)) for choice in plan.network.choices}
@@ -113,7 +113,7 @@ def scenarios_of(oracle, environment=ALWAYS):
     return found.keys()
 
 
-@settings(max_examples=300)
+@settings(max_examples=150)
 @given(plans)
 def test_scenarios_are_those_of_brute_force(plan):
     correct = correct_scenarios(plan)

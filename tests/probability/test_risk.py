@@ -163,7 +163,7 @@ def _apart(one, other) -> bool:
 
 def test_with_many_parameters_there_is_an_estimate_beside_sound_bounds():
     plan, kinds = late(8)
-    found = robust.risk(plan, kinds, timeout=12)
+    found = robust.risk(plan, kinds, timeout=4)
     assert found.status in {RiskStatus.WIDE, RiskStatus.TIMEOUT}
     # The sum is normal: Φ(8 / (2 √8)) = Φ(√2) = 0.92135.
     assert found.probability.lower <= F("0.92135") <= found.probability.upper

@@ -99,7 +99,7 @@ def plan(seed: int, top: int):
     return random_plan(seed, 0, replace(FEASIBLE, top=top)).plan()
 
 
-@settings(max_examples=8)
+@settings(max_examples=4)
 @given(st.integers(0, 10_000), st.integers(2, 6))
 def test_random_plans_have_the_same_answers_from_every_algorithm(seed, top):
     """Before and after commitments: the πTMS, the library's diagrams, the solver, and for choices the oracle."""

@@ -108,20 +108,21 @@ EXAMPLES = [(name, backend) for name in PLANS for backend in (BACKENDS if name !
 
 @pytest.mark.parametrize(("name", "backend"), EXAMPLES)
 def test_answers_about_examples_are_those_of_the_semantics(name, backend):
-    for seed in (1,) if name == "wing" else (0, 1):
-        assert len(execute(named(name), backend, seed)[1]) > 1
+    seed = 1 if name == "wing" else BACKENDS.index(backend) % 2
+    assert len(execute(named(name), backend, seed)[1]) > 1
 
 
 @each_backend
 def test_answers_about_drawn_plans_are_those_of_the_semantics(backend):
-    steps = [len(execute(drawn(each), backend, place)[1]) for place, each in enumerate(SOLVABLE[6:10])]
-    assert sum(steps) > 40
+    place = 2 * (BACKENDS.index(backend) % 2)
+    steps = [len(execute(drawn(each), backend, place)[1]) for each in SOLVABLE[6 + place : 8 + place]]
+    assert sum(steps) > 20
 
 
 @each_backend
 def test_answers_about_small_contested_plans_are_those_of_the_semantics(backend):
     ended = set()
-    for seed in range(30):
+    for seed in range(15):
         executive, _ = execute(contested(seed), backend, seed, after_step=infer)
         ended.add(type(executive.outcome).__name__)
     assert {"Succeeded", "Failed"} <= ended

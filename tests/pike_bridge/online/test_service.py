@@ -115,7 +115,7 @@ def test_an_executive_that_resumes_anywhere_decides_the_same(index, human):
     told = steps_of(plan, Story(human=human, pace=Pace.RANDOM), seed=index)
     whole = PlanExecutive(plan, SemanticReasoner)
     resume(whole, told)
-    for end in range(0, len(told), 7):
+    for end in range(0, len(told), 12):
         resumed, undisturbed = (PlanExecutive(plan, SemanticReasoner) for _ in range(2))
         resume(resumed, told[:end])
         for step in told[:end]:
