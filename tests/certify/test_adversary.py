@@ -12,9 +12,9 @@ from tests.certify.bank import free, meanings
 
 
 def test_no_false_claim_is_accepted() -> None:
-    outcome = run(2_000, plans=25)
+    outcome = run(1_000, plans=25)
     assert outcome.accepted == []
-    assert sum(outcome.rejected.values()) > 1_900
+    assert sum(outcome.rejected.values()) > 950
     assert len(outcome.rejected) > 15, "the attempts fail for few reasons only"
 
 

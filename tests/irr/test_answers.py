@@ -332,6 +332,6 @@ def test_optima_do_not_depend_on_what_is_known_at_first(monkeypatch, name, conta
     assert not contain_nominal or plan.nominal in result.box
     containment = Containment(RelationalEncoding(plan))
     assert containment.refute(result.box, Deadline()) is None
-    for parameter, side in product(result.box.intervals, Side):
-        closed = result.box.moved((parameter, side), result.box[parameter].end(side))
-        assert result.box[parameter].is_closed_at(side) or containment.refute(closed, Deadline())
+    for which, side in product(result.box.intervals, Side):
+        closed = result.box.moved((which, side), result.box[which].end(side))
+        assert result.box[which].is_closed_at(side) or containment.refute(closed, Deadline())

@@ -596,12 +596,12 @@ SWEEPS = {
     "theorem 4.2": Sweep(
         lambda random: dominated_links_are_irrelevant(random_plan(random, style=ORDERED)), 120, 6000, 0.07
     ),
-    "theorem 4.3": Sweep(lambda random: executions_correspond(random_plan(random), random), 40, 2500, 0.3),
-    "theorem 4.4": Sweep(lambda random: partial_executions_correspond(random_plan(random), random), 50, 2000, 0.6),
+    "theorem 4.3": Sweep(lambda random: executions_correspond(random_plan(random), random), 20, 2500, 0.3),
+    "theorem 4.4": Sweep(lambda random: partial_executions_correspond(random_plan(random), random), 25, 2000, 0.6),
     "theorem 4.5": Sweep(
         lambda random: consistent_executions_are_correct(random_plan(random), random), 200, 10000, 0.06
     ),
-    "theorem 4.6": Sweep(lambda random: models_are_correct_scenarios(random_plan(random), random), 80, 2500, 0.3),
+    "theorem 4.6": Sweep(lambda random: models_are_correct_scenarios(random_plan(random), random), 40, 2500, 0.3),
     "invariant 5.2": Sweep(lambda random: implicants_of_plans(random_plan(random, events=4), random), 40, 2000, 0.15),
 }
 

@@ -95,7 +95,7 @@ def some_distribution(parameter: Parameter, random: Random) -> str:
 MET = {"between": 0, "all": 0}
 
 
-@drawn(20)
+@drawn(10)
 @given(parametric())
 def test_bounds_agree_with_random_points_on_drawn_plans(plan):
     """The point checker asks the solver of each point; the interval of Clopper and Pearson meets the bounds."""
@@ -119,7 +119,7 @@ def test_bounds_agree_with_random_points_on_drawn_plans(plan):
 
 
 def test_drawn_plans_were_of_all_kinds():
-    assert MET["all"] == 0 or MET["between"] >= 4
+    assert MET["all"] == 0 or MET["between"] >= 2
 
 
 # -- many parameters ---------------------------------------------------------------------------------------------------

@@ -315,7 +315,7 @@ def test_the_stories_lose_nothing_without_a_word(name):
 
 
 def test_drawn_plans_lose_nothing_without_a_word():
-    found = [watched(drawn(each), place) for place, each in enumerate((SOLVABLE[0], SOLVABLE[3], SOLVABLE[16]))]
+    found = [watched(drawn(each), place) for place, each in enumerate((SOLVABLE[0], SOLVABLE[3]))]
     assert sum(each.acts for each in found) > 20
 
 
