@@ -6,9 +6,7 @@ KINDS = ("--distribution", "to_ridge=normal::5", "--distribution", "to_crater=no
 PLAN = example()
 
 
-def test_bounds_for_people_and_programs(tmp_path):
-    ended = command("risk", *PLAN, *KINDS, "--quiet")
-    assert (ended.code, ended.out) == (0, "probability of success: 0.8585 to 0.8592\n")
+def test_bounds_for_programs_and_a_picture(tmp_path):
     ended = command("risk", *PLAN, *KINDS, "--json", "--draws", "500", "--plot", str(tmp_path / "risk.svg"))
     assert ended.code == 0
     answer = answer_of(ended, "robust/risk/1")
@@ -22,9 +20,6 @@ def test_bounds_for_people_and_programs(tmp_path):
     assert answer["estimate"]["confidence"] == "999/1000"
     assert any("lit crater" in one["obligation"] for one in answer["by_obligation"])
     assert "take-sample scout crater needs" in (tmp_path / "risk.svg").read_text(encoding="utf-8")
-    ended = command("risk", *PLAN, *KINDS, "--within", "0.1")
-    assert "What fails, each value counted for the first that breaks:" in ended.out
-    assert "exact widening         0.5275" in ended.out
 
 
 def test_one_random_parameter_is_drawn_as_bars_alone(tmp_path):
@@ -41,9 +36,6 @@ def test_the_most_probable_box():
     numerator, denominator = map(int, answer["bound"].split("/"))
     assert 0.5383 < float(answer["probability"]["lower"]) <= numerator / denominator < 0.5434
     assert all("take-sample" in one["stopped_below"] for one in answer["parameters"].values())
-    ended = command("envelope", *PLAN, *KINDS, "--method", "risk", "--within", "0.05")
-    assert "probability of the box: 0.5" in ended.out
-    assert "; no box has more than 0.5" in ended.out
 
 
 def test_out_of_time_bounds_are_sound():

@@ -14,6 +14,7 @@ from proofs.theorems._library.solvers import SOLVERS, Solver
 
 ROOT = Path(__file__).resolve().parents[2]
 THEOREMS = load_all()
+PROBLEMS = [problem for theorem in THEOREMS for problem in problems(theorem)]
 
 
 @pytest.fixture(scope="module", params=SOLVERS)
