@@ -25,14 +25,16 @@ def ask(path: str, words: list[str]) -> int:
 
 def serve(path: str) -> None:
     """Import all of the package, say so by a line, and run what is asked until the process is ended."""
-    from importlib import import_module  # noqa: PLC0415 - those who ask are to start at once
+    from contextlib import suppress  # noqa: PLC0415 - those who ask are to start at once
+    from importlib import import_module  # noqa: PLC0415
     from pkgutil import walk_packages  # noqa: PLC0415
 
     import robust  # noqa: PLC0415
 
     for module in walk_packages(robust.__path__, "robust."):
         if not module.name.endswith("__main__"):
-            import_module(module.name)
+            with suppress(ImportError):  # of an extra
+                import_module(module.name)
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listening:
         listening.bind(path)
         listening.listen()

@@ -34,8 +34,9 @@ def assert_wrapped(text: str) -> None:
         assert len(line) <= 120 or line.startswith("|"), line
 
 
-def test_the_page(make_suite, stand, tmp_path, capsys):
+def test_the_page(make_suite, stand, tmp_path, capsys, monkeypatch):
     stand("")
+    monkeypatch.setattr(results, "STARTS", 2)
     instance = navigation("a|b", irr_box={"a": ["0", "2"]}, irr={"status": "ok", "wall_s": 2, "checks": 3})
     suite = make_suite(instance, delivery=[{"instance": "d1", "parameters": 4, **example()}])
     output = tmp_path / "RESULTS.md"
