@@ -106,10 +106,7 @@ def repair(options: StnuRepairCommand, run: Run) -> int:
 
 
 def _each(
-    options: StnuFiles,
-    run: Run,
-    judge: Callable[[Network], Result],
-    found: list[Judged[Result]] | None = None,
+    options: StnuFiles, run: Run, judge: Callable[[Network], Result], found: list[Judged[Result]] | None = None
 ) -> tuple[list[Judged[Result]], Cause | None]:
     """What is found of each file, and why the last ones are missing; one that cannot be read is no obstacle to others.
 

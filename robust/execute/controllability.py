@@ -36,7 +36,8 @@ from robust.irr.exact import OptimalBox
 from robust.irr.search import stops_at
 from robust.irr.stops import JUST, Stop, declared_stop
 from robust.irr.widen import DiscoveredBadSet, Obstacle
-from robust.network.uncertain import Wait, dynamic, explain, waits
+from robust.network.dispatchable import waits
+from robust.network.uncertain import Wait, dynamic, explain
 from robust.plan.model import ParametrizedPlan
 from robust.presented import NoTruthValue, VerdictEnum
 from robust.qe.box import Box, Face, Side
@@ -104,11 +105,8 @@ class Controllability:
         """The verdict about one kind; UNKNOWN if time runs out."""
         started = time.perf_counter()
         try:
-            verdict, reason = {
-                Control.WEAK: self._weak,
-                Control.DYNAMIC: self._dynamic,
-                Control.STRONG: self._strong,
-            }[kind]()
+            deciding = {Control.WEAK: self._weak, Control.DYNAMIC: self._dynamic, Control.STRONG: self._strong}
+            verdict, reason = deciding[kind]()
         except OutOfTimeError as stopped:
             verdict, reason = ControlVerdict.UNKNOWN, stopped.reason or "out of time"
         return Finding(kind, verdict, reason, time.perf_counter() - started)
@@ -180,10 +178,7 @@ class Controllability:
         needed = "; ".join(dict.fromkeys(one.origin for one in answer.cycle))
         if answer.endless:
             names = ", ".join(sorted({name for name, _ in answer.endless}))
-            return (
-                ControlVerdict.NOT_CONTROLLABLE,
-                f"no time is late enough for all values of {names}: {needed}",
-            )
+            return (ControlVerdict.NOT_CONTROLLABLE, f"no time is late enough for all values of {names}: {needed}")
         names = ", ".join(sorted({name for one in answer.cycle for (name, _), _ in one.form.coefficients()}))
         return (
             ControlVerdict.NOT_CONTROLLABLE,
@@ -207,10 +202,7 @@ class Controllability:
                 if answer.cycle is not None:
                     beforehand = ", ".join(f"{name} = {value}" for name, value in known.items())
                     why = explain(answer.form.stnu, answer.cycle)
-                    return (
-                        ControlVerdict.NOT_CONTROLLABLE,
-                        f"{why}, even if {beforehand} is known" if known else why,
-                    )
+                    return (ControlVerdict.NOT_CONTROLLABLE, f"{why}, even if {beforehand} is known" if known else why)
         return ControlVerdict.UNKNOWN, "; ".join(vague.values()) or reason
 
     def _obstacle(self, ends: boxes.Ends) -> str | None:
@@ -240,13 +232,7 @@ class Controllability:
             yield chosen, self.box.changed(Box.point(chosen).intervals)
 
 
-def shrink(
-    plan: ParametrizedPlan,
-    box: Box,
-    kind: Control,
-    *,
-    deadline: Deadline = NEVER,
-) -> Box:
+def shrink(plan: ParametrizedPlan, box: Box, kind: Control, *, deadline: Deadline = NEVER) -> Box:
     """The largest part of a box, max–min fair around the nominal point, that has a kind of controllability. Exact.
 
     Raises:
@@ -360,11 +346,7 @@ class _Maximality:
         return None
 
 
-ADVERBS = {
-    Control.WEAK: "weakly",
-    Control.DYNAMIC: "dynamically",
-    Control.STRONG: "strongly",
-}
+ADVERBS = {Control.WEAK: "weakly", Control.DYNAMIC: "dynamically", Control.STRONG: "strongly"}
 
 
 @dataclass(frozen=True)

@@ -532,13 +532,7 @@ def grow(
     met = list(known)
     moving = [face for face in faces_of(parameters) if face[0] not in still and start[face[0]].end(face[1]) is not None]
     Widening(
-        bad=bad,
-        parameters=parameters,
-        pieces=met,
-        groups=[moving],
-        deadline=deadline,
-        on_box=on_box,
-        start=start,
+        bad=bad, parameters=parameters, pieces=met, groups=[moving], deadline=deadline, on_box=on_box, start=start
     ).run()
     return met
 

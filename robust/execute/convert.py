@@ -38,9 +38,10 @@ one by one, and the others are loosened together: each bound becomes a parameter
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from enum import Enum
 from fractions import Fraction
+from functools import cached_property
 from itertools import pairwise
 from typing import TypedDict, Unpack
 
@@ -256,12 +257,11 @@ class Tightener:
     def _breaks_without(self, one: distances.DistanceEdge, others: Sequence[distances.DistanceEdge]) -> bool:
         """Whether one of two schedules that break this edge only breaks an obligation: mostly, and without a solver."""
         plan, epsilon = self.original.plan, self.original.epsilon
-        literals = {point: point.time for point in plan.time_points if point.time is not None}
         points = [point for point in plan.time_points if point.time is None]
         for slack in (self.original.gap, Fraction(1)):
             broken = distances.DistanceEdge(one.target, one.source, slack - one.weight)
             times = distances.EdgeNetwork(points, (*others, broken)).earliest
-            if times is not None and simulate(plan, plan.nominal, {**literals, **times}, epsilon=epsilon).violations:
+            if times is not None and simulate(plan, plan.nominal, times, epsilon=epsilon).violations:
                 return True
         return False
 
@@ -474,99 +474,92 @@ class Settings(TypedDict, total=False):
     on_progress: Callable[[str], None] | None
 
 
+@dataclass
 class Converting:
     """A conversion that knows at any moment the best network that is proved: at worst one with a single schedule.
 
-    The arguments are those of :func:`convert`.
+    The fields are the arguments of :func:`convert`.
     """
 
-    def __init__(
-        self,
-        domain: Domain,
-        problem: Problem,
-        timed: TimedPlan,
-        *,
-        mode: Mode = Mode.CAUSAL,
-        specs: Iterable[ParameterSpec] = (),
-        epsilon: Fraction = EPSILON,
-        tolerance: Fraction | None = None,
-        solver: str = "z3",
-        timeout: float | None = None,
-        on_progress: Callable[[str], None] | None = None,
-    ) -> None:
-        self._problem = domain, problem
-        self._timed = timed
-        self._mode = mode
-        self._specs = tuple(specs)
-        self._epsilon = epsilon
-        self._tolerance = tolerance
-        self._solver = solver
-        self._deadline = Deadline.after(timeout)
-        self._say = on_progress or (lambda _: None)
-        self._parts: tuple[distances.Original, Parametrization, Snapped] | None = None
-        self._known: _Network | None = None
+    domain: Domain
+    problem: Problem
+    timed: TimedPlan
+    _: KW_ONLY
+    mode: Mode = Mode.CAUSAL
+    specs: Iterable[ParameterSpec] = ()
+    epsilon: Fraction = EPSILON
+    tolerance: Fraction | None = None
+    solver: str = "z3"
+    timeout: float | None = None
+    on_progress: Callable[[str], None] | None = None
+
+    def __post_init__(self) -> None:
+        self.specs = tuple(self.specs)
+        self._deadline = Deadline.after(self.timeout)
+        self._say = self.on_progress or (lambda _: None)
+        self._proved: _Network | None = None
 
     def run(self) -> Conversion:
         """The conversion, or the best one by then if time is out or somebody interrupts; raises what `convert` does."""
         self._say("executing the plan")
-        self._parts = self._read()
+        original, _, _ = self._original
         try:
-            original, chosen, _ = self._parts
-            network = self._esterel() if self._mode is Mode.ESTEREL else self._causal()
-            stn = _written(original, chosen, network)
-            plan = assemble(*self._problem, stn, chosen.beside)
+            if self.mode is Mode.ESTEREL:
+                network = _Network(esterel_edges(original), check=_verdict(original.plan, Answer.UNKNOWN))
+                self._proved = network
+            else:
+                network = self._causal()
+            stn, plan = self._written(network)
             self._say("proving the plan")
-            result = check_plan(plan, self._epsilon, self._solver, self._deadline)
-            if self._mode is Mode.CAUSAL:
+            result = check_plan(plan, self.epsilon, self.solver, self._deadline)
+            if self.mode is Mode.CAUSAL:
                 _assert_proved(result)
         except (UndecidedError, OutOfTimeError):
             return self._best(ConversionEnd.UNDECIDED if self._deadline.moment is None else ConversionEnd.TIMEOUT)
         except KeyboardInterrupt:
             return self._best(ConversionEnd.INTERRUPTED)
-        return self._made(network, stn, plan, result, ConversionEnd.COMPLETE)
+        return self._conversion(network, stn, plan, result, ConversionEnd.COMPLETE)
 
     def so_far(self, *, timed_out: bool) -> Conversion | None:
         """What is known if the conversion is given up now; None while the plan itself is being executed."""
-        if self._parts is None:
+        if "_original" not in vars(self):
             return None
         return self._best(ConversionEnd.TIMEOUT if timed_out else ConversionEnd.INTERRUPTED)
 
-    def _read(self) -> tuple[distances.Original, Parametrization, Snapped]:
-        timed, epsilon = self._timed, self._epsilon
-        instances = distances.declarations(timed, self._problem[0], epsilon)
+    @cached_property
+    def _original(self) -> tuple[distances.Original, Parametrization, Snapped]:
+        """The plan at exact times, executed; its parameters; and how far its times moved."""
+        timed, epsilon = self.timed, self.epsilon
+        instances = distances.declarations(timed, self.domain, epsilon)
         times = distances.schedule_of(timed, instances)
         untimed = STNPlan((), instances, (), timed.file)
-        chosen = parametrization(*self._problem, untimed, times, self._specs)
-        bare = assemble(*self._problem, chosen.bare, chosen.fluents)
-        reach = distances.tolerances(timed, instances, epsilon, self._tolerance)
+
+        def ground(times: Mapping[model.TimePoint, Fraction]) -> tuple[Parametrization, model.ParametrizedPlan]:
+            chosen = parametrization(self.domain, self.problem, untimed, times, self.specs)
+            return chosen, assemble(self.domain, self.problem, chosen.bare, chosen.fluents)
+
+        chosen, bare = ground(times)
+        reach = distances.tolerances(timed, instances, epsilon, self.tolerance)
         snapped = distances.snapped(bare, times, reach, epsilon, timed.file)
         if str(snapped):
             times = dict(snapped.times)
-            chosen = parametrization(*self._problem, untimed, times, self._specs)
-            bare = assemble(*self._problem, chosen.bare, chosen.fluents)
+            chosen, bare = ground(times)
         return distances.validated(bare, times, epsilon, timed.file), chosen, snapped
-
-    def _esterel(self) -> _Network:
-        assert self._parts is not None  # noqa: S101 - read before
-        original, _, _ = self._parts
-        self._known = _Network(esterel_edges(original), check=_verdict(original.plan, Answer.UNKNOWN))
-        return self._known
 
     def _causal(self) -> _Network:
         """The least constrained network: causal edges, then bounds, without what others imply for all parameters.
 
         What the proof does not need goes as well, unless there are parameters: other values of them might need it.
         """
-        assert self._parts is not None  # noqa: S101 - read before
-        original, chosen, _ = self._parts
-        tightener = Tightener(original, self._solver, self._deadline, self._say)
+        original, chosen, _ = self._original
+        tightener = Tightener(original, self.solver, self._deadline, self._say)
         causal = causal_network(original, chosen.pinned_durations)
         fixed = (*causal.durations, *chosen.pinned_starts(original.times))
         network = distances.EdgeNetwork(causal.points, (*causal.certain, *causal.edges))
         irredundant = network.needed(causal.edges, causal.certain)
         needed = (*fixed, *irredundant)
         found, proof = tightener.forced(needed)
-        self._known = _Network((*needed, *(one.edge for one in found)), tuple(found), check=proof)
+        self._proved = _Network((*needed, *(one.edge for one in found)), tuple(found), check=proof)
         tightened = tightener.loosened(needed, found)
         bounds = [one.edge for one in tightened]
         every = list(dict.fromkeys((*causal.edges, *bounds)))
@@ -584,33 +577,42 @@ class Converting:
 
     def _best(self, ended: ConversionEnd) -> Conversion:
         """The network that was proved last, or the one whose only schedule is the plan's own; esterel: as it is."""
-        assert self._parts is not None  # noqa: S101 - read before
-        original, chosen, _ = self._parts
-        network = self._known or _rigid(original)
-        stn = _written(original, chosen, network)
-        plan = assemble(*self._problem, stn, chosen.beside)
+        network = self._proved or _rigid(self._original[0])
+        stn, plan = self._written(network)
         proof = _verdict(plan, Answer.PROVED) if network.check is None else network.check
-        result = replace(proof, box=Box.nominal(plan.parameters))
-        return self._made(network, stn, plan, result, ended)
+        return self._conversion(network, stn, plan, replace(proof, box=Box.nominal(plan.parameters)), ended)
 
-    def _made(
+    def _written(self, network: _Network) -> tuple[STNPlan, model.ParametrizedPlan]:
+        """The plan with the network, durations first; a distance that is a parameter has no other bounds."""
+        original, chosen, _ = self._original
+        points = sorted(original.plan.time_points, key=lambda point: (point != model.ZERO, original.times[point]))
+        plain = distances.constraints_of(network.edges, {point: i for i, point in enumerate(points)})
+        every = [*(bound for bound in plain if not chosen.says_all_about(bound)), *chosen.constraints]
+        constraints = tuple(sorted(every, key=lambda bound: bound.source.instance != bound.target.instance))
+        stn = replace(chosen.bare, parameters=chosen.parameters, constraints=constraints)
+        return stn, assemble(self.domain, self.problem, stn, chosen.beside)
+
+    def _conversion(
         self, network: _Network, stn: STNPlan, plan: model.ParametrizedPlan, check: CheckResult, ended: ConversionEnd
     ) -> Conversion:
-        assert self._parts is not None  # noqa: S101 - read before
-        original, chosen, snapped = self._parts
-        _assert_allowed(plan, original, self._timed)
-        times, tightened, redundant = original.times, network.tightened, network.redundant
-        found = Conversion(self._mode, stn, plan, chosen.beside, times, snapped, check, tightened, redundant, ended)
-        return replace(found, epsilon=self._epsilon, solver=self._solver, gap=original.gap)
+        """The conversion, once the simulator has confirmed that the network allows the plan's own schedule."""
+        original, chosen, snapped = self._original
+        simulation = simulate(plan, plan.nominal, original.times, epsilon=original.epsilon)
+        if not simulation.valid:
+            reasons = [*simulation.network_violations, *(violation.obligation for violation in simulation.violations)]
+            raise SolverError(
+                f"found a network that excludes the plan itself ({reasons[0]}), expected one that allows it; "
+                "please report this plan as a bug",
+                Location(self.timed.file),
+            )
+        return Conversion(
+            self.mode, stn, plan, chosen.beside, original.times, snapped, check, network.tightened, network.redundant,
+            ended, self.epsilon, self.solver, original.gap,
+        )  # fmt: skip
 
 
 @noticing_interrupts()
-def convert(
-    domain: Domain,
-    problem: Problem,
-    timed: TimedPlan,
-    **settings: Unpack[Settings],
-) -> Conversion:
+def convert(domain: Domain, problem: Problem, timed: TimedPlan, **settings: Unpack[Settings]) -> Conversion:
     """The time-triggered plan as an STN plan whose network allows its schedule [IRR §3].
 
     In mode CAUSAL the network is proved valid. Both the proof and the plan's own schedule (executed by the simulator,
@@ -672,30 +674,9 @@ def _without_implied_ranges(
     return tuple(kept)
 
 
-def _written(original: distances.Original, chosen: Parametrization, network: _Network) -> STNPlan:
-    """The plan with the network, durations first; where a parameter is a distance, nothing else is said about it."""
-    points = sorted(original.plan.time_points, key=lambda point: (point != model.ZERO, original.times[point]))
-    plain = distances.constraints_of(network.edges, {point: i for i, point in enumerate(points)})
-    every = [*(one for one in plain if not chosen.says_all_about(one)), *chosen.constraints]
-    constraints = tuple(sorted(every, key=lambda one: one.source.instance != one.target.instance))
-    return replace(chosen.bare, parameters=chosen.parameters, constraints=constraints)
-
-
 def _assert_proved(result: CheckResult) -> None:
     broken = next(iter(result.counterexamples), None)
     if broken is not None:
         raise SolverError(f"found {broken!r} broken in the converted plan, expected a proof; please report it as a bug")
     if result.answer is not Answer.PROVED:
         raise UndecidedError(f"found {_undecided(result)!r} undecided in the converted plan, expected a proof")
-
-
-def _assert_allowed(plan: model.ParametrizedPlan, original: distances.Original, timed: TimedPlan) -> None:
-    """That the schedule of the time-triggered plan is one of the network's, and breaks nothing."""
-    simulation = simulate(plan, plan.nominal, original.times, epsilon=original.epsilon)
-    if not simulation.valid:
-        reasons = [*simulation.network_violations, *(one.obligation for one in simulation.violations)]
-        raise SolverError(
-            f"found a network that excludes the plan itself ({reasons[0]}), expected one that allows it; "
-            "please report this plan as a bug",
-            Location(timed.file),
-        )

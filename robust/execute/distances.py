@@ -23,7 +23,7 @@ from robust.plan.pddl.syntax import Domain
 from robust.plan.simulate import Violation, mutex_pairs, simulate
 from robust.plan.stn import InstanceDeclaration, STNConstraint
 from robust.plan.timed import TimedPlan, TimedStep
-from robust.plan.timeline import State, TimedExecution
+from robust.plan.timeline import TimedExecution
 
 COARSEST = Fraction(1)
 """No planner rounds more than to whole numbers: what is further away than that is wrong, not rounded."""
@@ -142,11 +142,6 @@ class Original:
         """The states that the schedule passes through, at nominal parameter values."""
         return TimedExecution(self.plan, self.plan.nominal, self.times)
 
-    @cached_property
-    def before(self) -> Mapping[TimePoint, State]:
-        """The state that conditions at a time point read."""
-        return {point: happening.before for happening in self.execution.happenings for point in happening.points}
-
     def distance(self, source: TimePoint, target: TimePoint) -> Fraction:
         """t_target − t_source."""
         return self.times[target] - self.times[source]
@@ -156,14 +151,6 @@ class Original:
         """The mutex pairs, the earlier time point first."""
         pairs = mutex_pairs(self.plan)
         return tuple((a, b) if self.times[a] <= self.times[b] else (b, a) for a, b in pairs)
-
-    @cached_property
-    def _pairs(self) -> frozenset[tuple[TimePoint, TimePoint]]:
-        return frozenset(self.mutex)
-
-    def is_mutex(self, earlier: TimePoint, later: TimePoint) -> bool:
-        """Whether two time points are mutex, the first of them being the earlier one."""
-        return (earlier, later) in self._pairs
 
     def writes(self, atom: Atom) -> tuple[TruthWrite, ...]:
         """The writes of an atom by time; conditional effects that do not happen in the schedule are no writes."""
@@ -175,17 +162,16 @@ class Original:
         for atom, point, value in (*self._effects(), *self._literals()):
             # at one time point an add wins over a delete
             values[atom, point] = values.get((atom, point), False) or value
-        found: dict[Atom, list[TruthWrite]] = {}
-        for (atom, point), value in values.items():
-            found.setdefault(atom, []).append(TruthWrite(self.times[point], point, value))
-        order = {atom: sorted(writes, key=lambda one: (one.time, str(one.point))) for atom, writes in found.items()}
-        return {atom: tuple(writes) for atom, writes in order.items()}
+        writes: dict[Atom, list[TruthWrite]] = {}
+        for (atom, point), value in sorted(values.items(), key=lambda item: (self.times[item[0][1]], str(item[0][1]))):
+            writes.setdefault(atom, []).append(TruthWrite(self.times[point], point, value))
+        return {atom: tuple(ordered) for atom, ordered in writes.items()}
 
     def _effects(self) -> Iterator[tuple[Atom, TimePoint, bool]]:
         for instance in self.plan.instances:
             for effect in instance.atom_effects:
                 point = instance.at(effect.timing)
-                if self.execution.reading(self.before[point], instance).holds(effect.condition):
+                if self.execution.reading(self.execution.before(point), instance).holds(effect.condition):
                     yield effect.atom, point, effect.value
 
     def _literals(self) -> Iterator[tuple[Atom, TimePoint, bool]]:
@@ -201,17 +187,16 @@ def declarations(plan: TimedPlan, domain: Domain, epsilon: Fraction) -> tuple[In
     """
     if not plan.steps:
         raise InputError("empty plan: found no step, expected at least one", Location(plan.file))
+
+    def is_durative(step: TimedStep) -> bool:
+        schema = domain.actions.get(step.action)
+        short = step.duration is not None and step.duration <= epsilon
+        return step.duration is not None and not (short and schema is not None and not schema.durative)
+
     return tuple(
-        InstanceDeclaration(f"n{i}", step.action, step.arguments, _durative(step, domain, epsilon), step.location)
+        InstanceDeclaration(f"n{i}", step.action, step.arguments, is_durative(step), step.location)
         for i, step in enumerate(plan.steps)
     )
-
-
-def _durative(step: TimedStep, domain: Domain, epsilon: Fraction) -> bool:
-    schema = domain.actions.get(step.action)
-    if schema is not None and not schema.durative and step.duration is not None and step.duration <= epsilon:
-        return False
-    return step.duration is not None
 
 
 def schedule_of(plan: TimedPlan, instances: Sequence[InstanceDeclaration]) -> dict[TimePoint, Fraction]:
@@ -224,15 +209,20 @@ def schedule_of(plan: TimedPlan, instances: Sequence[InstanceDeclaration]) -> di
     return times
 
 
+def with_literals(plan: ParametrizedPlan, times: Mapping[TimePoint, Fraction]) -> dict[TimePoint, Fraction]:
+    """A schedule completed by the times of timed literals."""
+    return {**{literal.point: literal.time for literal in plan.timed_literals}, **times}
+
+
 def tolerances(
     plan: TimedPlan, instances: Sequence[InstanceDeclaration], epsilon: Fraction, tolerance: Fraction | None
 ) -> dict[TimePoint, Fraction]:
     """How far starts, and durations (by end), may be from what was printed: one unit of the last digit, at most ε."""
-    found: dict[TimePoint, Fraction] = {}
+    reach: dict[TimePoint, Fraction] = {}
     for (of_time, of_duration), instance in zip(plan.units, instances, strict=True):
-        found[instance.end] = min(of_duration, epsilon) if tolerance is None else tolerance
-        found[instance.start] = min(of_time, epsilon) if tolerance is None else tolerance
-    return found
+        reach[instance.end] = min(of_duration, epsilon) if tolerance is None else tolerance
+        reach[instance.start] = min(of_time, epsilon) if tolerance is None else tolerance
+    return reach
 
 
 def snapped(
@@ -248,9 +238,8 @@ def snapped(
         InvalidPlanError: if there is none; the message says what breaks in the printed schedule, and what would do.
         UnsupportedError: if the simulator cannot decide an over-all condition or a continuous effect.
     """
-    complete = {**{point: point.time for point in plan.time_points if point.time is not None}, **times}
     try:
-        return snap(plan, complete, tolerances, mutex_pairs(plan), epsilon)
+        return snap(plan, with_literals(plan, times), tolerances, mutex_pairs(plan), epsilon)
     except TooFarError as error:
         near = error.shift is not None and error.shift <= COARSEST
         remedy = f", which --tolerance {format_number(round_up(error.shift or Fraction(0)))} allows" if near else ""
@@ -267,15 +256,14 @@ def validated(
         InvalidPlanError: if it breaks an obligation; the message names the first one in time, and the step's line.
         UnsupportedError: if the simulator cannot decide an over-all condition or a continuous effect.
     """
-    complete = {**{point: point.time for point in plan.time_points if point.time is not None}, **times}
-    violations = simulate(plan, plan.nominal, complete, epsilon=epsilon).violations
+    violations = simulate(plan, plan.nominal, times, epsilon=epsilon).violations
     if violations:
         first = min(violations, key=lambda violation: violation.time)
         others = f" (and {len(violations) - 1} more: robust validate names all)" if len(violations) > 1 else ""
         broken = f"{first.obligation!r} broken at time {format_number(first.time)}: {first.detail}{others}"
         message = f"invalid plan: found {broken}, expected a plan that breaks nothing{remedy}"
         raise InvalidPlanError(message, _place(plan.instances, first, file), violations)
-    return Original(plan, complete, epsilon)
+    return Original(plan, with_literals(plan, times), epsilon)
 
 
 def _place(instances: Sequence[ActionInstance], violation: Violation, file: str) -> Location:

@@ -18,13 +18,13 @@ from fractions import Fraction
 from robust.errors import InputError, Location
 from robust.execute.dispatchable import written_fluents
 from robust.execute.distances import DistanceEdge, Original
+from robust.execute.snap import duration_range, read_before
 from robust.numbers import format_number
 from robust.plan import model
 from robust.plan.load import domain_parameters
 from robust.plan.parameters import ParameterSpec, Target, wire
 from robust.plan.pddl.grounding import initial_fluents
 from robust.plan.pddl.syntax import Comparator, Domain, Problem
-from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import mutex_pairs
 from robust.plan.stn import InstanceDeclaration, ParameterDeclaration, STNConstraint, STNPlan
 
@@ -124,14 +124,9 @@ def duration_edges(
     equal = any(one.condition.relation is model.Relation.EQUAL for one in instance.durations)
     if equal or instance.identifier in pinned:
         return DistanceEdge(instance.start, instance.end, own), DistanceEdge(instance.end, instance.start, -own)
-    lower = certain_duration(original, instance).weight
-    upper: Fraction | None = None
-    for is_lower, bound in _bounds(original, instance):
-        if is_lower:
-            lower = max(lower, bound)
-        else:
-            upper = bound if upper is None else min(upper, bound)
-    edges = (DistanceEdge(instance.start, instance.end, lower),)
+    lower, upper = duration_range(instance, read_before(original.execution, instance))
+    certain = certain_duration(original, instance)
+    edges = (certain._replace(weight=max(certain.weight, lower)),)
     return edges if upper is None else (*edges, DistanceEdge(instance.end, instance.start, -upper))
 
 
@@ -158,34 +153,8 @@ def settled_durations(original: Original, pinned: Collection[str]) -> frozenset[
 
 def certain_duration(original: Original, instance: model.ActionInstance) -> DistanceEdge:
     """The lower bound of t_end − t_start that holds for every duration: 0, or the gap where start and end are mutex."""
-    lower = original.gap if original.is_mutex(instance.start, instance.end) else Fraction(0)
+    lower = original.gap if (instance.start, instance.end) in original.mutex else Fraction(0)
     return DistanceEdge(instance.start, instance.end, lower)
-
-
-def _bounds(original: Original, instance: model.ActionInstance) -> Iterator[tuple[bool, Fraction]]:
-    """Lower (True) and upper bounds."""
-    for constraint in instance.durations:
-        if constraint.condition.relation is model.Relation.DIFFERENT:
-            continue
-        value, slope = _in_duration(original, instance, constraint)
-        if slope:
-            yield slope > 0, -value / slope
-
-
-def _in_duration(
-    original: Original, instance: model.ActionInstance, constraint: model.DurationConstraint
-) -> tuple[Fraction, Fraction]:
-    """The constraint's expression as `value + slope · ?duration`; the slope is 0 if it is not of this form."""
-    expression = constraint.condition.expression
-    reading = original.execution.reading(original.before[instance.at(constraint.timing)], instance)
-
-    def value(variable: model.NumericVariable) -> model.Expression:
-        length = isinstance(variable, model.Duration)
-        return Polynomial.variable(variable) if length else Polynomial.constant(reading.variable(variable))
-
-    found = expression.substitute(value)
-    slope = found.terms.get((model.Duration(),), Fraction(0)) if found.is_linear else Fraction(0)
-    return found.constant_term, slope
 
 
 @dataclass(frozen=True)

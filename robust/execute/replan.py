@@ -453,11 +453,7 @@ def beginning(plan: model.ParametrizedPlan, world: SimulatedWorld) -> model.Para
 
 
 def _segment(
-    dispatcher: Dispatcher,
-    prepared: Prepared,
-    world: SimulatedWorld,
-    origin: Fraction,
-    last: Fraction,
+    dispatcher: Dispatcher, prepared: Prepared, world: SimulatedWorld, origin: Fraction, last: Fraction
 ) -> Segment:
     """What became of a plan."""
     executed = world.executed.values()

@@ -9,7 +9,7 @@ because a chain of steps may begin as much earlier as it ends later.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import lcm
@@ -19,21 +19,10 @@ from robust.encode.effects import names_in
 from robust.errors import RefutedError
 from robust.network.differences import Bound, delay, following
 from robust.numbers import format_number, plural, round_up
-from robust.plan.model import (
-    ZERO,
-    ActionInstance,
-    Atom,
-    Duration,
-    Expression,
-    Fluent,
-    NumericVariable,
-    ParametrizedPlan,
-    Relation,
-    TimePoint,
-    Timing,
-)
+from robust.plan import model
+from robust.plan.model import ZERO, ActionInstance, ParametrizedPlan, TimePoint
 from robust.plan.polynomial import Polynomial
-from robust.plan.timeline import Reading, TimedExecution
+from robust.plan.timeline import TimedExecution
 
 
 class NearSchedules:
@@ -239,12 +228,12 @@ class _Snapping:
                 yield instance.start, instance.end, low
                 if high is not None:
                     yield instance.end, instance.start, -high
-        writers: dict[Atom | Fluent, set[TimePoint]] = {}
+        writers: dict[model.Atom | model.Fluent, set[TimePoint]] = {}
         for name, point in _writes(self._plan):
             writers.setdefault(name, set()).add(point)
         for instance in self._plan.instances:
             for part in instance.conditions:
-                if part.timing is Timing.OVER_ALL:
+                if part.timing is model.Timing.OVER_ALL:
                     for name in names_in(part.condition):
                         for point in writers.get(name, ()):
                             yield from self._outside(instance, point)
@@ -282,7 +271,11 @@ class _Snapping:
         durations = {one.identifier: self._printed[one.end] - self._printed[one.start] for one in self._plan.instances}
         for _ in range(len(durations) + 1):
             execution = TimedExecution(self._plan, self._plan.nominal, times, durations)
-            found = {one.identifier: self._allowed(execution, one) for one in self._plan.instances if one.durative}
+            found = {
+                one.identifier: duration_range(one, read_before(execution, one))
+                for one in self._plan.instances
+                if one.durative
+            }
             exact = {name: _nearest(durations[name], *limits) for name, limits in found.items()}
             if exact.items() <= durations.items():
                 break
@@ -325,27 +318,6 @@ class _Snapping:
             for point, time in self._printed.items()
         }
 
-    def _allowed(self, execution: TimedExecution, instance: ActionInstance) -> tuple[Fraction, Fraction | None]:
-        low, high = Fraction(0), None
-        for constraint in instance.durations:
-            reading = execution.reading(execution.before(instance.at(constraint.timing)), instance)
-
-            def value(variable: NumericVariable, reading: Reading = reading) -> Expression:
-                length = isinstance(variable, Duration)
-                return Polynomial.variable(variable) if length else Polynomial.constant(reading.variable(variable))
-
-            read = constraint.condition.expression.substitute(value)
-            slope = read.terms.get((Duration(),), Fraction(0))
-            relation = constraint.condition.relation
-            if not slope or not read.is_linear or relation is Relation.DIFFERENT:
-                continue
-            limit = -read.constant_term / slope
-            if relation is Relation.EQUAL or slope > 0:
-                low = max(low, limit)
-            if relation is Relation.EQUAL or slope < 0:
-                high = limit if high is None else min(high, limit)
-        return low, high
-
     def _result(self, times: Mapping[TimePoint, Fraction], shift: int, scale: int) -> Snapped:
         printed, durative = self._printed, [one for one in self._plan.instances if one.durative]
         durations = sum(times[one.end] - times[one.start] != printed[one.end] - printed[one.start] for one in durative)
@@ -354,7 +326,44 @@ class _Snapping:
         return Snapped(times, durations, starts, max([Fraction(shift, scale), *map(abs, lengths)]))
 
 
-def _writes(plan: ParametrizedPlan) -> Iterator[tuple[Atom | Fluent, TimePoint]]:
+Known = Callable[[model.DurationConstraint], model.Expression]
+"""The expression of a duration constraint, with a number for each variable but `?duration` that has a known value."""
+
+
+def duration_range(instance: ActionInstance, known: Known) -> tuple[Fraction, Fraction | None]:
+    """The least and the greatest duration that the constraints of an instance allow, strict bounds included.
+
+    Constraints that are not linear in `?duration`, or read anything else that is not known, are left out.
+    """
+    low, high = Fraction(0), None
+    for constraint in instance.durations:
+        expression = known(constraint)
+        if expression.variables == {model.Duration()} and expression.is_linear:
+            ((_, slope),) = expression.coefficients()
+            limit, equal = -expression.constant_term / slope, constraint.condition.relation is model.Relation.EQUAL
+            if equal or slope > 0:
+                low = max(low, limit)
+            if equal or slope < 0:
+                high = limit if high is None else min(high, limit)
+    return low, high
+
+
+def read_before(execution: TimedExecution, instance: ActionInstance) -> Known:
+    """What duration constraints of an instance read in the states of an execution."""
+
+    def known(constraint: model.DurationConstraint) -> model.Expression:
+        reading = execution.reading(execution.before(instance.at(constraint.timing)), instance)
+
+        def value(variable: model.NumericVariable) -> model.Expression:
+            length = isinstance(variable, model.Duration)
+            return Polynomial.variable(variable) if length else Polynomial.constant(reading.variable(variable))
+
+        return constraint.condition.expression.substitute(value)
+
+    return known
+
+
+def _writes(plan: ParametrizedPlan) -> Iterator[tuple[model.Atom | model.Fluent, TimePoint]]:
     for instance in plan.instances:
         for effect in instance.atom_effects:
             yield effect.atom, instance.at(effect.timing)

@@ -23,16 +23,7 @@ from robust.execute import distances
 from robust.execute.snap import Snapped, TooFarError, snap
 from robust.numbers import decimal_at, decimal_index, format_number, plural, readable, readable_values, round_up
 from robust.plan.load import assemble
-from robust.plan.model import (
-    ActionInstance,
-    Atom,
-    Condition,
-    Holds,
-    ParametrizedPlan,
-    TimePoint,
-    TimePointKind,
-    Timing,
-)
+from robust.plan.model import ActionInstance, Atom, Condition, Holds, ParametrizedPlan, TimePoint, TimePointKind, Timing
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.simulate import Simulation, Violation, mutex_pairs, simulate
 from robust.plan.stn import InstanceDeclaration, STNPlan, is_network
@@ -251,8 +242,8 @@ class _Judge:
                 found = f"found {step}, expected a time and a duration of at least 0"
                 raise InputError(found, step.location or Location(timed.file))
         plan = assemble(domain, problem, STNPlan((), declared, (), timed.file))
-        literals = {point: point.time for point in plan.time_points if point.time is not None}
-        return cls(timed, declared, plan, {**literals, **distances.schedule_of(timed, declared)})
+        printed = distances.with_literals(plan, distances.schedule_of(timed, declared))
+        return cls(timed, declared, plan, printed)
 
     def outcome(self, epsilon: Fraction, tolerance: Fraction | None) -> _Outcome:
         """What becomes of the printed schedule, or of the exact one that it stands for."""

@@ -426,10 +426,7 @@ class Distances(Generic[Point]):
     """
 
     def __init__(
-        self,
-        points: Iterable[Point],
-        bounds: Iterable[tuple[Point, Point, Fraction]],
-        weights: Iterable[Fraction] = (),
+        self, points: Iterable[Point], bounds: Iterable[tuple[Point, Point, Fraction]], weights: Iterable[Fraction] = ()
     ) -> None:
         bounds = tuple(bounds)
         self.index = {point: number for number, point in enumerate(points)}

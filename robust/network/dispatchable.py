@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
-from math import lcm
+from math import inf, lcm
 from typing import Any, Generic, Protocol, TypeVar
 
 from robust.errors import InputError
@@ -307,32 +307,29 @@ def _rank(full: DispatchNetwork[Any], point: int, group: Mapping[int, Fraction])
     return 2 if full.index[link.source] in group else 0
 
 
+def waits(answer: DynamicAnswer) -> tuple[Wait, ...]:
+    """The conditional waits with which a dispatcher satisfies a controllable network, in the order of its time points.
+
+    Waits that requirements or other waits imply are left out.
+    """
+    full = strategy(answer, answer.form.stnu.contingents)
+    return tuple(sorted(needed_waits(full), key=lambda wait: (full.index[wait.point], full.index[wait.end])))
+
+
 def needed_waits(full: DispatchNetwork[Any]) -> Iterator[Wait]:
     """The waits that neither requirements nor other waits imply."""
-    distance = [dict(found) for found in full.above]
-    by_link: dict[tuple[int, int], dict[int, Fraction | None]] = {}
-    for point, found in enumerate(full.waits):
-        for activation, end, delay in found:
-            waiting = by_link.setdefault((activation, end), {})
-            waiting[point] = _longer(delay, waiting[point]) if point in waiting else delay
-    for (activation, end), waiting in by_link.items():
-        for point, delay in sorted(waiting.items()):
-            after = distance[point].get(end)
-            since = distance[point].get(activation)
-            late_enough = delay is not None and since is not None and -since >= delay
-            others = ((distance[point].get(other), beyond) for other, beyond in waiting.items() if other != point)
-            if late_enough or (after is not None and after < 0) or any(_covers(*one, delay) for one in others):
-                continue
-            points = full.points
-            yield Wait(points[point], points[activation], delay, points[end])
-
-
-def _longer(one: Fraction | None, other: Fraction | None) -> Fraction | None:
-    return None if one is None or other is None else max(one, other)
-
-
-def _covers(gap: Fraction | None, beyond: Fraction | None, delay: Fraction | None) -> bool:
-    """Whether another time point, which happens before by more than nothing, has waited long enough."""
-    if gap is None or gap >= 0:
-        return False
-    return beyond is None or (delay is not None and beyond - gap >= delay)
+    distance = [dict(bounds) for bounds in full.above]
+    by_link: dict[tuple[int, int], dict[int, Fraction | float]] = {}  # an infinite delay: until the end of the link
+    for point, waits in enumerate(full.waits):
+        for activation, end, delay in waits:
+            delays = by_link.setdefault((activation, end), {})
+            delays[point] = max(inf if delay is None else delay, delays.get(point, -inf))
+    for (activation, end), delays in by_link.items():
+        for point, delay in sorted(delays.items()):
+            latest = distance[point]
+            late_enough = -latest.get(activation, inf) >= delay or latest.get(end, inf) <= 0
+            others = ((latest.get(other, inf), beyond) for other, beyond in delays.items() if other != point)
+            if not late_enough and not any(gap < 0 and beyond - gap >= delay for gap, beyond in others):
+                points = full.points
+                finite = delay if isinstance(delay, Fraction) else None
+                yield Wait(points[point], points[activation], finite, points[end])

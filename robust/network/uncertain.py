@@ -35,7 +35,6 @@ from math import lcm
 from typing import Generic, TypeVar
 
 from robust.errors import InputError
-from robust.network.differences import DifferenceNetwork
 from robust.numbers import format_number
 from robust.plan.model import ZERO, TimePoint
 from robust.presented import NoTruthValue
@@ -266,45 +265,6 @@ class Wait:
         if self.delay is None:
             return f"{self.point} waits for {self.end}"
         return f"{self.point} waits for {self.end}, at most {format_number(self.delay)} after {self.activation}"
-
-
-def waits(answer: DynamicAnswer) -> tuple[Wait, ...]:
-    """The conditional waits with which a dispatcher satisfies a controllable network, in the order of its time points.
-
-    Waits that the others and the requirements imply are left out: what comes after another time point need not say that
-    it waits as long, and what comes after the end of a link waits for it anyway.
-    """
-    form = answer.form
-    points, executable = form.stnu.points, set(form.stnu.executable)
-    every = [edge for edge in (*form.edges, *answer.derived) if edge.case is not Case.LOWER]
-    ordinary = [(edge.target, edge.source, -edge.weight) for edge in every if edge.case is Case.ORDINARY]
-    known = DifferenceNetwork(form.size, ordinary)
-    link_of = {node: form.stnu.links[index] for index, node in form.start.items()}
-    found = []
-    for start, link in link_of.items():
-        waiting: dict[int, int] = {}
-        for edge in every:
-            if edge.case is Case.UPPER and edge.target == start:
-                waiting[edge.source] = min(edge.weight, waiting.get(edge.source, edge.weight))
-        for node in sorted(waiting, key=lambda node: -node):
-            if node >= len(points) or points[node] not in executable:
-                continue
-            if _is_implied(node, start, waiting, known):
-                del waiting[node]
-            else:
-                length = form.length(waiting[node])
-                delay = None if length is None else (link.lower or 0) - length
-                found.append(Wait(points[node], link.source, delay, link.target))
-    return tuple(sorted(found, key=lambda wait: (points.index(wait.point), points.index(wait.end))))
-
-
-def _is_implied(node: int, start: int, waiting: dict[int, int], known: DifferenceNetwork) -> bool:
-    weight, after = waiting[node], known.least(start, node)
-    if after is not None and -after <= weight:
-        return True
-    others = ((known.least(other, node), beyond) for other, beyond in waiting.items() if other != node)
-    # Only what happens before the time point has waited when the time point looks.
-    return any(after is not None and after >= 0 and beyond - after <= weight for after, beyond in others)
 
 
 def _in_units(number: Fraction | int, scale: int) -> int:

@@ -20,21 +20,10 @@ if TYPE_CHECKING:
     from robust.stnu.repairs import LinkChange as Change
     from robust.stnu.repairs import NetworkRepair as Repair
     from robust.stnu.repairs import repair
-    from robust.stnu.verdicts import (
-        DispatchResult,
-        check,
-        dispatch,
-        refutes,
-    )
-    from robust.stnu.verdicts import (
-        NetworkCheck as CheckResult,
-    )
-    from robust.stnu.verdicts import (
-        NetworkExecution as Execution,
-    )
-    from robust.stnu.verdicts import (
-        NetworkVerdict as Verdict,
-    )
+    from robust.stnu.verdicts import DispatchResult, check, dispatch, refutes
+    from robust.stnu.verdicts import NetworkCheck as CheckResult
+    from robust.stnu.verdicts import NetworkExecution as Execution
+    from robust.stnu.verdicts import NetworkVerdict as Verdict
 
 _HOME = {
     "Change": "robust.stnu.repairs:LinkChange",

@@ -15,14 +15,7 @@ from fractions import Fraction
 from random import Random
 
 from robust.errors import InputError, RefutedError
-from robust.network.dispatchable import (
-    DispatchNetwork,
-    Windows,
-    edges_between,
-    minimal_edges,
-    needed_waits,
-    strategy,
-)
+from robust.network.dispatchable import DispatchNetwork, Windows, edges_between, minimal_edges, needed_waits, strategy
 from robust.network.uncertain import UncertainLink, Wait, dynamic, explain
 from robust.numbers import Number
 from robust.plan.model import ZERO, TimePoint

@@ -36,6 +36,7 @@ from typing import assert_never
 
 from robust.errors import RobustError
 from robust.execute.planners.interface import Planner, PlannerAnswer, PlannerStatus
+from robust.execute.snap import duration_range
 from robust.numbers import format_number
 from robust.plan import model
 from robust.plan.pddl import syntax
@@ -195,19 +196,11 @@ class _Constants:
 
     def shortest(self, action: model.ActionInstance) -> Fraction | None:
         """The least duration as far as it is known; None if there is none, so that the action is never executed."""
-        lower, upper = Fraction(0), None
-        for one in action.durations:
-            expression = self.value(one.condition.expression)
-            if expression is None:
-                return None
-            if expression.variables != frozenset((model.Duration(),)) or not expression.is_linear:
-                continue
-            factor = dict(expression.coefficients())[model.Duration()]
-            bound = -expression.constant_term / factor
-            if factor > 0 or one.condition.relation is model.Relation.EQUAL:
-                lower = max(lower, bound)
-            if factor < 0 or one.condition.relation is model.Relation.EQUAL:
-                upper = bound if upper is None else min(upper, bound)
+        known = {constraint: self.value(constraint.condition.expression) for constraint in action.durations}
+        values = {constraint: expression for constraint, expression in known.items() if expression is not None}
+        if len(values) < len(known):
+            return None
+        lower, upper = duration_range(action, values.__getitem__)
         return None if upper is not None and upper < lower else lower
 
 
