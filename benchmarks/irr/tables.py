@@ -182,7 +182,7 @@ def run_case(table: int, column: int, problem: int, seed: int, conditions: Condi
         run = execute(mission, f"{problem}/{seed}", prepare_timed(domain, parsed, answer.plan, options))
         promises = (sum(map(_promises, run.segments)), broken_promises(run))
         succeeded = run.status is RunStatus.SUCCEEDED
-        answers = [one.answer for segment in run.segments for one in segment.left]
+        answers = [one.answer for segment in run.segments for one in segment.remainders]
         looked = (len(answers), answers.count(SliceAnswer.OUT_OF_TIME), answers.count(SliceAnswer.NOTHING))
         spent = round(run.seconds, 4)
         rows.append(ExecutionRow(*place, succeeded, run.replans, *promises, spent, run.reason, *looked))
@@ -197,7 +197,7 @@ def broken_promises(run: ReplanningRun) -> int:
 
 
 def _promises(segment: Segment) -> bool:
-    outside = not segment.left and not all(one.inside for one in segment.observations)
+    outside = not segment.remainders and not all(one.inside for one in segment.observations)
     left = isinstance(segment.ending, LeftBox) or outside
     return segment.promised is Guarantee.DYNAMIC and not left
 

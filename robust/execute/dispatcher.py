@@ -12,7 +12,7 @@ plan's time zero.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
@@ -20,7 +20,7 @@ from time import perf_counter
 
 from robust.errors import did_you_mean
 from robust.execute.dispatchable import Dispatchable, Guarantee, Means, NaturalLink
-from robust.execute.slices import Left, Observations, hull
+from robust.execute.slices import Observations, Remainder, hull
 from robust.network.dispatchable import Windows
 from robust.numbers import format_number
 from robust.plan import model
@@ -229,27 +229,21 @@ def in_order(messages: Sequence[Message]) -> list[Message]:
     return sorted(messages, key=key)
 
 
-def unmet(
-    instance: model.ActionInstance, estimate: StateEstimate, parameters: Mapping[str, Fraction], *, numbers: bool
-) -> str | None:
-    """The first condition at the start of an instance that does not hold in a state, as it is written in PDDL.
+Variables = Collection[model.NumericVariable]
 
-    Conditions on `?duration`, on fluents that the estimate has no value of and, unless `numbers` is given, on any
-    fluents are passed over: nothing contradicts them.
+
+def unmet(
+    instance: model.ActionInstance, timing: model.Timing, reading: Reading, is_known: Callable[[Variables], bool]
+) -> str | None:
+    """Why the first condition of an instance, of that timing, that is false is not met; None if there is none.
+
+    Conditions that compare variables of which not all `is_known` are passed over: nothing contradicts them.
     """
-    reading = Reading(State(estimate.atoms, estimate.fluents), parameters)
     for part in instance.demands:
-        readable = part.timing is model.Timing.AT_START and _is_readable(part.condition, estimate, numbers=numbers)
-        if readable and not reading.holds(part.condition):
+        variables = {name for one in model.comparisons(part.condition) for name in one.expression.variables}
+        if part.timing is timing and is_known(variables) and not reading.holds(part.condition):
             return f"{part.text} does not hold"
     return None
-
-
-def _is_readable(condition: model.Condition, estimate: StateEstimate, *, numbers: bool) -> bool:
-    expressions = [one.expression for one in model.comparisons(condition)]
-    fluents = {fluent for expression in expressions for fluent in model.fluents_in(expression)}
-    known = not fluents or (numbers and estimate.fluents.keys() >= fluents)
-    return known and not any(model.Duration() in expression.variables for expression in expressions)
 
 
 class Phase(Enum):
@@ -281,13 +275,13 @@ class Dispatcher:
         """All values that were taken note of."""
         self.rejected: list[MessageRejected] = []
         """All messages that changed nothing, although they should have."""
-        self.left: list[Left] = []
+        self.remainders: list[Remainder] = []
         """What was left of the envelope after observations, if that is asked for."""
         self._patience = patience or dispatchable.epsilon or Fraction(1, 1000)
         self._drain = drain
         self._windows = Windows(dispatchable.network)
         self._points, self._index = dispatchable.network.points, dispatchable.network.index
-        self._left = list(dispatchable.ours)
+        self._pending = list(dispatchable.ours)
         self._literals = list(dispatchable.literals)
         self._open = {link.target: link for link in dispatchable.network.natural.values()}
         self._limits: dict[model.TimePoint, Fraction] = {}
@@ -298,16 +292,13 @@ class Dispatcher:
         self._last_change = Fraction(0)
         self._failed: set[str] = set()
         self._now = Fraction(0)
-        self._wake: Fraction | None = None
+        self.wake: Fraction | None = None
+        """When to step again if no message comes before."""
         self._begun = False
         self._decisions: list[Decision] = []
         """Those of the step that is being taken."""
 
     # -- the executive -----------------------------------------------------------------------------------------------
-
-    @property
-    def wake(self) -> Fraction | None:
-        return self._wake
 
     @property
     def ended(self) -> bool:
@@ -329,7 +320,7 @@ class Dispatcher:
             self._advance()
         if self.phase is Phase.DRAINING:
             self._drain_running()
-        self._wake = None if self.ended else self._next_wake()
+        self.wake = None if self.ended else self._next_wake()
         return decisions
 
     # -- for those who look on ---------------------------------------------------------------------------------------
@@ -397,38 +388,38 @@ class Dispatcher:
 
     def _natural(self, point: model.TimePoint, link: NaturalLink | None, time: Fraction, length: Fraction) -> None:
         number = self._index[point]
-        if number in self._left:
-            self._left.remove(number)
+        if number in self._pending:
+            self._pending.remove(number)
         self._happen(point, time)
         lower, upper = self._windows.window(number)
         if link is not None:
             value = length if link.parameter is None else link.revealed(length)
-            left = self._left_box(link, value, time)
-            if self._learn(left, value, link.target.instance, inside=length in link.allowed):
+            departure = self._departure(link, value, time)
+            if self._learn(departure, value, link.target.instance, inside=length in link.allowed):
                 return
         if self.phase is Phase.DISPATCHING and (time < lower or (upper is not None and time > upper)):
             self._give_up(Missed(point, self._why(number, time), self._now))
 
-    def _learn(self, left: LeftBox, value: Fraction, instance: str | None, *, inside: bool) -> bool:
-        """Take note of a value that an instance has revealed; `left` is what it amounts to if it is not inside.
+    def _learn(self, departure: LeftBox, value: Fraction, instance: str | None, *, inside: bool) -> bool:
+        """Take note of a value that an instance has revealed; `departure` is what it amounts to if it is not inside.
 
         Returns whether another promise was found in what is left.
         """
-        name = left.parameter
+        name = departure.parameter
         if name is not None:
             self.observed.setdefault(name, value)
             self._seen[name, instance] = value
         if name is not None or not inside:
-            self.observations.append(Observation(left.time, left.what, value, inside))
-        if name is not None and self._slice(f"{left.what} = {format_number(value)}"):
+            self.observations.append(Observation(departure.time, departure.what, value, inside))
+        if name is not None and self._slice(f"{departure.what} = {format_number(value)}"):
             return True
         if not inside:
-            self._give_up(left)
+            self._give_up(departure)
         elif name is not None:
             self._tighten(name)
         return False
 
-    def _left_box(self, link: NaturalLink, value: Fraction | None, time: Fraction) -> LeftBox:
+    def _departure(self, link: NaturalLink, value: Fraction | None, time: Fraction) -> LeftBox:
         """That a length is not allowed; None if it is overdue."""
         name = link.parameter
         interval = link.allowed if name is None else self.dispatchable.box[name]
@@ -460,8 +451,8 @@ class Dispatcher:
         if timed is not None and timed.means is Means.TIME:
             return f"{name} is revealed by the time of {timed.point}, which has not happened"
         self._due.pop(key, None)
-        left = LeftBox(name, name, value, self.dispatchable.box[name], self._now)
-        self._learn(left, value, key[1], inside=value in self.dispatchable.box[name])
+        departure = LeftBox(name, name, value, self.dispatchable.box[name], self._now)
+        self._learn(departure, value, key[1], inside=value in self.dispatchable.box[name])
         return None
 
     # -- decisions ---------------------------------------------------------------------------------------------------
@@ -473,16 +464,16 @@ class Dispatcher:
             self._give_up(ending)
             return
         while self.phase is Phase.DISPATCHING:
-            number = next(filter(self._is_ready, self._left), None)
-            if number is None:
+            ready = next(filter(self._is_ready, self._pending), None)
+            if ready is None:
                 break
-            self._execute(number)
-        stuck = next(filter(self._is_stuck, self._left), None)
+            self._execute(ready)
         if self.phase is not Phase.DISPATCHING:
             return
+        stuck = next(filter(self._is_stuck, self._pending), None)
         if stuck is not None:
             self._give_up(self._missed(stuck))
-        elif not self._left and not self._open and not self._due:
+        elif not self._pending and not self._open and not self._due:
             self.phase = Phase.ENDED
             self._decisions.append(DispatchSucceeded(self._now))
 
@@ -495,10 +486,10 @@ class Dispatcher:
         """What should have happened by now and has not."""
         for target in [*self._limits]:
             if self._now >= self._limits.get(target, self._now + 1):
-                left = self._left_box(self._open[target], None, self._now)
-                if left.parameter is None or not self._slice(str(left)):
-                    return left
-        late = next((number for number in self._left if self._windows.is_late(number, self._now)), None)
+                departure = self._departure(self._open[target], None, self._now)
+                if departure.parameter is None or not self._slice(str(departure)):
+                    return departure
+        late = next((number for number in self._pending if self._windows.is_late(number, self._now)), None)
         if late is not None:
             exceeded = self._exceeded(self._now)
             if exceeded is None:
@@ -519,7 +510,7 @@ class Dispatcher:
             begun, upper = self._time(link.source), link.allowed.upper
             last = None if begun is None or upper is None else begun + upper
             if last is not None and (time > last or (time == last and target == failed)):
-                return self._left_box(link, None, time)
+                return self._departure(link, None, time)
         return None
 
     def _execute(self, number: int) -> None:
@@ -535,7 +526,7 @@ class Dispatcher:
         self._dispatch(number)
 
     def _dispatch(self, number: int) -> None:
-        self._left.remove(number)
+        self._pending.remove(number)
         self._happen(self._points[number], self._now)
         self._decisions.append(Dispatch(self._points[number], self._now))
 
@@ -548,8 +539,16 @@ class Dispatcher:
         estimate = self._estimate
         if estimate is None or estimate.time < self._last_change:
             return None
+
+        def is_known(variables: Variables) -> bool:
+            """Fluents may have changed since the estimate."""
+            fluents = {variable for variable in variables if isinstance(variable, model.Fluent)}
+            lasting = not fluents or (estimate.time == self._now and estimate.fluents.keys() >= fluents)
+            return lasting and model.Duration() not in variables
+
         values = {**self.dispatchable.plan.nominal, **self.observed}
-        return unmet(instance, estimate, values, numbers=estimate.time == self._now)
+        reading = Reading(State(estimate.atoms, estimate.fluents), values)
+        return unmet(instance, model.Timing.AT_START, reading, is_known)
 
     def _is_stuck(self, number: int) -> bool:
         """Whether no schedule allows a time point any more; BLEX finds out when its time has come."""
@@ -574,7 +573,7 @@ class Dispatcher:
         self.phase = Phase.DRAINING if self._drain else Phase.ENDED
 
     def _drain_running(self) -> None:
-        for number in filter(self._ends_running, tuple(self._left)):
+        for number in filter(self._ends_running, tuple(self._pending)):
             if self._windows.lower[number] <= self._now:
                 self._dispatch(number)
         if not self.running:
@@ -619,17 +618,17 @@ class Dispatcher:
         if slices is None or self.phase is not Phase.DISPATCHING:
             return False
         started = perf_counter()
-        left, network = slices.after(self._facts(), what, self.dispatchable.box)
-        if left.box is None:
-            self.left.append(left)
+        remainder, network = slices.after(self._facts(), what, self.dispatchable.box)
+        if remainder.box is None:
+            self.remainders.append(remainder)
             return False
-        self.dispatchable = self.dispatchable.continued(network, left.box)
+        self.dispatchable = self.dispatchable.continued(network, remainder.box)
         self._windows = self._windows.over(self.dispatchable.network)
         self._open = {point: self.dispatchable.network.natural[point] for point in self._open}
         self._limits = {}
         for point in self.times:
             self._expect(point)
-        self.left.append(replace(left, seconds=perf_counter() - started))
+        self.remainders.append(replace(remainder, seconds=perf_counter() - started))
         return True
 
     def _facts(self) -> Observations:
@@ -666,11 +665,11 @@ class Dispatcher:
 
     def _next_wake(self) -> Fraction | None:
         if self.phase is Phase.DRAINING:
-            moments = [self._windows.lower[number] for number in filter(self._ends_running, self._left)]
+            moments = [self._windows.lower[number] for number in filter(self._ends_running, self._pending)]
         else:
             moments = [*self._limits.values(), *(due + self._patience for due in self._due.values())]
             moments += [time for time, _ in self._literals[:1]]
-            moments += self._windows.moments(self._left, self._patience)
+            moments += self._windows.moments(self._pending, self._patience)
         return min((moment for moment in moments if moment > self._now), default=None)
 
     def _ends_running(self, number: int) -> bool:

@@ -25,7 +25,7 @@ from robust.execute.dispatchable import Blex, Dispatchable, Dreex, Executor, Gua
 from robust.execute.dispatcher import Dispatcher, Ending, LeftBox, MessageRejected, Observation
 from robust.execute.drive import run_in_world
 from robust.execute.planners.interface import Planner
-from robust.execute.slices import Left
+from robust.execute.slices import Remainder
 from robust.execute.worlds import ExecutedInstance, InstanceOutcome, Luck, Rules, SimulatedWorld, condition_with
 from robust.irr.exact import BoxMethod
 from robust.numbers import format_number
@@ -56,7 +56,7 @@ class RunStatus(VerdictEnum):
 class Segment:
     """The execution of one plan, from `start` to `end`.
 
-    `box` and `guarantee` are those with which it began. `left` is what was left of the envelope after observations, for
+    `box` and `guarantee` are those with which it began. `remainders` is what was left of the envelope after observations, for
     executors that look, and `promised` the guarantee of the last promise. `ending` is why it was given up at
     `given_up`; None if it was carried out. `executed` are its instances in the order of their starts, with times from
     the beginning of the run.
@@ -72,7 +72,7 @@ class Segment:
     rejected: tuple[MessageRejected, ...]
     ending: Ending | None
     given_up: Fraction | None
-    left: tuple[Left, ...] = ()
+    remainders: tuple[Remainder, ...] = ()
     promised: Guarantee = Guarantee.NONE
     planner_seconds: float = 0.0
     preparation_seconds: float = 0.0
@@ -471,7 +471,7 @@ def _segment(
         rejected=tuple(replace(one, time=one.time + origin) for one in dispatcher.rejected),
         ending=dispatcher.ending,
         given_up=None if dispatcher.ending is None else origin + dispatcher.ending.time,
-        left=tuple(replace(one, time=one.time + origin) for one in dispatcher.left),
+        remainders=tuple(replace(one, time=one.time + origin) for one in dispatcher.remainders),
         promised=dispatcher.dispatchable.guarantee,
         planner_seconds=prepared.planner_seconds,
         preparation_seconds=prepared.seconds,

@@ -84,7 +84,7 @@ class SliceAnswer(VerdictEnum):
 
 
 @dataclass(frozen=True)
-class Left(NoTruthValue, ask="answer"):
+class Remainder(NoTruthValue, ask="answer"):
     """What is left at `time`, `after` an observation, in words.
 
     `box` is the promise, with the values that were seen; None if there is none. `kept` says whether it holds the
@@ -121,7 +121,7 @@ class Slices:
     def __post_init__(self) -> None:
         self.parts  # noqa: B018 - worked out before the execution begins
 
-    def after(self, facts: Observations, what: str, promised: Box) -> tuple[Left, ParametricStnu]:
+    def after(self, facts: Observations, what: str, promised: Box) -> tuple[Remainder, ParametricStnu]:
         """What is left once `what` has been observed, and the network with what has happened."""
         started = time.perf_counter()
         network = continued(self.stnu, facts)
@@ -132,7 +132,7 @@ class Slices:
         except OutOfTimeError:
             found, answer = None, SliceAnswer.OUT_OF_TIME
         box, kept = found or (None, False)
-        return Left(facts.now, what, answer, box, kept, time.perf_counter() - started), network
+        return Remainder(facts.now, what, answer, box, kept, time.perf_counter() - started), network
 
     @cached_property
     def parts(self) -> tuple[tuple[Polyhedron, tuple[Polyhedron, ...], tuple[Polyhedron, ...]], ...]:

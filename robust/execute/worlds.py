@@ -40,7 +40,7 @@ from __future__ import annotations
 
 import heapq
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from fractions import Fraction
@@ -94,7 +94,7 @@ class Luck:
             return None
         number = self._count[what]
         self._count[what] += 1
-        return rule.draw(planned, Random(f"{self._seed}/{what}/{number}"))  # noqa: S311 - no secrets here
+        return rule.about(planned).draw(Random(f"{self._seed}/{what}/{number}"))  # noqa: S311 - no secrets here
 
 
 class Subject(Enum):
@@ -131,10 +131,6 @@ class Rule:
     def about(self, planned: Fraction) -> Distribution:
         """The distribution of a quantity with this planned value."""
         return Distribution(self.distribution, self.of(planned), self.below)
-
-    def draw(self, planned: Fraction, random: Random) -> Fraction:
-        """One value."""
-        return self.about(planned).draw(random)
 
 
 @dataclass(frozen=True)
@@ -326,18 +322,16 @@ class WorldState:
 
     def unmet(
         self, instance: model.ActionInstance, timing: model.Timing, duration: Fraction | None = None
-    ) -> model.TimedCondition | None:
-        """The first condition of an instance, of that timing, that does not hold now.
+    ) -> str | None:
+        """Why a condition of an instance, of that timing, does not hold now; None if all hold.
 
         Conditions that read `?duration` hold until the duration is known.
         """
-        reading = self._reading(duration)
-        for one in instance.demands:
-            compared = (part.expression.variables for part in model.comparisons(one.condition))
-            readable = duration is not None or not any(model.Duration() in variables for variables in compared)
-            if one.timing is timing and readable and not reading.holds(one.condition):
-                return one
-        return None
+
+        def is_known(variables: Collection[model.NumericVariable]) -> bool:
+            return duration is not None or model.Duration() not in variables
+
+        return dispatcher.unmet(instance, timing, self._reading(duration), is_known)
 
     def apply(self, instance: model.ActionInstance, timing: model.Timing, duration: Fraction | None = None) -> None:
         """The effects of an instance at one of its time points; all of them read the state before any."""
@@ -487,7 +481,7 @@ class SimulatedWorld:
         instance = self._actual(planned, duration)
         unmet = self.state.unmet(instance, model.Timing.AT_START, duration)
         if unmet is not None:
-            self._messages.append(dispatcher.DispatchFailed(identifier, now, f"{unmet.text} does not hold"))
+            self._messages.append(dispatcher.DispatchFailed(identifier, now, unmet))
             return
         self.state.apply(instance, model.Timing.AT_START, duration)
         done = not planned.durative
@@ -517,7 +511,7 @@ class SimulatedWorld:
         duration = now - one.start
         unmet = self.state.unmet(one.instance, model.Timing.AT_END, duration)
         if unmet is not None:
-            self._fail(one, now, unmet.text)
+            self._fail(one, now, unmet)
             return False
         self._finish(one, now, InstanceOutcome.DONE)
         self.state.apply(one.instance, model.Timing.AT_END, duration)
@@ -531,9 +525,9 @@ class SimulatedWorld:
         self.state.flows.pop(one.instance.identifier, None)
         one.end, one.outcome = now, outcome
 
-    def _fail(self, one: ExecutedInstance, now: Fraction, condition: str) -> None:
-        self._finish(one, now, InstanceOutcome.FAILED)
-        self._messages.append(dispatcher.DispatchFailed(one.instance.identifier, now, f"{condition} does not hold"))
+    def _fail(self, running: ExecutedInstance, now: Fraction, reason: str) -> None:
+        self._finish(running, now, InstanceOutcome.FAILED)
+        self._messages.append(dispatcher.DispatchFailed(running.instance.identifier, now, reason))
 
     # -- conditions over all -----------------------------------------------------------------------------------------
 
@@ -547,25 +541,24 @@ class SimulatedWorld:
             broken = self._broken(self._running)
             self.state.advance(time)
             self._changed = False
-            for one, condition in broken:
-                self._fail(one, time, condition)
+            for instance, reason in broken:
+                self._fail(instance, time, reason)
         self.state.advance(time)
 
     def _check_at(self, now: Fraction) -> None:
         """What is known to be running before and after a moment has its conditions at that moment."""
         self._changed = True
-        begun = [one for one in self._running if one.start < now]
-        inside = [one for one in begun if self._due.get(one.instance.identifier, now) > now]
-        for one, condition in self._broken(inside):
-            self._fail(one, now, condition)
+        inside = [one for one in self._running if one.start < now < self._due.get(one.instance.identifier, now)]
+        for instance, reason in self._broken(inside):
+            self._fail(instance, now, reason)
 
     @property
     def _running(self) -> list[ExecutedInstance]:
         return [one for one in self.executed.values() if one.outcome is InstanceOutcome.RUNNING]
 
     def _broken(self, running: Sequence[ExecutedInstance]) -> list[tuple[ExecutedInstance, str]]:
-        found = [(one, self.state.unmet(one.instance, model.Timing.OVER_ALL)) for one in running]
-        return [(one, unmet.text) for one, unmet in found if unmet is not None]
+        reasons = ((one, self.state.unmet(one.instance, model.Timing.OVER_ALL)) for one in running)
+        return [(one, reason) for one, reason in reasons if reason is not None]
 
     # -- what nobody decides -----------------------------------------------------------------------------------------
 

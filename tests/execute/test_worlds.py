@@ -53,7 +53,7 @@ def rule(distribution, below=Below.FOLD, **numbers):
 
 def many(rule, count=4000):
     random = Random(7)  # noqa: S311 - reproducible
-    return [rule.draw(F(0), random) for _ in range(count)]
+    return [rule.about(F(0)).draw(random) for _ in range(count)]
 
 
 def test_draws_are_exact_and_fill_their_distributions():
@@ -110,7 +110,7 @@ DURATION, PARAMETER = ("[[draw]]\n" + what + ' = "a"\n' for what in ("duration",
         (PARAMETER + 'distribution = "half-normal"\ndeviation = -1', "found deviation -1"),
         (PARAMETER + 'distribution = "constant"\nrelative = 1', "expected true or false"),
         (PARAMETER + 'distribution = "normal"\ndeviation = 1\nbelow = "drop"', "expected fold or clip"),
-        ("[[draw]", "found no TOML"),
+        ("[[draw]", "found text that is not TOML"),
     ],
 )
 def test_wrong_world_files_say_what_is_wrong(text, message):
