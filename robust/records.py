@@ -289,19 +289,21 @@ class _Chain:
             header = json.loads(text)
         except (ValueError, RecursionError):
             raise InputError(f"found a line that is not JSON, expected {self._form.expected}") from None
-        found = header.get("schema") if isinstance(header, dict) else None
-        if found != self._form.header["schema"]:
-            what = "no schema" if found is None else f"schema {found!r:.60}"
+        schema = header.get("schema") if isinstance(header, dict) else None
+        if schema != self._form.header["schema"]:
+            what = "no schema" if schema is None else f"schema {schema!r:.60}"
             raise InputError(f"found {what}, expected {self._form.expected}")
 
     def _unchained(self, text: str) -> str:
         match = _CHAINED.fullmatch(text)
         if match is None:
             raise InputError("found no field 'checksum', expected one at the end", Location(self._file, 1, 1))
-        body, found = match.groups()
+        body, checksum = match.groups()
         expected = self._next_checksum(body)
-        if found != expected:
-            raise InputError(f"found checksum {found!r}, expected {expected}: the {self._form.name} was changed here")
+        if checksum != expected:
+            raise InputError(
+                f"found checksum {checksum!r}, expected {expected}: the {self._form.name} was changed here"
+            )
         self.checksum = expected
         return f"{body}}}"
 

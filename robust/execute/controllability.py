@@ -162,12 +162,12 @@ class Controllability:
         def session() -> Session:
             return Session(terms, solver=self.solver, statistics=statistics)
 
-        found = validity.broken_facet(self.box.grid, session, self.deadline)
-        match found:
+        facet = validity.broken_facet(self.box.grid, session, self.deadline)
+        match facet:
             case None:
                 return ControlVerdict.CONTROLLABLE, None
             case Facet():
-                return ControlVerdict.NOT_CONTROLLABLE, f"contradiction: {'; '.join(found.origins)}"
+                return ControlVerdict.NOT_CONTROLLABLE, f"contradiction: {'; '.join(facet.origins)}"
             case SolverVerdict():
                 raise OutOfTimeError(statistics.failure)
 
@@ -175,11 +175,11 @@ class Controllability:
         answer = self.strong_answer()
         if answer.is_controllable:
             return ControlVerdict.CONTROLLABLE, None
-        needed = "; ".join(dict.fromkeys(one.origin for one in answer.cycle))
+        needed = "; ".join(dict.fromkeys(edge.origin for edge in answer.cycle))
         if answer.endless:
             names = ", ".join(sorted({name for name, _ in answer.endless}))
             return (ControlVerdict.NOT_CONTROLLABLE, f"no time is late enough for all values of {names}: {needed}")
-        names = ", ".join(sorted({name for one in answer.cycle for (name, _), _ in one.form.coefficients()}))
+        names = ", ".join(sorted({name for edge in answer.cycle for (name, _), _ in edge.form.coefficients()}))
         return (
             ControlVerdict.NOT_CONTROLLABLE,
             f"no schedule suits all values of {names or 'the parameters'}: {needed}",
@@ -296,15 +296,15 @@ def widest(
     if kind is Control.DYNAMIC and wanted.reason(boxes.ends_of(start)) is not None:
         wanted = boxes.Strongly(network, deadline)  # a fixed schedule is all that is known of vague parameters
     inside = boxes.Controllable(bad, wanted, plan.parameters, start)
-    found, bound = [start], None
-    met = boxes.grow(start, inside, (), parameters=plan.parameters, deadline=deadline, on_box=found.append)
+    grown, bound = [start], None
+    met = boxes.grow(start, inside, (), parameters=plan.parameters, deadline=deadline, on_box=grown.append)
     if objective.optimal:
         search = OptimalBox(
             bad=bad, pieces=met, contain_nominal=objective.contain_nominal, deadline=deadline, inside=inside
         )
-        found.append(search.run())
+        grown.append(search.run())
         bound = search.bound
-    box = found[-1]
+    box = grown[-1]
     proof = _Maximality(plan, kind, bad, box, met, deadline)
     return Widest(box, proof.stops(), inside.cut(box), bound)
 
@@ -322,7 +322,7 @@ class _Maximality:
 
     def stops(self) -> dict[Face, Stop]:
         """What stops each finite face: what a dispatcher could not do beyond, else what breaks in the envelope."""
-        found: dict[Face, Stop] = {}
+        stops: dict[Face, Stop] = {}
         reach: dict[Face, Fraction] = {}
         for parameter, side in product(self.plan.parameters, Side):
             face, end = (parameter.name, side), self.box[parameter.name].end(side)
@@ -331,14 +331,18 @@ class _Maximality:
                 if stop is None:
                     reach[face] = JUST
                 else:
-                    found[face] = stop
-        return {**found, **dict(stops_at(self.bad, self.box, reach, self.deadline))}
+                    stops[face] = stop
+        return {**stops, **dict(stops_at(self.bad, self.box, reach, self.deadline))}
 
     def _obstructed(self, face: Face, end: Fraction) -> Stop | None:
         """What a dispatcher could not do beyond."""
         growing = Growing(self.box, {face: (end, Fraction(1))})
-        reasons = (one for one in self.met if isinstance(one, boxes.Obstruction) and face[0] in one.mentioned)
-        least = (one.least_stretch(growing) for one in reasons)
+        reasons = (
+            obstacle
+            for obstacle in self.met
+            if isinstance(obstacle, boxes.Obstruction) and face[0] in obstacle.mentioned
+        )
+        least = (reason.least_stretch(growing) for reason in reasons)
         if any(stretch is not None and not stretch[0] for stretch in least):
             beyond = self.box.moved(face, end + face[1].sign * JUST)
             why = Controllability(self.plan, beyond, deadline=self.deadline).finding(self.kind).reason
@@ -370,7 +374,9 @@ class ControllabilityReport(NoTruthValue, ask="was_controllable"):
     @property
     def was_controllable(self) -> bool:
         """Whether the box itself is as wanted."""
-        return any(one.kind is self.wanted and one.verdict is ControlVerdict.CONTROLLABLE for one in self.findings)
+        return any(
+            finding.kind is self.wanted and finding.verdict is ControlVerdict.CONTROLLABLE for finding in self.findings
+        )
 
 
 def assess(
@@ -400,6 +406,5 @@ def assess(
     if objective is None or kind is Control.WEAK or report.was_controllable:
         return report
     with suppress(OutOfTimeError):
-        found = widest(plan, shrunk.box, kind, objective, solver=solver, deadline=deadline)
-        report = replace(report, widest=found)
+        return replace(report, widest=widest(plan, shrunk.box, kind, objective, solver=solver, deadline=deadline))
     return report

@@ -149,12 +149,12 @@ class ParametricStnu:
 
     def endless(self, ends: Ends) -> frozenset[Face]:
         """Faces that are infinitely far out and make a bound of a requirement infinitely strong: none may be."""
-        found: set[Face] = set()
+        faces: set[Face] = set()
         for link in self.links:
             for extreme, bound in ((greatest, link.lower), (least, link.upper)):
                 if bound is not None and not bound.is_constant and not link.is_contingent:
-                    found.update(face for face, _ in extreme(bound).coefficients() if ends[face] is None)
-        return frozenset(found)
+                    faces.update(face for face, _ in extreme(bound).coefficients() if ends[face] is None)
+        return frozenset(faces)
 
     @cached_property
     def differences(self) -> tuple[WorstDifference, ...]:
@@ -238,10 +238,10 @@ def _contingent(plan: ParametrizedPlan, fixed: Iterable[ParametricLink], box: Bo
 
     Durations of instances come first, also constant ones: the end of an action comes by itself.
     """
-    duration = {(one.start, one.end) for one in plan.instances if one.durative}
+    duration = {(instance.start, instance.end) for instance in plan.instances if instance.durative}
     chosen: dict[int, ParametricLink] = {}
     before: dict[TimePoint, TimePoint] = {}
-    oriented = [(id(one), _oriented(one, duration, box)) for one in fixed]
+    oriented = [(id(bound), _oriented(bound, duration, box)) for bound in fixed]
     oriented.sort(key=lambda pair: (pair[1].source, pair[1].target) not in duration)
     for key, link in oriented:
         is_duration = (link.source, link.target) in duration
@@ -326,26 +326,29 @@ def _differences(network: ParametricStnu) -> tuple[WorstDifference, ...]:
         return point, offset
 
     base = {point: place(point) for point in network.points}
-    found: dict[tuple[TimePoint, TimePoint, Form], WorstDifference] = {}
+    differences: dict[tuple[TimePoint, TimePoint, Form], WorstDifference] = {}
     for link in network.links:
         if not link.is_contingent:
             (a, before), (b, after) = base[link.source], base[link.target]
             sides = [] if link.lower is None else [(a, b, greatest(link.lower + before - after))]
             sides += [] if link.upper is None else [(b, a, greatest(after - before - link.upper))]
             for side in sides:
-                found.setdefault(side, WorstDifference(*side, link.origin))
-    return tuple(found.values())
+                differences.setdefault(side, WorstDifference(*side, link.origin))
+    return tuple(differences.values())
 
 
 def strong(network: ParametricStnu, ends: Ends) -> StrongAnswer:
     """The earliest schedule that suits all parameter values in a box with these ends, or why there is none."""
     needed = network.differences
-    endless = frozenset(face for one in needed for face, _ in one.form.coefficients() if ends[face] is None)
+    endless = frozenset(face for need in needed for face, _ in need.form.coefficients() if ends[face] is None)
     if endless:
-        first = next(one for one in needed if any(face in endless for face, _ in one.form.coefficients()))
+        first = next(need for need in needed if any(face in endless for face, _ in need.form.coefficients()))
         return StrongAnswer(None, (first,), endless)
-    points = dict.fromkeys(point for one in needed for point in (one.source, one.target))
-    known = Distances(points, ((one.source, one.target, finite_value(one.form, ends) or Fraction(0)) for one in needed))
+    points = dict.fromkeys(point for need in needed for point in (need.source, need.target))
+    known = Distances(
+        points,
+        ((need.source, need.target, finite_value(need.form, ends) or Fraction(0)) for need in needed),
+    )
     if known.network.cycle is not None:
         return StrongAnswer(None, tuple(needed[origin] for origin in known.network.cycle.origins), frozenset())
     times = known.times
@@ -391,7 +394,7 @@ class Strongly:
     def reason(self, ends: Ends) -> Reason | None:
         self.deadline.enforce()
         answer = strong(self.network, ends)
-        return None if answer.is_controllable else (-sum((one.form for one in answer.cycle), _NO_FORM),)
+        return None if answer.is_controllable else (-sum((edge.form for edge in answer.cycle), _NO_FORM),)
 
 
 Property = Dynamically | Strongly
@@ -488,8 +491,8 @@ class Controllable:
 
     def cut(self, box: Box) -> tuple[Face, ...]:
         """The faces of a box that could be at any finite place, but must not be infinite."""
-        cut = (face for face, end in self._horizon.items() if box[face[0]].end(face[1]) == end)
-        return tuple(sorted(cut, key=_face_order))
+        faces = (face for face, end in self._horizon.items() if box[face[0]].end(face[1]) == end)
+        return tuple(sorted(faces, key=_face_order))
 
 
 @dataclass(frozen=True)
@@ -509,20 +512,20 @@ def grow(
     known: Iterable[Obstacle],
     *,
     parameters: Sequence[Parameter],
-    still: Collection[str] = (),
+    fixed: Collection[str] = (),
     deadline: Deadline = NEVER,
     on_box: Callable[[Box], None],
 ) -> list[Obstacle]:
     """Move the faces of a box outwards together until each is stopped; returns what was met or known.
 
-    No box around the last one is as wanted, but for faces of parameters in `still`, which do not move.
+    No box around the last one is as wanted, but for faces of parameters in `fixed`, which do not move.
 
     Args:
         start: a box that `bad` has nothing against.
         bad: where boxes must not go.
         known: some of that.
         parameters: the parameters, with weights.
-        still: parameters whose faces stay.
+        fixed: parameters whose faces stay.
         deadline: when to give up.
         on_box: called with every box on the way; each contains those before.
 
@@ -530,7 +533,7 @@ def grow(
         OutOfTimeError: if the deadline passes first.
     """
     met = list(known)
-    moving = [face for face in faces_of(parameters) if face[0] not in still and start[face[0]].end(face[1]) is not None]
+    moving = [face for face in faces_of(parameters) if face[0] not in fixed and start[face[0]].end(face[1]) is not None]
     Widening(
         bad=bad, parameters=parameters, pieces=met, groups=[moving], deadline=deadline, on_box=on_box, start=start
     ).run()

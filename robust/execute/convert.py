@@ -120,7 +120,7 @@ def _over_all_edges(
     original: distances.Original, instance: model.ActionInstance, network: distances.EdgeNetwork
 ) -> Iterator[distances.DistanceEdge]:
     def protection(literals: Iterable[model.Holds]) -> list[distances.DistanceEdge]:
-        return [one for literal in literals for one in _protection(original, instance, literal, network)]
+        return [bound for literal in literals for bound in _protection(original, instance, literal, network)]
 
     for part in instance.conditions:
         if part.timing is model.Timing.OVER_ALL:
@@ -151,9 +151,11 @@ def _kept(
             return tuple(literal for part in parts if part is not None for literal in part)
         case model.Or(operands):
             alternatives = [
-                _kept(original, instance, one, cost) for one in operands if not isinstance(one, model.NumericCondition)
+                _kept(original, instance, operand, cost)
+                for operand in operands
+                if not isinstance(operand, model.NumericCondition)
             ]
-            return min((one for one in alternatives if one), key=cost, default=None)
+            return min((alternative for alternative in alternatives if alternative), key=cost, default=None)
 
 
 def _holds_throughout(original: distances.Original, instance: model.ActionInstance, literal: model.Holds) -> bool:
@@ -170,19 +172,19 @@ def _protection(
     """Achiever before start, contrary writers not before the end unless they are before the achiever."""
     start, end = original.times[instance.start], original.times[instance.end]
     writes = original.writes(literal.atom)
-    contrary = [one for one in writes if one.value is not literal.value]
-    broken = max((one.time for one in contrary if one.time <= start), default=None)
+    contrary = [write for write in writes if write.value is not literal.value]
+    broken = max((write.time for write in contrary if write.time <= start), default=None)
     initially = (literal.atom in original.plan.initial_atoms) is literal.value
     if broken is not None or not initially:
-        supports = [one for one in writes if one.value is literal.value and one.time <= start]
-        achievers = [one for one in supports if broken is None or broken < one.time]
+        supports = [write for write in writes if write.value is literal.value and write.time <= start]
+        achievers = [support for support in supports if broken is None or broken < support.time]
         # one of them, unless one comes before the start anyway
-        links = [edge(one.point, instance.start, Fraction(0)) for one in achievers]
+        links = [edge(achiever.point, instance.start, Fraction(0)) for achiever in achievers]
         if links and not any(map(network.implies, links)):
             yield links[-1]
-    for one in contrary:
-        if one.time >= end and one.point != instance.end:
-            yield edge(instance.end, one.point, Fraction(0))
+    for write in contrary:
+        if write.time >= end and write.point != instance.end:
+            yield edge(instance.end, write.point, Fraction(0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,21 +220,23 @@ class Tightener:
     deadline: Deadline
     say: Callable[[str], None]
 
-    def loosened(self, edges: Sequence[distances.DistanceEdge], found: Sequence[Tightening]) -> tuple[Tightening, ...]:
+    def loosened(
+        self, edges: Sequence[distances.DistanceEdge], tightened: Sequence[Tightening]
+    ) -> tuple[Tightening, ...]:
         """As few of the bounds that were found, and as loose, as the proof allows; all as they are if time is short.
 
         Raises:
             KeyboardInterrupt: if interrupted.
         """
-        if not found:
+        if not tightened:
             return ()
         less = self.in_less_time
         self.say("dropping bounds")
-        bounds = [one.edge for one in found]
+        bounds = [tightening.edge for tightening in tightened]
         needed = less.without_removable(edges, bounds, bounds)
-        found = [one for one in found if one.edge in needed]
+        tightened = [tightening for tightening in tightened if tightening.edge in needed]
         self.say("loosening bounds")
-        return tuple(less._loosened(edges, found))
+        return tuple(less._loosened(edges, tightened))
 
     def without_removable(
         self,
@@ -245,21 +249,23 @@ class Tightener:
         Together with the `fixed` edges they are valid.
         """
         kept = list(edges)
-        for one in reversed(edges):
-            if one in candidates:
-                rest = [other for other in kept if other != one]
+        for candidate in reversed(edges):
+            if candidate in candidates:
+                rest = [other for other in kept if other != candidate]
                 every = (*fixed, *rest)
-                implied = distances.is_implied(one, every)
-                if implied or (not self._breaks_without(one, every) and self.check(every).answer is Answer.PROVED):
+                implied = distances.is_implied(candidate, every)
+                if implied or (
+                    not self._breaks_without(candidate, every) and self.check(every).answer is Answer.PROVED
+                ):
                     kept = rest
         return kept
 
-    def _breaks_without(self, one: distances.DistanceEdge, others: Sequence[distances.DistanceEdge]) -> bool:
+    def _breaks_without(self, bound: distances.DistanceEdge, others: Sequence[distances.DistanceEdge]) -> bool:
         """Whether one of two schedules that break this edge only breaks an obligation: mostly, and without a solver."""
         plan, epsilon = self.original.plan, self.original.epsilon
         points = [point for point in plan.time_points if point.time is None]
         for slack in (self.original.gap, Fraction(1)):
-            broken = distances.DistanceEdge(one.target, one.source, slack - one.weight)
+            broken = distances.DistanceEdge(bound.target, bound.source, slack - bound.weight)
             times = distances.EdgeNetwork(points, (*others, broken)).earliest
             if times is not None and simulate(plan, plan.nominal, times, epsilon=epsilon).violations:
                 return True
@@ -287,25 +293,27 @@ class Tightener:
         plan = self._plan(edges)
         if is_proved(plan, self.original.epsilon, self.original.mutex):
             return [], _verdict(plan, Answer.PROVED)
-        found: dict[distances.DistanceEdge, Tightening] = {}
+        tightened: dict[distances.DistanceEdge, Tightening] = {}
         while True:
-            self.say(f"proving the network with {len(found)} bounds on distances")
-            result = self.check((*edges, *found))
+            self.say(f"proving the network with {len(tightened)} bounds on distances")
+            result = self.check((*edges, *tightened))
             if result.answer is Answer.PROVED:
-                return list(found.values()), result
+                return list(tightened.values()), result
             if not result.counterexamples:
                 raise UndecidedError(
                     f"found {_undecided(result)!r} undecided, expected a proof that the network is valid; "
                     "allow more time or another solver"
                 )
             counterexample = next(iter(result.counterexamples.values()))
-            new = [one for one in self._bounds_against(counterexample) if one.edge not in found]
+            new = [
+                tightening for tightening in self._bounds_against(counterexample) if tightening.edge not in tightened
+            ]
             if not new:
                 raise SolverError(
                     f"found no bound that keeps {counterexample.obligation!r}, which the plan itself does not break; "
                     "please report this plan as a bug"
                 )
-            found |= {one.edge: one for one in new}
+            tightened |= {tightening.edge: tightening for tightening in new}
 
     def _bounds_against(self, counterexample: Counterexample) -> list[Tightening]:
         """Bounds at the plan's distances where the schedule has others."""
@@ -315,35 +323,39 @@ class Tightener:
         ordered = sorted(points, key=lambda point: (times[point], order[point]))
         bounds = []
         for earlier, later in pairwise(ordered):
-            own = self.original.distance(earlier, later)
+            planned = self.original.distance(earlier, later)
             other = counterexample.schedule[later] - counterexample.schedule[earlier]
-            if other != own:
-                bound = edge(earlier, later, own) if other < own else edge(later, earlier, -own)
-                bounds.append(Tightening(bound, own, counterexample.obligation))
+            if other != planned:
+                bound = edge(earlier, later, planned) if other < planned else edge(later, earlier, -planned)
+                bounds.append(Tightening(bound, planned, counterexample.obligation))
         return bounds
 
     # -- less of it --------------------------------------------------------------------------------------------------
 
-    def _loosened(self, edges: Sequence[distances.DistanceEdge], found: Sequence[Tightening]) -> Iterable[Tightening]:
+    def _loosened(
+        self, edges: Sequence[distances.DistanceEdge], tightened: Sequence[Tightening]
+    ) -> Iterable[Tightening]:
         """The bounds at the ends of the widest box of bounds; those without end are dropped."""
-        box = self._widened(edges, found)
-        for name, one in zip(_names(found), found, strict=True):
+        box = self._widened(edges, tightened)
+        for name, tightening in zip(_names(tightened), tightened, strict=True):
             interval = box[name]
             weight = interval.lower
             if weight is not None:
                 # where the end does not belong to it, a little above or the plan's own
-                least = weight if interval.lower_closed else min(weight + self.original.gap, one.edge.weight)
-                yield replace(one, edge=one.edge._replace(weight=least))
+                least = weight if interval.lower_closed else min(weight + self.original.gap, tightening.edge.weight)
+                yield replace(tightening, edge=tightening.edge._replace(weight=least))
 
-    def _widened(self, edges: Sequence[distances.DistanceEdge], found: Sequence[Tightening]) -> Box:
+    def _widened(self, edges: Sequence[distances.DistanceEdge], tightened: Sequence[Tightening]) -> Box:
         """How far all bounds can be lowered at once; as they are, where widening cannot tell in time."""
-        named = dict(zip(_names(found), (one.edge for one in found), strict=True))
+        named = dict(zip(_names(tightened), (bound.edge for bound in tightened), strict=True))
         plan = self._plan(edges)
-        fixed = [replace(one, lower=one.nominal, upper=one.nominal) for one in plan.parameters]
-        free = [model.Parameter(name, one.weight, upper=one.weight) for name, one in named.items()]
+        fixed = [replace(parameter, lower=parameter.nominal, upper=parameter.nominal) for parameter in plan.parameters]
+        free = [model.Parameter(name, bound.weight, upper=bound.weight) for name, bound in named.items()]
         bounds = [
-            model.TemporalConstraint(one.source, one.target, Polynomial.variable(model.ParameterReference(name)), None)
-            for name, one in named.items()
+            model.TemporalConstraint(
+                bound.source, bound.target, Polynomial.variable(model.ParameterReference(name)), None
+            )
+            for name, bound in named.items()
         ]
         widened = replace(plan, parameters=(*fixed, *free), constraints=(*plan.constraints, *bounds))
         encoding = create_encoding("relational", widened, self.original.epsilon, self.deadline)
@@ -354,7 +366,8 @@ class Tightener:
 
     def _plan(self, edges: Iterable[distances.DistanceEdge]) -> model.ParametrizedPlan:
         constraints = tuple(
-            model.TemporalConstraint(one.source, one.target, Polynomial.constant(one.weight), None) for one in edges
+            model.TemporalConstraint(bound.source, bound.target, Polynomial.constant(bound.weight), None)
+            for bound in edges
         )
         return replace(self.original.plan, constraints=constraints)
 
@@ -380,8 +393,8 @@ def _verdict(plan: model.ParametrizedPlan, answer: Answer) -> CheckResult:
     return CheckResult(answer, Box.nominal(plan.parameters), names, {}, 0.0)
 
 
-def _names(found: Sequence[Tightening]) -> list[str]:
-    return [f"bound {i}" for i in range(len(found))]
+def _names(tightened: Sequence[Tightening]) -> list[str]:
+    return [f"bound {i}" for i in range(len(tightened))]
 
 
 def _undecided(result: CheckResult) -> str:
@@ -558,10 +571,10 @@ class Converting:
         network = distances.EdgeNetwork(causal.points, (*causal.certain, *causal.edges))
         irredundant = network.needed(causal.edges, causal.certain)
         needed = (*fixed, *irredundant)
-        found, proof = tightener.forced(needed)
-        self._proved = _Network((*needed, *(one.edge for one in found)), tuple(found), check=proof)
-        tightened = tightener.loosened(needed, found)
-        bounds = [one.edge for one in tightened]
+        forced, proof = tightener.forced(needed)
+        self._proved = _Network((*needed, *(one.edge for one in forced)), tuple(forced), check=proof)
+        tightened = tightener.loosened(needed, forced)
+        bounds = [tightening.edge for tightening in tightened]
         every = list(dict.fromkeys((*causal.edges, *bounds)))
         kept = every
         if not (chosen.parameters or chosen.beside or (not bounds and _is_propositional(original.plan))):
@@ -573,7 +586,9 @@ class Converting:
         if not (chosen.parameters or chosen.beside):
             fixed = _without_implied_ranges(fixed, edges)
         redundant = len(every) - len(edges)
-        return _Network((*fixed, *edges), tuple(one for one in tightened if one.edge in edges), redundant)
+        return _Network(
+            (*fixed, *edges), tuple(tightening for tightening in tightened if tightening.edge in edges), redundant
+        )
 
     def _best(self, ended: ConversionEnd) -> Conversion:
         """The network that was proved last, or the one whose only schedule is the plan's own; esterel: as it is."""
@@ -650,15 +665,17 @@ def _rigid(original: distances.Original) -> _Network:
     points = sorted((point for point in original.times if point.time is None), key=lambda one: original.times[one])
     edges = []
     for earlier, later in pairwise(points):
-        own = original.distance(earlier, later)
-        edges += [distances.DistanceEdge(earlier, later, own), distances.DistanceEdge(later, earlier, -own)]
+        length = original.distance(earlier, later)
+        edges += [distances.DistanceEdge(earlier, later, length), distances.DistanceEdge(later, earlier, -length)]
     return _Network(tuple(edges))
 
 
 def _is_propositional(plan: model.ParametrizedPlan) -> bool:
     """Whether every over-all condition is a conjunction of literals: then each link is needed, or implied."""
-    over_all = [part for one in plan.instances for part in one.conditions if part.timing is model.Timing.OVER_ALL]
-    return all(isinstance(one, model.Holds) for part in over_all for one in model.conjuncts(part.condition))
+    over_all = [
+        part for instance in plan.instances for part in instance.conditions if part.timing is model.Timing.OVER_ALL
+    ]
+    return all(isinstance(conjunct, model.Holds) for part in over_all for conjunct in model.conjuncts(part.condition))
 
 
 def _without_implied_ranges(
@@ -666,11 +683,11 @@ def _without_implied_ranges(
 ) -> tuple[distances.DistanceEdge, ...]:
     """The bounds of durations without those of ranges that all the others imply; a fixed duration keeps both."""
     kept = dict.fromkeys(durations)
-    for one in durations:
-        if distances.DistanceEdge(one.target, one.source, -one.weight) not in kept:
-            others = [other for other in kept if other != one]
-            if distances.is_implied(one, (*others, *edges)):
-                del kept[one]
+    for duration in durations:
+        if distances.DistanceEdge(duration.target, duration.source, -duration.weight) not in kept:
+            others = [other for other in kept if other != duration]
+            if distances.is_implied(duration, (*others, *edges)):
+                del kept[duration]
     return tuple(kept)
 
 

@@ -61,7 +61,7 @@ class Blex:
 
     def box(self, plan: model.ParametrizedPlan) -> Box:
         """The interval of every parameter, around its nominal value."""
-        return Box({one.name: self.interval(one.nominal) for one in plan.parameters})
+        return Box({parameter.name: self.interval(parameter.nominal) for parameter in plan.parameters})
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,22 +212,22 @@ class Revelation:
 
 def revelations(plan: model.ParametrizedPlan, links: Iterable[NaturalLink]) -> tuple[Revelation, ...]:
     """What reveals each parameter of a plan; nothing may."""
-    found = [
+    revealed = [
         Revelation(link.parameter, Means.TIME, link.target, link.target.instance)
         for link in links
         if link.parameter is not None
     ]
     for more in (_levels(plan), _initial(plan)):
-        known = {one.parameter for one in found}
-        found += [one for one in more if one.parameter not in known]
-    return tuple(dict.fromkeys(found))
+        known = {revelation.parameter for revelation in revealed}
+        revealed += [revelation for revelation in more if revelation.parameter not in known]
+    return tuple(dict.fromkeys(revealed))
 
 
 def written_fluents(plan: model.ParametrizedPlan) -> set[model.Fluent]:
     """The fluents that change."""
-    effects = {effect.fluent for one in plan.instances for effect in one.numeric_effects}
-    flows = {effect.fluent for one in plan.instances for effect in one.continuous_effects}
-    timed = {one.target for one in plan.timed_literals if isinstance(one.target, model.Fluent)}
+    effects = {effect.fluent for instance in plan.instances for effect in instance.numeric_effects}
+    flows = {effect.fluent for instance in plan.instances for effect in instance.continuous_effects}
+    timed = {literal.target for literal in plan.timed_literals if isinstance(literal.target, model.Fluent)}
     return effects | flows | timed
 
 
@@ -242,16 +242,16 @@ def _levels(plan: model.ParametrizedPlan) -> Iterator[Revelation]:
 
 def _changes(instance: model.ActionInstance) -> list[tuple[model.Expression, model.TimePoint]]:
     """How much an instance changes, and when that is seen."""
-    changes = [(one.expression, instance.at(one.timing)) for one in instance.numeric_effects]
-    return changes + [(one.rate, instance.end) for one in instance.continuous_effects]
+    changes = [(effect.expression, instance.at(effect.timing)) for effect in instance.numeric_effects]
+    return changes + [(effect.rate, instance.end) for effect in instance.continuous_effects]
 
 
 def _variables_of(instance: model.ActionInstance) -> frozenset[model.NumericVariable]:
     """The variables that an instance reads."""
-    conditions: list[model.Condition] = [one.condition for one in instance.durations]
+    conditions: list[model.Condition] = [duration.condition for duration in instance.durations]
     for parts in (instance.conditions, instance.atom_effects, instance.numeric_effects):
-        conditions += [one.condition for one in parts]
-    compared = (one.expression for condition in conditions for one in model.comparisons(condition))
+        conditions += [part.condition for part in parts]
+    compared = (comparison.expression for condition in conditions for comparison in model.comparisons(condition))
     expressions = [*compared, *(expression for expression, _ in _changes(instance))]
     return frozenset(variable for expression in expressions for variable in expression.variables)
 
@@ -266,7 +266,7 @@ def _single(plan: model.ParametrizedPlan, expression: model.Expression, written:
     linear = len(mentions) == 1 and mentions[0].count(model.ParameterReference(names[0])) == 1
     # A factor such as ?duration is known when the effect happens, and not zero in an effect that matters.
     factors = [variable for variable in mentions[0] if variable != model.ParameterReference(names[0])]
-    return names[0] if linear and all(isinstance(one, model.Duration) for one in factors) else None
+    return names[0] if linear and all(isinstance(factor, model.Duration) for factor in factors) else None
 
 
 def with_static_values(
@@ -291,10 +291,10 @@ def _initial(plan: model.ParametrizedPlan) -> Iterator[Revelation]:
 
 
 def _grouped(pairs: Iterable[tuple[model.TimePoint, _Grouped]]) -> Mapping[model.TimePoint, Sequence[_Grouped]]:
-    found: dict[model.TimePoint, list[_Grouped]] = {}
-    for point, one in pairs:
-        found.setdefault(point, []).append(one)
-    return found
+    groups: dict[model.TimePoint, list[_Grouped]] = {}
+    for point, item in pairs:
+        groups.setdefault(point, []).append(item)
+    return groups
 
 
 @dataclass(frozen=True)
@@ -343,32 +343,34 @@ class Dispatchable:
     @cached_property
     def literals(self) -> tuple[tuple[Fraction, int], ...]:
         """Time and number of every timed literal, in order."""
-        found = [(point.time, number) for number, point in enumerate(self.network.points) if point.time is not None]
-        return tuple(sorted(found))
+        literals = [(point.time, number) for number, point in enumerate(self.network.points) if point.time is not None]
+        return tuple(sorted(literals))
 
     @cached_property
     def expected(self) -> Mapping[model.TimePoint, Sequence[Revelation]]:
         """What should be observed once a time point has happened, beside its time."""
-        return _grouped((one.point, one) for one in self.revelations if one.means is not Means.TIME)
+        return _grouped(
+            (revelation.point, revelation) for revelation in self.revelations if revelation.means is not Means.TIME
+        )
 
     @cached_property
     def means(self) -> Mapping[str, Means]:
         """How each parameter is revealed; those that nothing reveals are missing."""
-        return {one.parameter: one.means for one in self.revelations}
+        return {revelation.parameter: revelation.means for revelation in self.revelations}
 
     @cached_property
     def reads(self) -> Mapping[str, frozenset[model.NumericVariable]]:
         """The variables that each instance reads."""
-        return {one.identifier: _variables_of(one) for one in self.plan.instances}
+        return {instance.identifier: _variables_of(instance) for instance in self.plan.instances}
 
     @cached_property
     def varying(self) -> Mapping[str, tuple[model.Fluent, ...]]:
         """For each instance the fluents in its effects that nothing changes: what it may consume."""
-        changed, found = written_fluents(self.plan), {}
-        for one in self.plan.instances:
-            fluents = {fluent for expression, _ in _changes(one) for fluent in model.fluents_in(expression)}
-            found[one.identifier] = tuple(sorted(fluents - changed))
-        return found
+        changed, varying = written_fluents(self.plan), {}
+        for instance in self.plan.instances:
+            fluents = {fluent for expression, _ in _changes(instance) for fluent in model.fluents_in(expression)}
+            varying[instance.identifier] = tuple(sorted(fluents - changed))
+        return varying
 
     @cached_property
     def levels(self) -> Mapping[model.Fluent, Fraction]:

@@ -240,7 +240,9 @@ def unmet(
     Conditions that compare variables of which not all `is_known` are passed over: nothing contradicts them.
     """
     for part in instance.demands:
-        variables = {name for one in model.comparisons(part.condition) for name in one.expression.variables}
+        variables = {
+            name for comparison in model.comparisons(part.condition) for name in comparison.expression.variables
+        }
         if part.timing is timing and is_known(variables) and not reading.holds(part.condition):
             return f"{part.text} does not hold"
     return None
@@ -333,7 +335,7 @@ class Dispatcher:
     @property
     def running(self) -> tuple[str, ...]:
         """The instances that have started and not ended."""
-        return tuple(one.identifier for one in self.dispatchable.plan.instances if self._is_running(one))
+        return tuple(instance.identifier for instance in self.dispatchable.plan.instances if self._is_running(instance))
 
     def window(self, point: model.TimePoint) -> tuple[Fraction, Fraction | None]:
         """MinMaxDispatchTime: the least and the greatest time of a time point, as far as is known now."""
@@ -442,12 +444,12 @@ class Dispatcher:
         name, value = message.parameter, Fraction(message.value)
         key = (name, message.instance)
         if key not in self._due and message.instance is None:
-            key = next((one for one in self._due if one[0] == name), key)
+            key = next((due for due in self._due if due[0] == name), key)
         known = self._seen.get(key, self.observed.get(name) if message.instance is None else None)
         if known is not None and key not in self._due:
             stands = f"{name} = {format_number(known)} was observed already; the first value stands"
             return None if known == value else stands
-        timed = next((one for one in self.dispatchable.revelations if one.parameter == name), None)
+        timed = next((revelation for revelation in self.dispatchable.revelations if revelation.parameter == name), None)
         if timed is not None and timed.means is Means.TIME:
             return f"{name} is revealed by the time of {timed.point}, which has not happened"
         self._due.pop(key, None)
@@ -587,9 +589,9 @@ class Dispatcher:
         self._limits.pop(point, None)
         self._expect(point)
         self._last_change = max(self._last_change, time)
-        for one in self.dispatchable.expected.get(point, ()):
-            if (one.parameter, one.instance) not in self._seen:
-                self._due[one.parameter, one.instance] = time
+        for revelation in self.dispatchable.expected.get(point, ()):
+            if (revelation.parameter, revelation.instance) not in self._seen:
+                self._due[revelation.parameter, revelation.instance] = time
 
     def _expect(self, point: model.TimePoint) -> None:
         """By when what follows a time point that has happened should have been reported."""
@@ -636,7 +638,7 @@ class Dispatcher:
         values: dict[str, list[Fraction]] = {}
         for (name, _), value in self._seen.items():
             values.setdefault(name, []).append(value)
-        reveals = Counter(one.parameter for one in self.dispatchable.revelations)
+        reveals = Counter(revelation.parameter for revelation in self.dispatchable.revelations)
         possible = {}
         for link in self._open.values():
             begun, varying = self._time(link.source), link.parameter
@@ -646,8 +648,8 @@ class Dispatcher:
                 possible[varying] = Interval(end, None) if factor > 0 else Interval(None, end)
         return Observations(
             now=self._now,
-            seen={name: hull(found) for name, found in values.items()},
-            settled=frozenset(name for name, found in values.items() if len(found) >= reveals[name]),
+            seen={name: hull(seen) for name, seen in values.items()},
+            settled=frozenset(name for name, seen in values.items() if len(seen) >= reveals[name]),
             possible=possible,
             times=self.times,
         )

@@ -53,15 +53,15 @@ def constraints_of(edges: Iterable[DistanceEdge], position: Mapping[TimePoint, i
     """
     lower: dict[tuple[TimePoint, TimePoint], Fraction] = {}
     upper: dict[tuple[TimePoint, TimePoint], Fraction] = {}
-    for one in edges:
-        if one.source == one.target:
+    for bound in edges:
+        if bound.source == bound.target:
             continue
-        if position[one.source] < position[one.target]:
-            pair = (one.source, one.target)
-            lower[pair] = max(one.weight, lower.get(pair, one.weight))
+        if position[bound.source] < position[bound.target]:
+            pair = (bound.source, bound.target)
+            lower[pair] = max(bound.weight, lower.get(pair, bound.weight))
         else:
-            pair = (one.target, one.source)
-            upper[pair] = min(-one.weight, upper.get(pair, -one.weight))
+            pair = (bound.target, bound.source)
+            upper[pair] = min(-bound.weight, upper.get(pair, -bound.weight))
     ordered = sorted({*lower, *upper}, key=lambda pair: (position[pair[1]], position[pair[0]]))
     return tuple(
         STNConstraint(target, source, lower.get((source, target)), upper.get((source, target)))
@@ -72,10 +72,10 @@ def constraints_of(edges: Iterable[DistanceEdge], position: Mapping[TimePoint, i
 class EdgeNetwork(Distances[TimePoint]):
     """What edges imply; they must have a schedule, unless only :attr:`earliest` is asked for."""
 
-    def implies(self, one: DistanceEdge) -> bool:
+    def implies(self, bound: DistanceEdge) -> bool:
         """Whether every schedule satisfies the edge, whose weight may have another denominator."""
-        least = self.least(one.source, one.target)
-        return least is not None and least >= one.weight
+        least = self.least(bound.source, bound.target)
+        return least is not None and least >= bound.weight
 
     @property
     def earliest(self) -> dict[TimePoint, Fraction] | None:
@@ -88,16 +88,16 @@ class EdgeNetwork(Distances[TimePoint]):
 
         Where either of two can, the first one goes.
         """
-        bounds = {one: self.in_units(*one) for one in edges}
-        kept = set(self.network.needed(reversed(bounds.values()), (self.in_units(*one) for one in given)))
-        return [one for one, bound in bounds.items() if bound in kept]
+        bounds = {wanted: self.in_units(*wanted) for wanted in edges}
+        kept = set(self.network.needed(reversed(bounds.values()), (self.in_units(*wanted) for wanted in given)))
+        return [wanted for wanted, bound in bounds.items() if bound in kept]
 
 
-def is_implied(one: DistanceEdge, others: Iterable[DistanceEdge]) -> bool:
+def is_implied(bound: DistanceEdge, others: Iterable[DistanceEdge]) -> bool:
     """Whether every schedule of the other edges satisfies the edge; they must have a schedule."""
     others = tuple(others)
-    points = dict.fromkeys(point for other in (*others, one) for point in (other.source, other.target))
-    return EdgeNetwork(points, others).implies(one)
+    points = dict.fromkeys(point for other in (*others, bound) for point in (other.source, other.target))
+    return EdgeNetwork(points, others).implies(bound)
 
 
 class InvalidPlanError(RefutedError):
@@ -269,5 +269,7 @@ def validated(
 def _place(instances: Sequence[ActionInstance], violation: Violation, file: str) -> Location:
     """The line of the step whose obligation breaks, of the later one for a separation; the file for goals."""
     names = concerned(violation.obligation)
-    places = [one.location for one in instances if one.identifier in names and one.location is not None]
+    places = [
+        instance.location for instance in instances if instance.identifier in names and instance.location is not None
+    ]
     return places[-1] if places else Location(file)

@@ -64,7 +64,11 @@ def influences(plan: model.ParametrizedPlan, obligation: str) -> frozenset[model
 def obligation_names(plan: model.ParametrizedPlan) -> Iterator[str]:
     """The names of what is demanded of every schedule."""
     yield from (name for name, _ in _obligations(plan))
-    yield from (f"{one.identifier} {one.action}: non-negative duration" for one in plan.instances if one.durative)
+    yield from (
+        f"{instance.identifier} {instance.action}: non-negative duration"
+        for instance in plan.instances
+        if instance.durative
+    )
 
 
 def _obligations(plan: model.ParametrizedPlan) -> Iterator[tuple[str, _Use]]:
@@ -104,7 +108,7 @@ def _use(
 ) -> _Use:
     used = set(points)
     variables: set[Variable] = {leaf.atom for leaf in model.leaves(condition) if isinstance(leaf, model.Holds)}
-    for expression in (*expressions, *(one.expression for one in model.comparisons(condition))):
+    for expression in (*expressions, *(comparison.expression for comparison in model.comparisons(condition))):
         variables.update(model.fluents_in(expression))
         if instance is not None and model.Duration() in expression.variables:
             used |= set(instance.time_points)
@@ -120,10 +124,10 @@ def duration_edges(
     inequalities are read in the state of the original schedule. Strict ones are taken as if they were not, and what is
     not linear in `?duration` is passed over: these are for :mod:`robust.execute.convert` to find out.
     """
-    own = original.distance(instance.start, instance.end)
-    equal = any(one.condition.relation is model.Relation.EQUAL for one in instance.durations)
+    length = original.distance(instance.start, instance.end)
+    equal = any(duration.condition.relation is model.Relation.EQUAL for duration in instance.durations)
     if equal or instance.identifier in pinned:
-        return DistanceEdge(instance.start, instance.end, own), DistanceEdge(instance.end, instance.start, -own)
+        return DistanceEdge(instance.start, instance.end, length), DistanceEdge(instance.end, instance.start, -length)
     lower, upper = duration_range(instance, read_before(original.execution, instance))
     certain = certain_duration(original, instance)
     edges = (certain._replace(weight=max(certain.weight, lower)),)
@@ -144,10 +148,10 @@ def settled_durations(original: Original, pinned: Collection[str]) -> frozenset[
         return isinstance(variable, model.Duration)
 
     return frozenset(
-        one.identifier
-        for one in plan.instances
-        if one.identifier not in pinned
-        and all(is_settled(variable) for part in one.durations for variable in part.condition.expression.variables)
+        instance.identifier
+        for instance in plan.instances
+        if instance.identifier not in pinned
+        and all(is_settled(variable) for part in instance.durations for variable in part.condition.expression.variables)
     )
 
 
@@ -180,16 +184,18 @@ class Parametrization:
     @property
     def pinned_durations(self) -> frozenset[str]:
         """The instances whose duration is a parameter."""
-        return frozenset(one.target.instance or "" for one in self.constraints if one.source != model.ZERO)
+        return frozenset(
+            constraint.target.instance or "" for constraint in self.constraints if constraint.source != model.ZERO
+        )
 
     def says_all_about(self, constraint: STNConstraint) -> bool:
         """Whether a parameter says what the distance between these two time points is."""
         pair = {constraint.source, constraint.target}
-        return any({one.source, one.target} == pair for one in self.constraints)
+        return any({parametric.source, parametric.target} == pair for parametric in self.constraints)
 
     def pinned_starts(self, times: Mapping[model.TimePoint, Fraction]) -> tuple[DistanceEdge, ...]:
         """Bounds that fix the start times that are parameters."""
-        starts = [one.target for one in self.constraints if one.source == model.ZERO]
+        starts = [constraint.target for constraint in self.constraints if constraint.source == model.ZERO]
         return tuple(
             bound
             for start in starts
@@ -210,8 +216,8 @@ def parametrization(
         InputError: for a specification that does not fit the plan, or a nominal value that is not the plan's own.
     """
     declared = domain_parameters(domain, plan)
-    pairs = [(model.ZERO, one.start) for one in plan.instances]
-    pairs += [(one.start, one.end) for one in plan.instances if one.durative]
+    pairs = [(model.ZERO, instance.start) for instance in plan.instances]
+    pairs += [(instance.start, instance.end) for instance in plan.instances if instance.durative]
     lengths = ((target, source, times[target] - times[source]) for source, target in pairs)
     # constraints that leave the schedule as the only one
     rigid = replace(
@@ -219,22 +225,26 @@ def parametrization(
     )
     wiring = wire(rigid, specs, initial_fluents(problem), declared)
     known = {parameter.name: parameter for parameter in wiring.parameters}
-    parametric = tuple(one for one in wiring.constraints if isinstance(one.lower, model.ParameterReference))
+    parametric = tuple(
+        constraint for constraint in wiring.constraints if isinstance(constraint.lower, model.ParameterReference)
+    )
     for one in parametric:
         _check_nominal(one, known, times, plan.file)
     in_problem = set(wiring.fluents.values())
     return Parametrization(
-        bare=replace(plan, parameters=tuple(one for one in wiring.parameters if one.name in declared)),
-        parameters=tuple(one for one in wiring.parameters if one.name not in in_problem),
+        bare=replace(
+            plan, parameters=tuple(parameter for parameter in wiring.parameters if parameter.name in declared)
+        ),
+        parameters=tuple(parameter for parameter in wiring.parameters if parameter.name not in in_problem),
         constraints=parametric,
         fluents=tuple(
             ParameterSpec(Target.FLUENT, str(fluent), name, {word: getattr(known[name], word) for word in _WORDS})
             for fluent, name in wiring.fluents.items()
         ),
         durations=tuple(
-            ParameterSpec(Target.DURATION, one.identifier, wiring.durations[one.identifier])
-            for one in plan.instances
-            if one.identifier in wiring.durations and _is_fixed(domain, one)
+            ParameterSpec(Target.DURATION, instance.identifier, wiring.durations[instance.identifier])
+            for instance in plan.instances
+            if instance.identifier in wiring.durations and _is_fixed(domain, instance)
         ),
     )
 
@@ -245,18 +255,22 @@ def _check_nominal(
     times: Mapping[model.TimePoint, Fraction],
     file: str,
 ) -> None:
-    own = times[constraint.target] - times[constraint.source]
+    planned = times[constraint.target] - times[constraint.source]
     for bound in (constraint.lower, constraint.upper):
-        if isinstance(bound, model.ParameterReference) and known[bound.name].default not in {None, own}:
-            found = f"default {format_number(known[bound.name].default or Fraction(0))} for parameter {bound.name!r}"
-            message = f"found {found}, expected the plan's own {format_number(own)}, or no default"
+        if isinstance(bound, model.ParameterReference) and known[bound.name].default not in {None, planned}:
+            default = f"default {format_number(known[bound.name].default or Fraction(0))} for parameter {bound.name!r}"
+            message = f"found {default}, expected the plan's own {format_number(planned)}, or no default"
             raise InputError(message, known[bound.name].location or Location(file))
 
 
 def _is_fixed(domain: Domain, instance: InstanceDeclaration) -> bool:
     """Whether the domain says `(= ?duration e)`, or the same by two inequalities."""
     schema = domain.actions.get(instance.action)
-    said = {(one.comparator, one.timing, one.bound) for one in schema.durations} if schema is not None else set()
+    said = (
+        {(duration.comparator, duration.timing, duration.bound) for duration in schema.durations}
+        if schema is not None
+        else set()
+    )
     return any(
         comparator is Comparator.EQUAL
         or (comparator is Comparator.AT_LEAST and (Comparator.AT_MOST, timing, bound) in said)

@@ -56,10 +56,10 @@ class RunStatus(VerdictEnum):
 class Segment:
     """The execution of one plan, from `start` to `end`.
 
-    `box` and `guarantee` are those with which it began. `remainders` is what was left of the envelope after observations, for
-    executors that look, and `promised` the guarantee of the last promise. `ending` is why it was given up at
-    `given_up`; None if it was carried out. `executed` are its instances in the order of their starts, with times from
-    the beginning of the run.
+    `box` and `guarantee` are those with which it began. `remainders` are what was left of the envelope after
+    observations, for executors that look, and `promised` is the guarantee of the last promise. `ending` is why it was
+    given up at `given_up`; None if it was carried out. `executed` are its instances in the order of their starts, with
+    times from the beginning of the run.
     """
 
     plan: model.ParametrizedPlan
@@ -126,7 +126,9 @@ def remaining_problem(problem: Problem, state: State, origin: Fraction) -> Probl
     Timed literals that are still to come keep their moments; those that have passed are part of the state. Deadlines
     that are timed literals move with them.
     """
-    later = tuple(replace(one, time=one.time - origin) for one in problem.timed_literals if one.time > origin)
+    later = tuple(
+        replace(literal, time=literal.time - origin) for literal in problem.timed_literals if literal.time > origin
+    )
     return replace(problem, atoms=frozenset(state.atoms), fluents=dict(state.fluents), timed_literals=later)
 
 
@@ -224,14 +226,14 @@ def _sliced(dispatchable: Dispatchable, executor: Slice, options: ReplanningOpti
     """With the envelope; or, where that takes too long, with what was proved of it, the box among it."""
     plan, box = dispatchable.plan, dispatchable.box
     seconds = REGION_SECONDS if options.timeout is None else min(options.timeout, REGION_SECONDS)
-    found = RegionSearch(plan, epsilon=options.epsilon, solver=options.solver, timeout=seconds).run()
-    if found.status is Status.INTERRUPTED:
+    search = RegionSearch(plan, epsilon=options.epsilon, solver=options.solver, timeout=seconds).run()
+    if search.status is Status.INTERRUPTED:
         raise KeyboardInterrupt
-    region = found.inner()
-    if not found.is_exact:
+    region = search.inner()
+    if not search.is_exact:
         names = tuple(parameter.name for parameter in plan.parameters)
         region = Region.union_of(names, (Polyhedron.of_box(names, box), *region.as_union().pieces))
-    return dispatchable.sliced(region, exact=found.is_exact, seconds=executor.seconds)
+    return dispatchable.sliced(region, exact=search.is_exact, seconds=executor.seconds)
 
 
 @noticing_interrupts()
@@ -239,15 +241,15 @@ def computed_box(plan: model.ParametrizedPlan, options: ReplanningOptions) -> Bo
     """The box of a plan; errors as for :func:`prepare_plan`."""
     deadline = Deadline.after(options.timeout)
     formulas = create_encoding("relational", plan, options.epsilon, deadline)
-    found = options.method.search(formulas, solver=options.solver, deadline=deadline).run()
-    if found.status is Status.INVALID:
-        raise RefutedError(f"invalid plan: {found.reason}")
-    if not found.verified:
+    envelope = options.method.search(formulas, solver=options.solver, deadline=deadline).run()
+    if envelope.status is Status.INVALID:
+        raise RefutedError(f"invalid plan: {envelope.reason}")
+    if not envelope.verified:
         raise SolverError("no box was proved in time; expected one, allow more time")
     if options.controllability is None:
-        return found.box
+        return envelope.box
     try:  # the part in which a strategy is certain to find the schedules that the box promises
-        return shrink(plan, found.box, Control(options.controllability), deadline=Deadline.after(options.timeout))
+        return shrink(plan, envelope.box, Control(options.controllability), deadline=Deadline.after(options.timeout))
     except OutOfTimeError:
         raise SolverError("no controllable part of the box was found in time; expected one, allow more time") from None
 
@@ -267,19 +269,19 @@ def judged(start: model.ParametrizedPlan, executed: Sequence[ExecutedInstance], 
     """
     instances: list[model.ActionInstance] = []
     schedule: dict[model.TimePoint, Fraction] = {}
-    for number, one in enumerate(executed):
-        instance = _as_it_was(one, f"{number}.{one.instance.identifier}")
+    for number, execution in enumerate(executed):
+        instance = _as_it_was(execution, f"{number}.{execution.instance.identifier}")
         instances.append(instance)
-        schedule[instance.start] = one.start
+        schedule[instance.start] = execution.start
         if instance.durative:
-            schedule[instance.end] = one.start if one.end is None else one.end
+            schedule[instance.end] = execution.start if execution.end is None else execution.end
     return simulate(replace(start, instances=tuple(instances)), {}, schedule, epsilon=epsilon)
 
 
-def _as_it_was(one: ExecutedInstance, identifier: str) -> model.ActionInstance:
-    done = one.outcome is InstanceOutcome.DONE
-    instance = replace(one.instance, identifier=identifier)
-    if one.natural or not done:
+def _as_it_was(executed: ExecutedInstance, identifier: str) -> model.ActionInstance:
+    done = executed.outcome is InstanceOutcome.DONE
+    instance = replace(executed.instance, identifier=identifier)
+    if executed.natural or not done:
         instance = replace(instance, durations=())
     if done:
         return instance
@@ -405,12 +407,12 @@ class _Running:
         """Whether a plan was given up when all had been done: the goal is reached [IRR, Alg. 2, line 16]."""
         reading = Reading(world.state.snapshot(), {})
         goal = () if self._beginning is None else self._beginning.goal
-        return all(reading.holds(one.condition) for one in goal) and self._fault() is None
+        return all(reading.holds(demand.condition) for demand in goal) and self._fault() is None
 
     def _fault(self) -> str | None:
         """What the simulator, told all that was executed and drawn, finds broken."""
-        executed = [one for segment in self._segments for one in segment.executed]
-        if self._beginning is None or any(one.outcome is InstanceOutcome.RUNNING for one in executed):
+        executed = [execution for segment in self._segments for execution in segment.executed]
+        if self._beginning is None or any(execution.outcome is InstanceOutcome.RUNNING for execution in executed):
             return "an instance did not end"
         violations = judged(self._beginning, executed, self._mission.options.epsilon).violations
         if not violations:
@@ -433,8 +435,8 @@ def check_rules(prepared: Prepared, rules: Rules) -> None:
         point = dispatchable.network.points[number]
         instance = dispatchable.plan.instance[point.instance or ""]
         if point.kind is model.TimePointKind.END and rules.duration(instance) is not None:
-            found = f"found a rule for the duration of {instance.identifier} {instance}, which the dispatcher chooses"
-            message = f"{found}; expected one that is fixed or a parameter: --parameter duration:{instance.action}"
+            rule = f"found a rule for the duration of {instance.identifier} {instance}, which the dispatcher chooses"
+            message = f"{rule}; expected one that is fixed or a parameter: --parameter duration:{instance.action}"
             raise InputError(message)
 
 
@@ -448,7 +450,7 @@ def beginning(plan: model.ParametrizedPlan, world: SimulatedWorld) -> model.Para
         initial_atoms=plan.initial_atoms,
         initial_fluents={fluent: Polynomial.constant(value) for fluent, value in world.initial.items()},
         timed_literals=plan.timed_literals,
-        goal=tuple(replace(one, condition=condition_with(one.condition, world.values)) for one in plan.goal),
+        goal=tuple(replace(goal, condition=condition_with(goal.condition, world.values)) for goal in plan.goal),
     )
 
 
@@ -464,14 +466,18 @@ def _segment(
         start=origin,
         end=origin + last,
         executed=tuple(
-            replace(one, start=origin + one.start, end=None if one.end is None else origin + one.end)
-            for one in executed
+            replace(
+                execution, start=origin + execution.start, end=None if execution.end is None else origin + execution.end
+            )
+            for execution in executed
         ),
-        observations=tuple(replace(one, time=one.time + origin) for one in dispatcher.observations),
-        rejected=tuple(replace(one, time=one.time + origin) for one in dispatcher.rejected),
+        observations=tuple(
+            replace(observation, time=observation.time + origin) for observation in dispatcher.observations
+        ),
+        rejected=tuple(replace(message, time=message.time + origin) for message in dispatcher.rejected),
         ending=dispatcher.ending,
         given_up=None if dispatcher.ending is None else origin + dispatcher.ending.time,
-        remainders=tuple(replace(one, time=one.time + origin) for one in dispatcher.remainders),
+        remainders=tuple(replace(remainder, time=remainder.time + origin) for remainder in dispatcher.remainders),
         promised=dispatcher.dispatchable.guarantee,
         planner_seconds=prepared.planner_seconds,
         preparation_seconds=prepared.seconds,

@@ -127,11 +127,11 @@ class Slices:
         network = continued(self.stnu, facts)
         deadline = Deadline.after(None if self.seconds is None else self.seconds / 2)
         try:
-            found = _Promising(self, facts, network, deadline).run(promised)
-            answer = SliceAnswer.NOTHING if found is None else SliceAnswer.PROMISED
+            promise = _Promising(self, facts, network, deadline).run(promised)
+            answer = SliceAnswer.NOTHING if promise is None else SliceAnswer.PROMISED
         except OutOfTimeError:
-            found, answer = None, SliceAnswer.OUT_OF_TIME
-        box, kept = found or (None, False)
+            promise, answer = None, SliceAnswer.OUT_OF_TIME
+        box, kept = promise or (None, False)
         return Remainder(facts.now, what, answer, box, kept, time.perf_counter() - started), network
 
     @cached_property
@@ -218,20 +218,20 @@ class _Promising:
 
     def _remainder(self, promised: Box) -> Box | None:
         """What remains of a promise, with the values that were seen; None if something is outside that must be in."""
-        found = {}
+        intervals = {}
         for name, interval in promised.intervals.items():
             seen, possible = self._facts.seen.get(name), self._facts.possible.get(name)
             if seen is not None:
-                found[name] = seen if name in self._facts.settled else _around(interval, seen)
+                intervals[name] = seen if name in self._facts.settled else _around(interval, seen)
             else:
                 common = interval if possible is None else _common(interval, possible)
                 if common is None:
                     return None
-                found[name] = common
-        return Box(found)
+                intervals[name] = common
+        return Box(intervals)
 
     def _planned(self) -> Box:
-        found = {}
+        intervals = {}
         for parameter in self._slices.parameters:
             value = parameter.nominal
             possible = self._facts.possible.get(parameter.name, _ANYTHING)
@@ -239,8 +239,8 @@ class _Promising:
                 end = possible.end(side)
                 if end is not None and side.sign * value > side.sign * end:
                     value = end
-            found[parameter.name] = self._facts.seen.get(parameter.name, Interval(value, value))
-        return Box(found)
+            intervals[parameter.name] = self._facts.seen.get(parameter.name, Interval(value, value))
+        return Box(intervals)
 
     def _holds(self, box: Box, bad: Sequence[Polyhedron]) -> bool:
         """Whether a box is left, and the schedule can be continued for sure."""
@@ -266,21 +266,23 @@ class _Promising:
 
     def _centre(self, base: Polyhedron, removed: Sequence[Polyhedron]) -> Box | None:
         """The middle of the widest cube in some convex part of what is left, with the values that were seen."""
-        left = base.restricted(Box({**self._facts.possible, **self._facts.seen}).constraints())
+        part = base.restricted(Box({**self._facts.possible, **self._facts.seen}).constraints())
         while True:
             self._deadline.enforce()
-            point = outside(left, removed)
+            point = outside(part, removed)
             if point is None:
                 return None
-            cell = [*left.constraints, *(outer_side(piece, point) for piece in removed)]
+            cell = [*part.constraints, *(outer_side(piece, point) for piece in removed)]
             box = self._middle(cell)
-            cut = None if box is None else self._cut(box)
-            if box is not None and cut is None:
+            condition = None if box is None else self._cut(box)
+            if box is not None and condition is None:
                 return box
-            if cut is None or cut.is_constant:  # what was seen of a parameter is not to be had in one convex part
+            if (
+                condition is None or condition.is_constant
+            ):  # what was seen of a parameter is not to be had in one convex part
                 return None
-            factors, constant = dict(cut.coefficients()), cut.constant_term
-            left = left.restricted([LinearConstraint.of(factors, ">=", -constant)])
+            factors, constant = dict(condition.coefficients()), condition.constant_term
+            part = part.restricted([LinearConstraint.of(factors, ">=", -constant)])
 
     def _middle(self, cell: Sequence[LinearConstraint]) -> Box | None:
         """The middle of the widest cube in a convex cell, as far as parameters are unknown."""
@@ -319,7 +321,7 @@ class _Promising:
                 wanted,
                 inside.pieces,
                 parameters=parameters,
-                still=self._facts.settled,
+                fixed=self._facts.settled,
                 deadline=self._deadline,
                 on_box=boxes.append,
             )
@@ -338,9 +340,9 @@ _MOST = Fraction(1_000_000)
 """Half the width of cubes at most, in units of weights: what is left may be unbounded."""
 
 
-def _common(one: Interval, other: Interval) -> Interval | None:
+def _common(interval: Interval, other: Interval) -> Interval | None:
     """The values of both intervals; None if there are none."""
-    halves = [*Box({"x": one}).constraints(), *Box({"x": other}).constraints()]
+    halves = [*Box({"x": interval}).constraints(), *Box({"x": other}).constraints()]
     return (Polyhedron(("x",), tuple(halves)).bounding_box() or {}).get("x")
 
 

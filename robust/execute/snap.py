@@ -190,7 +190,7 @@ class _Snapping:
         wished = [int(self._printed[point] * scale) for point in points]
         if any(source == target for source, target, _ in network):
             raise TooFarError(_CONTRADICTION, self._with_durations(demands))
-        times = self._placed(network, wished, [int(one * scale) for one in reach], scale, demands)
+        times = self._placed(network, wished, [int(distance * scale) for distance in reach], scale, demands)
         exact = {point: Fraction(times[node], scale) + after for point, (node, after) in nodes.items()}
         return self._result(exact, max(abs(a - b) for a, b in zip(times, wished, strict=True)), scale)
 
@@ -203,9 +203,9 @@ class _Snapping:
             raise TooFarError(_CONTRADICTION, self._with_durations(demands))
 
         def windows(reach: int) -> NearSchedules:
-            low = [max(wish - reach, wish - own) for wish, own in zip(wished, near, strict=True)]
+            low = [max(wish - reach, wish - limit) for wish, limit in zip(wished, near, strict=True)]
             return NearSchedules(
-                network, low, [min(wish + reach, wish + own) for wish, own in zip(wished, near, strict=True)]
+                network, low, [min(wish + reach, wish + limit) for wish, limit in zip(wished, near, strict=True)]
             )
 
         greatest = max(near)
@@ -266,27 +266,30 @@ class _Snapping:
 
         What a duration reads may come from effects that depend on durations, so these are read again until they stay.
         """
-        found: dict[str, tuple[Fraction, Fraction | None]] = {}
+        demands: dict[str, tuple[Fraction, Fraction | None]] = {}
         times = self._spread()
-        durations = {one.identifier: self._printed[one.end] - self._printed[one.start] for one in self._plan.instances}
+        durations = {
+            instance.identifier: self._printed[instance.end] - self._printed[instance.start]
+            for instance in self._plan.instances
+        }
         for _ in range(len(durations) + 1):
             execution = TimedExecution(self._plan, self._plan.nominal, times, durations)
-            found = {
-                one.identifier: duration_range(one, read_before(execution, one))
-                for one in self._plan.instances
-                if one.durative
+            demands = {
+                instance.identifier: duration_range(instance, read_before(execution, instance))
+                for instance in self._plan.instances
+                if instance.durative
             }
-            exact = {name: _nearest(durations[name], *limits) for name, limits in found.items()}
+            exact = {name: _nearest(durations[name], *limits) for name, limits in demands.items()}
             if exact.items() <= durations.items():
                 break
             durations |= exact
-        return found
+        return demands
 
     def _check_durations(self, demands: Demands) -> None:
         """That what is demanded is what was printed, but for rounding."""
         too_far = [(away, instance) for instance, away in self._changes(demands) if abs(away) > self._reach(instance)]
         if too_far:
-            away, instance = max(too_far, key=lambda one: abs(one[0]))
+            away, instance = max(too_far, key=lambda change: abs(change[0]))
             wrong = f"the duration of {instance} would have to change by {format_number(round_up(abs(away)))}"
             raise TooFarError(wrong, self._with_durations(demands), abs(away))
 
@@ -319,9 +322,9 @@ class _Snapping:
         }
 
     def _result(self, times: Mapping[TimePoint, Fraction], shift: int, scale: int) -> Snapped:
-        printed, durative = self._printed, [one for one in self._plan.instances if one.durative]
+        printed, durative = self._printed, [instance for instance in self._plan.instances if instance.durative]
         durations = sum(times[one.end] - times[one.start] != printed[one.end] - printed[one.start] for one in durative)
-        starts = sum(times[one.start] != printed[one.start] for one in self._plan.instances)
+        starts = sum(times[instance.start] != printed[instance.start] for instance in self._plan.instances)
         lengths = [(times[one.end] - times[one.start]) - (printed[one.end] - printed[one.start]) for one in durative]
         return Snapped(times, durations, starts, max([Fraction(shift, scale), *map(abs, lengths)]))
 

@@ -64,8 +64,8 @@ class Breach:
         return f"{self.demand}, but {readable_values(self.detail)}{amount}{where}"
 
 
-def _separates(one: Breach | Violation) -> bool:
-    return one.obligation.startswith(_SEPARATION)
+def _separates(breach: Breach | Violation) -> bool:
+    return breach.obligation.startswith(_SEPARATION)
 
 
 def _lines(lines: tuple[int, ...]) -> str:
@@ -184,7 +184,7 @@ def validate(
     """
     judge = _Judge.of(domain, problem, timed, epsilon)
     outcome = judge.outcome(epsilon, tolerance)
-    broken = sorted(_unexplained(judge, outcome), key=lambda one: (one.time, not _separates(one)))
+    broken = sorted(_unexplained(judge, outcome), key=lambda violation: (violation.time, not _separates(violation)))
     words = _Words(judge, outcome, epsilon)
     return Verdict(
         plan=timed.file,
@@ -239,8 +239,8 @@ class _Judge:
         declared = distances.declarations(timed, domain, epsilon)
         for step in timed.steps:
             if min(step.time, step.duration or 0) < 0:
-                found = f"found {step}, expected a time and a duration of at least 0"
-                raise InputError(found, step.location or Location(timed.file))
+                message = f"found {step}, expected a time and a duration of at least 0"
+                raise InputError(message, step.location or Location(timed.file))
         plan = assemble(domain, problem, STNPlan((), declared, (), timed.file))
         printed = distances.with_literals(plan, distances.schedule_of(timed, declared))
         return cls(timed, declared, plan, printed)
@@ -276,7 +276,10 @@ class _Judge:
     def least_epsilon(self) -> Fraction:
         """The durations of instantaneous actions, which were passed over, are at most ε."""
         steps = zip(self.timed.steps, self.declared, strict=True)
-        return max((step.duration or Fraction(0) for step, one in steps if not one.durative), default=Fraction(0))
+        return max(
+            (step.duration or Fraction(0) for step, declaration in steps if not declaration.durative),
+            default=Fraction(0),
+        )
 
     def separated(self, violation: Violation) -> tuple[TimePoint, ...]:
         """The two time points that a separation is about."""
@@ -297,11 +300,11 @@ class _Judge:
 def _unexplained(judge: _Judge, outcome: _Outcome) -> list[Violation]:
     """The violations without separations that fail by no more than rounding, if there are others."""
     beyond = []
-    for one in outcome.violations:
-        points = judge.separated(one) if _separates(one) else ()
+    for violation in outcome.violations:
+        points = judge.separated(violation) if _separates(violation) else ()
         reach = sum(_rounding(outcome, point) for point in points)
-        if not reach or (one.amount or 0) > reach:
-            beyond.append(one)
+        if not reach or (violation.amount or 0) > reach:
+            beyond.append(violation)
     return beyond or list(outcome.violations)
 
 
@@ -337,7 +340,7 @@ class _Words:
         else:
             demand, condition, owners = self._demands[violation.obligation]
             detail = violation.detail + self._period(condition, violation.time)
-        places = [one.location.line for one in owners if one.location is not None]
+        places = [owner.location.line for owner in owners if owner.location is not None]
         lines = tuple(dict.fromkeys(line for line in places if line is not None))
         return Breach(violation.time, violation.obligation, demand, detail, violation.amount, lines)
 
@@ -360,23 +363,29 @@ class _Words:
     @cached_property
     def _changes(self) -> Mapping[Atom, list[tuple[Fraction, bool]]]:
         """When an atom changed to which truth value."""
-        found: dict[Atom, list[tuple[Fraction, bool]]] = {}
+        changes: dict[Atom, list[tuple[Fraction, bool]]] = {}
         for step in self.outcome.simulation.trace:
             for atom, value in step.atoms_changed:
-                found.setdefault(atom, []).append((step.time, value))
-        return found
+                changes.setdefault(atom, []).append((step.time, value))
+        return changes
 
     @cached_property
     def _demands(self) -> Mapping[str, tuple[str, Condition, list[ActionInstance]]]:
         """What each obligation but a separation demands, in words and as a condition, and who demands it."""
-        found: dict[str, tuple[str, Condition, list[ActionInstance]]] = {}
-        for one in self.judge.plan.instances:
-            for constraint in one.durations:
-                found[one.label(constraint)] = f"{one} demands {constraint.text}", constraint.condition, [one]
-            for part in one.demands:
-                when = f" {_WHEN[part.timing]}" if one.durative else ""
-                found[one.label(part)] = f"{one} demands {part.text}{when}", part.condition, [one]
-        return found | {one.label: (f"the goal demands {one.text}", one.condition, []) for one in self.judge.plan.goal}
+        demands: dict[str, tuple[str, Condition, list[ActionInstance]]] = {}
+        for instance in self.judge.plan.instances:
+            for constraint in instance.durations:
+                demands[instance.label(constraint)] = (
+                    f"{instance} demands {constraint.text}",
+                    constraint.condition,
+                    [instance],
+                )
+            for part in instance.demands:
+                when = f" {_WHEN[part.timing]}" if instance.durative else ""
+                demands[instance.label(part)] = f"{instance} demands {part.text}{when}", part.condition, [instance]
+        return demands | {
+            goal.label: (f"the goal demands {goal.text}", goal.condition, []) for goal in self.judge.plan.goal
+        }
 
 
 _WHEN = {Timing.AT_START: "at its start", Timing.OVER_ALL: "throughout", Timing.AT_END: "at its end"}
@@ -406,10 +415,10 @@ def _epsilon(judge: _Judge, outcome: _Outcome, epsilon: Fraction, tolerance: Fra
     """The greatest ε of three digits with which the plan is valid."""
 
     def fails(index: int) -> bool:
-        one = decimal_at(index)
-        return one < judge.least_epsilon or not judge.outcome(one, tolerance).valid
+        candidate = decimal_at(index)
+        return candidate < judge.least_epsilon or not judge.outcome(candidate, tolerance).valid
 
-    near = [epsilon - (one.amount or 0) for one in outcome.violations if _separates(one)]
+    near = [epsilon - (violation.amount or 0) for violation in outcome.violations if _separates(violation)]
     if not near or not epsilon:
         return None
     least = decimal_index(min(near) or epsilon / 1000)

@@ -151,7 +151,7 @@ class Rules:
         return self._first(Subject.PARAMETER, {name})
 
     def _first(self, subject: Subject, names: set[str]) -> Rule | None:
-        return next((one for one in self.rules if one.subject is subject and one.name in names), None)
+        return next((rule for rule in self.rules if rule.subject is subject and rule.name in names), None)
 
 
 def read_rules(path: str | PathLike[str]) -> Rules:
@@ -176,8 +176,8 @@ def _rule(table: Mapping[str, object], place: str) -> Rule:
     location = Location(place)
     subjects = [subject for subject in Subject if subject.value in table]
     if len(subjects) != 1:
-        found = "none" if not subjects else " and ".join(subject.value for subject in subjects)
-        raise InputError(f"found {found}, expected one of duration, consumption and parameter", location)
+        named = "none" if not subjects else " and ".join(subject.value for subject in subjects)
+        raise InputError(f"found {named}, expected one of duration, consumption and parameter", location)
     subject = subjects[0]
     name = table[subject.value]
     if not isinstance(name, str) or not name.strip():
@@ -238,8 +238,8 @@ def _check_numbers(rule: Rule, location: Location) -> None:
         if least is not None and numbers.get(least, Fraction(0)) < 0:
             raise InputError(f"found {least} {numbers[least]} of a duration, expected at least 0", location)
         if rule.distribution in {"normal", "truncated-normal"} and numbers.get("minimum", Fraction(-1)) < 0:
-            found = "no minimum" if "minimum" not in numbers else f"minimum {numbers['minimum']}"
-            raise InputError(f"found {found} of a duration, expected one of at least 0", location)
+            minimum = "no minimum" if "minimum" not in numbers else f"minimum {numbers['minimum']}"
+            raise InputError(f"found {minimum} of a duration, expected one of at least 0", location)
 
 
 # -- carrying out ------------------------------------------------------------------------------------------------------
@@ -251,22 +251,24 @@ _Conditional = TypeVar("_Conditional", model.TimedCondition, model.AtomEffect, m
 
 
 def _conditional(parts: Iterable[_Conditional], values: Values) -> tuple[_Conditional, ...]:
-    return tuple(replace(one, condition=condition_with(one.condition, values)) for one in parts)
+    return tuple(replace(part, condition=condition_with(part.condition, values)) for part in parts)
 
 
 def with_values(instance: model.ActionInstance, values: Values) -> model.ActionInstance:
     """The instance with these variables replaced by their values, in conditions and effects."""
     return replace(
         instance,
-        durations=tuple(replace(one, condition=_comparison(one.condition, values)) for one in instance.durations),
+        durations=tuple(
+            replace(duration, condition=_comparison(duration.condition, values)) for duration in instance.durations
+        ),
         conditions=_conditional(instance.conditions, values),
         atom_effects=_conditional(instance.atom_effects, values),
         numeric_effects=tuple(
-            replace(one, expression=expression_with(one.expression, values))
-            for one in _conditional(instance.numeric_effects, values)
+            replace(effect, expression=expression_with(effect.expression, values))
+            for effect in _conditional(instance.numeric_effects, values)
         ),
         continuous_effects=tuple(
-            replace(one, rate=expression_with(one.rate, values)) for one in instance.continuous_effects
+            replace(effect, rate=expression_with(effect.rate, values)) for effect in instance.continuous_effects
         ),
     )
 
@@ -293,7 +295,7 @@ def condition_with(condition: model.Condition, values: Values) -> model.Conditio
         case model.NumericCondition():
             return _comparison(condition, values)
         case model.And(operands) | model.Or(operands):
-            return type(condition)(tuple(condition_with(one, values) for one in operands))
+            return type(condition)(tuple(condition_with(operand, values) for operand in operands))
     assert_never(condition)
 
 
@@ -336,14 +338,14 @@ class WorldState:
     def apply(self, instance: model.ActionInstance, timing: model.Timing, duration: Fraction | None = None) -> None:
         """The effects of an instance at one of its time points; all of them read the state before any."""
         reading = self._reading(duration)
-        adds = [one for one in instance.atom_effects if one.timing is timing and reading.holds(one.condition)]
+        adds = [part for part in instance.atom_effects if part.timing is timing and reading.holds(part.condition)]
         changes = [
-            (one, reading.expression(one.expression))
-            for one in instance.numeric_effects
-            if one.timing is timing and reading.holds(one.condition)
+            (part, reading.expression(part.expression))
+            for part in instance.numeric_effects
+            if part.timing is timing and reading.holds(part.condition)
         ]
-        self.atoms.difference_update([one.atom for one in adds if not one.value])
-        self.atoms.update([one.atom for one in adds if one.value])
+        self.atoms.difference_update([add.atom for add in adds if not add.value])
+        self.atoms.update([add.atom for add in adds if add.value])
         for effect, value in sorted(changes, key=lambda change: change[0].operator is model.AssignmentKind.INCREASE):
             if effect.operator is model.AssignmentKind.ASSIGN:
                 self.fluents[effect.fluent] = value
@@ -353,7 +355,7 @@ class WorldState:
     def begin_flows(self, instance: model.ActionInstance, duration: Fraction | None) -> None:
         """Continuous effects set in; their rates stay as they are now."""
         reading = self._reading(duration)
-        flow = tuple((one.fluent, reading.expression(one.rate)) for one in instance.continuous_effects)
+        flow = tuple((effect.fluent, reading.expression(effect.rate)) for effect in instance.continuous_effects)
         self.flows.update({instance.identifier: flow} if flow else {})
 
     def pass_literal(self, literal: model.TimedLiteral) -> None:
@@ -410,7 +412,9 @@ class SimulatedWorld:
         self.executed: dict[str, ExecutedInstance] = {}
         plan = dispatchable.plan
         self._luck = luck
-        self._values = {one.name: self._drawn(one, levels_known=levels_known) for one in plan.parameters}
+        self._values = {
+            parameter.name: self._drawn(parameter, levels_known=levels_known) for parameter in plan.parameters
+        }
         self._consumed: dict[tuple[str, model.Fluent], Fraction] = {}
         self._due: dict[str, Fraction] = {}
         """When what is running will end, where that is known."""
@@ -467,8 +471,8 @@ class SimulatedWorld:
     def stop(self, now: Fraction) -> None:
         """End what is running, there and then."""
         self.pass_until(now)
-        for one in self._running:
-            self._finish(one, now, InstanceOutcome.STOPPED)
+        for execution in self._running:
+            self._finish(execution, now, InstanceOutcome.STOPPED)
 
     # -- instances ---------------------------------------------------------------------------------------------------
 
@@ -504,26 +508,26 @@ class SimulatedWorld:
 
     def _end(self, identifier: str, now: Fraction) -> bool:
         """Whether the instance ended as it should."""
-        one = self.executed.get(identifier)
-        if one is None or one.outcome is not InstanceOutcome.RUNNING:
+        execution = self.executed.get(identifier)
+        if execution is None or execution.outcome is not InstanceOutcome.RUNNING:
             return False
         self._pass(now)
-        duration = now - one.start
-        unmet = self.state.unmet(one.instance, model.Timing.AT_END, duration)
+        duration = now - execution.start
+        unmet = self.state.unmet(execution.instance, model.Timing.AT_END, duration)
         if unmet is not None:
-            self._fail(one, now, unmet)
+            self._fail(execution, now, unmet)
             return False
-        self._finish(one, now, InstanceOutcome.DONE)
-        self.state.apply(one.instance, model.Timing.AT_END, duration)
+        self._finish(execution, now, InstanceOutcome.DONE)
+        self.state.apply(execution.instance, model.Timing.AT_END, duration)
         self._check_at(now)
         point = self.dispatchable.plan.instance[identifier].end
         self._reveal(point)
         self._follow(point, now)
         return True
 
-    def _finish(self, one: ExecutedInstance, now: Fraction, outcome: InstanceOutcome) -> None:
-        self.state.flows.pop(one.instance.identifier, None)
-        one.end, one.outcome = now, outcome
+    def _finish(self, execution: ExecutedInstance, now: Fraction, outcome: InstanceOutcome) -> None:
+        self.state.flows.pop(execution.instance.identifier, None)
+        execution.end, execution.outcome = now, outcome
 
     def _fail(self, running: ExecutedInstance, now: Fraction, reason: str) -> None:
         self._finish(running, now, InstanceOutcome.FAILED)
@@ -548,17 +552,21 @@ class SimulatedWorld:
     def _check_at(self, now: Fraction) -> None:
         """What is known to be running before and after a moment has its conditions at that moment."""
         self._changed = True
-        inside = [one for one in self._running if one.start < now < self._due.get(one.instance.identifier, now)]
+        inside = [
+            execution
+            for execution in self._running
+            if execution.start < now < self._due.get(execution.instance.identifier, now)
+        ]
         for instance, reason in self._broken(inside):
             self._fail(instance, now, reason)
 
     @property
     def _running(self) -> list[ExecutedInstance]:
-        return [one for one in self.executed.values() if one.outcome is InstanceOutcome.RUNNING]
+        return [execution for execution in self.executed.values() if execution.outcome is InstanceOutcome.RUNNING]
 
     def _broken(self, running: Sequence[ExecutedInstance]) -> list[tuple[ExecutedInstance, str]]:
-        reasons = ((one, self.state.unmet(one.instance, model.Timing.OVER_ALL)) for one in running)
-        return [(one, reason) for one, reason in reasons if reason is not None]
+        reasons = ((execution, self.state.unmet(execution.instance, model.Timing.OVER_ALL)) for execution in running)
+        return [(execution, reason) for execution, reason in reasons if reason is not None]
 
     # -- what nobody decides -----------------------------------------------------------------------------------------
 
@@ -602,11 +610,11 @@ class SimulatedWorld:
         levels = dict(self.dispatchable.levels)
         plan = self.dispatchable.plan
         reading = Reading(State(frozenset(), {}), self._values)
-        for one in self.dispatchable.expected.get(model.ZERO, ()):
+        for revelation in self.dispatchable.expected.get(model.ZERO, ()):
             for fluent, value in plan.initial_fluents.items():
-                if model.ParameterReference(one.parameter) in value.variables:
+                if model.ParameterReference(revelation.parameter) in value.variables:
                     levels[fluent] = reading.expression(value)
-            self._messages.append(dispatcher.Observed(one.parameter, self._values[one.parameter]))
+            self._messages.append(dispatcher.Observed(revelation.parameter, self._values[revelation.parameter]))
         return levels
 
     def _actual(self, instance: model.ActionInstance, duration: Fraction | None) -> model.ActionInstance:
@@ -627,9 +635,11 @@ class SimulatedWorld:
         return with_values(instance, values)
 
     def _reveal(self, point: model.TimePoint) -> None:
-        for one in self.dispatchable.expected.get(point, ()):
+        for revelation in self.dispatchable.expected.get(point, ()):
             self._messages.append(
-                dispatcher.Observed(one.parameter, self._revealed(one.parameter, one.instance), one.instance)
+                dispatcher.Observed(
+                    revelation.parameter, self._revealed(revelation.parameter, revelation.instance), revelation.instance
+                )
             )
 
     def _revealed(self, name: str, identifier: str | None) -> Fraction:

@@ -87,15 +87,15 @@ class DispatchNetwork(Generic[Natural]):
         A time point that may coincide with a natural one waits for it, unless it brings it about: whoever starts first
         could be wrong.
         """
-        found: list[set[int]] = [set() for _ in self.points]
+        blockers: list[set[int]] = [set() for _ in self.points]
         for (x, y), weight in self._edges.items():
             first, second = self.points[y], self.points[x]
             chance = first in self.natural and second not in self.natural and not self._follows(first, second)
             if weight < 0 or (weight == 0 and chance):
-                found[x].add(y)
+                blockers[x].add(y)
         for point, activation, _, _ in self._waits:
-            found[point].add(activation)
-        return tuple(map(frozenset, found))
+            blockers[point].add(activation)
+        return tuple(map(frozenset, blockers))
 
     def _follows(self, point: TimePoint, cause: TimePoint) -> bool:
         """Whether a natural time point happens because of another time point."""
@@ -113,13 +113,13 @@ _NO_SCHEDULE = "the network has no schedule; expected one for every value in the
 
 
 def _strongest(edges: Iterable[tuple[int, int, Fraction]]) -> dict[tuple[int, int], Fraction]:
-    found: dict[tuple[int, int], Fraction] = {}
+    strongest: dict[tuple[int, int], Fraction] = {}
     for x, y, weight in edges:
         if x != y:
-            found[x, y] = min(weight, found.get((x, y), weight))
+            strongest[x, y] = min(weight, strongest.get((x, y), weight))
         elif weight < 0:
             raise InputError(_NO_SCHEDULE)
-    return found
+    return strongest
 
 
 class Windows:
@@ -206,8 +206,10 @@ def strategy(answer: DynamicAnswer, links: Iterable[Natural]) -> DispatchNetwork
         place[node] = index[link.source], link.lower or Fraction(0)
     edges = [
         bound
-        for one in stnu.contingents
-        for bound in edges_between(index[one.source], index[one.target], one.lower, one.upper)
+        for contingent in stnu.contingents
+        for bound in edges_between(
+            index[contingent.source], index[contingent.target], contingent.lower, contingent.upper
+        )
     ]
     waits: list[tuple[int, int, int, Fraction | None]] = []
     executed = {index[point] for point in stnu.executable}
@@ -228,7 +230,7 @@ def strategy(answer: DynamicAnswer, links: Iterable[Natural]) -> DispatchNetwork
 
 def minimal_edges(full: DispatchNetwork[Any]) -> Iterator[tuple[int, int, Fraction]]:
     """The edges that no other dominates, between the first ones of time points at fixed distances; and their ties."""
-    distance = [dict(found) for found in full.above]
+    distance = [dict(bounds) for bounds in full.above]
     groups = _rigid(full, distance)
     first = sorted(group[0][0] for group in groups)
     kept = _undominated(first, distance)
@@ -291,10 +293,10 @@ def _rigid(full: DispatchNetwork[Any], distance: list[dict[int, Fraction]]) -> l
         gaps |= {other: gap for other, gap in distance[point].items() if distance[other].get(point) == -gap}
         done |= gaps.keys()
         by_time: dict[Fraction, list[int]] = {}
-        for one in sorted(gaps):
-            by_time.setdefault(gaps[one], []).append(one)
+        for member in sorted(gaps):
+            by_time.setdefault(gaps[member], []).append(member)
         for together in by_time.values():
-            together.sort(key=lambda one: _rank(full, one, gaps))
+            together.sort(key=lambda member: _rank(full, member, gaps))
         groups.append([together for _, together in sorted(by_time.items())])
     return groups
 
@@ -325,11 +327,10 @@ def needed_waits(full: DispatchNetwork[Any]) -> Iterator[Wait]:
             delays = by_link.setdefault((activation, end), {})
             delays[point] = max(inf if delay is None else delay, delays.get(point, -inf))
     for (activation, end), delays in by_link.items():
-        for point, delay in sorted(delays.items()):
+        for point, longest in sorted(delays.items()):
             latest = distance[point]
-            late_enough = -latest.get(activation, inf) >= delay or latest.get(end, inf) <= 0
+            late_enough = -latest.get(activation, inf) >= longest or latest.get(end, inf) <= 0
             others = ((latest.get(other, inf), beyond) for other, beyond in delays.items() if other != point)
-            if not late_enough and not any(gap < 0 and beyond - gap >= delay for gap, beyond in others):
-                points = full.points
-                finite = delay if isinstance(delay, Fraction) else None
-                yield Wait(points[point], points[activation], finite, points[end])
+            if not late_enough and not any(gap < 0 and beyond - gap >= longest for gap, beyond in others):
+                finite = longest if isinstance(longest, Fraction) else None
+                yield Wait(full.points[point], full.points[activation], finite, full.points[end])

@@ -45,8 +45,8 @@ def load(path: str | os.PathLike[str]) -> Network:
     text, file = read_text(path), os.fspath(path)
     begin = text.lstrip()[:1]
     if begin not in {"<", "{"}:
-        found = shorten(text.split("\n", 1)[0]) if begin else "an empty file"
-        raise InputError(f"found {found}, expected a network as GraphML (.stnu) or JSON", Location(file, 1))
+        start = shorten(text.split("\n", 1)[0]) if begin else "an empty file"
+        raise InputError(f"found {start}, expected a network as GraphML (.stnu) or JSON", Location(file, 1))
     return parse_graphml(text, file) if begin == "<" else parse_network_json(text, file)
 
 
@@ -67,10 +67,10 @@ def deadline(timeout: Number | None) -> Deadline:
     """The end of seconds from now; InputError unless they are a number of at least 0."""
     if timeout is None:
         return Deadline.after(None)
-    found = exact(timeout, Location("timeout"))
-    if found < 0:
+    seconds = exact(timeout, Location("timeout"))
+    if seconds < 0:
         raise InputError(f"found {shorten(str(timeout))}, expected a number of at least 0", Location("timeout"))
-    return Deadline.after(float(found))
+    return Deadline.after(float(seconds))
 
 
 def write(network: Network, path: str | os.PathLike[str]) -> tuple[str, int]:
@@ -97,13 +97,13 @@ def parse_network_json(text: str, file: str) -> Network:
     """The network that a JSON text describes; `file` is its name in messages."""
     top = _fields(parse_json(text, file), ("nodes", "constraints"))
     known: dict[str, None] = {}
-    for one in _items(top["nodes"]):
-        value = _fields(one, ("node_id",))["node_id"]
+    for item in _items(top["nodes"]):
+        value = _fields(item, ("node_id",))["node_id"]
         name = _node(value)
         if name in known:
             raise InputError(f"found a second node {shorten(name)}, expected one", value.location)
         known[name] = None
-    links = [_constraint(one, known) for one in _items(top["constraints"])]
+    links = [_constraint(item, known) for item in _items(top["constraints"])]
     if not links:
         raise InputError("found no constraints, expected at least one", top["constraints"].location)
     telling = tuple(link for link in links if not _says_nothing(link))
@@ -117,16 +117,16 @@ def _says_nothing(link: Link) -> bool:
 
 
 def _constraint(value: Json, known: Collection[str]) -> Link:
-    found = _fields(value, _CONSTRAINT)
+    fields = _fields(value, _CONSTRAINT)
     ends = []
     for key in ("first_node", "second_node"):
-        ends.append(_node(found[key]))
+        ends.append(_node(fields[key]))
         if ends[-1] not in known:
-            raise InputError(f"found unknown node {shorten(ends[-1])}, expected one of the nodes", found[key].location)
-    kind = found["type"]
+            raise InputError(f"found unknown node {shorten(ends[-1])}, expected one of the nodes", fields[key].location)
+    kind = fields["type"]
     if not isinstance(kind, Text) or kind.value not in _TYPES:
         raise InputError(f"found type {describe(kind)}, expected stc or stcu", kind.location)
-    lower, upper = _bound(found["min_duration"], -1), _bound(found["max_duration"], 1)
+    lower, upper = _bound(fields["min_duration"], -1), _bound(fields["max_duration"], 1)
     return Link(ends[0], ends[1], lower, upper, _TYPES[kind.value], value.location)
 
 
@@ -323,29 +323,29 @@ def parse_graphml(text: str, file: str) -> Network:
     """The network that a GraphML text describes; `file` is its name in messages."""
     reader = _Reader(file)
     reader.read(text)
-    for one in reader.nodes:
+    for node in reader.nodes:
         for key in ("Obs", "Label"):
-            if one.text(key) not in _EMPTY_LABELS:
-                raise _observes(key, one.text(key), one.data[key][1])
-    for one in reader.edges:
-        _without_labels(one)
+            if node.text(key) not in _EMPTY_LABELS:
+                raise _observes(key, node.text(key), node.data[key][1])
+    for edge in reader.edges:
+        _without_labels(edge)
     layout, nodes = {}, dict[str, None]()
-    for one in reader.nodes:
-        name = one.attributes.get("id", "")
+    for node in reader.nodes:
+        name = node.attributes.get("id", "")
         if not name or name in nodes:
-            found = f"a second node {shorten(name)}" if name else "a node without id"
-            raise InputError(f"found {found}, expected each to have an id of its own", one.place)
+            wrong = f"a second node {shorten(name)}" if name else "a node without id"
+            raise InputError(f"found {wrong}, expected each to have an id of its own", node.place)
         nodes[name] = None
-        if "x" in one.data and "y" in one.data:
-            layout[name] = one.text("x"), one.text("y")
+        if "x" in node.data and "y" in node.data:
+            layout[name] = node.text("x"), node.text("y")
     if not reader.edges:
         raise InputError("found no edges, expected at least one", Location(file))
     links = _links(reader.edges, nodes)
     return Network(file, tuple(nodes), links, "Z" if "Z" in nodes else None, layout)
 
 
-def _observes(key: str, found: str, place: Location) -> UnsupportedError:
-    return UnsupportedError(f"found {key} {shorten(found)}: a network with observations, expected an STNU", place)
+def _observes(key: str, text: str, place: Location) -> UnsupportedError:
+    return UnsupportedError(f"found {key} {shorten(text)}: a network with observations, expected an STNU", place)
 
 
 def _without_labels(edge: _Element) -> None:
@@ -410,7 +410,7 @@ def _links(edges: Sequence[_Element], nodes: Collection[str]) -> tuple[Link, ...
 
 def _requirements(most: Mapping[tuple[str, str], tuple[Fraction, Location]]) -> list[Link]:
     """A link for each pair of time points, from the one that comes first in the file or has an upper bound."""
-    found, done = [], set()
+    links, done = [], set()
     for (source, target), (value, place) in most.items():
         if (source, target) in done:
             continue
@@ -418,21 +418,21 @@ def _requirements(most: Mapping[tuple[str, str], tuple[Fraction, Location]]) -> 
         done |= {(source, target), (target, source)}
         if value < 0 or (back is not None and back[0] > value):
             upper = None if back is None else back[0]
-            found.append(Link(target, source, -value, upper, place=place))
+            links.append(Link(target, source, -value, upper, place=place))
         else:
-            found.append(Link(source, target, None if back is None else -back[0], value, place=place))
-    return found
+            links.append(Link(source, target, None if back is None else -back[0], value, place=place))
+    return links
 
 
 def _ends(edge: _Element, nodes: Collection[str]) -> tuple[str, str]:
     ends = []
     for name in ("source", "target"):
-        found = edge.attributes.get(name)
-        if found is None:
+        node = edge.attributes.get(name)
+        if node is None:
             raise InputError(f"found an edge without {name}, expected one", edge.place)
-        if found not in nodes:
-            raise InputError(f"found unknown node {shorten(found)}, expected one of the nodes", edge.place)
-        ends.append(found)
+        if node not in nodes:
+            raise InputError(f"found unknown node {shorten(node)}, expected one of the nodes", edge.place)
+        ends.append(node)
     return ends[0], ends[1]
 
 
@@ -447,10 +447,10 @@ def _value(edge: _Element) -> Fraction | None:
 def _contingent(ends: tuple[str, str], edge: _Element, back: _Element) -> Link:
     """The contingent link of two edges; labels say where it ends, or else the signs of the values."""
     cases: dict[str, tuple[Fraction, str]] = {}
-    for one, (source, target) in ((edge, ends), (back, (ends[1], ends[0]))):
-        if not one.text("LabeledValue"):
+    for half, (source, target) in ((edge, ends), (back, (ends[1], ends[0]))):
+        if not half.text("LabeledValue"):
             continue
-        text, place = one.data["LabeledValue"]
+        text, place = half.data["LabeledValue"]
         match = _CASE.fullmatch(text)
         if match is None:
             raise InputError(f"found {shorten(text)}, expected LC(NODE):NUMBER or UC(NODE):NUMBER", place)
@@ -559,8 +559,8 @@ def _edges(link: Link, number: int, scale: int) -> list[str]:
             edge(source, target, "contingent", "LabeledValue", f"LC({target}):{lower}"),
             edge(target, source, "contingent", "LabeledValue", f"UC({target}):{-upper}"),
         ]
-    found = [] if upper is None else [edge(source, target, "requirement", "Value", str(upper))]
-    return found if lower is None else [*found, edge(target, source, "requirement", "Value", str(-lower))]
+    edges = [] if upper is None else [edge(source, target, "requirement", "Value", str(upper))]
+    return edges if lower is None else [*edges, edge(target, source, "requirement", "Value", str(-lower))]
 
 
 def scaled(path: Path, scale: int) -> str:

@@ -180,15 +180,15 @@ class Network:
         """For the end of each contingent link with a negative least length, the time point at which its source is
         settled: `commit(A,C)`, with as many primes as tell it from all other time points.
         """
-        taken, found = set(self.nodes), {}
+        taken, decisions = set(self.nodes), {}
         for link in self.contingents:
             if link.lower is not None and link.lower < 0:
                 name = f"commit({link.source},{link.target})"
                 while name in taken:
                     name += "'"
                 taken.add(name)
-                found[link.target] = name
-        return found
+                decisions[link.target] = name
+        return decisions
 
     @cached_property
     def examined(self) -> Examined:
@@ -285,17 +285,17 @@ def network_of(plan: ParametrizedPlan, box: Box, name: str, origin: str = "Z") -
             requirements contradict each other for some values in the box.
         UnsupportedError: for a bound that is not linear in the parameters.
     """
-    found = parametric_stnu(plan, box).at(ends_of(box))
+    stnu = parametric_stnu(plan, box).at(ends_of(box))
 
     def node(point: TimePoint) -> str:
         return origin if point == ZERO else str(point)
 
-    names = [node(point) for point in found.points]
+    names = [node(point) for point in stnu.points]
     if len(set(names)) < len(names):
         raise InputError(f"found a time point called {origin!r} in the plan, expected other names")
     links = tuple(
         Link(node(link.source), node(link.target), link.lower, link.upper, link.is_contingent)
-        for link in found.links
+        for link in stnu.links
         if link.source != link.target and (link.lower is not None or link.upper is not None)
     )
     return Network(name, tuple(names), links, origin)

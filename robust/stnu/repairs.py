@@ -79,7 +79,7 @@ class NetworkRepair(Presented, ask="status"):
 
     @property
     def cost(self) -> Fraction | None:
-        return None if self.network is None else sum((one.cost for one in self.changes), _NOTHING)
+        return None if self.network is None else sum((change.cost for change in self.changes), _NOTHING)
 
     @property
     def gap(self) -> Fraction | None:

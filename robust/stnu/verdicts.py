@@ -222,8 +222,8 @@ class DispatchResult(Presented, ask="checked"):
             raise RefutedError(f"{self.network.name} is not controllable; expected a controllable network")
         lengths = {instant(end) if isinstance(end, str) else end: length for end, length in lengths.items()}
         if lengths.keys() != self.tables.natural.keys():
-            found, expected = (", ".join(map(str, ends)) or "none" for ends in (lengths, self.tables.natural))
-            raise InputError(f"found lengths of {found}, expected those of the contingent links: {expected}")
+            given, expected = (", ".join(map(str, ends)) or "none" for ends in (lengths, self.tables.natural))
+            raise InputError(f"found lengths of {given}, expected those of the contingent links: {expected}")
         times = dict(run_early(self.tables, lengths))
         order = {point: number for number, point in enumerate(times)}
         events = tuple(
@@ -273,7 +273,7 @@ def dispatch(network: Source, *, timeout: Number | None = None) -> DispatchResul
         full.points,
         full.natural.values(),
         [*kept, *natural],
-        ((index[one.point], index[one.activation], index[one.end], one.delay) for one in waits),
+        ((index[wait.point], index[wait.activation], index[wait.end], wait.delay) for wait in waits),
         closed=False,
     )
     requirements = tuple(

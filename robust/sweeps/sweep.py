@@ -221,9 +221,9 @@ def _connected(distributed: Any, address: str) -> Iterator[Any]:
             ) from None
         for worker, version in client.run(_version, on_error="return").items():
             if version != robust.__version__:
-                found = f"robust {version}" if isinstance(version, str) else f"no such robust ({version})"
+                installed = f"robust {version}" if isinstance(version, str) else f"no such robust ({version})"
                 raise InputError(
-                    f"found {found} on worker {worker}, expected {robust.__version__} as here; install that there"
+                    f"found {installed} on worker {worker}, expected {robust.__version__} as here; install that there"
                 )
         yield client
 
@@ -295,9 +295,9 @@ class Store(RecordFile):
                 return
         except (ValueError, KeyError, TypeError, msgspec.ValidationError):
             raise InputError(f"found no result, expected those of a store of results ({SCHEMA})") from None
-        if (found := value.get("robust")) != robust.__version__:
+        if (writer := value.get("robust")) != robust.__version__:
             raise InputError(
-                f"found results of robust {found}, expected those of {robust.__version__}; "
+                f"found results of robust {writer}, expected those of {robust.__version__}; "
                 "choose another file, so that results of different versions are not mixed"
             )
 
@@ -397,9 +397,9 @@ def run_sweep(
         if on_result is not None:
             on_result(len(done) + len(failures), len(distinct), line)
 
-    def keep(key: str, found: Any) -> None:
-        done[key] = found
-        tell(f"{distinct[key].label}: {describe(found)}")
+    def keep(key: str, result: Any) -> None:
+        done[key] = result
+        tell(f"{distinct[key].label}: {describe(result)}")
 
     def take(key: str, outcome: TaskOutcome) -> None:
         label = distinct[key].label
@@ -418,11 +418,11 @@ def run_sweep(
     def begun(pending: Sequence[tuple[int, str]]) -> Iterator[tuple[int, Task]]:
         """Tasks to start, asked for when there is a place for one."""
         for number, key in pending:
-            found = None if settled is None else settled(distinct[key], list(done.values()))
-            if found is None:
+            result = None if settled is None else settled(distinct[key], list(done.values()))
+            if result is None:
                 yield number, distinct[key]
             else:
-                keep(key, found)
+                keep(key, result)
 
     with Store(store) if store is not None else nullcontext() as opened:
         known = {} if opened is None else {key: opened.results[key] for key in distinct if key in opened.results}

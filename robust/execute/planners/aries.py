@@ -63,9 +63,12 @@ class AriesVocabulary:
         self.bool = self.environment.type_manager.BoolType()
         self._types = self._all_types(domain)
         self.objects = {
-            one.name: up.Object(f"o_{one.name}", self.type(one), self.environment) for one in problem.objects.values()
+            thing.name: up.Object(f"o_{thing.name}", self.type(thing), self.environment)
+            for thing in problem.objects.values()
         }
-        self.predicates = {one.name: self._fluent("p", one, self.bool) for one in domain.predicates.values()}
+        self.predicates = {
+            predicate.name: self._fluent("p", predicate, self.bool) for predicate in domain.predicates.values()
+        }
         self.functions: dict[str, up.Fluent] = {}
         self.ticked: dict[str, up.Fluent] = {}
 
@@ -74,7 +77,7 @@ class AriesVocabulary:
         types: dict[str, up.types.Type] = {}
         manager = self.environment.type_manager
         for name, ancestors in sorted(domain.types.items(), key=lambda item: len(item[1])):
-            above = [one for one in ancestors if one != name]
+            above = [ancestor for ancestor in ancestors if ancestor != name]
             parent = max(above, key=lambda one: len(domain.types[one]), default=None)
             if parent is not None and domain.types[parent] != frozenset(above):
                 raise unsupported(f"type {name!r} with more than one parent", domain.location)
@@ -87,7 +90,10 @@ class AriesVocabulary:
         return self._types[declared.types[0]]
 
     def _fluent(self, kind: str, signature: syntax.Signature, value: up.types.Type) -> up.Fluent:
-        parameters = [up.Parameter(f"x_{one.name}", self.type(one), self.environment) for one in signature.parameters]
+        parameters = [
+            up.Parameter(f"x_{parameter.name}", self.type(parameter), self.environment)
+            for parameter in signature.parameters
+        ]
         return up.Fluent(f"{kind}_{signature.name}", value, parameters, self.environment)
 
     def ground(self, fluent: up.Fluent, arguments: Iterable[str]) -> up.FNode:
@@ -97,7 +103,7 @@ class AriesVocabulary:
         manager = self.manager
         match condition:
             case syntax.Proposition(predicate, arguments):
-                return self.predicates[predicate](*(self._term(one, bindings) for one in arguments))
+                return self.predicates[predicate](*(self._term(argument, bindings) for argument in arguments))
             case syntax.Equality(left, right):
                 return manager.Equals(self._term(left, bindings), self._term(right, bindings))
             case syntax.NumericComparison(comparator, left, right):
@@ -125,14 +131,14 @@ class AriesVocabulary:
         names = tuple(variables)
         choices = [
             [
-                self.manager.ObjectExp(self.objects[one.name])
-                for one in self._problem.objects.values()
-                if fits(one.types, variable.types, self._domain.types)
+                self.manager.ObjectExp(self.objects[thing.name])
+                for thing in self._problem.objects.values()
+                if fits(thing.types, variable.types, self._domain.types)
             ]
             for variable in names
         ]
         for chosen in product(*choices):
-            yield {**bindings, **{one.name: value for one, value in zip(names, chosen, strict=True)}}
+            yield {**bindings, **{name.name: value for name, value in zip(names, chosen, strict=True)}}
 
     def _term(self, term: syntax.Term, bindings: Bindings) -> up.FNode:
         return bindings[term.name] if term.variable else self.manager.ObjectExp(self.objects[term.name])
@@ -149,7 +155,7 @@ class AriesVocabulary:
                 if function not in known:
                     number = self.environment.type_manager.IntType()
                     known[function] = self._fluent(kind, self._domain.functions[function], number)
-                return known[function](*(self._term(one, bindings) for one in arguments))
+                return known[function](*(self._term(argument, bindings) for argument in arguments))
             case syntax.DurationTerm(location):
                 raise unsupported("?duration in an expression", location)
             case syntax.ParameterTerm(name, _, location):
@@ -157,7 +163,7 @@ class AriesVocabulary:
             case syntax.Arithmetic(syntax.Operator.TIMES | syntax.Operator.DIVIDED, _, location) if timed:
                 raise unsupported("a product or quotient in a duration", location)
             case syntax.Arithmetic(operator, operands):
-                values = [self.number(one, bindings, timed=timed) for one in operands]
+                values = [self.number(operand, bindings, timed=timed) for operand in operands]
                 combined = getattr(self.manager, _ARITHMETIC[operator])
                 return reduce(combined, values if len(values) > 1 else [self.manager.Int(0), *values])
             case _:
@@ -242,16 +248,16 @@ def _add_timed_literal(
 
 def _action(schema: syntax.ActionSchema, words: AriesVocabulary, longest: int) -> up.Action:
     kind = up.DurativeAction if schema.durative else up.InstantaneousAction
-    parameters = {f"v_{one.name}": words.type(one) for one in schema.parameters}
+    parameters = {f"v_{parameter.name}": words.type(parameter) for parameter in schema.parameters}
     action: Any = kind(f"a_{schema.name}", parameters, words.environment)
     make = words.manager.ParameterExp
-    bindings = {one.name: make(action.parameter(f"v_{one.name}")) for one in schema.parameters}
+    bindings = {parameter.name: make(action.parameter(f"v_{parameter.name}")) for parameter in schema.parameters}
     if schema.durative:
         action.set_duration_constraint(_duration(schema, bindings, words, longest))
-    for one in schema.conditions:
-        condition = words.condition(one.condition, bindings)
+    for part in schema.conditions:
+        condition = words.condition(part.condition, bindings)
         if schema.durative:
-            action.add_condition(_TIMES[one.timing], condition)
+            action.add_condition(_TIMES[part.timing], condition)
         else:
             action.add_precondition(condition)
     for timing, target, value, update in _changes(schema.effects, bindings, words):
@@ -265,13 +271,13 @@ def _duration(
 ) -> up.DurationInterval:
     """The bounds as a closed interval; strict ones are left to the check of the plan."""
     lower, upper = [], []
-    for one in schema.durations:
-        if one.timing is not Timing.AT_START:
-            raise unsupported("a duration constraint at the end", one.location)
-        bound = words.number(one.bound, bindings, timed=True)
-        if one.comparator in (syntax.Comparator.EQUAL, syntax.Comparator.AT_LEAST, syntax.Comparator.GREATER):
+    for duration in schema.durations:
+        if duration.timing is not Timing.AT_START:
+            raise unsupported("a duration constraint at the end", duration.location)
+        bound = words.number(duration.bound, bindings, timed=True)
+        if duration.comparator in (syntax.Comparator.EQUAL, syntax.Comparator.AT_LEAST, syntax.Comparator.GREATER):
             lower.append(bound)
-        if one.comparator in (syntax.Comparator.EQUAL, syntax.Comparator.AT_MOST, syntax.Comparator.LESS):
+        if duration.comparator in (syntax.Comparator.EQUAL, syntax.Comparator.AT_MOST, syntax.Comparator.LESS):
             upper.append(bound)
     if len(lower) > 1 or len(upper) > 1:
         raise unsupported(f"more than one bound on one side of the duration of {schema.name!r}", schema.location)
@@ -373,12 +379,12 @@ def _in_units(plan: TimedPlan, domain: syntax.Domain, ticks: int) -> TimedPlan:
     """The plan with PDDL's names, and times in the problem's unit; instantaneous actions have no duration."""
 
     steps = []
-    for one in plan.steps:
-        schema = domain.actions.get(pddl_name(one.action))
-        durative = one.duration is not None and (schema is None or schema.durative)
-        duration = one.duration / ticks if durative and one.duration is not None else None
-        arguments = tuple(map(pddl_name, one.arguments))
-        steps.append(TimedStep(one.time / ticks, pddl_name(one.action), arguments, duration, one.location))
+    for step in plan.steps:
+        schema = domain.actions.get(pddl_name(step.action))
+        durative = step.duration is not None and (schema is None or schema.durative)
+        duration = step.duration / ticks if durative and step.duration is not None else None
+        arguments = tuple(map(pddl_name, step.arguments))
+        steps.append(TimedStep(step.time / ticks, pddl_name(step.action), arguments, duration, step.location))
     return TimedPlan(tuple(steps), plan.file)
 
 

@@ -116,11 +116,11 @@ def last_valid_plan(
 ) -> tuple[TimedPlan | None, str]:
     """The last plan in a text that is valid; without one, what is wrong with the last, or an empty message."""
     message = ""
-    for found in plans_in(text, f"<plan of {planner}>"):
+    for printed in plans_in(text, f"<plan of {planner}>"):
         try:
-            if isinstance(found, InputError):
-                raise found
-            plan = found if renamed is None else renamed(found)
+            if isinstance(printed, InputError):
+                raise printed
+            plan = printed if renamed is None else renamed(printed)
             check(plan, domain, problem, epsilon)
         except RobustError as error:
             message = message or " ".join(str(error).split())
@@ -159,7 +159,7 @@ class RememberingPlanner:
 
 def _question(domain: Domain, problem: Problem) -> Hashable:
     fluents = frozenset(problem.fluents.items())
-    objects = tuple((name, one.types) for name, one in problem.objects.items())
+    objects = tuple((name, declared.types) for name, declared in problem.objects.items())
     return id(domain), objects, problem.atoms, fluents, problem.timed_literals, problem.goal
 
 
@@ -204,8 +204,8 @@ class CommandPlanner:
             command = tuple(argument.format_map(fields) for argument in self.arguments)
             ended = Processes().run(command, deadline, folder=folder, memory_mb=MEMORY_MB, scratch=folder)
             printed = _plan_text(folder, ended)
-        found = last_valid_plan(printed, domain, problem, self.epsilon, self.name)
-        return judged(self.name, ended, found, self.verdict)
+        last = last_valid_plan(printed, domain, problem, self.epsilon, self.name)
+        return judged(self.name, ended, last, self.verdict)
 
 
 def command_planner(template: str, *, epsilon: Fraction = EPSILON) -> CommandPlanner:
@@ -233,16 +233,16 @@ def command_planner(template: str, *, epsilon: Fraction = EPSILON) -> CommandPla
     return CommandPlanner(Path(arguments[0]).name, arguments, epsilon)
 
 
-def judged(name: str, ended: ProcessEnd, found: tuple[TimedPlan | None, str], verdict: Judge) -> PlannerAnswer:
+def judged(name: str, ended: ProcessEnd, last: tuple[TimedPlan | None, str], verdict: Judge) -> PlannerAnswer:
     """The answer that a run of a process amounts to; `found` is a valid plan, or what is wrong with the last one."""
-    plan, wrong = found
+    plan, wrong = last
     if plan is not None:
         return PlannerAnswer(name, PlannerStatus.SOLVED, plan)
     status = PlannerStatus.TIMEOUT if ended.timed_out else verdict(ended)
     if status is None:
         nothing = not wrong and says_no_plan(ended.stdout + ended.stderr)
-        told = PlannerStatus.NO_PLAN if nothing else PlannerStatus.NONSENSE
-        status = told if wrong or not ended.exit_code else PlannerStatus.CRASHED
+        outcome = PlannerStatus.NO_PLAN if nothing else PlannerStatus.NONSENSE
+        status = outcome if wrong or not ended.exit_code else PlannerStatus.CRASHED
     return PlannerAnswer(name, status, None, message=_message(status, ended, wrong))
 
 

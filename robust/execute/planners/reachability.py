@@ -128,14 +128,18 @@ def relaxed_problem(domain: syntax.Domain, problem: syntax.Problem, deadline: De
     facts = _facts(problem, (action for action, _ in candidates), goal)
     number = {atom: i for i, atom in enumerate(facts)}
     # at one moment, the literals that make an atom true count, and come last
-    timed = [(one.time, one.target, bool(one.value)) for one in problem.timed_literals if one.target in number]
+    timed = [
+        (literal.time, literal.target, bool(literal.value))
+        for literal in problem.timed_literals
+        if literal.target in number
+    ]
     literals = sorted((one for one in timed if isinstance(one[1], model.Atom)), key=lambda one: (one[0], one[2]))
     ticks = lcm(*(shortest.denominator for _, shortest in candidates), *(time.denominator for time, _, _ in literals))
     actions = (_action(action, int(shortest * ticks), number) for action, shortest in candidates)
     added = {effect.atom for action, _ in candidates for effect in action.atom_effects if effect.value}
     return RelaxedProblem(
         facts=tuple(facts),
-        actions=tuple(one for one in actions if one is not None),
+        actions=tuple(action for action in actions if action is not None),
         initial=frozenset(number[atom] for atom in problem.atoms if atom in number),
         arrivals=tuple((int(time * ticks), number[atom]) for time, atom, value in literals if value),
         last={number[atom]: int(time * ticks) for atom, time in _lasts(literals, number.keys() - added).items()},
@@ -151,10 +155,14 @@ class _Constants:
     """What nothing changes: predicates and functions that no action and no timed literal has an effect on."""
 
     def __init__(self, domain: syntax.Domain, problem: syntax.Problem) -> None:
-        changing = {effect.proposition.predicate for one in domain.actions.values() for effect in _literals(one)}
-        changing |= {one.target.predicate for one in problem.timed_literals if isinstance(one.target, model.Atom)}
+        changing = {effect.proposition.predicate for action in domain.actions.values() for effect in _literals(action)}
+        changing |= {
+            literal.target.predicate for literal in problem.timed_literals if isinstance(literal.target, model.Atom)
+        }
         self._changing = changing
-        self._moving = {one.target.function for one in problem.timed_literals if isinstance(one.target, model.Fluent)}
+        self._moving = {
+            literal.target.function for literal in problem.timed_literals if isinstance(literal.target, model.Fluent)
+        }
         self._moving |= domain.written
         self._problem = problem
 
@@ -170,7 +178,7 @@ class _Constants:
         if not self._problem.fluents.keys() >= set(fluents):
             return None
         known: dict[model.NumericVariable, model.Expression] = {}
-        known.update((one, Polynomial.constant(self._problem.fluents[one])) for one in fluents)
+        known.update((fluent, Polynomial.constant(self._problem.fluents[fluent])) for fluent in fluents)
         return expression.substitute(lambda one: known.get(one) or Polynomial.variable(one))
 
     def allow(self, action: model.ActionInstance, *, at_once: bool) -> bool:
@@ -205,7 +213,7 @@ class _Constants:
 
 
 def _literals(schema: syntax.ActionSchema) -> Iterator[syntax.LiteralEffect]:
-    return (one for one in syntax.primitive(schema.effects) if isinstance(one, syntax.LiteralEffect))
+    return (effect for effect in syntax.primitive(schema.effects) if isinstance(effect, syntax.LiteralEffect))
 
 
 def _arguments(
@@ -216,12 +224,12 @@ def _arguments(
     checks: dict[int, list[syntax.Proposition]] = {}
     for timed in schema.conditions:
         # what holds over all is left for later: without a duration, it need not hold
-        for one in _propositions(timed.condition) if timed.timing is not model.Timing.OVER_ALL else ():
-            if constants.fixed(one.predicate):
-                place = max((places[term.name] for term in one.arguments if term.variable), default=-1)
-                checks.setdefault(place, []).append(one)
+        for proposition in _propositions(timed.condition) if timed.timing is not model.Timing.OVER_ALL else ():
+            if constants.fixed(proposition.predicate):
+                place = max((places[term.name] for term in proposition.arguments if term.variable), default=-1)
+                checks.setdefault(place, []).append(proposition)
     choices = [
-        [one.name for one in problem.objects.values() if fits(one.types, parameter.types, domain.types)]
+        [thing.name for thing in problem.objects.values() if fits(thing.types, parameter.types, domain.types)]
         for parameter in schema.parameters
     ]
 
@@ -229,10 +237,10 @@ def _arguments(
         return all(
             constants.holds(
                 model.Atom(
-                    one.predicate, tuple(chosen[places[t.name]] if t.variable else t.name for t in one.arguments)
+                    check.predicate, tuple(chosen[places[t.name]] if t.variable else t.name for t in check.arguments)
                 )
             )
-            for one in checks.get(len(chosen) - 1, ())
+            for check in checks.get(len(chosen) - 1, ())
         )
 
     def extended(chosen: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
@@ -258,10 +266,10 @@ def _propositions(condition: syntax.LiftedCondition) -> Iterator[syntax.Proposit
 def _facts(problem: syntax.Problem, actions: Iterable[model.ActionInstance], goal: model.Condition) -> list[model.Atom]:
     """What is needed by something, and is not always true."""
     wanted = {leaf.atom for leaf in model.leaves(goal) if isinstance(leaf, model.Holds)}
-    changing = {one.target for one in problem.timed_literals if not one.value}
+    changing = {literal.target for literal in problem.timed_literals if not literal.value}
     for action in actions:
         wanted |= {atom for timed in action.conditions for atom in _needed(timed.condition)}
-        changing |= {one.atom for one in action.atom_effects if not one.value}
+        changing |= {effect.atom for effect in action.atom_effects if not effect.value}
     return sorted(one for one in wanted if one in changing or one not in problem.atoms)
 
 
@@ -280,13 +288,15 @@ def _action(ground: model.ActionInstance, shortest: int, number: Mapping[model.A
     """The action by numbers of facts; None if its start makes a condition false that holds during all of it."""
 
     def needs(timing: model.Timing) -> frozenset[int]:
-        timed = (one for one in ground.conditions if one.timing is timing)
+        timed = (part for part in ground.conditions if part.timing is timing)
         return frozenset(number[atom] for one in timed for atom in _needed(one.condition) if atom in number)
 
     def change(timing: model.Timing) -> FactChange:
-        effects = [one for one in ground.atom_effects if one.timing is timing and one.atom in number]
-        adds = frozenset(number[one.atom] for one in effects if one.value)
-        deletes = frozenset(number[one.atom] for one in effects if not one.value and one.condition == model.Truth(True))
+        effects = [effect for effect in ground.atom_effects if effect.timing is timing and effect.atom in number]
+        adds = frozenset(number[effect.atom] for effect in effects if effect.value)
+        deletes = frozenset(
+            number[effect.atom] for effect in effects if not effect.value and effect.condition == model.Truth(True)
+        )
         return FactChange(needs(timing), adds, deletes - adds)
 
     start = change(model.Timing.AT_START)
@@ -298,7 +308,9 @@ def _action(ground: model.ActionInstance, shortest: int, number: Mapping[model.A
 
 def _needed(condition: model.Condition) -> Iterator[model.Atom]:
     """The atoms that are true whenever the condition is: its positive conjuncts."""
-    return (one.atom for one in model.conjuncts(condition) if isinstance(one, model.Holds) and one.value)
+    return (
+        conjunct.atom for conjunct in model.conjuncts(condition) if isinstance(conjunct, model.Holds) and conjunct.value
+    )
 
 
 NAME = "reachability"
@@ -316,7 +328,9 @@ def unreachable(domain: syntax.Domain, problem: syntax.Problem, deadline: Deadli
         relaxed = relaxed_problem(domain, problem, deadline)
         times = EarliestTimes(relaxed, deadline)
         while times.endless:
-            relaxed = replace(relaxed, actions=tuple(one for one in relaxed.actions if one not in times.endless))
+            relaxed = replace(
+                relaxed, actions=tuple(action for action in relaxed.actions if action not in times.endless)
+            )
             times = EarliestTimes(relaxed, deadline)
     except (TooLargeError, OutOfTimeError, RobustError):
         return None  # it is for the planner to say what is wrong with the problem
@@ -386,24 +400,24 @@ class EarliestTimes:
         """When a fact can come to hold while an action is running."""
         self._began: list[Time] = [inf] * len(problem.actions)
         self._last: list[Time] = [problem.last.get(fact, inf) for fact in range(self._atoms)]
-        self._last += [min((self._last[fact] for fact in one.until), default=inf) for one in problem.actions]
+        self._last += [min((self._last[fact] for fact in action.until), default=inf) for action in problem.actions]
         self._overlapping: set[int] = set()
-        durative = [(one, one.end) for one in problem.actions if one.end is not None]
+        durative = [(action, action.end) for action in problem.actions if action.end is not None]
         begun = frozenset(fact for action, _ in durative for fact in action.start.adds)
         undone = frozenset(fact for _, end in durative for fact in end.deletes)
-        self._steps = [_Bounds(number, one, begun, undone) for number, one in enumerate(problem.actions)]
+        self._steps = [_Bounds(number, action, begun, undone) for number, action in enumerate(problem.actions)]
         self._run(deadline)
 
     @property
     def too_late(self) -> dict[int, Time]:
         """For facts that end for good: how early something could be done that needs them, and is too late."""
-        found: dict[int, Time] = {}
+        moments: dict[int, Time] = {}
         for step in self._steps:
             for late in (step.late_start, step.late_end):
                 for fact in step.all_needs if late < inf else ():
                     if late > self._last[fact]:
-                        found[fact] = min(late, found.get(fact, inf))
-        return found
+                        moments[fact] = min(late, moments.get(fact, inf))
+        return moments
 
     @property
     def endless(self) -> list[RelaxedAction]:
@@ -418,8 +432,8 @@ class EarliestTimes:
     def condition(self, condition: model.Condition) -> Time:
         """When a condition can hold: negations and numbers always, as far as this bound is concerned."""
         number, alternatives, facts = self._problem.number, [], []
-        for one in model.conjuncts(condition):
-            match one:
+        for conjunct in model.conjuncts(condition):
+            match conjunct:
                 case model.Holds(atom, True) if atom in number:
                     facts.append(number[atom])
                 case model.Or(operands):
@@ -457,9 +471,9 @@ class EarliestTimes:
 
     def _let_overlap(self) -> set[int]:
         """Actions that may be started while they run, found out just now: their ends leave them running."""
-        found = {step.number for step in self._steps if step.number not in self._overlapping and step.restart < inf}
-        self._overlapping |= found
-        return {self._atoms + number for number in found}
+        numbers = {step.number for step in self._steps if step.number not in self._overlapping and step.restart < inf}
+        self._overlapping |= numbers
+        return {self._atoms + number for number in numbers}
 
     def _arrive(self, time: int, fact: int) -> None:
         if time <= self._last[fact]:
