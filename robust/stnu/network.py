@@ -193,43 +193,30 @@ class Network:
     @cached_property
     def examined(self) -> Examined:
         """The network whose controllability is decided; the execution begins at time zero of it."""
-        points = {name: instant(name) for name in self.nodes}
-        links: list[uncertain.UncertainLink[Fraction]] = []
-        roles: list[tuple[Role, int]] = []
+        points = {name: instant(name) for name in (*self.nodes, *self.decisions.values())}
+        links = tuple(self._examined_links(points))
+        stnu = uncertain.Stnu((ZERO, *points.values()), tuple(link for _, link in links))
+        return Examined(stnu, tuple(role for role, _ in links))
 
-        def add(role: Role, number: int, link: uncertain.UncertainLink[Fraction]) -> None:
-            links.append(link)
-            roles.append((role, number))
-
+    def _examined_links(
+        self, points: Mapping[str, TimePoint]
+    ) -> Iterator[tuple[tuple[Role, int], uncertain.UncertainLink[Fraction]]]:
+        make = uncertain.UncertainLink[Fraction]
         for number, link in enumerate(self.links):
-            source, target = points[link.source], points[link.target]
-            if link.is_contingent and link.lower is not None and link.lower < 0:
-                decision = points[self.decisions[link.target]] = instant(self.decisions[link.target])
-                length = None if link.upper is None else link.upper - link.lower
-                add(
-                    Role.SETTLED,
-                    number,
-                    uncertain.UncertainLink(decision, source, -link.lower, -link.lower, origin=str(link)),
-                )
-                span = uncertain.UncertainLink(decision, target, _NOTHING, length, True, link.ends, str(link))
-                add(Role.SPAN, number, span)
+            source, target, low, high = points[link.source], points[link.target], link.lower, link.upper
+            if link.is_contingent and low is not None and low < 0:
+                decision, width = points[self.decisions[link.target]], None if high is None else high - low
+                yield (Role.SETTLED, number), make(decision, source, -low, -low, origin=str(link))
+                yield (Role.SPAN, number), make(decision, target, _NOTHING, width, True, link.ends, str(link))
             else:
                 name = link.ends if link.is_contingent else ""
-                whole = uncertain.UncertainLink(
-                    source, target, link.lower, link.upper, link.is_contingent, name, str(link)
-                )
-                add(Role.WHOLE, number, whole)
+                yield (Role.WHOLE, number), make(source, target, low, high, link.is_contingent, name, str(link))
         for name, point in points.items():
-            add(Role.IMPLICIT, -1, uncertain.UncertainLink(ZERO, point, _NOTHING, None, origin=f"{name} >= 0"))
+            yield (Role.IMPLICIT, -1), make(ZERO, point, _NOTHING, None, origin=f"{name} >= 0")
         for name in self.nodes:
             if self.origin is not None and name != self.origin:
                 first = f"{name} not before {self.origin}"
-                add(
-                    Role.IMPLICIT,
-                    -1,
-                    uncertain.UncertainLink(points[self.origin], points[name], _NOTHING, None, origin=first),
-                )
-        return Examined(uncertain.Stnu((ZERO, *points.values()), tuple(links)), tuple(roles))
+                yield (Role.IMPLICIT, -1), make(points[self.origin], points[name], _NOTHING, None, origin=first)
 
 
 def instant(name: str) -> TimePoint:

@@ -16,7 +16,7 @@ from random import Random
 
 from robust.errors import InputError, RefutedError
 from robust.network.dispatchable import DispatchNetwork, Windows, edges_between, minimal_edges, needed_waits, strategy
-from robust.network.uncertain import UncertainLink, Wait, dynamic, explain
+from robust.network.uncertain import DynamicAnswer, UncertainLink, Wait, dynamic, explain
 from robust.numbers import Number
 from robust.plan.model import ZERO, TimePoint
 from robust.presented import NoTruthValue, Presented, VerdictEnum
@@ -74,19 +74,23 @@ def check(network: Source, *, timeout: Number | None = None) -> NetworkCheck:
         InputError: if there is anything wrong in the file.
         RuntimeError: if the witness does not hold, which is an error of the program.
     """
+    return _decided(network_of(network), timeout)[0]
+
+
+def _decided(network: Network, timeout: Number | None) -> tuple[NetworkCheck, DynamicAnswer | None]:
+    """The verdict, and the answer with which a controllable network is executed."""
     started = time.perf_counter()
-    network = network_of(network)
+    verdict, cycle, reason = NetworkVerdict.CONTROLLABLE, tuple[Edge, ...](), None
     try:
         answer = dynamic(network.examined.stnu, deadline(timeout))
     except OutOfTimeError:
-        return NetworkCheck(network, NetworkVerdict.UNKNOWN, (), "out of time", time.perf_counter() - started)
-    if answer.cycle is None:
-        return NetworkCheck(network, NetworkVerdict.CONTROLLABLE, (), None, time.perf_counter() - started)
-    cycle = tuple(edges_of(network, answer.cycle.steps))
-    if not refutes(network, cycle):
-        raise RuntimeError(f"the witness for {network.name} does not hold")
-    reason = explain(network.examined.stnu, answer.cycle)
-    return NetworkCheck(network, NetworkVerdict.UNCONTROLLABLE, cycle, reason, time.perf_counter() - started)
+        answer, verdict, reason = None, NetworkVerdict.UNKNOWN, "out of time"
+    if answer is not None and answer.cycle is not None:
+        verdict, reason = NetworkVerdict.UNCONTROLLABLE, explain(network.examined.stnu, answer.cycle)
+        cycle = tuple(edges_of(network, answer.cycle.steps))
+        if not refutes(network, cycle):
+            raise RuntimeError(f"the witness for {network.name} does not hold")
+    return NetworkCheck(network, verdict, cycle, reason, time.perf_counter() - started), answer
 
 
 def refutes(network: Network, cycle: Sequence[Edge]) -> bool:
@@ -203,11 +207,9 @@ class DispatchResult(Presented, ask="checked"):
         Raises:
             RefutedError: if the network is not controllable.
         """
-        if self.tables is None:
-            raise RefutedError(f"{self.network.name} is not controllable; expected a controllable network")
         draw = Random(seed)  # noqa: S311 - a simulation
-        lengths = {link.target: _drawn(draw, link) for link in self.tables.natural.values()}
-        return self.execute_with(lengths, seed)
+        links = () if self.tables is None else self.tables.natural.values()
+        return self.execute_with({link.target: _drawn(draw, link) for link in links}, seed)
 
     def execute_with(
         self, lengths: Mapping[TimePoint, Fraction] | Mapping[str, Fraction], seed: int = 0
@@ -237,11 +239,9 @@ class DispatchResult(Presented, ask="checked"):
         return tuple(
             str(link)
             for link in self.network.examined.stnu.links
+            for length in (times[link.target] - times[link.source],)
             if not link.is_contingent
-            and not (
-                (link.lower is None or times[link.target] - times[link.source] >= link.lower)
-                and (link.upper is None or times[link.target] - times[link.source] <= link.upper)
-            )
+            and ((link.lower is not None and length < link.lower) or (link.upper is not None and length > link.upper))
         )
 
 
@@ -257,10 +257,9 @@ def dispatch(network: Source, *, timeout: Number | None = None) -> DispatchResul
     """
     started = time.perf_counter()
     network = network_of(network)
-    checked = check(network, timeout=timeout)
-    if checked.verdict is not NetworkVerdict.CONTROLLABLE:
+    checked, answer = _decided(network, timeout)
+    if answer is None or not checked.is_controllable:
         return DispatchResult(checked, (), (), 0, None, time.perf_counter() - started)
-    answer = dynamic(network.examined.stnu, deadline(timeout))
     full = strategy(answer, answer.form.stnu.contingents)
     index = full.index
     natural = [

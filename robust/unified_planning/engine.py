@@ -46,52 +46,23 @@ INITIALLY = Fraction(-1)
 """What unified-planning calls the time of the initial state in a trace."""
 
 KIND = {
-    "problem_class": ("ACTION_BASED",),
-    "problem_type": ("SIMPLE_NUMERIC_PLANNING", "GENERAL_NUMERIC_PLANNING"),
-    "time": ("CONTINUOUS_TIME", "TIMED_EFFECTS", "DURATION_INEQUALITIES", "SELF_OVERLAPPING"),
-    "expression_duration": (
-        "STATIC_FLUENTS_IN_DURATIONS",
-        "FLUENTS_IN_DURATIONS",
-        "INT_TYPE_DURATIONS",
-        "REAL_TYPE_DURATIONS",
-    ),
-    "numbers": ("CONTINUOUS_NUMBERS", "DISCRETE_NUMBERS", "BOUNDED_TYPES"),
-    "conditions_kind": (
-        "NEGATIVE_CONDITIONS",
-        "DISJUNCTIVE_CONDITIONS",
-        "EQUALITIES",
-        "EXISTENTIAL_CONDITIONS",
-        "UNIVERSAL_CONDITIONS",
-    ),
-    "effects_kind": (
-        "CONDITIONAL_EFFECTS",
-        "INCREASE_EFFECTS",
-        "DECREASE_EFFECTS",
-        "INCREASE_CONTINUOUS_EFFECTS",
-        "DECREASE_CONTINUOUS_EFFECTS",
-        "STATIC_FLUENTS_IN_NUMERIC_ASSIGNMENTS",
-        "FLUENTS_IN_NUMERIC_ASSIGNMENTS",
-        "FORALL_EFFECTS",
-    ),
-    "typing": ("FLAT_TYPING", "HIERARCHICAL_TYPING"),
-    "fluents_type": ("NUMERIC_FLUENTS", "INT_FLUENTS", "REAL_FLUENTS"),
-    "quality_metrics": (
-        "ACTIONS_COST",
-        "FINAL_VALUE",
-        "MAKESPAN",
-        "PLAN_LENGTH",
-        "OVERSUBSCRIPTION",
-        "TEMPORAL_OVERSUBSCRIPTION",
-    ),
-    "actions_cost_kind": (
-        "STATIC_FLUENTS_IN_ACTIONS_COST",
-        "FLUENTS_IN_ACTIONS_COST",
-        "INT_NUMBERS_IN_ACTIONS_COST",
-        "REAL_NUMBERS_IN_ACTIONS_COST",
-    ),
-    "oversubscription_kind": ("INT_NUMBERS_IN_OVERSUBSCRIPTION", "REAL_NUMBERS_IN_OVERSUBSCRIPTION"),
+    "problem_class": "ACTION_BASED",
+    "problem_type": "SIMPLE_NUMERIC_PLANNING GENERAL_NUMERIC_PLANNING",
+    "time": "CONTINUOUS_TIME TIMED_EFFECTS DURATION_INEQUALITIES SELF_OVERLAPPING",
+    "expression_duration": "STATIC_FLUENTS_IN_DURATIONS FLUENTS_IN_DURATIONS INT_TYPE_DURATIONS REAL_TYPE_DURATIONS",
+    "numbers": "CONTINUOUS_NUMBERS DISCRETE_NUMBERS BOUNDED_TYPES",
+    "conditions_kind": "NEGATIVE_CONDITIONS DISJUNCTIVE_CONDITIONS EQUALITIES EXISTENTIAL_CONDITIONS "
+    "UNIVERSAL_CONDITIONS",
+    "effects_kind": "CONDITIONAL_EFFECTS INCREASE_EFFECTS DECREASE_EFFECTS INCREASE_CONTINUOUS_EFFECTS "
+    "DECREASE_CONTINUOUS_EFFECTS STATIC_FLUENTS_IN_NUMERIC_ASSIGNMENTS FLUENTS_IN_NUMERIC_ASSIGNMENTS FORALL_EFFECTS",
+    "typing": "FLAT_TYPING HIERARCHICAL_TYPING",
+    "fluents_type": "NUMERIC_FLUENTS INT_FLUENTS REAL_FLUENTS",
+    "quality_metrics": "ACTIONS_COST FINAL_VALUE MAKESPAN PLAN_LENGTH OVERSUBSCRIPTION TEMPORAL_OVERSUBSCRIPTION",
+    "actions_cost_kind": "STATIC_FLUENTS_IN_ACTIONS_COST FLUENTS_IN_ACTIONS_COST INT_NUMBERS_IN_ACTIONS_COST "
+    "REAL_NUMBERS_IN_ACTIONS_COST",
+    "oversubscription_kind": "INT_NUMBERS_IN_OVERSUBSCRIPTION REAL_NUMBERS_IN_OVERSUBSCRIPTION",
 }
-"""The features of problems whose plans are judged; metrics do not bear on validity."""
+"""The features of problems whose plans are judged, by kind; metrics do not bear on validity."""
 
 CREDITS = Credits(
     "robust",
@@ -134,7 +105,7 @@ class RobustValidator(Engine, PlanValidatorMixin):  # type: ignore[misc]
     def supported_kind() -> ProblemKind:
         kind = ProblemKind()
         for family, features in KIND.items():
-            for feature in features:
+            for feature in features.split():
                 getattr(kind, f"set_{family}")(feature)
         return kind
 
