@@ -178,12 +178,10 @@ class Controllability:
         needed = "; ".join(dict.fromkeys(edge.origin for edge in answer.cycle))
         if answer.endless:
             names = ", ".join(sorted({name for name, _ in answer.endless}))
-            return (ControlVerdict.NOT_CONTROLLABLE, f"no time is late enough for all values of {names}: {needed}")
-        names = ", ".join(sorted({name for edge in answer.cycle for (name, _), _ in edge.form.coefficients()}))
-        return (
-            ControlVerdict.NOT_CONTROLLABLE,
-            f"no schedule suits all values of {names or 'the parameters'}: {needed}",
-        )
+            return ControlVerdict.NOT_CONTROLLABLE, f"no time is late enough for all values of {names}: {needed}"
+        mentioned = {name for edge in answer.cycle for (name, _), _ in edge.form.coefficients()}
+        names = ", ".join(sorted(mentioned)) or "the parameters"
+        return ControlVerdict.NOT_CONTROLLABLE, f"no schedule suits all values of {names}: {needed}"
 
     def _dynamic(self) -> tuple[ControlVerdict, str | None]:
         ends = boxes.ends_of(self.box)
@@ -337,12 +335,8 @@ class _Maximality:
     def _obstructed(self, face: Face, end: Fraction) -> Stop | None:
         """What a dispatcher could not do beyond."""
         growing = Growing(self.box, {face: (end, Fraction(1))})
-        reasons = (
-            obstacle
-            for obstacle in self.met
-            if isinstance(obstacle, boxes.Obstruction) and face[0] in obstacle.mentioned
-        )
-        least = (reason.least_stretch(growing) for reason in reasons)
+        obstructions = (obstacle for obstacle in self.met if isinstance(obstacle, boxes.Obstruction))
+        least = (reason.least_stretch(growing) for reason in obstructions if face[0] in reason.mentioned)
         if any(stretch is not None and not stretch[0] for stretch in least):
             beyond = self.box.moved(face, end + face[1].sign * JUST)
             why = Controllability(self.plan, beyond, deadline=self.deadline).finding(self.kind).reason
@@ -374,9 +368,8 @@ class ControllabilityReport(NoTruthValue, ask="was_controllable"):
     @property
     def was_controllable(self) -> bool:
         """Whether the box itself is as wanted."""
-        return any(
-            finding.kind is self.wanted and finding.verdict is ControlVerdict.CONTROLLABLE for finding in self.findings
-        )
+        verdicts = {finding.kind: finding.verdict for finding in self.findings}
+        return verdicts.get(self.wanted) is ControlVerdict.CONTROLLABLE
 
 
 def assess(

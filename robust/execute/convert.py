@@ -305,9 +305,7 @@ class Tightener:
                     "allow more time or another solver"
                 )
             counterexample = next(iter(result.counterexamples.values()))
-            new = [
-                tightening for tightening in self._bounds_against(counterexample) if tightening.edge not in tightened
-            ]
+            new = [bound for bound in self._bounds_against(counterexample) if bound.edge not in tightened]
             if not new:
                 raise SolverError(
                     f"found no bound that keeps {counterexample.obligation!r}, which the plan itself does not break; "
@@ -351,12 +349,8 @@ class Tightener:
         plan = self._plan(edges)
         fixed = [replace(parameter, lower=parameter.nominal, upper=parameter.nominal) for parameter in plan.parameters]
         free = [model.Parameter(name, bound.weight, upper=bound.weight) for name, bound in named.items()]
-        bounds = [
-            model.TemporalConstraint(
-                bound.source, bound.target, Polynomial.variable(model.ParameterReference(name)), None
-            )
-            for name, bound in named.items()
-        ]
+        variables = {name: Polynomial.variable(model.ParameterReference(name)) for name in named}
+        bounds = [at_least(bound, variables[name]) for name, bound in named.items()]
         widened = replace(plan, parameters=(*fixed, *free), constraints=(*plan.constraints, *bounds))
         encoding = create_encoding("relational", widened, self.original.epsilon, self.deadline)
         result = ExactSearch(encoding, solver=self.solver, deadline=self.deadline).run()
@@ -365,11 +359,13 @@ class Tightener:
         return result.box if result.verified else Box.nominal(widened.parameters)
 
     def _plan(self, edges: Iterable[distances.DistanceEdge]) -> model.ParametrizedPlan:
-        constraints = tuple(
-            model.TemporalConstraint(bound.source, bound.target, Polynomial.constant(bound.weight), None)
-            for bound in edges
-        )
+        constraints = tuple(at_least(bound, Polynomial.constant(bound.weight)) for bound in edges)
         return replace(self.original.plan, constraints=constraints)
+
+
+def at_least(bound: distances.DistanceEdge, weight: model.Bound) -> model.TemporalConstraint:
+    """A constraint that says of the time points of an edge that they are as far apart."""
+    return model.TemporalConstraint(bound.source, bound.target, weight, None)
 
 
 def check_plan(plan: model.ParametrizedPlan, epsilon: Fraction, solver: str, deadline: Deadline) -> CheckResult:
@@ -586,9 +582,8 @@ class Converting:
         if not (chosen.parameters or chosen.beside):
             fixed = _without_implied_ranges(fixed, edges)
         redundant = len(every) - len(edges)
-        return _Network(
-            (*fixed, *edges), tuple(tightening for tightening in tightened if tightening.edge in edges), redundant
-        )
+        needed_bounds = tuple(bound for bound in tightened if bound.edge in edges)
+        return _Network((*fixed, *edges), needed_bounds, redundant)
 
     def _best(self, ended: ConversionEnd) -> Conversion:
         """The network that was proved last, or the one whose only schedule is the plan's own; esterel: as it is."""
@@ -672,10 +667,9 @@ def _rigid(original: distances.Original) -> _Network:
 
 def _is_propositional(plan: model.ParametrizedPlan) -> bool:
     """Whether every over-all condition is a conjunction of literals: then each link is needed, or implied."""
-    over_all = [
-        part for instance in plan.instances for part in instance.conditions if part.timing is model.Timing.OVER_ALL
-    ]
-    return all(isinstance(conjunct, model.Holds) for part in over_all for conjunct in model.conjuncts(part.condition))
+    parts = (part for instance in plan.instances for part in instance.conditions)
+    over_all = (part.condition for part in parts if part.timing is model.Timing.OVER_ALL)
+    return all(isinstance(leaf, model.Holds) for condition in over_all for leaf in model.conjuncts(condition))
 
 
 def _without_implied_ranges(

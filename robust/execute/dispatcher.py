@@ -240,9 +240,7 @@ def unmet(
     Conditions that compare variables of which not all `is_known` are passed over: nothing contradicts them.
     """
     for part in instance.demands:
-        variables = {
-            name for comparison in model.comparisons(part.condition) for name in comparison.expression.variables
-        }
+        variables = {name for test in model.comparisons(part.condition) for name in test.expression.variables}
         if part.timing is timing and is_known(variables) and not reading.holds(part.condition):
             return f"{part.text} does not hold"
     return None
@@ -597,9 +595,8 @@ class Dispatcher:
         """By when what follows a time point that has happened should have been reported."""
         for link in self.dispatchable.followers.get(point, ()):
             if link.allowed.upper is not None and link.target in self._open:
-                self._limits[link.target] = (
-                    self._windows.times[self._index[point]] + link.allowed.upper + self._patience
-                )
+                begun = self._windows.times[self._index[point]]
+                self._limits[link.target] = begun + link.allowed.upper + self._patience
 
     def _tighten(self, name: str) -> None:
         """Replace an observed parameter by its value wherever else it bounds the network."""

@@ -269,7 +269,5 @@ def validated(
 def _place(instances: Sequence[ActionInstance], violation: Violation, file: str) -> Location:
     """The line of the step whose obligation breaks, of the later one for a separation; the file for goals."""
     names = concerned(violation.obligation)
-    places = [
-        instance.location for instance in instances if instance.identifier in names and instance.location is not None
-    ]
-    return places[-1] if places else Location(file)
+    places = (instance.location for instance in instances if instance.identifier in names)
+    return ([Location(file), *filter(None, places)])[-1]

@@ -64,11 +64,9 @@ def influences(plan: model.ParametrizedPlan, obligation: str) -> frozenset[model
 def obligation_names(plan: model.ParametrizedPlan) -> Iterator[str]:
     """The names of what is demanded of every schedule."""
     yield from (name for name, _ in _obligations(plan))
-    yield from (
-        f"{instance.identifier} {instance.action}: non-negative duration"
-        for instance in plan.instances
-        if instance.durative
-    )
+    for instance in plan.instances:
+        if instance.durative:
+            yield f"{instance.identifier} {instance.action}: non-negative duration"
 
 
 def _obligations(plan: model.ParametrizedPlan) -> Iterator[tuple[str, _Use]]:
@@ -184,9 +182,8 @@ class Parametrization:
     @property
     def pinned_durations(self) -> frozenset[str]:
         """The instances whose duration is a parameter."""
-        return frozenset(
-            constraint.target.instance or "" for constraint in self.constraints if constraint.source != model.ZERO
-        )
+        ends = (constraint.target for constraint in self.constraints if constraint.source != model.ZERO)
+        return frozenset(end.instance or "" for end in ends)
 
     def says_all_about(self, constraint: STNConstraint) -> bool:
         """Whether a parameter says what the distance between these two time points is."""
@@ -232,9 +229,7 @@ def parametrization(
         _check_nominal(one, known, times, plan.file)
     in_problem = set(wiring.fluents.values())
     return Parametrization(
-        bare=replace(
-            plan, parameters=tuple(parameter for parameter in wiring.parameters if parameter.name in declared)
-        ),
+        bare=replace(plan, parameters=tuple(known[name] for name in known if name in declared)),
         parameters=tuple(parameter for parameter in wiring.parameters if parameter.name not in in_problem),
         constraints=parametric,
         fluents=tuple(
@@ -266,11 +261,8 @@ def _check_nominal(
 def _is_fixed(domain: Domain, instance: InstanceDeclaration) -> bool:
     """Whether the domain says `(= ?duration e)`, or the same by two inequalities."""
     schema = domain.actions.get(instance.action)
-    said = (
-        {(duration.comparator, duration.timing, duration.bound) for duration in schema.durations}
-        if schema is not None
-        else set()
-    )
+    durations = () if schema is None else schema.durations
+    said = {(duration.comparator, duration.timing, duration.bound) for duration in durations}
     return any(
         comparator is Comparator.EQUAL
         or (comparator is Comparator.AT_LEAST and (Comparator.AT_MOST, timing, bound) in said)

@@ -106,12 +106,10 @@ def _lengths(plan: ParametrizedPlan) -> dict[str, str]:
     ends = {(action.start, action.end): action.identifier for action in plan.instances}
     owners: dict[str, str] = {}
     for constraint in plan.constraints:
-        names = (
-            [] if constraint.lower is None or constraint.lower != constraint.upper else [*constraint.lower.variables]
-        )
-        instance = ends.get((constraint.source, constraint.target))
-        if instance is not None and len(names) == 1 and constraint.lower is not None:
-            ((unknown, factor),) = constraint.lower.coefficients()
-            if factor == 1 and constraint.lower.constant_term == 0:
+        length, instance = constraint.lower, ends.get((constraint.source, constraint.target))
+        fixed = length is not None and length == constraint.upper and len(length.variables) == 1
+        if instance is not None and length is not None and fixed:
+            ((unknown, factor),) = length.coefficients()
+            if factor == 1 and length.constant_term == 0:
                 owners.setdefault(str(unknown), instance)
     return owners

@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from time import monotonic
+from typing import TypeVar
 
 from robust.encode import create_encoding
 from robust.encode.interface import EPSILON
@@ -43,6 +44,8 @@ from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
 from robust.searching import Status
 from robust.smt.limits import Deadline, OutOfTimeError, noticing_interrupts
+
+Event = TypeVar("Event", Observation, MessageRejected, Remainder)
 
 
 class RunStatus(VerdictEnum):
@@ -126,9 +129,8 @@ def remaining_problem(problem: Problem, state: State, origin: Fraction) -> Probl
     Timed literals that are still to come keep their moments; those that have passed are part of the state. Deadlines
     that are timed literals move with them.
     """
-    later = tuple(
-        replace(literal, time=literal.time - origin) for literal in problem.timed_literals if literal.time > origin
-    )
+    coming = (literal for literal in problem.timed_literals if literal.time > origin)
+    later = tuple(replace(literal, time=literal.time - origin) for literal in coming)
     return replace(problem, atoms=frozenset(state.atoms), fluents=dict(state.fluents), timed_literals=later)
 
 
@@ -458,7 +460,10 @@ def _segment(
     dispatcher: Dispatcher, prepared: Prepared, world: SimulatedWorld, origin: Fraction, last: Fraction
 ) -> Segment:
     """What became of a plan."""
-    executed = world.executed.values()
+
+    def moved(events: Iterable[Event]) -> tuple[Event, ...]:
+        return tuple(replace(event, time=origin + event.time) for event in events)
+
     return Segment(
         plan=dispatcher.dispatchable.plan,
         box=prepared.dispatchable.box,
@@ -466,18 +471,14 @@ def _segment(
         start=origin,
         end=origin + last,
         executed=tuple(
-            replace(
-                execution, start=origin + execution.start, end=None if execution.end is None else origin + execution.end
-            )
-            for execution in executed
+            replace(run, start=origin + run.start, end=None if run.end is None else origin + run.end)
+            for run in world.executed.values()
         ),
-        observations=tuple(
-            replace(observation, time=observation.time + origin) for observation in dispatcher.observations
-        ),
-        rejected=tuple(replace(message, time=message.time + origin) for message in dispatcher.rejected),
+        observations=moved(dispatcher.observations),
+        rejected=moved(dispatcher.rejected),
         ending=dispatcher.ending,
         given_up=None if dispatcher.ending is None else origin + dispatcher.ending.time,
-        remainders=tuple(replace(remainder, time=remainder.time + origin) for remainder in dispatcher.remainders),
+        remainders=moved(dispatcher.remainders),
         promised=dispatcher.dispatchable.guarantee,
         planner_seconds=prepared.planner_seconds,
         preparation_seconds=prepared.seconds,

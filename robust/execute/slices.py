@@ -301,9 +301,8 @@ class _Promising:
         best = maximize([*self._open, _STRETCH], constraints, {_STRETCH: Fraction(1)})
         if best is None:
             return None
-        point = (
-            best.point if best.attained else Polyhedron((*self._open, _STRETCH), tuple(constraints)).interior_point()
-        )
+        stretched = Polyhedron((*self._open, _STRETCH), tuple(constraints))
+        point = best.point if best.attained else stretched.interior_point()
         if point is None:
             return None
         return Box({n: self._facts.seen.get(n) or Interval(point[n], point[n]) for n in self._names})
@@ -316,14 +315,9 @@ class _Promising:
         wanted = Controllable(inside, self._wanted, parameters, start)
         boxes = [start]
         with suppress(OutOfTimeError):  # a promise was found; time decides how wide it becomes
+            fixed, deadline = self._facts.settled, self._deadline
             grow(
-                start,
-                wanted,
-                inside.pieces,
-                parameters=parameters,
-                fixed=self._facts.settled,
-                deadline=self._deadline,
-                on_box=boxes.append,
+                start, wanted, inside.pieces, parameters=parameters, fixed=fixed, deadline=deadline, on_box=boxes.append
             )
         return boxes[-1]
 

@@ -277,8 +277,7 @@ class _Judge:
         """The durations of instantaneous actions, which were passed over, are at most ε."""
         steps = zip(self.timed.steps, self.declared, strict=True)
         return max(
-            (step.duration or Fraction(0) for step, declaration in steps if not declaration.durative),
-            default=Fraction(0),
+            [step.duration or Fraction(0) for step, instance in steps if not instance.durative], default=Fraction(0)
         )
 
     def separated(self, violation: Violation) -> tuple[TimePoint, ...]:
@@ -375,17 +374,14 @@ class _Words:
         demands: dict[str, tuple[str, Condition, list[ActionInstance]]] = {}
         for instance in self.judge.plan.instances:
             for constraint in instance.durations:
-                demands[instance.label(constraint)] = (
-                    f"{instance} demands {constraint.text}",
-                    constraint.condition,
-                    [instance],
-                )
+                demand = f"{instance} demands {constraint.text}"
+                demands[instance.label(constraint)] = demand, constraint.condition, [instance]
             for part in instance.demands:
                 when = f" {_WHEN[part.timing]}" if instance.durative else ""
                 demands[instance.label(part)] = f"{instance} demands {part.text}{when}", part.condition, [instance]
-        return demands | {
-            goal.label: (f"the goal demands {goal.text}", goal.condition, []) for goal in self.judge.plan.goal
-        }
+        for goal in self.judge.plan.goal:
+            demands[goal.label] = f"the goal demands {goal.text}", goal.condition, []
+        return demands
 
 
 _WHEN = {Timing.AT_START: "at its start", Timing.OVER_ALL: "throughout", Timing.AT_END: "at its end"}

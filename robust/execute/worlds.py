@@ -256,20 +256,18 @@ def _conditional(parts: Iterable[_Conditional], values: Values) -> tuple[_Condit
 
 def with_values(instance: model.ActionInstance, values: Values) -> model.ActionInstance:
     """The instance with these variables replaced by their values, in conditions and effects."""
+    changes = (
+        replace(change, expression=expression_with(change.expression, values)) for change in instance.numeric_effects
+    )
+    flows = (replace(flow, rate=expression_with(flow.rate, values)) for flow in instance.continuous_effects)
+    bounds = (replace(bound, condition=_comparison(bound.condition, values)) for bound in instance.durations)
     return replace(
         instance,
-        durations=tuple(
-            replace(duration, condition=_comparison(duration.condition, values)) for duration in instance.durations
-        ),
+        durations=tuple(bounds),
         conditions=_conditional(instance.conditions, values),
         atom_effects=_conditional(instance.atom_effects, values),
-        numeric_effects=tuple(
-            replace(effect, expression=expression_with(effect.expression, values))
-            for effect in _conditional(instance.numeric_effects, values)
-        ),
-        continuous_effects=tuple(
-            replace(effect, rate=expression_with(effect.rate, values)) for effect in instance.continuous_effects
-        ),
+        numeric_effects=_conditional(changes, values),
+        continuous_effects=tuple(flows),
     )
 
 
@@ -338,14 +336,11 @@ class WorldState:
     def apply(self, instance: model.ActionInstance, timing: model.Timing, duration: Fraction | None = None) -> None:
         """The effects of an instance at one of its time points; all of them read the state before any."""
         reading = self._reading(duration)
-        adds = [part for part in instance.atom_effects if part.timing is timing and reading.holds(part.condition)]
-        changes = [
-            (part, reading.expression(part.expression))
-            for part in instance.numeric_effects
-            if part.timing is timing and reading.holds(part.condition)
-        ]
-        self.atoms.difference_update([add.atom for add in adds if not add.value])
-        self.atoms.update([add.atom for add in adds if add.value])
+        writes = [part for part in instance.atom_effects if part.timing is timing and reading.holds(part.condition)]
+        updates = [part for part in instance.numeric_effects if part.timing is timing and reading.holds(part.condition)]
+        changes = [(update, reading.expression(update.expression)) for update in updates]
+        self.atoms.difference_update([write.atom for write in writes if not write.value])
+        self.atoms.update([write.atom for write in writes if write.value])
         for effect, value in sorted(changes, key=lambda change: change[0].operator is model.AssignmentKind.INCREASE):
             if effect.operator is model.AssignmentKind.ASSIGN:
                 self.fluents[effect.fluent] = value
@@ -412,9 +407,7 @@ class SimulatedWorld:
         self.executed: dict[str, ExecutedInstance] = {}
         plan = dispatchable.plan
         self._luck = luck
-        self._values = {
-            parameter.name: self._drawn(parameter, levels_known=levels_known) for parameter in plan.parameters
-        }
+        self._values = {drawn.name: self._drawn(drawn, levels_known=levels_known) for drawn in plan.parameters}
         self._consumed: dict[tuple[str, model.Fluent], Fraction] = {}
         self._due: dict[str, Fraction] = {}
         """When what is running will end, where that is known."""
@@ -490,9 +483,8 @@ class SimulatedWorld:
         self.state.apply(instance, model.Timing.AT_START, duration)
         done = not planned.durative
         outcome = InstanceOutcome.DONE if done else InstanceOutcome.RUNNING
-        self.executed[identifier] = ExecutedInstance(
-            instance, now, now if done else None, outcome, duration is not None
-        )
+        end = now if done else None
+        self.executed[identifier] = ExecutedInstance(instance, now, end, outcome, duration is not None)
         if not done:
             self.state.begin_flows(instance, duration)
         self._check_at(now)
@@ -552,11 +544,7 @@ class SimulatedWorld:
     def _check_at(self, now: Fraction) -> None:
         """What is known to be running before and after a moment has its conditions at that moment."""
         self._changed = True
-        inside = [
-            execution
-            for execution in self._running
-            if execution.start < now < self._due.get(execution.instance.identifier, now)
-        ]
+        inside = [run for run in self._running if run.start < now < self._due.get(run.instance.identifier, now)]
         for instance, reason in self._broken(inside):
             self._fail(instance, now, reason)
 
@@ -636,11 +624,8 @@ class SimulatedWorld:
 
     def _reveal(self, point: model.TimePoint) -> None:
         for revelation in self.dispatchable.expected.get(point, ()):
-            self._messages.append(
-                dispatcher.Observed(
-                    revelation.parameter, self._revealed(revelation.parameter, revelation.instance), revelation.instance
-                )
-            )
+            name, instance = revelation.parameter, revelation.instance
+            self._messages.append(dispatcher.Observed(name, self._revealed(name, instance), instance))
 
     def _revealed(self, name: str, identifier: str | None) -> Fraction:
         """The value that an instance shows of a parameter: it may have been drawn for this instance alone."""

@@ -349,7 +349,7 @@ class DifferenceNetwork:
                 kept.append(bound)
         for bounds_within in inner.values():
             kept += _spanning(
-                bounds_within, [step for step in given if component[step[0]] == component[step[1]]], times
+                bounds_within, [bound for bound in given if component[bound[0]] == component[bound[1]]], times
             )
         return kept
 

@@ -206,10 +206,8 @@ def strategy(answer: DynamicAnswer, links: Iterable[Natural]) -> DispatchNetwork
         place[node] = index[link.source], link.lower or Fraction(0)
     edges = [
         bound
-        for contingent in stnu.contingents
-        for bound in edges_between(
-            index[contingent.source], index[contingent.target], contingent.lower, contingent.upper
-        )
+        for span in stnu.contingents
+        for bound in edges_between(index[span.source], index[span.target], span.lower, span.upper)
     ]
     waits: list[tuple[int, int, int, Fraction | None]] = []
     executed = {index[point] for point in stnu.executable}

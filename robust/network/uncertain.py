@@ -209,9 +209,8 @@ def negative_cycle(steps: Sequence[EdgeStep], weight: Weight) -> NegativeCycle:
         if total(walk, weight) >= _ZERO:
             raise ValueError("the walk is not negative")
         moats = [(at, _moat(walk, at, weight)) for at, step in enumerate(walk) if step.way is Way.SHORTEST]
-        breach = next(
-            (at for at, moat in moats if EdgeStep(walk[at].link, Way.LONGEST) in _after(walk, at)[:moat]), None
-        )
+        breaches = (at for at, moat in moats if EdgeStep(walk[at].link, Way.LONGEST) in _after(walk, at)[:moat])
+        breach = next(breaches, None)
         if breach is None:
             return NegativeCycle(tuple(walk), tuple(moats))
         # without its part from a lower-case edge to the upper-case edge of the same link, a circle
@@ -374,13 +373,11 @@ def normal_form(stnu: Stnu) -> ExtendedForm:
         source, target = node[link.source], node[link.target]
         if index not in start:
             if link.upper is not None:
-                edges.append(
-                    CasedEdge(source, target, _in_units(link.upper, scale), steps=(EdgeStep(index, Way.AT_MOST),))
-                )
+                most = _in_units(link.upper, scale)
+                edges.append(CasedEdge(source, target, most, steps=(EdgeStep(index, Way.AT_MOST),)))
             if link.lower is not None:
-                edges.append(
-                    CasedEdge(target, source, -_in_units(link.lower, scale), steps=(EdgeStep(index, Way.AT_LEAST),))
-                )
+                least = _in_units(link.lower, scale)
+                edges.append(CasedEdge(target, source, -least, steps=(EdgeStep(index, Way.AT_LEAST),)))
             continue
         middle, low = start[index], _in_units(link.lower or 0, scale)
         high = infinity if link.upper is None else _in_units(link.upper, scale)

@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from robust.errors import RobustError
+    from robust.network.uncertain import Wait
     from robust.stnu.network import Network
-    from robust.stnu.repairs import NetworkRepair
+    from robust.stnu.repairs import LinkChange, NetworkRepair
     from robust.stnu.verdicts import DispatchResult, NetworkCheck, NetworkExecution
 
 Result = TypeVar("Result")
@@ -318,26 +319,26 @@ def dispatch_document(judged: Sequence[Judged[Dispatched]], status: str) -> Docu
 def _dispatched(row: Judged[Dispatched]) -> DispatchedNetwork:
     result = None if row.result is None else row.result.found
     links = () if result is None or result.tables is None else result.network.contingents
-    ends = [(exact_end(link.lower, upper=False), exact_end(link.upper, upper=True)) for link in links]
+    contingent = [
+        like(NaturalDuration, link, lower=exact_end(link.lower, upper=False), upper=exact_end(link.upper, upper=True))
+        for link in links
+    ]
     return DispatchedNetwork(
         file=str(row.file),
         verdict="unknown" if result is None else result.checked.verdict.value,
         reason=None if result is None else result.checked.reason,
-        contingent=[
-            like(NaturalDuration, link, lower=low, upper=high) for link, (low, high) in zip(links, ends, strict=True)
-        ],
+        contingent=contingent,
         requirements=[] if result is None else [like(OrdinaryEdge, edge) for edge in result.requirements],
-        waits=[]
-        if result is None
-        else [
-            like(ConditionalWait, wait, point=str(wait.point), activation=str(wait.activation), end=str(wait.end))
-            for wait in result.waits
-        ],
+        waits=[] if result is None else [_wait(wait) for wait in result.waits],
         derived=0 if result is None else result.derived,
         executions=[] if row.result is None else [_execution(run) for run in row.result.executions],
         seconds=None if result is None else round(result.seconds, 6),
         error=None if row.error is None else str(row.error),
     )
+
+
+def _wait(wait: Wait) -> ConditionalWait:
+    return like(ConditionalWait, wait, point=str(wait.point), activation=str(wait.activation), end=str(wait.end))
 
 
 def _execution(run: NetworkExecution) -> SimulatedExecution:
@@ -403,6 +404,12 @@ def repair_document(judged: Sequence[Judged[NetworkRepair]], status: str, writte
     return document(StnuRepair(status=status, results=results, written=written))
 
 
+def _change(change: LinkChange) -> BoundChange:
+    link, side, serves = change.link, change.side.value, list(change.serves)
+    kind, ends = link.is_contingent, (link.source, link.target)
+    return like(BoundChange, change, source=ends[0], target=ends[1], contingent=kind, side=side, serves=serves)
+
+
 def _repaired(row: Judged[NetworkRepair]) -> RepairedNetwork:
     repair = row.result
     if repair is None:
@@ -418,18 +425,7 @@ def _repaired(row: Judged[NetworkRepair]) -> RepairedNetwork:
             seconds=None,
             error=str(row.error),
         )
-    changes = [
-        like(
-            BoundChange,
-            change,
-            source=change.link.source,
-            target=change.link.target,
-            contingent=change.link.is_contingent,
-            side=change.side.value,
-            serves=list(change.serves),
-        )
-        for change in repair.changes
-    ]
+    changes = [_change(change) for change in repair.changes]
     return like(RepairedNetwork, repair, file=str(row.file), repair=repair.status.value, changes=changes, error=None)
 
 
@@ -470,14 +466,8 @@ class StnuExport(Noted, tag_field="schema", tag="robust/stnu-export/1"):
 
 
 def export_document(network: Network) -> Document:
-    return document(
-        StnuExport(
-            written=network.name,
-            time_points=len(network.nodes),
-            links=len(network.links),
-            contingent=len(network.contingents),
-        )
-    )
+    points, links, contingent = map(len, (network.nodes, network.links, network.contingents))
+    return document(StnuExport(written=network.name, time_points=points, links=links, contingent=contingent))
 
 
 DOCUMENTS: tuple[type[JsonObject], ...] = (StnuCheck, StnuDispatch, StnuRepair, StnuExport)

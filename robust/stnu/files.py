@@ -381,9 +381,8 @@ def _links(edges: Sequence[_Element], nodes: Collection[str]) -> tuple[Link, ...
             raise InputError(f"found type {shorten(kind)}{did_you_mean(kind, _EDGE_TYPES)}", place)
         if kind == "contingent":
             if ends in contingent:
-                raise InputError(
-                    f"found a second contingent edge from {ends[0]} to {ends[1]}, expected one", edge.place
-                )
+                message = f"found a second contingent edge from {ends[0]} to {ends[1]}, expected one"
+                raise InputError(message, edge.place)
             contingent[ends] = edge
         elif kind in _REQUIREMENTS:
             if edge.text("LabeledValue"):
@@ -565,6 +564,5 @@ def _edges(link: Link, number: int, scale: int) -> list[str]:
 
 def scaled(path: Path, scale: int) -> str:
     """What to say of a file whose times are multiplied."""
-    return (
-        f"{path}: times are in units of 1/{scale}: the CSTNU tool reads whole numbers ({plural(scale, 'unit')} for 1)"
-    )
+    units = f"times are in units of 1/{scale}: the CSTNU tool reads whole numbers ({plural(scale, 'unit')} for 1)"
+    return f"{path}: {units}"

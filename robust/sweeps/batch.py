@@ -304,10 +304,8 @@ def run_batch(
     known |= {failure.task: PlanRun("error", UNDECIDED, message=failure.reason) for failure in sweep.failures}
     rows = []
     for instance in suite.instances:
-        answers = {
-            question.name: troubles.get(instance.name, known.get(_label(instance, question, asked)))
-            for question in asked
-        }
+        labels = {question.name: _label(instance, question, asked) for question in asked}
+        answers = {name: troubles.get(instance.name, known.get(label)) for name, label in labels.items()}
         runs = {name: run for name, run in answers.items() if run is not None}
         if runs:
             rows.append(BatchRow(instance, runs))
@@ -349,9 +347,8 @@ class _SuiteReading:
         parameters = self._parameters
         if parameters is None and (self._folder / beside).is_file():
             parameters = self._named(str(beside))
-        return PlanTexts(
-            self._named(instance.domain), self._named(instance.problem), self._plan(instance.plan), parameters
-        )
+        plan = instance.plan, read_plan_text(self._folder / instance.plan)[0]
+        return PlanTexts(self._named(instance.domain), self._named(instance.problem), plan, parameters)
 
     def shown(self, error: RobustError) -> str:
         """An error about a file of the suite, as the suite calls it."""
@@ -361,9 +358,6 @@ class _SuiteReading:
         if name not in self._read:
             self._read[name] = read_text(self._folder / name)
         return name, self._read[name]
-
-    def _plan(self, name: str) -> Named:
-        return name, read_plan_text(self._folder / name)[0]
 
 
 # -- one plan ----------------------------------------------------------------------------------------------------------
@@ -391,14 +385,10 @@ def run_plan(
             options += ["--timeout", str(limit)]
         killed = None if limit is None else limit + GRACE
         ended = measured([*COMMAND, asked.verb, *files, *options], limit=killed, processes=processes)
-    return _with_names(_read_run(asked.verb, ended), called)
-
-
-def _with_names(run: PlanRun, called: Mapping[str, str]) -> PlanRun:
-    """With the names that people know for files."""
+    run = _read_run(asked.verb, ended)
     message = run.message
-    for path, name in called.items():
-        message = None if message is None else message.replace(path, name)
+    for temporary, name in called.items():  # the names that people know for files
+        message = None if message is None else message.replace(temporary, name)
     return replace(run, message=message)
 
 

@@ -232,9 +232,8 @@ def _fetched(distributed: Any, future: Any, address: str) -> TaskOutcome:
     try:
         result: TaskOutcome = future.result()
     except distributed.KilledWorker as error:
-        return TaskOutcome(
-            f"its worker died again and again, the last one was {error.last_worker.address}", failed=True
-        )
+        reason = f"its worker died again and again, the last one was {error.last_worker.address}"
+        return TaskOutcome(reason, failed=True)
     except CancelledError:
         raise ClusterLostError(f"lost the Dask scheduler {address!r}") from None
     return result

@@ -62,12 +62,10 @@ class AriesVocabulary:
         self.manager = self.environment.expression_manager
         self.bool = self.environment.type_manager.BoolType()
         self._types = self._all_types(domain)
-        self.objects = {
-            thing.name: up.Object(f"o_{thing.name}", self.type(thing), self.environment)
-            for thing in problem.objects.values()
-        }
+        objects = problem.objects.items()
+        self.objects = {name: up.Object(f"o_{name}", self.type(typed), self.environment) for name, typed in objects}
         self.predicates = {
-            predicate.name: self._fluent("p", predicate, self.bool) for predicate in domain.predicates.values()
+            name: self._fluent("p", signature, self.bool) for name, signature in domain.predicates.items()
         }
         self.functions: dict[str, up.Fluent] = {}
         self.ticked: dict[str, up.Fluent] = {}
@@ -90,10 +88,8 @@ class AriesVocabulary:
         return self._types[declared.types[0]]
 
     def _fluent(self, kind: str, signature: syntax.Signature, value: up.types.Type) -> up.Fluent:
-        parameters = [
-            up.Parameter(f"x_{parameter.name}", self.type(parameter), self.environment)
-            for parameter in signature.parameters
-        ]
+        typed = signature.parameters
+        parameters = [up.Parameter(f"x_{name.name}", self.type(name), self.environment) for name in typed]
         return up.Fluent(f"{kind}_{signature.name}", value, parameters, self.environment)
 
     def ground(self, fluent: up.Fluent, arguments: Iterable[str]) -> up.FNode:
@@ -107,9 +103,8 @@ class AriesVocabulary:
             case syntax.Equality(left, right):
                 return manager.Equals(self._term(left, bindings), self._term(right, bindings))
             case syntax.NumericComparison(comparator, left, right):
-                return getattr(manager, _COMPARISONS[comparator])(
-                    self.number(left, bindings), self.number(right, bindings)
-                )
+                compare = getattr(manager, _COMPARISONS[comparator])
+                return compare(self.number(left, bindings), self.number(right, bindings))
             case syntax.NameEquality():
                 return self.condition(condition.meant(self._problem.objects), bindings)
             case syntax.Negation(operand):
@@ -346,10 +341,8 @@ class AriesPlanner:
             (folder / "problem.bin").write_bytes(message)
             command = (self.executable, "--log-level", "error", "solve", "problem.bin")
             variables = {"ARIES_PLANNING_HORIZON": str(HORIZON * self.ticks), "RUST_BACKTRACE": "0"}
-            ended = Processes().run(
-                command, deadline, folder=folder, memory_mb=MEMORY_MB, variables=variables, scratch=folder
-            )
-
+            run = partial(Processes().run, folder=folder, memory_mb=MEMORY_MB, scratch=folder)
+            ended = run(command, deadline, variables=variables)
         in_units = partial(_in_units, domain=domain, ticks=self.ticks)
         printed = last_valid_plan(ended.stdout, domain, problem, self.epsilon, self.name, renamed=in_units)
         return judged(self.name, ended, printed, _verdict)

@@ -17,8 +17,8 @@ import shutil
 import string
 import sys
 import tempfile
-from collections.abc import Callable, Hashable
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import Protocol
@@ -132,35 +132,6 @@ def last_valid_plan(
 def says_no_plan(text: str) -> bool:
     """Whether a planner says that it found none: in words, or by printing nothing."""
     return not text.strip() or _NO_PLAN.search(text) is not None
-
-
-@dataclass(frozen=True, slots=True)
-class RememberingPlanner:
-    """Asks a planner once for each problem, whatever the answer is; the first deadline counts.
-
-    One that draws lots, or races its strategies, then has the same plan for everyone who comes to the same state.
-    """
-
-    planner: Planner
-    answers: dict[Hashable, tuple[Domain, PlannerAnswer]] = field(default_factory=dict, repr=False)
-
-    @property
-    def name(self) -> str:
-        return self.planner.name
-
-    def solve(self, domain: Domain, problem: Problem, deadline: Deadline) -> PlannerAnswer:
-        """See :class:`robust.execute.planners.interface.Planner`."""
-        question = _question(domain, problem)
-        if question not in self.answers:
-            # the domain is kept, so that its number is not given to another one
-            self.answers[question] = domain, self.planner.solve(domain, problem, deadline)
-        return self.answers[question][1]
-
-
-def _question(domain: Domain, problem: Problem) -> Hashable:
-    fluents = frozenset(problem.fluents.items())
-    objects = tuple((name, declared.types) for name, declared in problem.objects.items())
-    return id(domain), objects, problem.atoms, fluents, problem.timed_literals, problem.goal
 
 
 MEMORY_MB = 8192

@@ -128,12 +128,10 @@ def relaxed_problem(domain: syntax.Domain, problem: syntax.Problem, deadline: De
     facts = _facts(problem, (action for action, _ in candidates), goal)
     number = {atom: i for i, atom in enumerate(facts)}
     # at one moment, the literals that make an atom true count, and come last
-    timed = [
-        (literal.time, literal.target, bool(literal.value))
-        for literal in problem.timed_literals
-        if literal.target in number
-    ]
-    literals = sorted((one for one in timed if isinstance(one[1], model.Atom)), key=lambda one: (one[0], one[2]))
+    literals: list[_Literal] = []
+    for literal in sorted(problem.timed_literals, key=lambda literal: (literal.time, literal.value)):
+        if isinstance(literal.target, model.Atom) and literal.target in number:
+            literals.append((literal.time, literal.target, bool(literal.value)))
     ticks = lcm(*(shortest.denominator for _, shortest in candidates), *(time.denominator for time, _, _ in literals))
     actions = (_action(action, int(shortest * ticks), number) for action, shortest in candidates)
     added = {effect.atom for action, _ in candidates for effect in action.atom_effects if effect.value}
@@ -156,14 +154,9 @@ class _Constants:
 
     def __init__(self, domain: syntax.Domain, problem: syntax.Problem) -> None:
         changing = {effect.proposition.predicate for action in domain.actions.values() for effect in _literals(action)}
-        changing |= {
-            literal.target.predicate for literal in problem.timed_literals if isinstance(literal.target, model.Atom)
-        }
-        self._changing = changing
-        self._moving = {
-            literal.target.function for literal in problem.timed_literals if isinstance(literal.target, model.Fluent)
-        }
-        self._moving |= domain.written
+        targets = [literal.target for literal in problem.timed_literals]
+        self._changing = changing | {target.predicate for target in targets if isinstance(target, model.Atom)}
+        self._moving = domain.written | {target.function for target in targets if isinstance(target, model.Fluent)}
         self._problem = problem
 
     def fixed(self, predicate: str) -> bool:
@@ -174,12 +167,12 @@ class _Constants:
 
     def value(self, expression: model.Expression) -> model.Expression | None:
         """The expression with numbers for constant functions; None if one has no value."""
-        fluents = [one for one in model.fluents_in(expression) if one.function not in self._moving]
+        fluents = [fluent for fluent in model.fluents_in(expression) if fluent.function not in self._moving]
         if not self._problem.fluents.keys() >= set(fluents):
             return None
         known: dict[model.NumericVariable, model.Expression] = {}
         known.update((fluent, Polynomial.constant(self._problem.fluents[fluent])) for fluent in fluents)
-        return expression.substitute(lambda one: known.get(one) or Polynomial.variable(one))
+        return expression.substitute(lambda variable: known.get(variable) or Polynomial.variable(variable))
 
     def allow(self, action: model.ActionInstance, *, at_once: bool) -> bool:
         """Whether all conditions of an action may be true; without a duration those over all need not be."""
@@ -233,18 +226,13 @@ def _arguments(
         for parameter in schema.parameters
     ]
 
-    def fulfilled(chosen: Sequence[str]) -> bool:
-        return all(
-            constants.holds(
-                model.Atom(
-                    check.predicate, tuple(chosen[places[t.name]] if t.variable else t.name for t in check.arguments)
-                )
-            )
-            for check in checks.get(len(chosen) - 1, ())
-        )
+    def holds(proposition: syntax.Proposition, chosen: Sequence[str]) -> bool:
+        terms = proposition.arguments
+        arguments = tuple(chosen[places[term.name]] if term.variable else term.name for term in terms)
+        return constants.holds(model.Atom(proposition.predicate, arguments))
 
     def extended(chosen: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
-        if not fulfilled(chosen):
+        if not all(holds(proposition, chosen) for proposition in checks.get(len(chosen) - 1, ())):
             return
         if len(chosen) == len(choices):
             yield chosen
@@ -294,9 +282,8 @@ def _action(ground: model.ActionInstance, shortest: int, number: Mapping[model.A
     def change(timing: model.Timing) -> FactChange:
         effects = [effect for effect in ground.atom_effects if effect.timing is timing and effect.atom in number]
         adds = frozenset(number[effect.atom] for effect in effects if effect.value)
-        deletes = frozenset(
-            number[effect.atom] for effect in effects if not effect.value and effect.condition == model.Truth(True)
-        )
+        removed = (effect for effect in effects if not effect.value and effect.condition == model.Truth(True))
+        deletes = frozenset(number[effect.atom] for effect in removed)
         return FactChange(needs(timing), adds, deletes - adds)
 
     start = change(model.Timing.AT_START)
@@ -308,9 +295,7 @@ def _action(ground: model.ActionInstance, shortest: int, number: Mapping[model.A
 
 def _needed(condition: model.Condition) -> Iterator[model.Atom]:
     """The atoms that are true whenever the condition is: its positive conjuncts."""
-    return (
-        conjunct.atom for conjunct in model.conjuncts(condition) if isinstance(conjunct, model.Holds) and conjunct.value
-    )
+    return (leaf.atom for leaf in model.conjuncts(condition) if isinstance(leaf, model.Holds) and leaf.value)
 
 
 NAME = "reachability"
@@ -328,9 +313,8 @@ def unreachable(domain: syntax.Domain, problem: syntax.Problem, deadline: Deadli
         relaxed = relaxed_problem(domain, problem, deadline)
         times = EarliestTimes(relaxed, deadline)
         while times.endless:
-            relaxed = replace(
-                relaxed, actions=tuple(action for action in relaxed.actions if action not in times.endless)
-            )
+            useful = tuple(action for action in relaxed.actions if action not in times.endless)
+            relaxed = replace(relaxed, actions=useful)
             times = EarliestTimes(relaxed, deadline)
     except (TooLargeError, OutOfTimeError, RobustError):
         return None  # it is for the planner to say what is wrong with the problem
@@ -477,10 +461,8 @@ class EarliestTimes:
 
     def _arrive(self, time: int, fact: int) -> None:
         if time <= self._last[fact]:
-            values = [
-                time if single <= time <= last else inf for single, last in zip(self._single, self._last, strict=True)
-            ]
-            self._achieve((fact,), time, values)
+            pairs = zip(self._single, self._last, strict=True)
+            self._achieve((fact,), time, [time if single <= time <= last else inf for single, last in pairs])
 
     def _broken(self, change: FactChange) -> Iterator[int]:
         """The running actions that something breaks: facts that it makes false hold during them."""
