@@ -1,4 +1,4 @@
-"""Is a box weakly, dynamically and strongly controllable, and why not: verdicts that say what they are about.
+"""Weak, dynamic and strong controllability of a box: verdicts, reasons, and the widest controllable boxes.
 
 A box promises that *for each* parameter value in it a schedule exists, and that every allowed schedule satisfies the
 obligations. Whether a dispatcher can find the schedule is a question about the network alone:
@@ -49,7 +49,7 @@ from robust.smt.terms import Terms
 
 
 class Control(Enum):
-    """What the dispatcher has to know: all values beforehand, those revealed so far, or none."""
+    """Kinds of controllability: the dispatcher knows all values beforehand, those revealed so far, or none."""
 
     WEAK = "weak"
     DYNAMIC = "dynamic"
@@ -57,7 +57,7 @@ class Control(Enum):
 
 
 class ControlVerdict(VerdictEnum):
-    """What is known about a box."""
+    """Whether a box has a kind of controllability, as far as that is known."""
 
     CONTROLLABLE = "controllable"
     NOT_CONTROLLABLE = "not controllable"
@@ -75,7 +75,7 @@ class Finding(NoTruthValue, ask="verdict"):
 
 
 MOST_CORNERS = 64
-"""How many combinations of values that are known beforehand are tried to refute what is vague."""
+"""Number of corners of the box that are tried to refute dynamic controllability of vague parameters."""
 
 
 @dataclass
@@ -131,7 +131,7 @@ class Controllability:
         return boxes.shrink(self.plan.parameters, self.box, wanted)
 
     def waits(self) -> tuple[Wait, ...]:
-        """Who waits for which end if the box is dynamically controllable; nobody where one schedule suits all values.
+        """The waits of a dynamically controllable box; none where one schedule suits all values.
 
         Raises:
             InputError: if a contingent link may end before it starts, or a requirement is infinitely strong.
@@ -258,7 +258,7 @@ class Widest:
 
 @dataclass(frozen=True)
 class Objective:
-    """What is to be as wide as possible, and how the envelope is encoded.
+    """The quantity to maximize, and the encoding of the envelope.
 
     With `optimal` it is the greatest weighted total width of all controllable boxes in the envelope, or of those around
     the nominal point (`contain_nominal`). Else it is a box around the one that shrinking leaves, max–min fair.
@@ -319,7 +319,7 @@ class _Maximality:
     deadline: Deadline
 
     def stops(self) -> dict[Face, Stop]:
-        """What stops each finite face: what a dispatcher could not do beyond, else what breaks in the envelope."""
+        """Why each finite face stops: beyond it the box is uncontrollable, or else an obligation breaks."""
         stops: dict[Face, Stop] = {}
         reach: dict[Face, Fraction] = {}
         for parameter, side in product(self.plan.parameters, Side):
@@ -333,7 +333,7 @@ class _Maximality:
         return {**stops, **dict(stops_at(self.bad, self.box, reach, self.deadline))}
 
     def _obstructed(self, face: Face, end: Fraction) -> Stop | None:
-        """What a dispatcher could not do beyond."""
+        """Why the box is not controllable beyond a face; None if that is not what stops the face."""
         growing = Growing(self.box, {face: (end, Fraction(1))})
         obstructions = (obstacle for obstacle in self.met if isinstance(obstacle, boxes.Obstruction))
         least = (reason.least_stretch(growing) for reason in obstructions if face[0] in reason.mentioned)
@@ -353,7 +353,7 @@ class ControllabilityReport(NoTruthValue, ask="was_controllable"):
 
     `shrunk` and `lost` are None, with a `failure`, if there is no such part or time ran out. `widest` is the widest box
     that is as wanted, which need not be inside the other; None if it was not asked for, or there was no time. `waits`
-    are who waits for which end, if the part is dynamically controllable and that was wanted.
+    are those of its strategy, if dynamic controllability was wanted.
     """
 
     wanted: Control

@@ -356,7 +356,7 @@ def strong(network: ParametricStnu, ends: Ends) -> StrongAnswer:
 
 
 HORIZON = Fraction(1_000_000)
-"""How far, in units of its weight, a face goes that may be at any finite place, but not infinitely far out."""
+"""Largest distance, in units of its weight, that a face moves which may be at any finite place but not infinite."""
 
 Reason = tuple[Form, ...]
 """A box is not controllable if all these forms over its ends are negative."""
@@ -398,7 +398,7 @@ class Strongly:
 
 
 Property = Dynamically | Strongly
-"""What a box has to have, and every box inside it has then too.
+"""A property of boxes that every box inside inherits.
 
 `endless` are faces that must not be infinitely far out, however the others stand; `reason` is why a box does not have
 the property.
@@ -573,7 +573,7 @@ def shrink(parameters: Sequence[Parameter], box: Box, wanted: Property) -> Shrun
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """How much narrower a box has become: by face, and as a share of the total width; None is infinite.
+    """The loss of width of a box: by face, and as a share of the total width; None is infinite.
 
     `share` is None if the total width was infinite.
     """
@@ -583,7 +583,7 @@ class Loss:
 
 
 def loss(box: Box, shrunk: Box) -> Loss:
-    """What a box loses if it is replaced by one inside it."""
+    """The loss of replacing a box by one inside it."""
     before, after = ends_of(box), ends_of(shrunk)
     faces: dict[Face, Fraction | None] = {}
     for face, old in before.items():

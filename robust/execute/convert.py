@@ -223,7 +223,7 @@ class Tightener:
     def loosened(
         self, edges: Sequence[distances.DistanceEdge], tightened: Sequence[Tightening]
     ) -> tuple[Tightening, ...]:
-        """As few of the bounds that were found, and as loose, as the proof allows; all as they are if time is short.
+        """The bounds, as few and as loose as the proof allows; unchanged if time runs out.
 
         Raises:
             KeyboardInterrupt: if interrupted.
@@ -273,7 +273,7 @@ class Tightener:
 
     @property
     def in_less_time(self) -> Tightener:
-        """With half of the time that is left: what is loosened has to be proved once more afterwards."""
+        """A copy with half of the remaining time: a loosened network has to be proved once more afterwards."""
         remaining = self.deadline.remaining
         return self if remaining is None else replace(self, deadline=Deadline.after(remaining / 2))
 
@@ -344,7 +344,7 @@ class Tightener:
                 yield replace(tightening, edge=tightening.edge._replace(weight=least))
 
     def _widened(self, edges: Sequence[distances.DistanceEdge], tightened: Sequence[Tightening]) -> Box:
-        """How far all bounds can be lowered at once; as they are, where widening cannot tell in time."""
+        """The box of lower bounds that widening finds; the bounds themselves if it does not finish in time."""
         named = dict(zip(_names(tightened), (bound.edge for bound in tightened), strict=True))
         plan = self._plan(edges)
         fixed = [replace(parameter, lower=parameter.nominal, upper=parameter.nominal) for parameter in plan.parameters]
@@ -384,7 +384,7 @@ def check_plan(plan: model.ParametrizedPlan, epsilon: Fraction, solver: str, dea
 
 
 def _verdict(plan: model.ParametrizedPlan, answer: Answer) -> CheckResult:
-    """The same verdict about all obligations."""
+    """A result with one answer for all obligations."""
     names = dict.fromkeys(obligation_names(plan), answer)
     return CheckResult(answer, Box.nominal(plan.parameters), names, {}, 0.0)
 
@@ -399,14 +399,14 @@ def _undecided(result: CheckResult) -> str:
 
 
 class Mode(Enum):
-    """How the network is made: the least constrained one that is proved, or that of the paper's transformer."""
+    """Method of conversion: the least constrained network that is proved, or the network of the paper's transformer."""
 
     CAUSAL = "causal"
     ESTEREL = "esterel"
 
 
 class ConversionEnd(VerdictEnum):
-    """How a conversion ended; if not complete, its network is proved, but not the least constrained one."""
+    """Status of a conversion; unless complete, its network is proved, but not the least constrained one."""
 
     COMPLETE = "complete"
     TIMEOUT = "timeout"
@@ -453,14 +453,14 @@ class Conversion(Presented, ask="check"):
         return self.ended is not ConversionEnd.COMPLETE
 
     def notes(self, timed: TimedPlan) -> tuple[str, ...]:
-        """What was picked and skipped of the text that the plan comes from, what was moved, and what is missing."""
+        """Notes for the user: parts of the text that were skipped, times that were moved, and limits of the network."""
         missing = f"not the least constrained network: {_ENDINGS[self.ended]}" if self.cut_short else ""
         gap = f"a network cannot say 'at different times': dependent times are {format_number(self.gap)} apart or more"
         return tuple(filter(None, (timed.note, str(self.snapped), missing, "" if self.epsilon else gap)))
 
 
 class Settings(TypedDict, total=False):
-    """How a conversion is done.
+    """Settings of a conversion.
 
     Attributes:
         mode: how the network is made.
@@ -509,7 +509,7 @@ class Converting:
         self._proved: _Network | None = None
 
     def run(self) -> Conversion:
-        """The conversion, or the best one by then if time is out or somebody interrupts; raises what `convert` does."""
+        """The conversion, or the best one so far on a timeout or an interrupt; raises what `convert` does."""
         self._say("executing the plan")
         original, _, _ = self._original
         try:
@@ -530,7 +530,7 @@ class Converting:
         return self._conversion(network, stn, plan, result, ConversionEnd.COMPLETE)
 
     def so_far(self, *, timed_out: bool) -> Conversion | None:
-        """What is known if the conversion is given up now; None while the plan itself is being executed."""
+        """The best conversion so far; None while the plan itself is being executed."""
         if "_original" not in vars(self):
             return None
         return self._best(ConversionEnd.TIMEOUT if timed_out else ConversionEnd.INTERRUPTED)

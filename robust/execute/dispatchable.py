@@ -4,11 +4,11 @@ DREEX accepts what a box of parameter values allows that is proved to be inside 
 with such a box, and looks for another one in what is left of the envelope (:mod:`robust.execute.slices`). BLEX(x), the
 baseline, accepts any duration or consumption within x per cent of what was planned, and proves nothing.
 
-The temporal network becomes tables that a dispatcher can read quickly: who waits for whom, and how long. Under a box
-that is dynamically controllable, the tables hold all that follows from the constraints and from what nature may still
-choose, with the waits of P. Morris (2014): :mod:`robust.network.uncertain`. Under any other box no
-strategy is certain; the tables then hold what follows if nature is kind. For BLEX they hold the constraints of the plan
-as they are written: it looks no further ahead than from one time point to the next [IRR, Algorithm 2].
+The temporal network becomes tables of bounds and waits that a dispatcher can read quickly. Under a box that is
+dynamically controllable, the tables hold all that follows from the constraints and from what nature may still choose,
+with the waits of P. Morris (2014): :mod:`robust.network.uncertain`. Under any other box no strategy is certain; the
+tables then hold what follows if nature is kind. For BLEX they hold the constraints of the plan as they are written: it
+looks no further ahead than from one time point to the next [IRR, Algorithm 2].
 
 Parameters "must be eventually observable" [IRR §3, Parametrization]. A distance between time points that is a parameter
 is revealed by the later one: a duration by the action's end, a start time by the start. A consumption or production is
@@ -99,7 +99,7 @@ def parse_executor(text: str) -> Executor:
 
 
 class Guarantee(Enum):
-    """What is known when execution begins, for as long as all observations are inside the box."""
+    """Guarantee at the beginning of an execution, for as long as all observations are inside the box."""
 
     DYNAMIC = "dynamic"
     """The plan succeeds."""
@@ -170,7 +170,7 @@ def _values(length: boxes.Length, box: Box) -> Interval:
 def _possible_edges(
     network: boxes.ParametricStnu, box: Box, links: Sequence[NaturalLink]
 ) -> Iterable[tuple[int, int, Fraction]]:
-    """What holds for some values in the box: bounds are as weak as the box makes them."""
+    """The edges that hold for some values in the box: each bound is the weakest in the box."""
     index = {point: i for i, point in enumerate(network.points)}
     for link in network.links:
         if link.is_contingent:
@@ -193,7 +193,7 @@ def _certain(network: boxes.ParametricStnu, box: Box, links: Sequence[NaturalLin
 
 
 class Means(Enum):
-    """How a parameter is revealed."""
+    """Ways in which a parameter is revealed."""
 
     TIME = "time"
     LEVEL = "level"
@@ -211,7 +211,7 @@ class Revelation:
 
 
 def revelations(plan: model.ParametrizedPlan, links: Iterable[NaturalLink]) -> tuple[Revelation, ...]:
-    """What reveals each parameter of a plan; nothing may."""
+    """The revelations of the parameters of a plan; a parameter may have none."""
     revealed = [
         Revelation(link.parameter, Means.TIME, link.target, link.target.instance)
         for link in links
@@ -241,7 +241,7 @@ def _levels(plan: model.ParametrizedPlan) -> Iterator[Revelation]:
 
 
 def _changes(instance: model.ActionInstance) -> list[tuple[model.Expression, model.TimePoint]]:
-    """How much an instance changes, and when that is seen."""
+    """The expressions of numeric effects and rates of an instance, each with the time point that shows its value."""
     changes = [(effect.expression, instance.at(effect.timing)) for effect in instance.numeric_effects]
     return changes + [(effect.rate, instance.end) for effect in instance.continuous_effects]
 
@@ -301,9 +301,9 @@ def _grouped(pairs: Iterable[tuple[model.TimePoint, _Grouped]]) -> Mapping[model
 class Dispatchable:
     """A plan, the box of accepted parameter values, and what a dispatcher needs of them.
 
-    `guarantee` says what is known if the box is inside the plan's robustness envelope; whoever computed the box knows
-    that. `shared` are bounds of the network that become stronger when their parameters are observed. `slices` tell
-    what is left of the envelope after observations; None leaves it at the box.
+    `guarantee` holds if the box is inside the plan's robustness envelope, which is for the caller to know. `shared` are
+    bounds of the network that become stronger when their parameters are observed. `slices` tell what is left of the
+    envelope after observations; None leaves it at the box.
     """
 
     plan: model.ParametrizedPlan
@@ -321,7 +321,7 @@ class Dispatchable:
         return replace(self, box=box, network=tables, guarantee=guarantee)
 
     def sliced(self, region: Region, *, exact: bool, seconds: float | None) -> Dispatchable:
-        """With what tells what is left: the envelope or, if it is not `exact`, a part of it; `seconds` per answer."""
+        """A copy that slices a region: the envelope or, if it is not `exact`, a part of it; `seconds` per answer."""
         network = boxes.parametric_stnu(self.plan, self.box)
         return replace(self, slices=Slices(self.plan.parameters, region, exact, network, seconds))
 
@@ -348,14 +348,14 @@ class Dispatchable:
 
     @cached_property
     def expected(self) -> Mapping[model.TimePoint, Sequence[Revelation]]:
-        """What should be observed once a time point has happened, beside its time."""
+        """The observations that are due once a time point has happened, in addition to its time."""
         return _grouped(
             (revelation.point, revelation) for revelation in self.revelations if revelation.means is not Means.TIME
         )
 
     @cached_property
     def means(self) -> Mapping[str, Means]:
-        """How each parameter is revealed; those that nothing reveals are missing."""
+        """The means by which each parameter is revealed; parameters that nothing reveals are missing."""
         return {revelation.parameter: revelation.means for revelation in self.revelations}
 
     @cached_property

@@ -198,7 +198,7 @@ def is_exact(number: object) -> bool:
 
 
 def flaw(message: Message, dispatchable: Dispatchable) -> str | None:
-    """What is wrong with a message by itself, in one line; None if nothing is."""
+    """The fault of a message by itself, in one line; None if it has none."""
     match message:
         case Started() | Completed() | DispatchFailed():
             return _bad_time(message.time) or _unknown("instance", message.instance, dispatchable.plan.instance)
@@ -235,9 +235,9 @@ Variables = Collection[model.NumericVariable]
 def unmet(
     instance: model.ActionInstance, timing: model.Timing, reading: Reading, is_known: Callable[[Variables], bool]
 ) -> str | None:
-    """Why the first condition of an instance, of that timing, that is false is not met; None if there is none.
+    """The first condition of an instance, of a given timing, that is false, as a reason; None if all are met.
 
-    Conditions that compare variables of which not all `is_known` are passed over: nothing contradicts them.
+    Conditions that compare variables whose values are not known (`is_known`) count as met.
     """
     for part in instance.demands:
         variables = {name for test in model.comparisons(part.condition) for name in test.expression.variables}
@@ -247,7 +247,7 @@ def unmet(
 
 
 class Phase(Enum):
-    """What a dispatcher is doing."""
+    """Phases of an execution."""
 
     DISPATCHING = "dispatching"
     DRAINING = "waiting for running actions"
@@ -268,7 +268,7 @@ class Dispatcher:
         self.dispatchable = dispatchable
         self.phase = Phase.DISPATCHING
         self.ending: Ending | None = None
-        """Why the plan was given up."""
+        """The reason why the plan was given up."""
         self.observed: dict[str, Fraction] = {}
         """The first value that was observed of each parameter."""
         self.observations: list[Observation] = []
@@ -276,7 +276,7 @@ class Dispatcher:
         self.rejected: list[MessageRejected] = []
         """All messages that changed nothing, although they should have."""
         self.remainders: list[Remainder] = []
-        """What was left of the envelope after observations, if that is asked for."""
+        """The remainders of the envelope after observations, for executors that slice it."""
         self._patience = patience or dispatchable.epsilon or Fraction(1, 1000)
         self._drain = drain
         self._windows = Windows(dispatchable.network)
@@ -285,7 +285,7 @@ class Dispatcher:
         self._literals = list(dispatchable.literals)
         self._open = {link.target: link for link in dispatchable.network.natural.values()}
         self._limits: dict[model.TimePoint, Fraction] = {}
-        """By when what is waited for should have been reported."""
+        """Latest times of reports about the time points that are waited for."""
         self._seen: dict[tuple[str, str | None], Fraction] = {}
         self._due: dict[tuple[str, str | None], Fraction] = {}
         self._estimate: StateEstimate | None = None
@@ -296,7 +296,7 @@ class Dispatcher:
         """When to step again if no message comes before."""
         self._begun = False
         self._decisions: list[Decision] = []
-        """Those of the step that is being taken."""
+        """The decisions of the current step."""
 
     # -- the executive -----------------------------------------------------------------------------------------------
 
@@ -323,11 +323,11 @@ class Dispatcher:
         self.wake = None if self.ended else self._next_wake()
         return decisions
 
-    # -- for those who look on ---------------------------------------------------------------------------------------
+    # -- observers ---------------------------------------------------------------------------------------------------
 
     @property
     def times(self) -> dict[model.TimePoint, Fraction]:
-        """What has happened, and when."""
+        """Times of the time points that have happened."""
         return {self._points[number]: time for number, time in self._windows.times.items()}
 
     @property
@@ -420,7 +420,7 @@ class Dispatcher:
         return False
 
     def _departure(self, link: NaturalLink, value: Fraction | None, time: Fraction) -> LeftBox:
-        """That a length is not allowed; None if it is overdue."""
+        """The ending for a length that is not allowed; a value of None says that its report is overdue."""
         name = link.parameter
         interval = link.allowed if name is None else self.dispatchable.box[name]
         return LeftBox(name, name or f"the time from {link.source} to {link.target}", value, interval, time)
@@ -483,7 +483,7 @@ class Dispatcher:
             self._happen(self._points[number], time)
 
     def _overdue(self) -> Ending | None:
-        """What should have happened by now and has not."""
+        """The ending for an event that should have happened by now; None if none is overdue."""
         for target in [*self._limits]:
             if self._now >= self._limits.get(target, self._now + 1):
                 departure = self._departure(self._open[target], None, self._now)
@@ -502,7 +502,7 @@ class Dispatcher:
         return None
 
     def _exceeded(self, time: Fraction, failed: model.TimePoint | None = None) -> LeftBox | None:
-        """What lasts longer than is allowed, before its report is overdue: others may suffer from it first.
+        """The ending for a length that exceeds what is allowed, although its report is not overdue yet.
 
         What has `failed` at the last moment allowed has not ended in time.
         """
@@ -592,7 +592,7 @@ class Dispatcher:
                 self._due[revelation.parameter, revelation.instance] = time
 
     def _expect(self, point: model.TimePoint) -> None:
-        """By when what follows a time point that has happened should have been reported."""
+        """Note the latest times of reports about natural links that begin with a time point."""
         for link in self.dispatchable.followers.get(point, ()):
             if link.allowed.upper is not None and link.target in self._open:
                 begun = self._windows.times[self._index[point]]
@@ -631,7 +631,7 @@ class Dispatcher:
         return True
 
     def _facts(self) -> Observations:
-        """What is known now."""
+        """The observations so far."""
         values: dict[str, list[Fraction]] = {}
         for (name, _), value in self._seen.items():
             values.setdefault(name, []).append(value)

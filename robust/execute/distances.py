@@ -26,7 +26,7 @@ from robust.plan.timed import TimedPlan, TimedStep
 from robust.plan.timeline import TimedExecution
 
 COARSEST = Fraction(1)
-"""No planner rounds more than to whole numbers: what is further away than that is wrong, not rounded."""
+"""Planners round at most to whole numbers: times further away than that are wrong, not rounded."""
 
 
 class DistanceEdge(NamedTuple):
@@ -70,7 +70,7 @@ def constraints_of(edges: Iterable[DistanceEdge], position: Mapping[TimePoint, i
 
 
 class EdgeNetwork(Distances[TimePoint]):
-    """What edges imply; they must have a schedule, unless only :attr:`earliest` is asked for."""
+    """A network of edges and its implications; it must have a schedule unless only :attr:`earliest` is used."""
 
     def implies(self, bound: DistanceEdge) -> bool:
         """Whether every schedule satisfies the edge, whose weight may have another denominator."""
@@ -84,7 +84,7 @@ class EdgeNetwork(Distances[TimePoint]):
         return None if schedule is None or schedule[0] else self.times
 
     def needed(self, edges: Iterable[DistanceEdge], given: Iterable[DistanceEdge]) -> list[DistanceEdge]:
-        """Of edges of the network those that imply all of them together with the given ones, and none of which can go.
+        """An irredundant subset of edges of the network that implies them all together with the given ones.
 
         Where either of two can, the first one goes.
         """
@@ -131,7 +131,7 @@ class Original:
 
     @cached_property
     def gap(self) -> Fraction:
-        """How far apart a network keeps mutex time points: ε.
+        """Separation of mutex time points in a network: ε.
 
         Closed bounds cannot say "at different times": if ε is 0 it is a positive distance that the plan itself keeps.
         """
@@ -217,7 +217,7 @@ def with_literals(plan: ParametrizedPlan, times: Mapping[TimePoint, Fraction]) -
 def tolerances(
     plan: TimedPlan, instances: Sequence[InstanceDeclaration], epsilon: Fraction, tolerance: Fraction | None
 ) -> dict[TimePoint, Fraction]:
-    """How far starts, and durations (by end), may be from what was printed: one unit of the last digit, at most ε."""
+    """Tolerances of starts, and of durations (by end): one unit of the last printed digit, at most ε, if not given."""
     reach: dict[TimePoint, Fraction] = {}
     for (of_time, of_duration), instance in zip(plan.units, instances, strict=True):
         reach[instance.end] = min(of_duration, epsilon) if tolerance is None else tolerance

@@ -2,10 +2,10 @@
 
 The original schedule gives every duration and start time its nominal value. A plan file can hold parameters in its
 constraints; initial values of fluents, and durations that the domain fixes by `(= ?duration e)`, are parameters of the
-problem, and have to be named again to whoever reads the plan (:mod:`robust.plan.parameters`).
+problem, and have to be given again when the plan is read (:mod:`robust.plan.parameters`).
 
-Beside this: which durations an instance may have, as its duration constraints or the time-triggered plan say; and which
-time points an obligation depends on, its own and those of all changes that what it reads comes from.
+This module also computes which durations an instance may have, by its duration constraints or the time-triggered plan,
+and which time points an obligation depends on: its own, and those of all changes to variables that it reads.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Variable = model.Atom | model.Fluent
 
 @dataclass(frozen=True, slots=True)
 class _Use:
-    """What is read, and where: `points` matter by themselves, `variables` by who changes them."""
+    """Variables that are read, and time points that matter; variables matter through the effects that change them."""
 
     points: frozenset[model.TimePoint]
     variables: frozenset[Variable]
@@ -70,7 +70,7 @@ def obligation_names(plan: model.ParametrizedPlan) -> Iterator[str]:
 
 
 def _obligations(plan: model.ParametrizedPlan) -> Iterator[tuple[str, _Use]]:
-    """What each obligation reads, by its name."""
+    """The names of obligations with what each reads."""
     for goal in plan.goal:
         yield goal.label, _use((), None, goal.condition)
     for instance in plan.instances:
@@ -176,7 +176,7 @@ class Parametrization:
 
     @property
     def beside(self) -> tuple[ParameterSpec, ...]:
-        """What the plan file cannot say."""
+        """The parameters that a plan file cannot hold."""
         return (*self.fluents, *self.durations)
 
     @property
@@ -207,7 +207,7 @@ def parametrization(
     times: Mapping[model.TimePoint, Fraction],
     specs: Iterable[ParameterSpec],
 ) -> Parametrization:
-    """What specifications make of a plan without constraints that has this schedule.
+    """Apply parameter specifications to a plan without constraints that has a given schedule.
 
     Raises:
         InputError: for a specification that does not fit the plan, or a nominal value that is not the plan's own.

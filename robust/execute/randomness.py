@@ -1,4 +1,4 @@
-"""How the parameters of a plan are distributed: by options, and by the rules of a world."""
+"""Distributions of the parameters of a plan, from options and from the rules of a world."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from robust.probability.distributions import Distribution, parse_distribution, r
 Given = Mapping[str, str | Distribution] | Sequence[str]
 """Distributions by parameter, or texts `NAME=normal:30:5`."""
 Places = Callable[[str, str | None], Location]
-"""How errors name what was given: from the name of an option and a text in it."""
+"""The place that an error names, from the name of an option and a text in it."""
 
 
 def _plainly(name: str, text: str | None) -> Location:
@@ -58,7 +58,7 @@ def _names(given: Given) -> list[str]:
 
 
 def _given(given: Given, parameters: Mapping[str, Parameter], place_of: Places) -> dict[str, Distribution]:
-    """What is given, each parameter at most once."""
+    """The distributions that were given, at most one for each parameter."""
     pairs: list[tuple[str, str | Distribution, Location]] = []
     if isinstance(given, Mapping):
         pairs = [(name, value, place_of("distribution", str(name))) for name, value in given.items()]
@@ -89,7 +89,7 @@ def _planned(parameter: Parameter) -> Fraction | None:
 
 
 def _ruled(rule: Rule | None, parameter: Parameter, place_of: Places) -> Distribution:
-    """What a rule says about a parameter; without a rule, it is as planned."""
+    """The distribution of a parameter by a rule; without a rule, it has its planned value."""
     planned = _planned(parameter)
     if planned is None:
         message = f"found no nominal value of parameter {shorten(parameter.name)}, expected one: worlds are about plans"

@@ -49,7 +49,7 @@ Event = TypeVar("Event", Observation, MessageRejected, Remainder)
 
 
 class RunStatus(VerdictEnum):
-    """How a run ended."""
+    """Status of a run."""
 
     SUCCEEDED = "succeeded"
     FAILED = "failed"
@@ -96,7 +96,7 @@ class ReplanningRun(NoTruthValue, ask="status"):
 
     @property
     def replans(self) -> int:
-        """How often another plan was begun."""
+        """Number of plans that were begun after the first."""
         return max(0, len(self.segments) - 1)
 
     @property
@@ -136,7 +136,7 @@ def remaining_problem(problem: Problem, state: State, origin: Fraction) -> Probl
 
 @dataclass(frozen=True, slots=True)
 class ReplanningOptions:
-    """How plans are made ready: which executor, which parameters, how the box is computed, and how long that may take.
+    """Preparation of plans: executor, parameters, method for the box, and time limits.
 
     `method` finds the box, around the nominal point.
     `timeout` limits conversion and box, each, in seconds; out of time, a box is as large as it has become.
@@ -225,7 +225,7 @@ REGION_SECONDS = 5.0
 
 
 def _sliced(dispatchable: Dispatchable, executor: Slice, options: ReplanningOptions) -> Dispatchable:
-    """With the envelope; or, where that takes too long, with what was proved of it, the box among it."""
+    """A dispatchable plan that slices the envelope; where that takes too long, the part of it that was proved."""
     plan, box = dispatchable.plan, dispatchable.box
     seconds = REGION_SECONDS if options.timeout is None else min(options.timeout, REGION_SECONDS)
     search = RegionSearch(plan, epsilon=options.epsilon, solver=options.solver, timeout=seconds).run()
@@ -294,17 +294,17 @@ def _as_it_was(executed: ExecutedInstance, identifier: str) -> model.ActionInsta
 
 REPLANS = 10
 PLANNER_SECONDS = 7.0
-"""What a run is allowed unless told otherwise, and its planner each time."""
+"""Defaults: re-plans of a run, and seconds of the planner for each plan."""
 
 
 @dataclass(frozen=True)
 class Mission:
-    """What is to be executed, and how.
+    """The problem to execute, and how it is executed.
 
     Args:
         domain: the domain.
         problem: the problem.
-        planner: who is asked for plans; None if there is nobody to ask, so that a plan that is given up is the end.
+        planner: the source of plans; with None, giving up a plan ends the run.
         rules: what nature draws.
         options: how plans are made ready.
         replans: how often another plan may be begun.
@@ -412,7 +412,7 @@ class _Running:
         return all(reading.holds(demand.condition) for demand in goal) and self._fault() is None
 
     def _fault(self) -> str | None:
-        """What the simulator, told all that was executed and drawn, finds broken."""
+        """The first violation in a simulation of everything that was executed and drawn; None if there is none."""
         executed = [execution for segment in self._segments for execution in segment.executed]
         if self._beginning is None or any(execution.outcome is InstanceOutcome.RUNNING for execution in executed):
             return "an instance did not end"
@@ -459,7 +459,7 @@ def beginning(plan: model.ParametrizedPlan, world: SimulatedWorld) -> model.Para
 def _segment(
     dispatcher: Dispatcher, prepared: Prepared, world: SimulatedWorld, origin: Fraction, last: Fraction
 ) -> Segment:
-    """What became of a plan."""
+    """The record of the execution of one plan."""
 
     def moved(events: Iterable[Event]) -> tuple[Event, ...]:
         return tuple(replace(event, time=origin + event.time) for event in events)

@@ -58,7 +58,7 @@ _STRETCH = "λ"
 
 @dataclass(frozen=True)
 class Observations:
-    """What is known at a moment of an execution.
+    """Observations up to a moment of an execution.
 
     `seen` are the values that were revealed, as the least interval around them; `settled` are parameters of which
     nothing more will be revealed. `possible` are the values that are still possible for what is going on: an action
@@ -73,7 +73,7 @@ class Observations:
 
 
 class SliceAnswer(VerdictEnum):
-    """What came of looking at what is left."""
+    """Result of a search for a box in the remainder of the envelope."""
 
     PROMISED = "promised"
     """There is a box with which the plan succeeds."""
@@ -85,7 +85,7 @@ class SliceAnswer(VerdictEnum):
 
 @dataclass(frozen=True)
 class Remainder(NoTruthValue, ask="answer"):
-    """What is left at `time`, `after` an observation, in words.
+    """The remainder of the envelope at `time`, `after` an observation, in words.
 
     `box` is the promise, with the values that were seen; None if there is none. `kept` says whether it holds the
     promise before. `seconds` is wall time.
@@ -122,7 +122,7 @@ class Slices:
         self.parts  # noqa: B018 - worked out before the execution begins
 
     def after(self, facts: Observations, what: str, promised: Box) -> tuple[Remainder, ParametricStnu]:
-        """What is left once `what` has been observed, and the network with what has happened."""
+        """The remainder once `what` has been observed, and the network with the events so far."""
         started = time.perf_counter()
         network = continued(self.stnu, facts)
         deadline = Deadline.after(None if self.seconds is None else self.seconds / 2)
@@ -217,7 +217,7 @@ class _Promising:
     # -- boxes to start from -------------------------------------------------------------------------------------------
 
     def _remainder(self, promised: Box) -> Box | None:
-        """What remains of a promise, with the values that were seen; None if something is outside that must be in."""
+        """The rest of a promise, with the values that were seen; None if it excludes a value that must be inside."""
         intervals = {}
         for name, interval in promised.intervals.items():
             seen, possible = self._facts.seen.get(name), self._facts.possible.get(name)
@@ -322,7 +322,7 @@ class _Promising:
         return boxes[-1]
 
     def _in_haste(self, parameter: Parameter) -> Parameter:
-        """What takes longer than planned grows as fast as all the rest: else it would soon leave its interval again."""
+        """A parameter that exceeds its plan gets a greater weight, or its value would soon leave the interval again."""
         if parameter.nominal in self._facts.possible.get(parameter.name, _ANYTHING):
             return parameter
         others = [self._weight[name] for name in self._open if name != parameter.name]

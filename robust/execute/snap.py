@@ -79,12 +79,12 @@ class Snapped:
 
     times: Mapping[TimePoint, Fraction]
     durations: int
-    """How many durations differ from the printed ones."""
+    """Number of durations that differ from the printed ones."""
     starts: int
     shift: Fraction
 
     def __str__(self) -> str:
-        """What moved, in words; empty if nothing did."""
+        """A summary of the moves; empty if nothing moved."""
         moved = [plural(count, what) for count, what in ((self.durations, "duration"), (self.starts, "start")) if count]
         return f"{' and '.join(moved)} moved, by at most {format_number(round_up(self.shift))}" if moved else ""
 
@@ -197,7 +197,7 @@ class _Snapping:
     def _placed(
         self, network: list[Bound], wished: list[int], near: list[int], scale: int, demands: Demands
     ) -> list[int]:
-        """As near as all can be, each within its own tolerance."""
+        """The schedule nearest to the printed times, each time within its own tolerance."""
         shift = least_shift(network, wished)
         if shift is None:
             raise TooFarError(_CONTRADICTION, self._with_durations(demands))
@@ -286,7 +286,7 @@ class _Snapping:
         return demands
 
     def _check_durations(self, demands: Demands) -> None:
-        """That what is demanded is what was printed, but for rounding."""
+        """Check that demanded durations are the printed ones but for rounding."""
         too_far = [(away, instance) for instance, away in self._changes(demands) if abs(away) > self._reach(instance)]
         if too_far:
             away, instance = max(too_far, key=lambda change: abs(change[0]))
@@ -294,14 +294,14 @@ class _Snapping:
             raise TooFarError(wrong, self._with_durations(demands), abs(away))
 
     def _changes(self, demands: Demands) -> Iterator[tuple[ActionInstance, Fraction]]:
-        """How much longer the durations that the domain demands are than the printed ones."""
+        """Differences between the durations that the domain demands and the printed ones."""
         for instance in self._plan.instances:
             if instance.durative:
                 printed = self._printed[instance.end] - self._printed[instance.start]
                 yield instance, _nearest(printed, *demands[instance.identifier]) - printed
 
     def _reach(self, instance: ActionInstance) -> Fraction:
-        """How far the duration may be from the printed one."""
+        """Tolerance of a duration."""
         return self._tolerances.get(instance.end, Fraction(0))
 
     def _with_durations(self, demands: Demands) -> dict[TimePoint, Fraction]:
@@ -352,7 +352,7 @@ def duration_range(instance: ActionInstance, known: Known) -> tuple[Fraction, Fr
 
 
 def read_before(execution: TimedExecution, instance: ActionInstance) -> Known:
-    """What duration constraints of an instance read in the states of an execution."""
+    """The expressions of duration constraints, with values from the states of an execution."""
 
     def known(constraint: model.DurationConstraint) -> model.Expression:
         reading = execution.reading(execution.before(instance.at(constraint.timing)), instance)

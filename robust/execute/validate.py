@@ -1,4 +1,4 @@
-"""Is one schedule valid, as VAL judges it: what breaks, when, by how much, and what would help.
+"""Validation of one schedule, as VAL judges it: violations, their times and amounts, and remedies.
 
 Printed numbers stand for intervals (:mod:`robust.execute.snap`). A plan is valid if what is printed breaks nothing, or
 else if there is a schedule within the tolerance, in the printed order, that breaks nothing. If there is none, what
@@ -58,7 +58,7 @@ class Breach:
 
     @property
     def words(self) -> str:
-        """What is demanded, what is so instead, and by how much it fails."""
+        """The demand, the fact that contradicts it, and the difference."""
         amount = f", by {readable(self.amount)}" if self.amount and not _separates(self) else ""
         where = f" ({_lines(self.lines)})" if self.lines else ""
         return f"{self.demand}, but {readable_values(self.detail)}{amount}{where}"
@@ -74,7 +74,7 @@ def _lines(lines: tuple[int, ...]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Remedies:
-    """What would make a schedule valid, each by itself; None where the printed order leaves nothing of its kind.
+    """Options that make a schedule valid, each by itself; None where no value in the printed order does.
 
     Attributes:
         tolerance: with exact times so far from the printed ones.
@@ -86,14 +86,14 @@ class Remedies:
 
     @property
     def named(self) -> Mapping[str, Fraction]:
-        """Those that there are, by name."""
+        """The remedies that exist, by name."""
         every = {"tolerance": self.tolerance, "epsilon": self.epsilon}
         return {name: value for name, value in every.items() if value is not None}
 
 
 @dataclass(frozen=True)
 class Verdict(Presented, ask="valid"):
-    """What becomes of a plan as it was printed.
+    """The verdict about a plan as it was printed.
 
     Attributes:
         plan: its name.
@@ -125,7 +125,7 @@ class Verdict(Presented, ask="valid"):
 
     @property
     def shift(self) -> Fraction:
-        """How far a start or a duration was moved at most."""
+        """The greatest change of a start or a duration."""
         return Fraction(0) if self.snapped is None else self.snapped.shift
 
     def __str__(self) -> str:
@@ -136,7 +136,7 @@ class Verdict(Presented, ask="valid"):
 
     @property
     def size(self) -> str:
-        """What was judged, and how many violations were found."""
+        """Number of steps, end, and number of violations, in words."""
         parts = [f"{plural(self.steps, 'step')}, ends at {readable(self.end)}"]
         if self.snapped is not None:
             parts.append(str(self.snapped))
@@ -204,7 +204,7 @@ def validate(
 
 @dataclass(frozen=True, slots=True)
 class _Outcome:
-    """What a schedule breaks; `times` are those of the exact schedule, or of what comes nearest to one.
+    """The simulation of a schedule; `times` are those of the exact schedule, or of the nearest attempt at one.
 
     `rounding` says how far each start and each duration, by end, may be from what was printed. `shift` would be far
     enough, where that is not.
@@ -246,7 +246,7 @@ class _Judge:
         return cls(timed, declared, plan, printed)
 
     def outcome(self, epsilon: Fraction, tolerance: Fraction | None) -> _Outcome:
-        """What becomes of the printed schedule, or of the exact one that it stands for."""
+        """The outcome of the printed schedule, or of the exact one that it stands for."""
         rounding = distances.tolerances(self.timed, self.declared, epsilon, tolerance)
         printed = _Outcome(self.printed, self._simulated(self.printed, epsilon), rounding)
         if printed.valid or not any(rounding.values()):
@@ -265,7 +265,7 @@ class _Judge:
         return Snapped(times, len(changes), 0, max(changes, default=Fraction(0)))
 
     def shift(self, epsilon: Fraction) -> Fraction | None:
-        """How far times have to move; None if no times do that break nothing of durations and separations."""
+        """The least shift of times that satisfies durations and separations; None if no times do."""
         try:
             snap(self.plan, self.printed, {}, self._pairs, epsilon)
         except TooFarError as error:
@@ -308,7 +308,7 @@ def _unexplained(judge: _Judge, outcome: _Outcome) -> list[Violation]:
 
 
 def _rounding(outcome: _Outcome, point: TimePoint) -> Fraction:
-    """How far a time point may be from where it was printed: an end, as start and duration together."""
+    """Tolerance of a time point; that of an end is the sum of those of start and duration."""
     if point.kind is TimePointKind.END:
         start = TimePoint(TimePointKind.START, point.instance)
         return outcome.rounding[start] + outcome.rounding[point]
@@ -320,7 +320,7 @@ def _rounding(outcome: _Outcome, point: TimePoint) -> Fraction:
 
 @dataclass(frozen=True)
 class _Words:
-    """What a schedule breaks, in the words of the plan."""
+    """Violations in the words of the plan."""
 
     judge: _Judge
     outcome: _Outcome
@@ -370,7 +370,7 @@ class _Words:
 
     @cached_property
     def _demands(self) -> Mapping[str, tuple[str, Condition, list[ActionInstance]]]:
-        """What each obligation but a separation demands, in words and as a condition, and who demands it."""
+        """The demand of each obligation but separations, in words and as a condition, and its instances."""
         demands: dict[str, tuple[str, Condition, list[ActionInstance]]] = {}
         for instance in self.judge.plan.instances:
             for constraint in instance.durations:

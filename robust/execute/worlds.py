@@ -1,14 +1,14 @@
-"""Simulated worlds: they carry out what a dispatcher decides, and tell it what comes of that.
+"""Simulated worlds: they carry out a dispatcher's decisions, and report what happens.
 
-How long actions take, how much they consume and when things happen that nobody decides is drawn; all else is as the
+The durations of actions, their consumption and the times of events that no one decides are drawn; all else is as the
 model says. An action whose condition does not hold fails: at its start, it does not happen at all; later, it ends there
 and then, without its effects at the end. Conditions over all are looked at when something happens, and once between any
 two such moments. The state is a convenience of the simulation: whether a whole execution was valid is for
 :mod:`robust.plan.simulate` to say.
 
-What is drawn, and from which distributions, is said by world files: TOML with one table for each rule; of several that
-fit, the first counts. Numbers are exact, and may be written as texts such as "1/3". Without a rule, nature does what
-the plan expects::
+World files say which quantities are drawn from which distributions. They are TOML with one table for each rule; of
+several rules that fit, the first counts. Numbers are exact, and may be written as texts such as "1/3". Without a rule,
+nature does what the plan expects::
 
     [[draw]]
     duration = "prepare"          # an action, a ground action "(prepare first cap)", or an instance of the plan
@@ -72,7 +72,7 @@ class Luck:
         self._kept: dict[str, Fraction] = {}
 
     def duration(self, instance: model.ActionInstance, planned: Fraction) -> Fraction | None:
-        """How long an instance takes this time; None without a rule."""
+        """The duration of an instance this time; None without a rule."""
         drawn = self._draw(self.rules.duration(instance), f"duration {instance}", planned)
         return None if drawn is None else max(drawn, Fraction(0))
 
@@ -98,7 +98,7 @@ class Luck:
 
 
 class Subject(Enum):
-    """What a rule is about."""
+    """Quantities that rules are about."""
 
     DURATION = "duration"
     CONSUMPTION = "consumption"
@@ -224,7 +224,7 @@ _LEAST: Final = {
     "triangular": "lower",
     "exponential": "minimum",
 }
-"""What no draw is below, by distribution."""
+"""The key of the least value that is drawn, by distribution."""
 
 
 def _check_numbers(rule: Rule, location: Location) -> None:
@@ -323,7 +323,7 @@ class WorldState:
     def unmet(
         self, instance: model.ActionInstance, timing: model.Timing, duration: Fraction | None = None
     ) -> str | None:
-        """Why a condition of an instance, of that timing, does not hold now; None if all hold.
+        """The first condition of an instance, of a given timing, that is false now, as a reason; None if all hold.
 
         Conditions that read `?duration` hold until the duration is known.
         """
@@ -368,19 +368,19 @@ class WorldState:
 
 
 class InstanceOutcome(VerdictEnum):
-    """What became of an instance."""
+    """Outcome of an instance."""
 
     DONE = "done"
     FAILED = "failed"
     """A condition stopped to hold."""
     STOPPED = "stopped"
-    """It was running when the plan was given up, and was not waited for."""
+    """The instance was running when the plan was given up, and was not waited for."""
     RUNNING = "running"
 
 
 @dataclass(slots=True)
 class ExecutedInstance:
-    """What happened to one instance, with the values that were actual: parameters are replaced in `instance`.
+    """The execution of one instance with actual values: parameters are replaced in `instance`.
 
     Times are from the beginning of the plan. `natural` says that the duration was not the dispatcher's to choose.
     """
@@ -542,7 +542,7 @@ class SimulatedWorld:
         self.state.advance(time)
 
     def _check_at(self, now: Fraction) -> None:
-        """What is known to be running before and after a moment has its conditions at that moment."""
+        """Check over-all conditions at a moment, of instances that are known to run before and after it."""
         self._changed = True
         inside = [run for run in self._running if run.start < now < self._due.get(run.instance.identifier, now)]
         for instance, reason in self._broken(inside):
@@ -556,7 +556,7 @@ class SimulatedWorld:
         reasons = ((execution, self.state.unmet(execution.instance, model.Timing.OVER_ALL)) for execution in running)
         return [(execution, reason) for execution, reason in reasons if reason is not None]
 
-    # -- what nobody decides -----------------------------------------------------------------------------------------
+    # -- nature ------------------------------------------------------------------------------------------------------
 
     def _plan_for(self, time: Fraction, act: Callable[[Fraction], None]) -> None:
         heapq.heappush(self._agenda, (time, next(self._order), act))

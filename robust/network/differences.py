@@ -1,9 +1,9 @@
 """Difference constraints: schedules, contradictions, and what a network implies, by shortest paths in integers.
 
-Points are numbers from 0, weights are integers: whoever builds a network scales everything by one common denominator,
-once; :class:`Distances` does it for points with names and rational weights. A bound (a, b, w) says t_b − t_a ≥ w; an
+Points are numbers from 0, weights are integers: the builder of a network scales all weights by one common denominator,
+once; :class:`Distances` does so for points with names and rational weights. A bound (a, b, w) says t_b − t_a ≥ w; an
 upper bound is a lower bound of the way back. The origin of a bound is its position among the bounds of its network:
-cycles and paths are told by origins.
+cycles and paths are reported as origins.
 
 One feasible schedule turns every bound into a slack that is not negative (Johnson's potentials), so that rows of
 greatest lower bounds come from Dijkstra's algorithm, and only for points that are asked about. Points whose distance
@@ -303,7 +303,7 @@ class DifferenceNetwork:
                             yield point, later[index], at[index] - times[point] - slack
 
     def _distant_members(self, points: Sequence[int]) -> Iterator[Bound]:
-        """Within a component, the next point that is `near` away, where steps to neighbours are shorter."""
+        """Steps within a component to the next point at distance `near`, where steps to neighbours are shorter."""
         times = self.times
         at = [times[point] for point in points]
         for point in points:
@@ -394,7 +394,7 @@ def _strong_components(steps: Sequence[Sequence[int]]) -> list[int]:
 
 
 def _spanning(bounds: Sequence[Bound], given: Sequence[Bound], times: Sequence[int]) -> list[Bound]:
-    """Of bounds that are met exactly in all schedules, as few as leave the distances fixed, one by one."""
+    """A minimal subset of bounds, all met exactly in all schedules, that leaves the distances fixed."""
     kept = list(bounds)
     for bound in reversed(bounds):
         rest = [other for other in kept if other != bound]

@@ -1,4 +1,4 @@
-"""How a controllable network is executed: tables for dispatchers, windows of time points, the minimal form.
+"""Execution of controllable networks: tables for dispatchers, windows of time points, the minimal dispatchable form.
 
 In a dispatchable network, a dispatcher looks only at the edges of a time point when that is to happen: it happens
 between the bounds that its neighbours give it, and not before it has waited. All edges that follow from reductions make
@@ -84,8 +84,8 @@ class DispatchNetwork(Generic[Natural]):
     def blockers(self) -> tuple[frozenset[int], ...]:
         """For each time point those that must have happened first.
 
-        A time point that may coincide with a natural one waits for it, unless it brings it about: whoever starts first
-        could be wrong.
+        A time point that may coincide with a natural one waits for it, unless it brings it about: starting first could
+        be wrong.
         """
         blockers: list[set[int]] = [set() for _ in self.points]
         for (x, y), weight in self._edges.items():
@@ -179,7 +179,7 @@ class Windows:
                 yield upper + patience
 
     def over(self, network: DispatchNetwork[Any]) -> Windows:
-        """The same history in another network with the same time points."""
+        """A copy of the history for another network with the same time points."""
         fresh = Windows(network)
         for point, time in self.times.items():
             fresh.happened(point, time)
@@ -197,7 +197,7 @@ def edges_between(
 
 
 def strategy(answer: DynamicAnswer, links: Iterable[Natural]) -> DispatchNetwork[Natural]:
-    """How to execute a dynamically controllable network, in terms of time points: starts A′ = A + x become A."""
+    """The tables of a dynamically controllable network, in terms of its time points: starts A′ = A + x become A."""
     form, stnu = answer.form, answer.form.stnu
     index = {point: number for number, point in enumerate(stnu.points)}
     place = {number: (number, Fraction(0)) for number in index.values()}
@@ -254,7 +254,7 @@ def _between(distance: list[dict[int, Fraction]], a: int, others: Iterable[int])
 
 
 def _undominated(points: Sequence[int], distance: list[dict[int, Fraction]]) -> set[tuple[int, int]]:
-    """The edges between points without fixed distances that say something beside all others.
+    """The edges between points without fixed distances that no other edges dominate.
 
     An edge from a to c is dominated by the one from b to c, if both are not negative, and by the one from a to b, if
     both are negative, where the way over b is not longer.

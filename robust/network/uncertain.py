@@ -272,7 +272,7 @@ def _in_units(number: Fraction | int, scale: int) -> int:
 
 
 class Case(Enum):
-    """What an edge says: always, if a contingent link is as short as it may be, or unless it has ended."""
+    """When an edge holds: always, if a contingent link is as short as it may be, or unless the link has ended."""
 
     ORDINARY = "ordinary"
     LOWER = "lower-case"

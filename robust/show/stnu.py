@@ -430,22 +430,22 @@ def _repaired(row: Judged[NetworkRepair]) -> RepairedNetwork:
 
 
 def one_check(result: NetworkCheck) -> Document:
-    """Of one network."""
+    """The document of one verdict."""
     return check_document(rows := _alone(result), ended(rows))
 
 
 def one_dispatch(result: DispatchResult) -> Document:
-    """Of one network, without executions."""
+    """The document of one dispatchable network, without executions."""
     return dispatch_document(rows := _alone(Dispatched(result, ())), ended(rows))
 
 
 def one_repair(result: NetworkRepair) -> Document:
-    """Of one network."""
+    """The document of one repair."""
     return repair_document(rows := _alone(result), ended(rows), None)
 
 
 def ended(judged: Sequence[Judged[Any]]) -> str:
-    """How it ended: a result that is not final was interrupted, or is out of time."""
+    """The status: a result that is not final was interrupted, or ran out of time."""
     short = [row.result for row in judged if row.error is None and row.code == UNDECIDED]
     if not short:
         return "complete"

@@ -201,7 +201,7 @@ def _listed(items: Sequence[str]) -> list[str]:
 
 
 def _with_origin(network: Network, name: str) -> Network:
-    """The same network, whose origin has the name by which a format knows it."""
+    """A network whose origin has the name that a format gives it."""
     if network.origin == name:
         return network
     if name in network.nodes:
@@ -563,6 +563,6 @@ def _edges(link: Link, number: int, scale: int) -> list[str]:
 
 
 def scaled(path: Path, scale: int) -> str:
-    """What to say of a file whose times are multiplied."""
+    """A note on a file whose times are multiplied."""
     units = f"times are in units of 1/{scale}: the CSTNU tool reads whole numbers ({plural(scale, 'unit')} for 1)"
     return f"{path}: {units}"

@@ -7,7 +7,7 @@ between 0 and `upper − lower` pass. This is what the extended normal form of M
 
 An origin, where a file names one, happens first: no other time point of the file happens before it.
 
-The network with uncertainty of a plan under a box of parameter values.
+:func:`network_of_plan` is the network of a plan under a box of parameter values.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def bounds_text(lower: Fraction | None, upper: Fraction | None) -> str:
 
 
 class Role(Enum):
-    """What a link of the examined network stands for."""
+    """Roles of links of the examined network."""
 
     WHOLE = "whole"
     """A link of the network itself."""
@@ -123,7 +123,7 @@ class Network:
         self._check_parallel()
 
     def fault(self, link: Link, message: str) -> InputError:
-        """What is wrong with a link, at its place."""
+        """An error about a link, at its place."""
         return InputError(message, link.place or Location(self.name))
 
     def _check_contingent(self, link: Link, before: Mapping[str, Link]) -> None:
@@ -172,7 +172,7 @@ class Network:
         return f"{plural(len(self.nodes), 'time point')}, {count}, {len(self.contingents)} contingent"
 
     def with_links(self, links: Sequence[Link]) -> Network:
-        """The same time points with other links."""
+        """A copy with other links."""
         return Network(self.name, self.nodes, tuple(links), self.origin, self.layout)
 
     @cached_property
@@ -261,7 +261,7 @@ def edges_of(network: Network, steps: Sequence[uncertain.EdgeStep]) -> Iterator[
         yield Edge(str(source), str(target), value, _CASES.get(step.way, "ordinary"), link.origin)
 
 
-def network_of(plan: ParametrizedPlan, box: Box, name: str, origin: str = "Z") -> Network:
+def network_of_plan(plan: ParametrizedPlan, box: Box, name: str, origin: str = "Z") -> Network:
     """A network that is controllable if a dispatcher can carry out the plan for all values in the box.
 
     Durations are contingent links. Time zero is `origin`. What no network with uncertainty can express, such as a

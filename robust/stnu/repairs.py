@@ -63,7 +63,7 @@ class LinkChange:
 
 @dataclass(frozen=True)
 class NetworkRepair(Presented, ask="status"):
-    """What a search found: `network` is the repaired one, None if there is none; no repair costs less than `bound`.
+    """The result of a search: `network` is the repaired one, None if there is none; no repair costs less than `bound`.
 
     `conflicts` and `candidates` are how many were met and examined; `name` is that of the network.
     """
@@ -84,7 +84,7 @@ class NetworkRepair(Presented, ask="status"):
 
     @property
     def gap(self) -> Fraction | None:
-        """How much cheaper a repair could be, at most."""
+        """The greatest possible saving of another repair."""
         return None if self.cost is None else self.cost - self.bound
 
     @property
@@ -187,7 +187,7 @@ class NetworkRepairSearch(RepairSearching[Fraction, NetworkRepair]):
             self.best = polished
 
     def step(self, candidate: Candidate[Fraction], number: int) -> Candidate[Fraction] | None:
-        """With one more change of one bound, by which the conflict is gone."""
+        """A candidate with one more change of one bound, which resolves the conflict."""
         best: tuple[Fraction, bool] | None = None
         cheapest: Candidate[Fraction] | None = None
         for choice in self.clauses[number].choices:
@@ -206,7 +206,7 @@ class NetworkRepairSearch(RepairSearching[Fraction, NetworkRepair]):
         return self._network.links[self._bound_of[name][0]]
 
     def _room(self, name: str, point: Point) -> Fraction | float:
-        """How far a bound may move on: a contingent link keeps a length."""
+        """The distance that a bound may still move: a contingent link keeps a length."""
         number, link = self._bound_of[name][0], self._link(name)
         if not link.is_contingent or link.lower is None or link.upper is None:
             return inf
@@ -214,7 +214,7 @@ class NetworkRepairSearch(RepairSearching[Fraction, NetworkRepair]):
         return link.upper - link.lower - sum(taken, _NOTHING)
 
     def conflict_at(self, candidate: Candidate[Fraction]) -> Clause | None:
-        """What contradicts each other although the network is changed; None if it is controllable."""
+        """The conflict in the changed network; None if it is controllable."""
         network = self._changed(candidate.point)
         answer = dynamic(network.examined.stnu, self.deadline)
         if answer.cycle is None:

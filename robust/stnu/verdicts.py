@@ -1,4 +1,4 @@
-"""Is a network dynamically controllable, and how is it dispatched; if not, why not: a witness that few lines can check.
+"""Dynamic controllability of networks, with a witness that few lines can check, and their dispatch.
 
 The witness is a semi-reducible negative cycle of the distance graph (Morris, 2006: *A structural characterization of
 temporal dynamic controllability*): its length is negative, and after each lower-case edge comes a piece of negative
@@ -28,7 +28,7 @@ _NOTHING = Fraction(0)
 GRAIN = 10**6
 """Drawn durations are multiples of this part of a contingent link's width."""
 UNBOUNDED = 10
-"""How far beyond its least length, in multiples of it and 1, a link without an upper bound is drawn."""
+"""Lengths of a link without an upper bound are drawn up to this multiple of its least length plus 1 above it."""
 
 
 class NetworkVerdict(VerdictEnum):
@@ -53,7 +53,7 @@ class NetworkCheck(Presented, ask="verdict"):
 
     @property
     def name(self) -> str:
-        """Of the network."""
+        """Name of the network."""
         return self.network.name
 
     @property
@@ -122,7 +122,7 @@ def _is_followed(cycle: Sequence[Edge], at: int) -> bool:
 
 
 def _length(walk: Sequence[Edge]) -> tuple[int, Fraction]:
-    """How often minus infinity occurs, negated, and the sum of the rest."""
+    """The number of infinitely negative edges, negated, and the sum of the others."""
     finite = [edge.value for edge in walk if edge.value is not None]
     return len(finite) - len(walk), sum(finite, Fraction(0))
 
@@ -170,7 +170,7 @@ class Occurrence:
 
 @dataclass(frozen=True, slots=True)
 class NetworkExecution(NoTruthValue, ask="violated"):
-    """What happened when nature drew these lengths of contingent links, by their ends; `violated` are requirements."""
+    """An execution with drawn lengths of contingent links, by their ends; `violated` are requirements."""
 
     seed: int
     lengths: Mapping[str, Fraction]
@@ -194,7 +194,7 @@ class DispatchResult(Presented, ask="checked"):
 
     @property
     def name(self) -> str:
-        """Of the network."""
+        """Name of the network."""
         return self.network.name
 
     @property
@@ -214,7 +214,7 @@ class DispatchResult(Presented, ask="checked"):
     def execute_with(
         self, lengths: Mapping[TimePoint, Fraction] | Mapping[str, Fraction], seed: int = 0
     ) -> NetworkExecution:
-        """The same with given lengths of contingent links, by their ends, from where the link begins.
+        """An execution as early as possible with given lengths of contingent links, by their ends.
 
         Raises:
             InputError: unless there is a length of each contingent link, and of nothing else.

@@ -1,9 +1,7 @@
-"""One question about many plans: each is a process of its own, as somebody types it, with a time limit of its own.
+"""Questions about many plans: each is a process of `robust`, as users run it, with its own time limit.
 
-Tasks carry the texts of the files, so that workers of a cluster need none of them, and so that a store tells a plan
-that has changed from the one of before.
-
-Whole processes of `robust`, as a user runs them, and the boxes that they answer as exact text.
+Tasks carry the texts of the files, so that workers of a cluster need no files, and so that a store recognizes a plan
+that has changed. Answers hold boxes as exact text.
 """
 
 from __future__ import annotations
@@ -258,7 +256,7 @@ def run_batch(
         verb: what the batch is called.
         questions: what is asked about each plan: a name, a verb, and options as they are typed.
         path: the suite.
-        parameters: more parameters, for all plans instead of those in files beside them.
+        parameters: a file of parameters for all plans, in place of the files next to them.
         limit: seconds for each plan and question.
         timeout: seconds for all.
         jobs: processes at a time on this machine.

@@ -1,4 +1,4 @@
-"""Suites: which plans to run, of a folder, or of a list of lines, JSON or CSV.
+"""Suites of plans: a folder, or a list of lines, JSON or CSV.
 
 In a folder, each file whose suffix says that it is a plan is one. Its problem and its domain are the PDDL files beside
 it, or in the nearest folder above within the suite, whose names fit: without words such as `plan`, `problem` and
@@ -28,7 +28,7 @@ PLAN_SUFFIXES = (".stn", ".plan", ".log", ".sol", ".soln", ".solution")
 NAMES = ("instance", "name")
 """Keys of JSON and columns of CSV that name a plan; the first that is there counts."""
 PLANS = ("plan", "log")
-"""The same for its file."""
+"""Keys of JSON and columns of CSV that name the file of a plan."""
 _WORDS = frozenset(
     ["domain", "problem", "prob", "pfile", "p", "plan", "instance", "task", "solution", "sol", "log", "output"]
 )

@@ -1,13 +1,12 @@
-"""Sweeps: every task once, whatever happens to its workers; what is done stays done.
+"""Sweeps: every task is done once, whatever happens to its workers, and its record is kept.
 
 Records are kept in a file as they arrive, with the key of their task (:mod:`robust.records`), so that a run that ends
 early can be resumed.
 
-Where tasks are done: in this process, in processes that its threads wait for, or on a Dask cluster.
-
-Work that only waits for processes which it starts is done in the threads themselves; any other task has a process of
-its own, and is done again if that is killed (by a person, or by the system for want of memory). A Dask scheduler gives
-the tasks of a worker that died to another one.
+Tasks are done in this process, in processes that its threads wait for, or on a Dask cluster. Work that only waits for
+processes which it starts is done in the threads themselves; any other task has a process of its own, and is done again
+if that is killed (by a person, or by the system for want of memory). A Dask scheduler gives the tasks of a worker that
+died to another one.
 """
 
 from __future__ import annotations
@@ -159,7 +158,7 @@ def _attempt_apart(work: Work, processes: Processes, task: Task) -> TaskOutcome:
 
 
 def attempt_here(folder: str) -> None:
-    """What the process of a task does: read it from a file, and write its outcome beside that."""
+    """The process of a task: read the task from a file, and write its outcome into the same folder."""
     work, task = pickle.loads(Path(folder, "task").read_bytes())  # noqa: S301 - written by the process that waits
     Path(folder, "outcome").write_text(text_of(attempt(work, task)), encoding="utf-8")
 

@@ -364,7 +364,7 @@ def from_unified_planning(problem: up.Problem, plan: up_plans.Plan) -> tuple[Dom
 
 
 def converted(problem: up.Problem, plan: up_plans.Plan) -> tuple[Domain, Problem, TimedPlan | STNPlan]:
-    """The same, but for the bounds of types, about which nothing is said."""
+    """Domain, problem and plan from unified-planning's, without the bounds of types."""
     plans = module_of("unified_planning.plans")
     if isinstance(plan, plans.STNPlan):
         return (*problem_of(problem), _network(plan))

@@ -123,17 +123,14 @@ class AriesVocabulary:
 
     def expansions(self, variables: Iterable[syntax.TypedName], bindings: Bindings) -> Iterator[Bindings]:
         """The bindings with every choice of objects for the variables of a quantifier."""
-        names = tuple(variables)
-        choices = [
-            [
-                self.manager.ObjectExp(self.objects[thing.name])
-                for thing in self._problem.objects.values()
-                if fits(thing.types, variable.types, self._domain.types)
-            ]
-            for variable in names
-        ]
-        for chosen in product(*choices):
-            yield {**bindings, **{name.name: value for name, value in zip(names, chosen, strict=True)}}
+        known, hierarchy = self._problem.objects.items(), self._domain.types
+        choices = {
+            variable.name: [name for name, typed in known if fits(typed.types, variable.types, hierarchy)]
+            for variable in variables
+        }
+        for chosen in product(*choices.values()):
+            objects = (self.manager.ObjectExp(self.objects[name]) for name in chosen)
+            yield {**bindings, **dict(zip(choices, objects, strict=True))}
 
     def _term(self, term: syntax.Term, bindings: Bindings) -> up.FNode:
         return bindings[term.name] if term.variable else self.manager.ObjectExp(self.objects[term.name])
@@ -178,7 +175,7 @@ _COMPARISONS = {
     syntax.Comparator.AT_LEAST: "GE",
     syntax.Comparator.GREATER: "GT",
 }
-"""What the expression manager of unified-planning calls them."""
+"""Methods of unified-planning's expression manager."""
 
 
 Change = tuple[Timing, up.FNode, Any, syntax.Update]

@@ -80,7 +80,7 @@ class RelaxedAction:
 
     @property
     def until(self) -> frozenset[int]:
-        """What holds during the action or just before its end."""
+        """Facts that hold during the action or just before its end."""
         return self.during if self.end is None else self.during | self.end.needs
 
 
@@ -150,7 +150,7 @@ _Literal = tuple[Fraction, model.Atom, bool]
 
 
 class _Constants:
-    """What nothing changes: predicates and functions that no action and no timed literal has an effect on."""
+    """Constant predicates and functions: no action and no timed literal changes them."""
 
     def __init__(self, domain: syntax.Domain, problem: syntax.Problem) -> None:
         changing = {effect.proposition.predicate for action in domain.actions.values() for effect in _literals(action)}
@@ -252,7 +252,7 @@ def _propositions(condition: syntax.LiftedCondition) -> Iterator[syntax.Proposit
 
 
 def _facts(problem: syntax.Problem, actions: Iterable[model.ActionInstance], goal: model.Condition) -> list[model.Atom]:
-    """What is needed by something, and is not always true."""
+    """Atoms that some condition needs, and that are not always true."""
     wanted = {leaf.atom for leaf in model.leaves(goal) if isinstance(leaf, model.Holds)}
     changing = {literal.target for literal in problem.timed_literals if not literal.value}
     for action in actions:
@@ -301,7 +301,7 @@ def _needed(condition: model.Condition) -> Iterator[model.Atom]:
 NAME = "reachability"
 _SHARE = 0.25
 _LONGEST = 10.0
-"""Of the time for a plan, no more than this share, and no more than so many seconds."""
+"""Largest share of the time for a plan, and largest number of seconds, that a proof may take."""
 
 
 def unreachable(domain: syntax.Domain, problem: syntax.Problem, deadline: Deadline) -> str | None:
@@ -550,7 +550,7 @@ class EarliestTimes:
 
 
 class _Bounds:
-    """What of an action is looked at again and again.
+    """Facts about an action that are computed once, and bounds that change.
 
     Some start makes the facts `begun` true, and some end makes the facts `undone` false.
     """
