@@ -34,16 +34,7 @@ from robust.errors import InputError, UnsupportedError
 from robust.irr.widen import BadSet, Obstacle, Widening, faces_of
 from robust.network.differences import Distances
 from robust.network.uncertain import EdgeStep, Stnu, UncertainLink, dynamic
-from robust.plan.model import (
-    ZERO,
-    Bound,
-    NumericVariable,
-    Parameter,
-    ParameterReference,
-    ParametrizedPlan,
-    TimePoint,
-    TimePointKind,
-)
+from robust.plan import model
 from robust.plan.polynomial import Polynomial
 from robust.presented import NoTruthValue
 from robust.qe.box import Box, Face, Side
@@ -119,7 +110,7 @@ class ParametricStnu:
     controllable if they are independent and never revealed is so, but not the other way round.
     """
 
-    points: tuple[TimePoint, ...]
+    points: tuple[model.TimePoint, ...]
     links: tuple[ParametricLink, ...]
     vague: Mapping[str, str]
 
@@ -192,7 +183,7 @@ def _extreme(which: Callable[[Length], Form], length: Length, ends: Ends) -> Fra
 # -- from a plan -----------------------------------------------------------------------------------------------------
 
 
-def parametric_stnu(plan: ParametrizedPlan, box: Box) -> ParametricStnu:
+def parametric_stnu(plan: model.ParametrizedPlan, box: Box) -> ParametricStnu:
     """The network of a plan, its contingent links oriented such that they have a length in the box.
 
     Raises:
@@ -204,56 +195,56 @@ def parametric_stnu(plan: ParametrizedPlan, box: Box) -> ParametricStnu:
     links = [
         *contingent.values(),
         *(bound for bound in bounds if id(bound) not in contingent),
-        *(ParametricLink(ZERO, p, _NOTHING, None, origin=f"{p} ≥ 0") for p in plan.time_points[1:]),
+        *(ParametricLink(model.ZERO, p, _NOTHING, None, origin=f"{p} ≥ 0") for p in plan.time_points[1:]),
     ]
     return ParametricStnu(plan.time_points, tuple(links), _vague(links, box))
 
 
-def _bounds(plan: ParametrizedPlan) -> Iterator[ParametricLink]:
+def _bounds(plan: model.ParametrizedPlan) -> Iterator[ParametricLink]:
     """Every bound of the network; a lower and an upper bound that are equal make one link."""
     for point in plan.time_points:
-        if point.kind is TimePointKind.TIMED_LITERAL:
+        if point.kind is model.TimePointKind.TIMED_LITERAL:
             time: Length = Polynomial.constant(point.time or Fraction(0))
-            yield ParametricLink(ZERO, point, time, time, origin=f"timed initial literal {point}")
+            yield ParametricLink(model.ZERO, point, time, time, origin=f"timed initial literal {point}")
     for item in plan.constraints:
         lower = None if item.lower is None else _length(item.lower)
         upper = None if item.upper is None else _length(item.upper)
         yield ParametricLink(item.source, item.target, lower, upper, origin=str(item))
 
 
-def _length(bound: Bound) -> Length:
+def _length(bound: model.Bound) -> Length:
     if not bound.is_linear:
         raise UnsupportedError(f"the bound {bound} of a temporal constraint is not linear in the parameters")
 
-    def named(variable: NumericVariable) -> Length:
-        if not isinstance(variable, ParameterReference):
+    def named(variable: model.NumericVariable) -> Length:
+        if not isinstance(variable, model.ParameterReference):
             raise TypeError(f"a temporal constraint can only mention parameters, not {variable}")
         return Polynomial.variable(variable.name)
 
     return bound.substitute(named)
 
 
-def _contingent(plan: ParametrizedPlan, fixed: Iterable[ParametricLink], box: Box) -> dict[int, ParametricLink]:
+def _contingent(plan: model.ParametrizedPlan, fixed: Iterable[ParametricLink], box: Box) -> dict[int, ParametricLink]:
     """Which of the links that fix a distance are contingent, by identity: at most one into each time point, no circles.
 
     Durations of instances come first, also constant ones: the end of an action comes by itself.
     """
     duration = {(instance.start, instance.end) for instance in plan.instances if instance.durative}
     chosen: dict[int, ParametricLink] = {}
-    before: dict[TimePoint, TimePoint] = {}
+    before: dict[model.TimePoint, model.TimePoint] = {}
     oriented = [(id(bound), _oriented(bound, duration, box)) for bound in fixed]
     oriented.sort(key=lambda pair: (pair[1].source, pair[1].target) not in duration)
     for key, link in oriented:
         is_duration = (link.source, link.target) in duration
         varies = link.lower is not None and not link.lower.is_constant
-        free = link.target.kind not in {TimePointKind.ZERO, TimePointKind.TIMED_LITERAL}
+        free = link.target.kind not in {model.TimePointKind.ZERO, model.TimePointKind.TIMED_LITERAL}
         if (is_duration or varies) and free and link.target not in before and not _follows(link, before):
             before[link.target] = link.source
             chosen[key] = link
     return chosen
 
 
-def _oriented(link: ParametricLink, duration: set[tuple[TimePoint, TimePoint]], box: Box) -> ParametricLink:
+def _oriented(link: ParametricLink, duration: set[tuple[model.TimePoint, model.TimePoint]], box: Box) -> ParametricLink:
     """The link as a contingent one: from what happens first."""
     length = link.lower or _NOTHING
     turned = (link.target, link.source) in duration
@@ -263,7 +254,7 @@ def _oriented(link: ParametricLink, duration: set[tuple[TimePoint, TimePoint]], 
     return ParametricLink(source, target, length, length, True, origin=link.origin)
 
 
-def _follows(link: ParametricLink, before: Mapping[TimePoint, TimePoint]) -> bool:
+def _follows(link: ParametricLink, before: Mapping[model.TimePoint, model.TimePoint]) -> bool:
     """Whether the link's source happens because of its target."""
     point = link.source
     while point != link.target and point in before:
@@ -291,8 +282,8 @@ def _vague(links: Iterable[ParametricLink], box: Box) -> dict[str, str]:
 class WorstDifference:
     """`t_target − t_source ≥ form` between time points that the dispatcher executes; `origin` is the requirement."""
 
-    source: TimePoint
-    target: TimePoint
+    source: model.TimePoint
+    target: model.TimePoint
     form: Form
     origin: str
 
@@ -305,7 +296,7 @@ class StrongAnswer(NoTruthValue, ask="is_controllable"):
     place as far as that difference is concerned, but not infinitely far out.
     """
 
-    schedule: Mapping[TimePoint, Fraction] | None
+    schedule: Mapping[model.TimePoint, Fraction] | None
     cycle: tuple[WorstDifference, ...]
     endless: frozenset[Face]
 
@@ -317,7 +308,7 @@ class StrongAnswer(NoTruthValue, ask="is_controllable"):
 def _differences(network: ParametricStnu) -> tuple[WorstDifference, ...]:
     into = {link.target: link for link in network.links if link.is_contingent}
 
-    def place(point: TimePoint) -> tuple[TimePoint, Length]:
+    def place(point: model.TimePoint) -> tuple[model.TimePoint, Length]:
         offset = Polynomial[str]({})
         while point in into:
             link = into[point]
@@ -326,7 +317,7 @@ def _differences(network: ParametricStnu) -> tuple[WorstDifference, ...]:
         return point, offset
 
     base = {point: place(point) for point in network.points}
-    differences: dict[tuple[TimePoint, TimePoint, Form], WorstDifference] = {}
+    differences: dict[tuple[model.TimePoint, model.TimePoint, Form], WorstDifference] = {}
     for link in network.links:
         if not link.is_contingent:
             (a, before), (b, after) = base[link.source], base[link.target]
@@ -466,7 +457,7 @@ class Controllable:
         start: where growing began: faces that must stay finite go no farther than :data:`HORIZON` weights from there.
     """
 
-    def __init__(self, inside: BadSet, wanted: Property, parameters: Sequence[Parameter], start: Box) -> None:
+    def __init__(self, inside: BadSet, wanted: Property, parameters: Sequence[model.Parameter], start: Box) -> None:
         self._inside = inside
         self._wanted = wanted
         self._weight = {parameter.name: parameter.weight for parameter in parameters}
@@ -511,7 +502,7 @@ def grow(
     bad: BadSet,
     known: Iterable[Obstacle],
     *,
-    parameters: Sequence[Parameter],
+    parameters: Sequence[model.Parameter],
     fixed: Collection[str] = (),
     deadline: Deadline = NEVER,
     on_box: Callable[[Box], None],
@@ -548,7 +539,7 @@ class Shrunk:
     cut: tuple[Face, ...]
 
 
-def shrink(parameters: Sequence[Parameter], box: Box, wanted: Property) -> Shrunk:
+def shrink(parameters: Sequence[model.Parameter], box: Box, wanted: Property) -> Shrunk:
     """The max–min fair part of a box around the nominal point that has a property; see the module's text.
 
     Where the nominal value is outside the box, faces move from the middle of the interval instead.

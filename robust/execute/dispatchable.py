@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
 from fractions import Fraction
@@ -146,14 +147,14 @@ def dispatch_network(network: boxes.ParametricStnu, box: Box, executor: Executor
         InputError: if there is no schedule, whatever nature chooses.
     """
     links = [_natural(link, box, executor) for link in network.links if link.is_contingent]
-    if isinstance(executor, Blex):
-        edges = _possible_edges(network, box, links)
-        return DispatchNetwork(network.points, links, edges, (), closed=False), Guarantee.NONE
-    certain = _certain(network, box, links)
-    if certain is not None:
-        return certain, Guarantee.DYNAMIC
-    edges = _possible_edges(network, box, links)
-    return DispatchNetwork(network.points, links, edges, (), closed=True), Guarantee.WEAK
+    looks_ahead = not isinstance(executor, Blex)
+    stnu = None
+    with suppress(InputError):  # if a face is infinitely far out, or a link may end before it starts: none is certain
+        stnu = network.at(boxes.ends_of(box)) if looks_ahead else None
+    if stnu is not None and (answer := dynamic(stnu)).is_controllable:
+        return strategy(answer, links), Guarantee.DYNAMIC
+    tables = DispatchNetwork(network.points, links, _possible_edges(network, box, links), (), closed=looks_ahead)
+    return tables, Guarantee.WEAK if looks_ahead else Guarantee.NONE
 
 
 def _natural(link: boxes.ParametricLink, box: Box, executor: Executor) -> NaturalLink:
@@ -181,15 +182,6 @@ def _possible_edges(
     for natural in links:
         allowed = natural.allowed
         yield from edges_between(index[natural.source], index[natural.target], allowed.lower, allowed.upper)
-
-
-def _certain(network: boxes.ParametricStnu, box: Box, links: Sequence[NaturalLink]) -> Tables | None:
-    """The network with all that follows from reductions; None if it is not dynamically controllable."""
-    try:
-        answer = dynamic(network.at(boxes.ends_of(box)))
-    except InputError:  # a face is infinitely far out, or a link may end before it starts: no strategy is certain
-        return None
-    return strategy(answer, links) if answer.is_controllable else None
 
 
 class Means(Enum):
@@ -235,8 +227,7 @@ def _levels(plan: model.ParametrizedPlan) -> Iterator[Revelation]:
     written = written_fluents(plan)
     for instance in plan.instances:
         for expression, point in _changes(instance):
-            name = _single(plan, expression, written)
-            if name is not None:
+            if (name := _single(plan, expression, written)) is not None:
                 yield Revelation(name, Means.LEVEL, point, instance.identifier)
 
 
@@ -258,28 +249,22 @@ def _variables_of(instance: model.ActionInstance) -> frozenset[model.NumericVari
 
 def _single(plan: model.ParametrizedPlan, expression: model.Expression, written: set[model.Fluent]) -> str | None:
     """The parameter of an effect, if it is the only one in it and one value of the effect means one value of it."""
-    in_terms = with_static_values(plan, expression, written)
-    names = [variable.name for variable in in_terms.variables if isinstance(variable, model.ParameterReference)]
-    if len(names) != 1:
-        return None
-    mentions = [monomial for monomial in in_terms.terms if model.ParameterReference(names[0]) in monomial]
-    linear = len(mentions) == 1 and mentions[0].count(model.ParameterReference(names[0])) == 1
-    # A factor such as ?duration is known when the effect happens, and not zero in an effect that matters.
-    factors = [variable for variable in mentions[0] if variable != model.ParameterReference(names[0])]
-    return names[0] if linear and all(isinstance(factor, model.Duration) for factor in factors) else None
 
-
-def with_static_values(
-    plan: model.ParametrizedPlan, expression: model.Expression, written: set[model.Fluent]
-) -> model.Expression:
-    """An expression with the initial values of fluents that never change, which may be parameters."""
-
-    def value(variable: model.NumericVariable) -> model.Expression:
+    def static_value(variable: model.NumericVariable) -> model.Expression:
         if isinstance(variable, model.Fluent) and variable not in written and variable in plan.initial_fluents:
             return plan.initial_fluents[variable]
         return Polynomial.variable(variable)
 
-    return expression.substitute(value)
+    in_terms = expression.substitute(static_value)
+    parameters = [variable for variable in in_terms.variables if isinstance(variable, model.ParameterReference)]
+    if len(parameters) != 1:
+        return None
+    (parameter,) = parameters
+    mentions = [monomial for monomial in in_terms.terms if parameter in monomial]
+    linear = len(mentions) == 1 and mentions[0].count(parameter) == 1
+    # A factor such as ?duration is known when the effect happens, and not zero in an effect that matters.
+    factors = [variable for variable in mentions[0] if variable != parameter]
+    return parameter.name if linear and all(isinstance(factor, model.Duration) for factor in factors) else None
 
 
 def _initial(plan: model.ParametrizedPlan) -> Iterator[Revelation]:

@@ -185,14 +185,16 @@ def validate(
     judge = _Judge.of(domain, problem, timed, epsilon)
     outcome = judge.outcome(epsilon, tolerance)
     broken = sorted(_unexplained(judge, outcome), key=lambda violation: (violation.time, not _separates(violation)))
-    words = _Words(judge, outcome, epsilon)
+    words, remedies = _Words(judge, outcome, epsilon), Remedies()
+    if broken:
+        remedies = Remedies(_tolerance(judge, outcome, epsilon), _epsilon(judge, outcome, epsilon, tolerance))
     return Verdict(
         plan=timed.file,
         steps=len(timed.steps),
         end=max(time for point, time in outcome.times.items() if point.time is None),
         violations=tuple(map(words.breach, broken)),
         snapped=outcome.snapped if outcome.snapped is not None and str(outcome.snapped) else None,
-        remedies=_remedies(judge, outcome, epsilon, tolerance) if broken else Remedies(),
+        remedies=remedies,
         note=timed.note,
         epsilon=epsilon,
         tolerance=tolerance,
@@ -388,10 +390,6 @@ _WHEN = {Timing.AT_START: "at its start", Timing.OVER_ALL: "throughout", Timing.
 
 
 # -- what would help ---------------------------------------------------------------------------------------------------
-
-
-def _remedies(judge: _Judge, outcome: _Outcome, epsilon: Fraction, tolerance: Fraction | None) -> Remedies:
-    return Remedies(_tolerance(judge, outcome, epsilon), _epsilon(judge, outcome, epsilon, tolerance))
 
 
 def _tolerance(judge: _Judge, outcome: _Outcome, epsilon: Fraction) -> Fraction | None:
