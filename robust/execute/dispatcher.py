@@ -30,29 +30,30 @@ from robust.qe.box import Interval
 # -- messages ----------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class Started:
+@dataclass(frozen=True)
+class InstanceEvent:
+    """An event in the execution of an instance."""
+
+    instance: str
+    time: Fraction
+
+
+class Started(InstanceEvent):
     """An instance whose start is not the dispatcher's to choose has started."""
 
-    instance: str
-    time: Fraction
 
-
-@dataclass(frozen=True, slots=True)
-class Completed:
+class Completed(InstanceEvent):
     """An instance has ended."""
 
-    instance: str
-    time: Fraction
 
-
-@dataclass(frozen=True, slots=True)
-class DispatchFailed:
+@dataclass(frozen=True)
+class DispatchFailed(InstanceEvent):
     """An instance could not start, or was ended by a condition that does not hold: `reason` says which."""
 
-    instance: str
-    time: Fraction
     reason: str
+
+    def __str__(self) -> str:
+        return f"{self.instance} failed: {self.reason}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +74,7 @@ class StateEstimate:
     fluents: Mapping[model.Fluent, Fraction] = field(default_factory=dict)
 
 
-Message = Started | Completed | DispatchFailed | Observed | StateEstimate
+Message = InstanceEvent | Observed | StateEstimate
 
 # -- what is kept of them ----------------------------------------------------------------------------------------------
 
@@ -151,18 +152,6 @@ class Unobserved:
 
 
 @dataclass(frozen=True, slots=True)
-class Contradicted:
-    """The world is in a state in which an instance cannot start, or has failed."""
-
-    instance: str
-    reason: str
-    time: Fraction
-
-    def __str__(self) -> str:
-        return f"{self.instance} failed: {self.reason}"
-
-
-@dataclass(frozen=True, slots=True)
 class MessageRejected:
     """A message that changes nothing, and why; execution goes on."""
 
@@ -184,7 +173,7 @@ class DispatchSucceeded:
         return "all done"
 
 
-Ending = LeftBox | Missed | Unobserved | Contradicted
+Ending = LeftBox | Missed | Unobserved | DispatchFailed
 """Why a plan is given up."""
 Decision = Dispatch | Ending | MessageRejected | DispatchSucceeded
 
@@ -200,7 +189,7 @@ def is_exact(number: object) -> bool:
 def flaw(message: Message, dispatchable: Dispatchable) -> str | None:
     """The fault of a message by itself, in one line; None if it has none."""
     match message:
-        case Started() | Completed() | DispatchFailed():
+        case InstanceEvent():
             return _bad_time(message.time) or _unknown("instance", message.instance, dispatchable.plan.instance)
         case Observed(parameter, value):
             number = None if is_exact(value) else f"found {value!r} for {parameter!r}, expected an exact number"
@@ -222,7 +211,7 @@ def in_order(messages: Sequence[Message]) -> list[Message]:
     """Events by their time, starts first, then what is known about states and levels: they may arrive in any order."""
 
     def key(message: Message) -> tuple[int, Fraction, int]:
-        if isinstance(message, Started | Completed | DispatchFailed) and is_exact(message.time):
+        if isinstance(message, InstanceEvent) and is_exact(message.time):
             return 0, Fraction(message.time), not isinstance(message, Started)
         return 1, Fraction(0), 0
 
@@ -435,7 +424,7 @@ class Dispatcher:
         self._failed.add(message.instance)
         self._open.pop(instance.end, None)
         self._limits.pop(instance.end, None)
-        self._give_up(exceeded or Contradicted(message.instance, message.reason, message.time))
+        self._give_up(exceeded or message)
         return None
 
     def _observe(self, message: Observed) -> str | None:
@@ -521,7 +510,7 @@ class Dispatcher:
         instance = self.dispatchable.plan.instance[point.instance or ""]
         reason = None if point.kind is model.TimePointKind.END else self._contradiction(instance)
         if reason is not None:
-            self._give_up(Contradicted(instance.identifier, reason, self._now))
+            self._give_up(DispatchFailed(instance.identifier, self._now, reason))
             return
         self._dispatch(number)
 

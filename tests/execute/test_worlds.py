@@ -9,7 +9,7 @@ from statistics import fmean
 import pytest
 
 from robust.errors import InputError
-from robust.execute.dispatcher import Completed, Contradicted, Dispatch, Dispatcher, DispatchFailed, Observed
+from robust.execute.dispatcher import Completed, Dispatch, Dispatcher, DispatchFailed, Observed
 from robust.execute.drive import WallClock, drive, run_in_world
 from robust.execute.worlds import Below, InstanceOutcome, Luck, Rule, Rules, SimulatedWorld, Subject, parse_rules
 from robust.plan.model import Atom, Fluent
@@ -188,7 +188,7 @@ def test_consumption_is_drawn_and_shown():
     assert world.state.fluents[Fluent("need", ("b",))] == 4  # what is expected of the next time
     # What an action really needs decides whether it starts.
     dispatcher, _ = executed(constant(Subject.PARAMETER, "need", 11), **NEED)
-    assert isinstance(dispatcher.ending, Contradicted)
+    assert isinstance(dispatcher.ending, DispatchFailed)
     assert "(>= (stock) (need b)) does not hold" in str(dispatcher.ending)
 
 
