@@ -110,81 +110,74 @@ def causal_network(original: distances.Original, pinned: Collection[str] = ()) -
     settled = settled_durations(original, pinned)
     orders = [edge(a, b, original.gap) for a, b in original.mutex if a.instance is None or a.instance != b.instance]
     network = distances.EdgeNetwork(points, (*certain, *orders))
-    links = [link for instance in durative for link in _over_all_edges(original, instance, network)]
+    links = [link for instance in durative for link in _OverAll(original, instance, network).edges()]
     known = tuple(bound for bound in durations if bound.source.instance in settled)
     edges = tuple(dict.fromkeys((*orders, *links)))
     return CausalNetwork(points, (*certain, *known), durations, edges, frozenset(links) - frozenset(orders))
 
 
-def _over_all_edges(
-    original: distances.Original, instance: model.ActionInstance, network: distances.EdgeNetwork
-) -> Iterator[distances.DistanceEdge]:
-    def protection(literals: Iterable[model.Holds]) -> list[distances.DistanceEdge]:
-        return [bound for literal in literals for bound in _protection(original, instance, literal, network)]
+@dataclass(frozen=True)
+class _OverAll:
+    """The over-all conditions of one instance, and the edges that protect them in a network."""
 
-    for part in instance.conditions:
-        if part.timing is model.Timing.OVER_ALL:
-            kept = _kept(original, instance, part.condition, lambda literals: len(protection(literals)))
-            yield from protection(kept or ())
+    original: distances.Original
+    instance: model.ActionInstance
+    network: distances.EdgeNetwork
 
+    def edges(self) -> Iterator[distances.DistanceEdge]:
+        for part in self.instance.conditions:
+            if part.timing is model.Timing.OVER_ALL:
+                yield from self._all_protected(self._kept(part.condition) or ())
 
-def _kept(
-    original: distances.Original,
-    instance: model.ActionInstance,
-    condition: model.Condition,
-    cost: Callable[[tuple[model.Holds, ...]], int],
-) -> tuple[model.Holds, ...] | None:
-    """Literals that hold from start to end and make the condition true, of least cost; None if no literals do.
+    def _all_protected(self, literals: Iterable[model.Holds]) -> list[distances.DistanceEdge]:
+        return [bound for literal in literals for bound in self._protection(literal)]
 
-    Conjuncts that no literals keep true are passed over. Comparisons are taken for true where all of the condition
-    needs them, for false where there is an alternative.
-    """
-    match condition:
-        case model.Truth(value):
-            return () if value else None
-        case model.NumericCondition():
-            return ()
-        case model.Holds():
-            return (condition,) if _holds_throughout(original, instance, condition) else None
-        case model.And(operands):
-            parts = [_kept(original, instance, operand, cost) for operand in operands]
-            return tuple(literal for part in parts if part is not None for literal in part)
-        case model.Or(operands):
-            alternatives = [
-                _kept(original, instance, operand, cost)
-                for operand in operands
-                if not isinstance(operand, model.NumericCondition)
-            ]
-            return min((alternative for alternative in alternatives if alternative), key=cost, default=None)
+    def _kept(self, condition: model.Condition) -> tuple[model.Holds, ...] | None:
+        """Literals that hold from start to end and make the condition true, with fewest edges; None if no literals do.
 
+        Conjuncts that no literals keep true are passed over. Comparisons are taken for true where all of the condition
+        needs them, for false where there is an alternative.
+        """
+        match condition:
+            case model.Truth(value):
+                return () if value else None
+            case model.NumericCondition():
+                return ()
+            case model.Holds():
+                return (condition,) if self._holds_throughout(condition) else None
+            case model.And(operands):
+                return tuple(literal for part in map(self._kept, operands) for literal in part or ())
+            case model.Or(operands):
+                kept = [self._kept(operand) for operand in operands if not isinstance(operand, model.NumericCondition)]
+                alternatives = (literals for literals in kept if literals)
+                return min(alternatives, key=lambda literals: len(self._all_protected(literals)), default=None)
 
-def _holds_throughout(original: distances.Original, instance: model.ActionInstance, literal: model.Holds) -> bool:
-    """Whether the literal holds from right after the start up to the end."""
-    start, end = original.times[instance.start], original.times[instance.end]
-    # where start and end are at the same time, what holds then has to hold
-    happenings = [before for before, _ in original.execution.steps(start, end)] or [original.execution.at(start)]
-    return all((literal.atom in happening.after.atoms) is literal.value for happening in happenings)
+    def _holds_throughout(self, literal: model.Holds) -> bool:
+        """Whether the literal holds from right after the start up to the end."""
+        execution, times = self.original.execution, self.original.times
+        start, end = times[self.instance.start], times[self.instance.end]
+        # where start and end are at the same time, what holds then has to hold
+        happenings = [before for before, _ in execution.steps(start, end)] or [execution.at(start)]
+        return all((literal.atom in happening.after.atoms) is literal.value for happening in happenings)
 
-
-def _protection(
-    original: distances.Original, instance: model.ActionInstance, literal: model.Holds, network: distances.EdgeNetwork
-) -> Iterator[distances.DistanceEdge]:
-    """Achiever before start, contrary writers not before the end unless they are before the achiever."""
-    start, end = original.times[instance.start], original.times[instance.end]
-    writes = original.writes(literal.atom)
-    contrary = [write for write in writes if write.value is not literal.value]
-    broken = max((write.time for write in contrary if write.time <= start), default=None)
-    initially = (literal.atom in original.plan.initial_atoms) is literal.value
-    if broken is not None or not initially:
-        supports = [write for write in writes if write.value is literal.value and write.time <= start]
-        achievers = [support for support in supports if broken is None or broken < support.time]
-        # one of them, unless one comes before the start anyway
-        links = [edge(achiever.point, instance.start, Fraction(0)) for achiever in achievers]
-        if links and not any(map(network.implies, links)):
-            yield links[-1]
-    for write in contrary:
-        if write.time >= end and write.point != instance.end:
-            yield edge(instance.end, write.point, Fraction(0))
+    def _protection(self, literal: model.Holds) -> Iterator[distances.DistanceEdge]:
+        """Achiever before start, contrary writers not before the end unless they are before the achiever."""
+        original, instance = self.original, self.instance
+        start, end = original.times[instance.start], original.times[instance.end]
+        writes = original.writes(literal.atom)
+        contrary = [write for write in writes if write.value is not literal.value]
+        broken = max((write.time for write in contrary if write.time <= start), default=None)
+        initially = (literal.atom in original.plan.initial_atoms) is literal.value
+        if broken is not None or not initially:
+            supports = [write for write in writes if write.value is literal.value and write.time <= start]
+            achievers = [support for support in supports if broken is None or broken < support.time]
+            # one of them, unless one comes before the start anyway
+            links = [edge(achiever.point, instance.start, Fraction(0)) for achiever in achievers]
+            if links and not any(map(self.network.implies, links)):
+                yield links[-1]
+        for write in contrary:
+            if write.time >= end and write.point != instance.end:
+                yield edge(instance.end, write.point, Fraction(0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -568,7 +561,7 @@ class Converting:
         irredundant = network.needed(causal.edges, causal.certain)
         needed = (*fixed, *irredundant)
         forced, proof = tightener.forced(needed)
-        self._proved = _Network((*needed, *(one.edge for one in forced)), tuple(forced), check=proof)
+        self._proved = _Network((*needed, *(bound.edge for bound in forced)), tuple(forced), check=proof)
         tightened = tightener.loosened(needed, forced)
         bounds = [tightening.edge for tightening in tightened]
         every = list(dict.fromkeys((*causal.edges, *bounds)))
@@ -657,7 +650,7 @@ class _Network:
 
 def _rigid(original: distances.Original) -> _Network:
     """Every time point where the plan has it, one after the other; the plan's own execution is the proof."""
-    points = sorted((point for point in original.times if point.time is None), key=lambda one: original.times[one])
+    points = sorted((point for point in original.times if point.time is None), key=original.times.__getitem__)
     edges = []
     for earlier, later in pairwise(points):
         length = original.distance(earlier, later)

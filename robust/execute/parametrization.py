@@ -225,8 +225,8 @@ def parametrization(
     parametric = tuple(
         constraint for constraint in wiring.constraints if isinstance(constraint.lower, model.ParameterReference)
     )
-    for one in parametric:
-        _check_nominal(one, known, times, plan.file)
+    for constraint in parametric:
+        _check_nominal(constraint, known, times, plan.file)
     in_problem = set(wiring.fluents.values())
     return Parametrization(
         bare=replace(plan, parameters=tuple(known[name] for name in known if name in declared)),

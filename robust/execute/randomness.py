@@ -32,7 +32,7 @@ def distributions_of(
     Raises:
         InputError: wrong distributions, of unknown parameters, or none of a parameter.
     """
-    parameters = {one.name: one for one in plan.parameters}
+    parameters = {parameter.name: parameter for parameter in plan.parameters}
     known = _given(given, parameters, place_of)
     lasting = _lengths(plan)
     ruled = False

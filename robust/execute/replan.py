@@ -117,7 +117,7 @@ def origin_after(now: Fraction, literals: Iterable[model.TimedLiteral], epsilon:
     """
     gap = epsilon or EPSILON
     origin = now + gap
-    for literal in sorted(literals, key=lambda one: one.time):
+    for literal in sorted(literals, key=lambda literal: literal.time):
         if origin - gap < literal.time <= origin:
             origin = literal.time + gap
     return origin

@@ -257,12 +257,7 @@ class _Promising:
         reason = self._wanted.reason(ends)
         if reason is None:
             return None
-        total = Polynomial[str]({})
-        for form in reason:
-            total = total + form.constant_term
-            for (name, _), factor in form.coefficients():
-                total = total + Polynomial[str].variable(name).scaled(factor)
-        return total
+        return sum((form.substitute(lambda face: Polynomial.variable(face[0])) for form in reason), Polynomial[str]({}))
 
     def _centre(self, base: Polyhedron, removed: Sequence[Polyhedron]) -> Box | None:
         """The middle of the widest cube in some convex part of what is left, with the values that were seen."""

@@ -322,11 +322,14 @@ class _Snapping:
         }
 
     def _result(self, times: Mapping[TimePoint, Fraction], shift: int, scale: int) -> Snapped:
-        printed, durative = self._printed, [instance for instance in self._plan.instances if instance.durative]
-        durations = sum(times[one.end] - times[one.start] != printed[one.end] - printed[one.start] for one in durative)
-        starts = sum(times[instance.start] != printed[instance.start] for instance in self._plan.instances)
-        lengths = [(times[one.end] - times[one.start]) - (printed[one.end] - printed[one.start]) for one in durative]
-        return Snapped(times, durations, starts, max([Fraction(shift, scale), *map(abs, lengths)]))
+        printed, instances = self._printed, self._plan.instances
+        changes = [
+            (times[instance.end] - times[instance.start]) - (printed[instance.end] - printed[instance.start])
+            for instance in instances
+            if instance.durative
+        ]
+        starts = sum(times[instance.start] != printed[instance.start] for instance in instances)
+        return Snapped(times, sum(map(bool, changes)), starts, max([Fraction(shift, scale), *map(abs, changes)]))
 
 
 Known = Callable[[model.DurationConstraint], model.Expression]

@@ -220,7 +220,7 @@ def negative_cycle(steps: Sequence[EdgeStep], weight: Weight) -> NegativeCycle:
 
 def _moat(walk: Sequence[EdgeStep], at: int, weight: Weight) -> int:
     """The number of steps after a position that first have negative length."""
-    lengths = accumulate(map(weight, _after(walk, at)), lambda one, other: (one[0] + other[0], one[1] + other[1]))
+    lengths = accumulate(map(weight, _after(walk, at)), lambda before, step: (before[0] + step[0], before[1] + step[1]))
     for count, length in enumerate(lengths, start=1):
         if length < _ZERO:
             return count

@@ -191,7 +191,7 @@ def _check_supported(problem: up.Problem) -> None:
         "type": [kind.name for kind in problem.user_types],
     }.items():
         lowered = [name_of(name) for name in names]
-        twice = next((one for one in lowered if lowered.count(one) > 1), None)
+        twice = next((name for name in lowered if lowered.count(name) > 1), None)
         if twice is not None:
             raise InputError(f"found two names of {what}s that are both {twice!r} in lower case, expected one")
 

@@ -47,14 +47,16 @@ def integer(value: Fraction, what: str, location: Location | None) -> int:
     return value.numerator
 
 
-class AriesVocabulary:
-    """Types, objects and fluents of a problem; functions become fluents when they are first mentioned.
+class AriesTranslation:
+    """A problem in terms of unified-planning; functions become fluents when they are first mentioned.
 
-    `ticked` are functions of time, counted in ticks: a function that durations mention as well as conditions is two.
+    A duration without upper bound is at most `longest` ticks. `ticked` are functions of time, counted in ticks: a
+    function that durations mention as well as conditions is two.
     """
 
-    def __init__(self, domain: syntax.Domain, problem: syntax.Problem, ticks: int) -> None:
+    def __init__(self, domain: syntax.Domain, problem: syntax.Problem, ticks: int, longest: int) -> None:
         self._problem = problem
+        self._longest = longest
         self._domain = domain
         self.ticks = ticks
         self.environment = Environment()
@@ -76,7 +78,7 @@ class AriesVocabulary:
         manager = self.environment.type_manager
         for name, ancestors in sorted(domain.types.items(), key=lambda item: len(item[1])):
             above = [ancestor for ancestor in ancestors if ancestor != name]
-            parent = max(above, key=lambda one: len(domain.types[one]), default=None)
+            parent = max(above, key=lambda name: len(domain.types[name]), default=None)
             if parent is not None and domain.types[parent] != frozenset(above):
                 raise unsupported(f"type {name!r} with more than one parent", domain.location)
             types[name] = manager.UserType(f"t_{name}", None if parent is None else types[parent])
@@ -110,9 +112,9 @@ class AriesVocabulary:
             case syntax.Negation(operand):
                 return manager.Not(self.condition(operand, bindings))
             case syntax.Conjunction(operands):
-                return manager.And([self.condition(one, bindings) for one in operands])
+                return manager.And([self.condition(part, bindings) for part in operands])
             case syntax.Disjunction(operands):
-                return manager.Or([self.condition(one, bindings) for one in operands])
+                return manager.Or([self.condition(part, bindings) for part in operands])
             case syntax.Implication(premise, conclusion):
                 return manager.Or(manager.Not(self.condition(premise, bindings)), self.condition(conclusion, bindings))
             case syntax.Quantification(universal, variables, operand):
@@ -161,6 +163,106 @@ class AriesVocabulary:
             case _:
                 assert_never(expression)
 
+    def unified(self) -> up.Problem:
+        """The problem with `ticks` to a time unit.
+
+        Timed literals between two ticks are moved so that what holds for a shorter time does not come to hold for
+        longer.
+
+        Raises:
+            UnsupportedError: for what Aries does not solve.
+        """
+        unified = up.Problem("p", self.environment, initial_defaults={self.bool: self.manager.FALSE()})
+        unified.add_objects(list(self.objects.values()))
+        for schema in self._domain.actions.values():
+            unified.add_action(self._action(schema))
+        unified.add_goal(self.condition(self._problem.goal, {}))
+        for fluent in (*self.predicates.values(), *self.functions.values(), *self.ticked.values()):
+            unified.add_fluent(fluent)
+        self._set_initial_state(unified)
+        for literal in self._problem.timed_literals:
+            self._add_timed_literal(unified, literal)
+        return unified
+
+    def _set_initial_state(self, unified: up.Problem) -> None:
+        for atom in sorted(self._problem.atoms):
+            unified.set_initial_value(self.ground(self.predicates[atom.predicate], atom.arguments), True)
+        for fluent, value in self._problem.fluents.items():
+            in_ticks = f"{fluent} in ticks of 1/{self.ticks} ="
+            for known, unit, what in ((self.functions, 1, f"{fluent} ="), (self.ticked, self.ticks, in_ticks)):
+                if fluent.function in known:
+                    number = integer(value * unit, what, self._problem.location)
+                    unified.set_initial_value(self.ground(known[fluent.function], fluent.arguments), number)
+
+    def _add_timed_literal(self, unified: up.Problem, literal: TimedLiteral) -> None:
+        exact = literal.time * self.ticks
+        match literal.target:
+            case Atom(predicate, arguments):
+                tick = int(-(-exact // 1) if literal.value else exact // 1)
+                target = self.ground(self.predicates[predicate], arguments)
+                if tick:
+                    unified.add_timed_effect(ups.GlobalStartTiming(tick), target, bool(literal.value))
+                else:
+                    unified.set_initial_value(target, bool(literal.value))
+            case Fluent():
+                raise unsupported(f"a number that changes at a time, {literal.target}", self._problem.location)
+            case _:
+                assert_never(literal.target)
+
+    def _action(self, schema: syntax.ActionSchema) -> up.Action:
+        kind = up.DurativeAction if schema.durative else up.InstantaneousAction
+        parameters = {f"v_{parameter.name}": self.type(parameter) for parameter in schema.parameters}
+        action: Any = kind(f"a_{schema.name}", parameters, self.environment)
+        make = self.manager.ParameterExp
+        bindings = {parameter.name: make(action.parameter(f"v_{parameter.name}")) for parameter in schema.parameters}
+        if schema.durative:
+            action.set_duration_constraint(self._duration(schema, bindings))
+        for part in schema.conditions:
+            condition = self.condition(part.condition, bindings)
+            if schema.durative:
+                action.add_condition(_TIMES[part.timing], condition)
+            else:
+                action.add_precondition(condition)
+        for timing, target, value, update in self._changes(schema.effects, bindings):
+            when = (_TIMES[timing],) if schema.durative else ()
+            getattr(action, _ADDING[update])(*when, target, value)
+        return action
+
+    def _duration(self, schema: syntax.ActionSchema, bindings: Bindings) -> up.DurationInterval:
+        """The bounds as a closed interval; strict ones are left to the check of the plan."""
+        lower, upper = [], []
+        for duration in schema.durations:
+            if duration.timing is not Timing.AT_START:
+                raise unsupported("a duration constraint at the end", duration.location)
+            bound = self.number(duration.bound, bindings, timed=True)
+            if duration.comparator in (syntax.Comparator.EQUAL, syntax.Comparator.AT_LEAST, syntax.Comparator.GREATER):
+                lower.append(bound)
+            if duration.comparator in (syntax.Comparator.EQUAL, syntax.Comparator.AT_MOST, syntax.Comparator.LESS):
+                upper.append(bound)
+        if len(lower) > 1 or len(upper) > 1:
+            raise unsupported(f"more than one bound on one side of the duration of {schema.name!r}", schema.location)
+        make = self.manager.Int
+        return ups.ClosedDurationInterval(lower[0] if lower else make(0), upper[0] if upper else make(self._longest))
+
+    def _changes(self, effects: tuple[syntax.LiftedEffect, ...], bindings: Bindings) -> Iterator[Change]:
+        for effect in effects:
+            match effect:
+                case syntax.LiteralEffect(timing, proposition, value):
+                    yield timing, self.condition(proposition, bindings), value, syntax.Update.ASSIGN
+                case syntax.NumericUpdate(timing, update, target, expression):
+                    if update not in _ADDING:
+                        raise unsupported(f"an effect {update.value!r}", None)
+                    yield timing, self.number(target, bindings), self.number(expression, bindings), update
+                case syntax.ForallEffect(variables, inner):
+                    for bound in self.expansions(variables, bindings):
+                        yield from self._changes(inner, bound)
+                case syntax.WhenEffect(_, _, location):
+                    raise unsupported("a conditional effect", location)
+                case syntax.ContinuousUpdate(_, _, _, location):
+                    raise unsupported("a continuous effect", location)
+                case _:
+                    assert_never(effect)
+
 
 _ARITHMETIC = {
     syntax.Operator.PLUS: "Plus",
@@ -181,120 +283,9 @@ _COMPARISONS = {
 Change = tuple[Timing, up.FNode, Any, syntax.Update]
 
 
-def unified_problem(domain: syntax.Domain, problem: syntax.Problem, ticks: int, horizon: int) -> up.Problem:
-    """The problem with `ticks` to a time unit; a duration without upper bound is at most `horizon` time units.
-
-    Timed literals between two ticks are moved so that what holds for a shorter time does not come to hold for longer.
-
-    Raises:
-        UnsupportedError: for what Aries does not solve.
-    """
-    words = AriesVocabulary(domain, problem, ticks)
-    defaults = {words.bool: words.manager.FALSE()}
-    unified = up.Problem("p", words.environment, initial_defaults=defaults)
-    unified.add_objects(list(words.objects.values()))
-    for schema in domain.actions.values():
-        unified.add_action(_action(schema, words, horizon * ticks))
-    unified.add_goal(words.condition(problem.goal, {}))
-    for fluent in (*words.predicates.values(), *words.functions.values(), *words.ticked.values()):
-        unified.add_fluent(fluent)
-    _set_initial_state(unified, problem, words)
-    for literal in problem.timed_literals:
-        _add_timed_literal(unified, literal, problem, words)
-    return unified
-
-
 def pddl_name(name: str) -> str:
     """The name without the prefix of its kind."""
     return name.partition("_")[2]
-
-
-def _set_initial_state(unified: up.Problem, problem: syntax.Problem, words: AriesVocabulary) -> None:
-    for atom in sorted(problem.atoms):
-        unified.set_initial_value(words.ground(words.predicates[atom.predicate], atom.arguments), True)
-    for fluent, value in problem.fluents.items():
-        in_ticks = f"{fluent} in ticks of 1/{words.ticks} ="
-        for known, unit, what in ((words.functions, 1, f"{fluent} ="), (words.ticked, words.ticks, in_ticks)):
-            if fluent.function in known:
-                number = integer(value * unit, what, problem.location)
-                unified.set_initial_value(words.ground(known[fluent.function], fluent.arguments), number)
-
-
-def _add_timed_literal(
-    unified: up.Problem, literal: TimedLiteral, problem: syntax.Problem, words: AriesVocabulary
-) -> None:
-    exact = literal.time * words.ticks
-    match literal.target:
-        case Atom(predicate, arguments):
-            tick = int(-(-exact // 1) if literal.value else exact // 1)
-            target = words.ground(words.predicates[predicate], arguments)
-            if tick:
-                unified.add_timed_effect(ups.GlobalStartTiming(tick), target, bool(literal.value))
-            else:
-                unified.set_initial_value(target, bool(literal.value))
-        case Fluent():
-            raise unsupported(f"a number that changes at a time, {literal.target}", problem.location)
-        case _:
-            assert_never(literal.target)
-
-
-def _action(schema: syntax.ActionSchema, words: AriesVocabulary, longest: int) -> up.Action:
-    kind = up.DurativeAction if schema.durative else up.InstantaneousAction
-    parameters = {f"v_{parameter.name}": words.type(parameter) for parameter in schema.parameters}
-    action: Any = kind(f"a_{schema.name}", parameters, words.environment)
-    make = words.manager.ParameterExp
-    bindings = {parameter.name: make(action.parameter(f"v_{parameter.name}")) for parameter in schema.parameters}
-    if schema.durative:
-        action.set_duration_constraint(_duration(schema, bindings, words, longest))
-    for part in schema.conditions:
-        condition = words.condition(part.condition, bindings)
-        if schema.durative:
-            action.add_condition(_TIMES[part.timing], condition)
-        else:
-            action.add_precondition(condition)
-    for timing, target, value, update in _changes(schema.effects, bindings, words):
-        when = (_TIMES[timing],) if schema.durative else ()
-        getattr(action, _ADDING[update])(*when, target, value)
-    return action
-
-
-def _duration(
-    schema: syntax.ActionSchema, bindings: Bindings, words: AriesVocabulary, longest: int
-) -> up.DurationInterval:
-    """The bounds as a closed interval; strict ones are left to the check of the plan."""
-    lower, upper = [], []
-    for duration in schema.durations:
-        if duration.timing is not Timing.AT_START:
-            raise unsupported("a duration constraint at the end", duration.location)
-        bound = words.number(duration.bound, bindings, timed=True)
-        if duration.comparator in (syntax.Comparator.EQUAL, syntax.Comparator.AT_LEAST, syntax.Comparator.GREATER):
-            lower.append(bound)
-        if duration.comparator in (syntax.Comparator.EQUAL, syntax.Comparator.AT_MOST, syntax.Comparator.LESS):
-            upper.append(bound)
-    if len(lower) > 1 or len(upper) > 1:
-        raise unsupported(f"more than one bound on one side of the duration of {schema.name!r}", schema.location)
-    make = words.manager.Int
-    return ups.ClosedDurationInterval(lower[0] if lower else make(0), upper[0] if upper else make(longest))
-
-
-def _changes(effects: tuple[syntax.LiftedEffect, ...], bindings: Bindings, words: AriesVocabulary) -> Iterator[Change]:
-    for effect in effects:
-        match effect:
-            case syntax.LiteralEffect(timing, proposition, value):
-                yield timing, words.condition(proposition, bindings), value, syntax.Update.ASSIGN
-            case syntax.NumericUpdate(timing, update, target, expression):
-                if update not in _ADDING:
-                    raise unsupported(f"an effect {update.value!r}", None)
-                yield timing, words.number(target, bindings), words.number(expression, bindings), update
-            case syntax.ForallEffect(variables, inner):
-                for bound in words.expansions(variables, bindings):
-                    yield from _changes(inner, bound, words)
-            case syntax.WhenEffect(_, _, location):
-                raise unsupported("a conditional effect", location)
-            case syntax.ContinuousUpdate(_, _, _, location):
-                raise unsupported("a continuous effect", location)
-            case _:
-                assert_never(effect)
 
 
 _ADDING = {
@@ -332,7 +323,8 @@ class AriesPlanner:
     def solve(self, domain: syntax.Domain, problem: syntax.Problem, deadline: Deadline) -> PlannerAnswer:
         """See :class:`robust.execute.planners.interface.Planner`."""
         writer = importlib.import_module("unified_planning.grpc.proto_writer").ProtobufWriter()
-        message: bytes = writer.convert(unified_problem(domain, problem, self.ticks, HORIZON)).SerializeToString()
+        translation = AriesTranslation(domain, problem, self.ticks, HORIZON * self.ticks)
+        message: bytes = writer.convert(translation.unified()).SerializeToString()
         with tempfile.TemporaryDirectory(prefix="robust-planner-") as name:
             folder = Path(name)
             (folder / "problem.bin").write_bytes(message)

@@ -116,7 +116,7 @@ def relaxed_problem(domain: syntax.Domain, problem: syntax.Problem, deadline: De
     constants = _Constants(domain, problem)
     candidates = []
     for schema in domain.actions.values():
-        for arguments in _arguments(schema, domain, problem, constants):
+        for arguments in constants.arguments(schema):
             deadline.enforce()
             ground = ground_action(domain, problem, schema.name, schema.name, arguments, schema.durative, None)
             shortest = constants.shortest(ground)
@@ -124,7 +124,7 @@ def relaxed_problem(domain: syntax.Domain, problem: syntax.Problem, deadline: De
                 candidates.append((ground, shortest))
             if len(candidates) > MOST_ACTIONS:
                 raise TooLargeError
-    goal = model.And(tuple(one.condition for one in ground_goal(domain, problem)))
+    goal = model.And(tuple(demand.condition for demand in ground_goal(domain, problem)))
     facts = _facts(problem, (action for action, _ in candidates), goal)
     number = {atom: i for i, atom in enumerate(facts)}
     # at one moment, the literals that make an atom true count, and come last
@@ -157,7 +157,7 @@ class _Constants:
         targets = [literal.target for literal in problem.timed_literals]
         self._changing = changing | {target.predicate for target in targets if isinstance(target, model.Atom)}
         self._moving = domain.written | {target.function for target in targets if isinstance(target, model.Fluent)}
-        self._problem = problem
+        self._problem, self._hierarchy = problem, domain.types
 
     def fixed(self, predicate: str) -> bool:
         return predicate not in self._changing
@@ -195,6 +195,38 @@ class _Constants:
             case _:
                 assert_never(condition)
 
+    def arguments(self, schema: syntax.ActionSchema) -> Iterator[tuple[str, ...]]:
+        """The arguments with which the constant propositions among an action's conditions at start and end hold."""
+        places = {parameter.name: i for i, parameter in enumerate(schema.parameters)}
+        checks: dict[int, list[syntax.Proposition]] = {}
+        for timed in schema.conditions:
+            # what holds over all is left for later: without a duration, it need not hold
+            for proposition in _propositions(timed.condition) if timed.timing is not model.Timing.OVER_ALL else ():
+                if self.fixed(proposition.predicate):
+                    place = max((places[term.name] for term in proposition.arguments if term.variable), default=-1)
+                    checks.setdefault(place, []).append(proposition)
+        objects = self._problem.objects.values()
+        choices = [
+            [thing.name for thing in objects if fits(thing.types, parameter.types, self._hierarchy)]
+            for parameter in schema.parameters
+        ]
+
+        def holds(proposition: syntax.Proposition, chosen: Sequence[str]) -> bool:
+            terms = proposition.arguments
+            arguments = tuple(chosen[places[term.name]] if term.variable else term.name for term in terms)
+            return self.holds(model.Atom(proposition.predicate, arguments))
+
+        def extended(chosen: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+            if not all(holds(proposition, chosen) for proposition in checks.get(len(chosen) - 1, ())):
+                return
+            if len(chosen) == len(choices):
+                yield chosen
+                return
+            for name in choices[len(chosen)]:
+                yield from extended((*chosen, name))
+
+        return extended(())
+
     def shortest(self, action: model.ActionInstance) -> Fraction | None:
         """The least duration as far as it is known; None if there is none, so that the action is never executed."""
         known = {constraint: self.value(constraint.condition.expression) for constraint in action.durations}
@@ -207,40 +239,6 @@ class _Constants:
 
 def _literals(schema: syntax.ActionSchema) -> Iterator[syntax.LiteralEffect]:
     return (effect for effect in syntax.primitive(schema.effects) if isinstance(effect, syntax.LiteralEffect))
-
-
-def _arguments(
-    schema: syntax.ActionSchema, domain: syntax.Domain, problem: syntax.Problem, constants: _Constants
-) -> Iterator[tuple[str, ...]]:
-    """The arguments with which the constant propositions among an action's conditions at start and end hold."""
-    places = {parameter.name: i for i, parameter in enumerate(schema.parameters)}
-    checks: dict[int, list[syntax.Proposition]] = {}
-    for timed in schema.conditions:
-        # what holds over all is left for later: without a duration, it need not hold
-        for proposition in _propositions(timed.condition) if timed.timing is not model.Timing.OVER_ALL else ():
-            if constants.fixed(proposition.predicate):
-                place = max((places[term.name] for term in proposition.arguments if term.variable), default=-1)
-                checks.setdefault(place, []).append(proposition)
-    choices = [
-        [thing.name for thing in problem.objects.values() if fits(thing.types, parameter.types, domain.types)]
-        for parameter in schema.parameters
-    ]
-
-    def holds(proposition: syntax.Proposition, chosen: Sequence[str]) -> bool:
-        terms = proposition.arguments
-        arguments = tuple(chosen[places[term.name]] if term.variable else term.name for term in terms)
-        return constants.holds(model.Atom(proposition.predicate, arguments))
-
-    def extended(chosen: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
-        if not all(holds(proposition, chosen) for proposition in checks.get(len(chosen) - 1, ())):
-            return
-        if len(chosen) == len(choices):
-            yield chosen
-            return
-        for name in choices[len(chosen)]:
-            yield from extended((*chosen, name))
-
-    return extended(())
 
 
 def _propositions(condition: syntax.LiftedCondition) -> Iterator[syntax.Proposition]:
@@ -258,7 +256,7 @@ def _facts(problem: syntax.Problem, actions: Iterable[model.ActionInstance], goa
     for action in actions:
         wanted |= {atom for timed in action.conditions for atom in _needed(timed.condition)}
         changing |= {effect.atom for effect in action.atom_effects if not effect.value}
-    return sorted(one for one in wanted if one in changing or one not in problem.atoms)
+    return sorted(fact for fact in wanted if fact in changing or fact not in problem.atoms)
 
 
 def _lasts(literals: Iterable[_Literal], atoms: Collection[model.Atom]) -> dict[model.Atom, Fraction]:
@@ -277,7 +275,7 @@ def _action(ground: model.ActionInstance, shortest: int, number: Mapping[model.A
 
     def needs(timing: model.Timing) -> frozenset[int]:
         timed = (part for part in ground.conditions if part.timing is timing)
-        return frozenset(number[atom] for one in timed for atom in _needed(one.condition) if atom in number)
+        return frozenset(number[atom] for part in timed for atom in _needed(part.condition) if atom in number)
 
     def change(timing: model.Timing) -> FactChange:
         effects = [effect for effect in ground.atom_effects if effect.timing is timing and effect.atom in number]
