@@ -169,16 +169,14 @@ def _check_supported(problem: up.Problem) -> None:
         raise UnsupportedError(f"found a {type(problem).__name__}, expected a Problem of unified-planning")
     if problem.kind.has_hierarchical() or problem.kind.has_contingent():
         raise UnsupportedError(f"found a {type(problem).__name__}, expected a problem without tasks and unknown facts")
+    simulated = ("simulated_effect", "simulated_effects")
     present = {
         "timed goals": problem.timed_goals,
         "trajectory constraints": problem.trajectory_constraints,
         "processes": problem.processes,
         "events": problem.events,
         "simulated effects": [
-            action
-            for action in problem.actions
-            for kind in ("", "s")
-            if getattr(action, f"simulated_effect{kind}", None)
+            action for action in problem.actions if any(getattr(action, name, 0) for name in simulated)
         ],
     }
     for what, items in present.items():
@@ -211,18 +209,16 @@ def _domain_text(problem: up.Problem, name: str) -> str:
     other = next((fluent for fluent in problem.fluents if fluent not in predicates and fluent not in functions), None)
     if other is not None:
         raise UnsupportedError(f"found fluent {other.name!r} of type {other.type}, expected a Boolean or a number")
-    return "\n".join(
-        (
-            f"(define (domain {name})",
-            f"(:requirements {_NEEDS})",
-            f"(:types {types})",
-            f"(:constants {constants})",  # since actions may name any object
-            f"(:predicates {' '.join(map(_signature, predicates))})",
-            f"(:functions {' '.join(map(_signature, functions))})",
-            *(_action(action) for action in problem.actions),
-            ")",
-        )
+    lines = (
+        f"(define (domain {name})",
+        f"(:requirements {_NEEDS})",
+        f"(:types {types})",
+        f"(:constants {constants})",  # since actions may name any object
+        f"(:predicates {' '.join(map(_signature, predicates))})",
+        f"(:functions {' '.join(map(_signature, functions))})",
+        *map(_action, problem.actions),
     )
+    return "\n".join((*lines, ")"))
 
 
 def _signature(fluent: up.Fluent) -> str:
@@ -241,12 +237,10 @@ def _action(action: up.Action) -> str:
         for when in _whens(interval)
         for item in all_of
     )
-    effects = " ".join(
-        _effect(item, f"({_when(timing)} {{}})") for timing, all_of in action.effects.items() for item in all_of
-    )
-    continuous = " ".join(
-        _continuous(item, interval) for interval, all_of in action.continuous_effects.items() for item in all_of
-    )
+    timed = ((effect, timing) for timing, effects in action.effects.items() for effect in effects)
+    effects = " ".join(_effect(effect, f"({_when(timing)} {{}})") for effect, timing in timed)
+    flows = ((flow, interval) for interval, flows in action.continuous_effects.items() for flow in flows)
+    continuous = " ".join(_continuous(*flow) for flow in flows)
     return (
         f"(:durative-action {head} :duration {_duration(action.duration)} "
         f":condition (and {conditions}) :effect (and {effects} {continuous}))"
