@@ -152,6 +152,11 @@ class Original:
         pairs = mutex_pairs(self.plan)
         return tuple((a, b) if self.times[a] <= self.times[b] else (b, a) for a, b in pairs)
 
+    @cached_property
+    def stretched(self) -> frozenset[str | None]:
+        """The instances whose own start and end are mutex, so that they last at least the gap."""
+        return frozenset(start.instance for start, end in self.mutex if start.instance == end.instance)
+
     def writes(self, atom: Atom) -> tuple[TruthWrite, ...]:
         """The writes of an atom by time; conditional effects that do not happen in the schedule are no writes."""
         return self._writes.get(atom, ())

@@ -155,7 +155,7 @@ def settled_durations(original: Original, pinned: Collection[str]) -> frozenset[
 
 def certain_duration(original: Original, instance: model.ActionInstance) -> DistanceEdge:
     """The lower bound of t_end − t_start that holds for every duration: 0, or the gap where start and end are mutex."""
-    lower = original.gap if (instance.start, instance.end) in original.mutex else Fraction(0)
+    lower = original.gap if instance.identifier in original.stretched else Fraction(0)
     return DistanceEdge(instance.start, instance.end, lower)
 
 
@@ -188,7 +188,7 @@ class Parametrization:
     def says_all_about(self, constraint: STNConstraint) -> bool:
         """Whether a parameter says what the distance between these two time points is."""
         pair = {constraint.source, constraint.target}
-        return any({parametric.source, parametric.target} == pair for parametric in self.constraints)
+        return any({bound.source, bound.target} == pair for bound in self.constraints)
 
     def pinned_starts(self, times: Mapping[model.TimePoint, Fraction]) -> tuple[DistanceEdge, ...]:
         """Bounds that fix the start times that are parameters."""

@@ -437,8 +437,8 @@ def check_rules(prepared: Prepared, rules: Rules) -> None:
         point = dispatchable.network.points[number]
         instance = dispatchable.plan.instance[point.instance or ""]
         if point.kind is model.TimePointKind.END and rules.duration(instance) is not None:
-            rule = f"found a rule for the duration of {instance.identifier} {instance}, which the dispatcher chooses"
-            message = f"{rule}; expected one that is fixed or a parameter: --parameter duration:{instance.action}"
+            fault = f"found a rule for the duration of {instance.identifier} {instance}, which the dispatcher chooses"
+            message = f"{fault}; expected one that is fixed or a parameter: --parameter duration:{instance.action}"
             raise InputError(message)
 
 

@@ -272,9 +272,8 @@ class _Promising:
             condition = None if box is None else self._cut(box)
             if box is not None and condition is None:
                 return box
-            if (
-                condition is None or condition.is_constant
-            ):  # what was seen of a parameter is not to be had in one convex part
+            # what was seen of a parameter may not be within one convex part
+            if condition is None or condition.is_constant:
                 return None
             factors, constant = dict(condition.coefficients()), condition.constant_term
             part = part.restricted([LinearConstraint.of(factors, ">=", -constant)])

@@ -256,9 +256,7 @@ def _conditional(parts: Iterable[_Conditional], values: Values) -> tuple[_Condit
 
 def with_values(instance: model.ActionInstance, values: Values) -> model.ActionInstance:
     """The instance with these variables replaced by their values, in conditions and effects."""
-    changes = (
-        replace(change, expression=expression_with(change.expression, values)) for change in instance.numeric_effects
-    )
+    changes = (replace(part, expression=expression_with(part.expression, values)) for part in instance.numeric_effects)
     flows = (replace(flow, rate=expression_with(flow.rate, values)) for flow in instance.continuous_effects)
     bounds = (replace(bound, condition=_comparison(bound.condition, values)) for bound in instance.durations)
     return replace(
