@@ -80,7 +80,7 @@ MOST_CORNERS = 64
 
 @dataclass
 class Controllability:
-    """The questions about one plan and box.
+    """Decides the controllability of one box of a plan.
 
     Args:
         plan: the plan whose network it is.
@@ -367,7 +367,7 @@ class ControllabilityReport(NoTruthValue, ask="was_controllable"):
 
     @property
     def was_controllable(self) -> bool:
-        """Whether the box itself is as wanted."""
+        """Whether the box itself has the wanted kind of controllability."""
         verdicts = {finding.kind: finding.verdict for finding in self.findings}
         return verdicts.get(self.wanted) is ControlVerdict.CONTROLLABLE
 

@@ -405,7 +405,7 @@ def _face_order(face: Face) -> tuple[str, str]:
 
 @dataclass(frozen=True)
 class Obstruction:
-    """A reason why boxes are not controllable, as what growing boxes run into."""
+    """A reason why boxes are not controllable, as an obstacle for growing boxes."""
 
     forms: Reason
     exact = True
@@ -420,7 +420,7 @@ class Obstruction:
 
     @property
     def rooms(self) -> list[tuple[Mapping[Face, Fraction], Fraction]]:
-        """One of them has to have room."""
+        """The forms as coefficients and constants; a box is controllable if one of them is not negative."""
         return [(dict(form.coefficients()), form.constant_term) for form in self.forms]
 
     def meets(self, box: Box) -> bool:
@@ -533,7 +533,7 @@ def grow(
 
 @dataclass(frozen=True, slots=True)
 class Shrunk:
-    """The result: a box, and `cut`, its faces that could be at any finite place but were not allowed to be infinite."""
+    """A controllable part of a box; `cut` are its faces that may be at any finite place, but not infinitely far out."""
 
     box: Box
     cut: tuple[Face, ...]

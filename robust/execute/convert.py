@@ -182,7 +182,7 @@ class _OverAll:
 
 @dataclass(frozen=True, slots=True)
 class Tightening:
-    """A bound that was needed beyond what keeps atoms true.
+    """A bound that is needed in addition to the edges that keep atoms true.
 
     `edge` is the bound, `own` the distance that the plan itself has, and `obligation` the first one that broke
     without it.
@@ -194,12 +194,12 @@ class Tightening:
 
 
 class UndecidedError(SolverError):
-    """A network of which it is not known, or not in time, whether it is valid."""
+    """The validity of a network is not decided, or not in time."""
 
 
 @dataclass(frozen=True)
 class Tightener:
-    """Asks about networks of one plan.
+    """Proves, tightens and loosens networks of one plan.
 
     Args:
         original: the plan and its schedule.
@@ -357,7 +357,7 @@ class Tightener:
 
 
 def at_least(bound: distances.DistanceEdge, weight: model.Bound) -> model.TemporalConstraint:
-    """A constraint that says of the time points of an edge that they are as far apart."""
+    """A lower bound on the distance between the time points of an edge."""
     return model.TemporalConstraint(bound.source, bound.target, weight, None)
 
 

@@ -129,7 +129,7 @@ class NaturalLink:
         return next(iter(variables)) if len(variables) == 1 else None
 
     def revealed(self, length: Fraction) -> Fraction:
-        """The value of that parameter."""
+        """The value of the parameter that a length reveals."""
         ((_, factor),) = self.length.coefficients()
         return (length - self.length.constant_term) / factor
 
@@ -141,7 +141,7 @@ Tables = DispatchNetwork[NaturalLink]
 
 
 def dispatch_network(network: boxes.ParametricStnu, box: Box, executor: Executor) -> tuple[Tables, Guarantee]:
-    """The network of a plan under a box, and what is known of the executions that it leads to.
+    """The tables of a plan under a box, and the guarantee for their executions.
 
     Raises:
         InputError: if there is no schedule, whatever nature chooses.
@@ -301,7 +301,7 @@ class Dispatchable:
     slices: Slices | None = None
 
     def continued(self, network: boxes.ParametricStnu, box: Box) -> Dispatchable:
-        """The plan in the middle of an execution, with a network that tells what has happened, and another box."""
+        """A copy in the middle of an execution: the network holds the events so far, and the box is another one."""
         tables, guarantee = dispatch_network(network, box, Dreex())
         return replace(self, box=box, network=tables, guarantee=guarantee)
 

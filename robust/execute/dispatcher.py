@@ -81,7 +81,7 @@ Message = InstanceEvent | Observed | StateEstimate
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """A value that was taken note of at `time`: of a parameter, or of a duration that is not as planned.
+    """An observed value at `time`: of a parameter, or of a duration that is not as planned.
 
     `inside` says whether the box allows it.
     """
@@ -182,7 +182,7 @@ Decision = Dispatch | Ending | MessageRejected | DispatchSucceeded
 
 
 def is_exact(number: object) -> bool:
-    """Whether it is a number without rounding: floats, NaN among them, and texts are not."""
+    """Whether a number is exact: integers and fractions are, floats and texts are not."""
     return isinstance(number, Fraction | int) and not isinstance(number, bool)
 
 
@@ -208,7 +208,7 @@ def _unknown(kind: str, name: str, known: Collection[str]) -> str | None:
 
 
 def in_order(messages: Sequence[Message]) -> list[Message]:
-    """Events by their time, starts first, then what is known about states and levels: they may arrive in any order."""
+    """Messages in order, which may have arrived in any: events by time, starts first, then states and levels."""
 
     def key(message: Message) -> tuple[int, Fraction, int]:
         if isinstance(message, InstanceEvent) and is_exact(message.time):

@@ -41,13 +41,13 @@ class DistanceEdge(NamedTuple):
 
 
 def edge(source: TimePoint, target: TimePoint, weight: Fraction) -> DistanceEdge:
-    """The edge; the time of a timed literal at one of its ends goes into the weight."""
+    """An edge in which the time of a timed literal at one of its ends is part of the weight."""
     first, second = (point if point.time is None else ZERO for point in (source, target))
     return DistanceEdge(first, second, weight + (source.time or 0) - (target.time or 0))
 
 
 def constraints_of(edges: Iterable[DistanceEdge], position: Mapping[TimePoint, int]) -> tuple[STNConstraint, ...]:
-    """Edges as constraints of a plan, one for each pair, from the time point of lower `position` to that of higher.
+    """Constraints of a plan for edges, one for each pair, from the time point of lower `position` to that of higher.
 
     They are ordered by position of target, then source. Of several edges between the same points the strongest counts.
     """
@@ -205,7 +205,7 @@ def declarations(plan: TimedPlan, domain: Domain, epsilon: Fraction) -> tuple[In
 
 
 def schedule_of(plan: TimedPlan, instances: Sequence[InstanceDeclaration]) -> dict[TimePoint, Fraction]:
-    """When the plan starts and ends each instance."""
+    """Start and end of each instance in the plan."""
     times = {ZERO: Fraction(0)}
     for step, instance in zip(plan.steps, instances, strict=True):
         times[instance.start] = step.time
@@ -237,7 +237,7 @@ def snapped(
     epsilon: Fraction,
     file: str,
 ) -> Snapped:
-    """The exact schedule that was meant by printed times.
+    """The exact schedule that printed times stand for.
 
     Raises:
         InvalidPlanError: if there is none; the message says what breaks in the printed schedule, and what would do.

@@ -29,7 +29,7 @@ class Executive(Protocol[_Message_contra, _Decision_co]):
 
     @property
     def wake(self) -> Fraction | None:
-        """When to step again if no message comes before, later than the last step; None: not at all."""
+        """Time of the next step if no message comes before, later than the last step; None if there is none."""
 
     @property
     def ended(self) -> bool:
@@ -44,7 +44,7 @@ class World(Protocol[_Message_co, _Decision_contra]):
 
     @property
     def next_time(self) -> Fraction | None:
-        """When the next messages come if nothing else is decided; None: never."""
+        """Time of the next messages if nothing else is decided; None if none come."""
 
     def messages(self, now: Fraction) -> Sequence[_Message_co]:
         """The messages of this moment; each is returned once."""

@@ -40,7 +40,7 @@ class _Use:
 
 
 def influences(plan: model.ParametrizedPlan, obligation: str) -> frozenset[model.TimePoint]:
-    """The time points on whose distances it depends whether a schedule breaks the obligation of that name.
+    """The time points whose distances decide whether a schedule breaks the obligation of a name.
 
     All time points for a name that is not known here.
     """
@@ -62,7 +62,7 @@ def influences(plan: model.ParametrizedPlan, obligation: str) -> frozenset[model
 
 
 def obligation_names(plan: model.ParametrizedPlan) -> Iterator[str]:
-    """The names of what is demanded of every schedule."""
+    """The names of all obligations."""
     yield from (name for name, _ in _obligations(plan))
     for instance in plan.instances:
         if instance.durative:

@@ -82,7 +82,7 @@ class DispatchNetwork(Generic[Natural]):
 
     @cached_property
     def blockers(self) -> tuple[frozenset[int], ...]:
-        """For each time point those that must have happened first.
+        """For each time point, the time points that must have happened first.
 
         A time point that may coincide with a natural one waits for it, unless it brings it about: starting first could
         be wrong.
@@ -153,12 +153,12 @@ class Windows:
         return self.lower[point], self.upper[point]
 
     def is_late(self, point: int, now: Fraction) -> bool:
-        """Whether its greatest time has passed."""
+        """Whether the greatest time of a time point has passed."""
         upper = self.upper[point]
         return upper is not None and upper < now
 
     def ready(self, point: int) -> Fraction | None:
-        """From when on a time point can be dispatched, if nothing else happens; None if it waits for something."""
+        """The earliest time of dispatch of a time point if nothing else happens; None if it waits for an event."""
         if not self.times.keys() >= self.network.blockers[point]:
             return None
         ready = self.lower[point]
@@ -170,7 +170,7 @@ class Windows:
         return ready
 
     def moments(self, points: Iterable[int], patience: Fraction) -> Iterator[Fraction]:
-        """When each of these becomes ready, and when its greatest time plus `patience` comes."""
+        """Times at which time points become ready, and their greatest times plus `patience`."""
         for point in points:
             ready, upper = self.ready(point), self.upper[point]
             if ready is not None:

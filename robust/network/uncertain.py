@@ -71,7 +71,7 @@ def bounds_text(lower: object, upper: object) -> str:
 
 
 class Way(Enum):
-    """Which bound of a link an edge of the distance graph stands for; `x → y` of weight w is `t_y − t_x ≤ w`."""
+    """The bound of a link that an edge of the distance graph stands for; `x → y` of weight w is `t_y − t_x ≤ w`."""
 
     AT_MOST = "at most"
     """source → target, the upper bound of a requirement, or of a link of fixed length."""
@@ -89,7 +89,7 @@ class Way(Enum):
 
 @dataclass(frozen=True, slots=True)
 class EdgeStep:
-    """An edge of the distance graph: which link, by its index in :attr:`Stnu.links`, and which way."""
+    """An edge of the distance graph: the index of its link in :attr:`Stnu.links`, and its bound."""
 
     link: int
     way: Way
@@ -141,7 +141,7 @@ class Stnu:
         return tuple(point for point in self.points if point not in ends)
 
     def ends(self, step: EdgeStep) -> tuple[TimePoint, TimePoint]:
-        """Where an edge of the distance graph begins and ends."""
+        """The time points at which an edge of the distance graph begins and ends."""
         link = self.links[step.link]
         return (link.source, link.target) if step.way.is_forwards else (link.target, link.source)
 
@@ -199,7 +199,7 @@ def total(steps: Iterable[EdgeStep], weight: Weight) -> tuple[Fraction, Fraction
 
 
 def negative_cycle(steps: Sequence[EdgeStep], weight: Weight) -> NegativeCycle:
-    """The cycle that a closed walk is, without circles at a contingent link that do not make it shorter.
+    """The negative cycle of a closed walk, without circles at a contingent link that do not make it shorter.
 
     Raises:
         ValueError: if the walk does not refute dynamic controllability.
@@ -233,7 +233,7 @@ def _after(walk: Sequence[EdgeStep], at: int) -> list[EdgeStep]:
 
 
 def explain(stnu: Stnu, cycle: NegativeCycle) -> str:
-    """The cycle as a sentence: which lengths and which requirements contradict each other."""
+    """A sentence about a cycle: the lengths and requirements that contradict each other."""
     lengths, bounds = [], []
     for step in dict.fromkeys(cycle.steps):
         link = stnu.links[step.link]
@@ -332,7 +332,7 @@ class ExtendedForm:
 
 @dataclass(frozen=True)
 class DynamicAnswer(NoTruthValue, ask="is_controllable"):
-    """Whether a network is dynamically controllable: `cycle` is why not; None if it is.
+    """Whether a network is dynamically controllable; `cycle` is a counterexample, None if it is.
 
     `derived` are the edges that follow from reductions, with which a dispatcher can execute the network.
     """

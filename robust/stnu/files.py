@@ -36,7 +36,7 @@ INFINITE = {sign + text: -1 if sign == "-" else 1 for text in _NO_BOUND for sign
 
 
 def load(path: str | os.PathLike[str]) -> Network:
-    """A network of a file, GraphML or JSON: what it holds says which.
+    """The network in a file, GraphML or JSON by its content.
 
     Raises:
         InputError: at the place of whatever is wrong.
@@ -55,7 +55,7 @@ Source: TypeAlias = Network | str | os.PathLike[str]
 
 
 def network_of(source: Source) -> Network:
-    """A network as it is, or the one in a file; errors as of :func:`load`."""
+    """A network itself, or the network in a file; errors as of :func:`load`."""
     if isinstance(source, Network):
         return source
     if not isinstance(source, str | os.PathLike):
@@ -74,7 +74,7 @@ def deadline(timeout: Number | None) -> Deadline:
 
 
 def write(network: Network, path: str | os.PathLike[str]) -> tuple[str, int]:
-    """The text of a network as the suffix of a path asks for, and by what times are multiplied: 1 but in GraphML.
+    """The text of a network in the format of a suffix, and the factor of its times, which is 1 but in GraphML.
 
     Raises:
         InputError: for a suffix that is neither `.json` nor that of GraphML.
@@ -506,7 +506,7 @@ _DECLARED = (
 
 
 def graphml(network: Network) -> tuple[str, int]:
-    """A network as GraphML in whole numbers, and by what its times are multiplied for that.
+    """A network as GraphML in whole numbers, and the factor by which its times are multiplied.
 
     Raises:
         UnsupportedError: for a contingent link without an upper bound and a name with characters that XML does not

@@ -105,8 +105,8 @@ def repair(
     Args:
         network: a network, or the path of one.
         requirement: what a unit of change costs of each requirement, above 0; None: they stay as they are.
-        contingent: the same of contingent links.
-        weights: the same of links between two time points, by the names of both.
+        contingent: what a unit of change costs of each contingent link.
+        weights: what it costs of links between two time points, by the names of both.
         timeout: seconds after which the best repair so far is returned.
 
     Raises:
@@ -132,7 +132,7 @@ def _weight(value: Number | None, name: str) -> Fraction | None:
 
 
 class NetworkRepairSearch(RepairSearching[Fraction, NetworkRepair]):
-    """One search for the least change of a network; a point is by how much each bound is changed."""
+    """One search for the least change of a network; a point has the change of each bound."""
 
     def __init__(
         self,
@@ -178,7 +178,7 @@ class NetworkRepairSearch(RepairSearching[Fraction, NetworkRepair]):
         return Candidate(chosen, {name: value for name, value in best.point.items() if value}, -best.value)
 
     def accept(self, candidate: Candidate[Fraction]) -> None:
-        """The best repair by now; its inequalities may have a cheaper one."""
+        """Keep the best repair so far, or a cheaper one under its inequalities."""
         self.best = candidate
         if candidate.cost == self.lowest:
             return

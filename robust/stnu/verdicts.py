@@ -41,8 +41,8 @@ class NetworkVerdict(VerdictEnum):
 
 @dataclass(frozen=True)
 class NetworkCheck(Presented, ask="verdict"):
-    """The verdict about a network; `cycle` is the witness of an uncontrollable one, `reason` the same in words, or why
-    there is no verdict.
+    """The verdict about a network; `cycle` is the witness of an uncontrollable one, `reason` the witness in words, or
+    why there is no verdict.
     """
 
     network: Network
@@ -180,7 +180,7 @@ class NetworkExecution(NoTruthValue, ask="violated"):
 
 @dataclass(frozen=True)
 class DispatchResult(Presented, ask="checked"):
-    """A minimal dispatchable network: contingent links as they were, requirements, waits; None of it without control.
+    """A minimal dispatchable network: requirements and waits; empty for a network that is not controllable.
 
     `derived` is how many ordinary edges follow from the network in all.
     """
@@ -296,7 +296,7 @@ def _drawn(draw: Random, link: UncertainLink[Fraction]) -> Fraction:
 def run_early(
     tables: DispatchNetwork[UncertainLink[Fraction]], lengths: Mapping[TimePoint, Fraction]
 ) -> Iterable[tuple[TimePoint, Fraction]]:
-    """When each time point happens if all happen as early as they may.
+    """The times of time points if all happen as early as they may.
 
     Raises:
         RuntimeError: if nothing may happen although something has to, which is an error of the network.

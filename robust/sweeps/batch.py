@@ -47,20 +47,20 @@ def measured(command: Sequence[str], *, limit: float | None = None, processes: P
 
 
 def complaint(ended: ProcessEnd) -> str:
-    """The last line on stderr, or what is known without one."""
+    """The last line on stderr, or the exit code without one."""
     lines = [line.strip() for line in ended.stderr.splitlines() if line.strip()]
     return lines[-1] if lines else f"exit code {ended.exit_code} without a message"
 
 
 def ends_of(interval: Interval) -> Ends:
-    """The interval as text."""
+    """The ends of an interval as text."""
     lower = "-inf" if interval.lower is None else str(interval.lower) + ("" if interval.lower_closed else OPEN)
     upper = "inf" if interval.upper is None else str(interval.upper) + ("" if interval.upper_closed else OPEN)
     return lower, upper
 
 
 def box_of(texts: Mapping[str, Ends]) -> Box:
-    """The box of such texts."""
+    """The box with ends as text."""
 
     def interval(lower: str, upper: str) -> Interval:
         closed = {"lower_closed": not lower.endswith(OPEN), "upper_closed": not upper.endswith(OPEN)}
@@ -90,7 +90,7 @@ class Asked:
 
 @dataclass(frozen=True, slots=True)
 class PlanTexts:
-    """What is known of a plan; `parameters` are those of a TOML file."""
+    """The files of a plan; `parameters` is a TOML file."""
 
     domain: Named
     problem: Named
@@ -100,7 +100,7 @@ class PlanTexts:
 
 @dataclass(frozen=True, slots=True)
 class PlanRun(NoTruthValue, ask="status"):
-    """What a process answered about a plan, and what it cost.
+    """The answer of a process about a plan, and its cost.
 
     Attributes:
         status: the verdict of a check, how a search ended, or `error` or `unsupported`; a process that did not answer
@@ -135,7 +135,7 @@ class PlanRun(NoTruthValue, ask="status"):
 
 @dataclass(frozen=True)
 class BatchRow(NoTruthValue, ask="exit_code"):
-    """A plan, and what was answered, by the names of what was asked; what is not done is not there."""
+    """A plan with the answers to questions that are done, by the names of questions."""
 
     instance: SuitePlan
     runs: Mapping[str, PlanRun]
@@ -168,7 +168,7 @@ class BatchRow(NoTruthValue, ask="exit_code"):
 
 @dataclass(frozen=True, slots=True)
 class Solved:
-    """Of one way to ask: how many plans it answers, in which time, and how many that the others do not."""
+    """Summary of one question: number of plans answered, time, and number of plans that no other question answers."""
 
     plans: int
     seconds: float
@@ -178,7 +178,7 @@ class Solved:
 
 @dataclass(frozen=True)
 class Batch(Presented, ask="exit_code"):
-    """What came of a batch, as far as it got.
+    """The result of a batch, complete or not.
 
     Attributes:
         verb: `check`, `envelope`, `region` or `compare`.
@@ -207,11 +207,11 @@ class Batch(Presented, ask="exit_code"):
         return worst([*codes, 0 if self.status == "complete" else UNDECIDED])
 
     def runs(self, name: str) -> list[PlanRun]:
-        """What was answered to one question."""
+        """The answers to one question."""
         return [row.runs[name] for row in self.plans if name in row.runs]
 
     def solved(self, name: str) -> Solved:
-        """Of one question."""
+        """The summary of one question."""
         answered = [row for row in self.plans if name in row.runs and row.runs[name].solved]
         seconds = [row.runs[name].seconds for row in answered]
         alone = [row for row in answered if not any(run.solved for other, run in row.runs.items() if other != name)]
@@ -219,7 +219,7 @@ class Batch(Presented, ask="exit_code"):
 
 
 def worst(codes: Iterable[int]) -> int:
-    """The exit code of several: a refutation is certain whatever the others are; then what cannot be read at all."""
+    """The exit code of several answers: refuted, else unreadable, else unsupported, else unknown."""
     present = set(codes)
     return next((code for code in (1, RobustError.exit_code, UNSUPPORTED, UNDECIDED) if code in present), 0)
 

@@ -57,7 +57,7 @@ Numbered = tuple[int, Task]
 
 @dataclass(frozen=True, slots=True)
 class TaskOutcome:
-    """What came of one attempt: `text` is the record as JSON, or, if it `failed`, one line that says why."""
+    """The outcome of one attempt: `text` is the record as JSON, or, if it `failed`, one line that says why."""
 
     text: str
     failed: bool = False
@@ -76,7 +76,7 @@ def text_of(value: object, *, ordered: bool = False) -> str:
 
 
 def attempt(work: Work, task: Task) -> TaskOutcome:
-    """Do the task where it is called: in this process, or in one of a pool or a cluster.
+    """Do a task in this process, which may be one of a pool or a cluster.
 
     Whatever goes wrong with one task must not end the others: it is reported, never swallowed.
     """
@@ -256,7 +256,7 @@ def key_of(work: Work, task: Task) -> str:
 
 
 def restored(value: object, kind: type[Value] | Any) -> Value:
-    """A value of that type from what JSON says.
+    """A value of a type from its JSON.
 
     Raises:
         msgspec.ValidationError: if it is no such value.
@@ -327,7 +327,7 @@ class Sweep:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a reader has to know: what was taken from the store, what is missing and how to get it."""
+        """Notes for the user: results from the store, failures, and missing results with the way to get them."""
         notes = []
         if self.resumed:
             notes.append(f"{self.resumed} of {self.total} results are from {self.store}")

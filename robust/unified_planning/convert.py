@@ -64,7 +64,7 @@ def constant(value: up.FNode) -> bool | Fraction:
 
 
 def number_of(value: up.FNode) -> Fraction:
-    """A number, exactly."""
+    """The exact value of a number."""
     if not (value.is_int_constant() or value.is_real_constant()):
         raise UnsupportedError(f"found the value '{value}', expected a truth value or a number")
     return Fraction(value.constant_value())
@@ -134,7 +134,7 @@ _NEEDS = ":typing :fluents :adl :durative-actions :duration-inequalities :timed-
 
 
 def problem_of(problem: up.Problem) -> tuple[Domain, Problem]:
-    """Domain and problem that say what a unified-planning problem says.
+    """Domain and problem of a unified-planning problem.
 
     Raises:
         InputError: for names that PDDL cannot tell apart, and fluents without initial value.
@@ -358,7 +358,7 @@ def from_unified_planning(problem: up.Problem, plan: up_plans.Plan) -> tuple[Dom
 
 
 def converted(problem: up.Problem, plan: up_plans.Plan) -> tuple[Domain, Problem, TimedPlan | STNPlan]:
-    """Domain, problem and plan from unified-planning's, without the bounds of types."""
+    """Domain, problem and plan from unified-planning's; bounds of types are ignored."""
     plans = module_of("unified_planning.plans")
     if isinstance(plan, plans.STNPlan):
         return (*problem_of(problem), _network(plan))
