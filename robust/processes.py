@@ -1,4 +1,4 @@
-"""Commands that end when they have to.
+"""Commands with deadlines, and without survivors.
 
 A command runs below a watcher (:mod:`robust.watcher`), which kills everything that the command has started once it
 ends, at the deadline, on Ctrl-C, and when this process dies, however that happens. What the command prints is read
@@ -30,7 +30,7 @@ _CHUNK = 2**16
 
 @dataclass(frozen=True, slots=True)
 class ProcessEnd:
-    """How a command ended, what it printed and what it cost.
+    """The end of a command: exit code, output and cost.
 
     `exit_code` is negative where a signal ended it, as at the deadline, and 127 where it could not be started, which
     `last_line` explains. Of texts longer than `KEPT`, only the last lines are here. `seconds` is wall time, `cpu_s`
@@ -124,7 +124,7 @@ class Processes:
             if self._stopped:
                 raise StoppedError
             _read_the_rest(texts)
-            facts = report.read().split() or (-signal.SIGKILL, 0, 0, 0)  # if somebody has killed the watcher
+            facts = report.read().split() or (-signal.SIGKILL, 0, 0, 0)  # if the watcher was killed
             return ProcessEnd(
                 exit_code=int(facts[0]),
                 timed_out=timed_out,
@@ -180,7 +180,7 @@ class _End:
 
     @property
     def text(self) -> str:
-        """What is left, from the beginning of a line."""
+        """The end of the stream, from the beginning of a line."""
         data = b"".join(self._chunks)
         if self._cut:
             data = data[data.find(b"\n", len(data) - KEPT) + 1 :]
@@ -210,7 +210,7 @@ def _read_until_input(report: int, texts: Mapping[int, _End], deadline: Deadline
 
 
 def _read_the_rest(texts: Mapping[int, _End]) -> None:
-    """Read what is in the pipes; somebody may have got away with an end of them, who is not waited for."""
+    """Read the rest of the pipes, without waiting for a process that has escaped with an end of one."""
     for reader, text in texts.items():
         for _ in range(KEPT // _CHUNK):
             if not select.select([reader], [], [], 0)[0] or not (chunk := os.read(reader, _CHUNK)):

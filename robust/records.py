@@ -1,13 +1,13 @@
-"""Files of records that only grow: JSON objects, one a line, after a header that says what the file is.
+"""Files that survive crashes: output files that are replaced at once, and files of records that only grow.
 
-A record is on the disk when :meth:`RecordFile.append` returns. A last line without its end was cut off by a crash, so
-nobody was told of it: it is dropped. One process at a time writes; readers may look at any time. Where records are
-chained, each line carries a checksum of all lines up to it, so that no other damage goes unnoticed.
+Output files are written under another name and renamed: neither a full disk nor a kill destroys the old content. An
+answer is not lost because a file cannot be written: commands print the answer first, and files that are written during
+a computation (:class:`Folder`) are given up with a warning.
 
-Output files, written beside and renamed: neither a full disk nor a kill destroys what was there.
-
-What cannot be written is no reason to lose an answer: commands print it first, and what is written while they compute
-(:class:`Folder`) is given up with a warning.
+Files of records have a JSON object on each line, after a header that names the kind of file. A record is on the disk
+when :meth:`RecordFile.append` returns. A last line without its end was cut off by a crash before it was reported, and
+is dropped. One process at a time writes; readers may look at any time. Where records are chained, each line carries a
+checksum of all lines up to it, so that no other damage goes unnoticed.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def atomic_write(
     except (OSError, ValueError) as error:  # a library for pictures says so if a suffix names no format
         if place is None:
             if isinstance(error, OSError):
-                error.filename = str(path)  # not the name beside it
+                error.filename = str(path)  # not the temporary name
             raise
         reason = ((error.strerror if isinstance(error, OSError) else None) or str(error)).lower()
         raise InputError(f"cannot write {quoted(path)}: {reason}", place) from None
@@ -114,7 +114,7 @@ def _write(path: Path, content: str | bytes | Callable[[Path], None]) -> None:
 
 
 _DIGITS = 16
-"""Of each checksum."""
+"""Length of each checksum."""
 _CHAINED = re.compile(rf'(.*), "checksum": "([0-9a-f]{{{_DIGITS}}})"}}', re.DOTALL)
 Accept: TypeAlias = Callable[[int, str], None]
 """Takes a line by its number, the header as number 1; raises InputError, about the line, if it is not as expected."""
@@ -122,7 +122,7 @@ Accept: TypeAlias = Callable[[int, str], None]
 
 @dataclass(frozen=True, slots=True)
 class RecordFormat:
-    """What tells files of one kind from all others.
+    """The format of one kind of files.
 
     Attributes:
         name: what messages call such a file: `journal`.
@@ -136,7 +136,7 @@ class RecordFormat:
 
     @property
     def expected(self) -> str:
-        """What messages say was expected instead of another file."""
+        """The expectation in messages about files of another kind."""
         return f"a {self.name} ({self.header['schema']}); choose a new file, or one of these"
 
 
@@ -289,19 +289,21 @@ class _Chain:
             header = json.loads(text)
         except (ValueError, RecursionError):
             raise InputError(f"found a line that is not JSON, expected {self._form.expected}") from None
-        found = header.get("schema") if isinstance(header, dict) else None
-        if found != self._form.header["schema"]:
-            what = "no schema" if found is None else f"schema {found!r:.60}"
+        schema = header.get("schema") if isinstance(header, dict) else None
+        if schema != self._form.header["schema"]:
+            what = "no schema" if schema is None else f"schema {schema!r:.60}"
             raise InputError(f"found {what}, expected {self._form.expected}")
 
     def _unchained(self, text: str) -> str:
         match = _CHAINED.fullmatch(text)
         if match is None:
             raise InputError("found no field 'checksum', expected one at the end", Location(self._file, 1, 1))
-        body, found = match.groups()
+        body, checksum = match.groups()
         expected = self._next_checksum(body)
-        if found != expected:
-            raise InputError(f"found checksum {found!r}, expected {expected}: the {self._form.name} was changed here")
+        if checksum != expected:
+            raise InputError(
+                f"found checksum {checksum!r}, expected {expected}: the {self._form.name} was changed here"
+            )
         self.checksum = expected
         return f"{body}}}"
 

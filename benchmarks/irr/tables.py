@@ -12,8 +12,8 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property, partial
 from pathlib import Path
@@ -23,7 +23,7 @@ from typing import Any, ClassVar
 from robust.errors import InputError
 from robust.execute.dispatchable import Guarantee, parse_executor
 from robust.execute.dispatcher import LeftBox
-from robust.execute.planners.interface import RememberingPlanner
+from robust.execute.planners.interface import Planner, PlannerAnswer
 from robust.execute.planners.registry import create_planner
 from robust.execute.replan import (
     REPLANS,
@@ -40,6 +40,7 @@ from robust.execute.worlds import Rules, parse_rules
 from robust.json_text import plain
 from robust.plan.parameters import ParameterSpec, parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem
+from robust.plan.pddl.syntax import Domain, Problem
 from robust.smt.limits import Deadline
 
 from ..catalogue import BATTERY, Table1Options, Table2Options, TableOptions
@@ -155,6 +156,35 @@ class ExecutionRow:
         return self.column, self.problem, self.seed
 
 
+@dataclass(frozen=True, slots=True)
+class RememberingPlanner:
+    """Asks a planner once for each problem, whatever the answer is; the first deadline counts.
+
+    One that draws lots, or races its strategies, then has the same plan for everyone who comes to the same state.
+    """
+
+    planner: Planner
+    answers: dict[Hashable, tuple[Domain, PlannerAnswer]] = field(default_factory=dict, repr=False)
+
+    @property
+    def name(self) -> str:
+        return self.planner.name
+
+    def solve(self, domain: Domain, problem: Problem, deadline: Deadline) -> PlannerAnswer:
+        """See :class:`robust.execute.planners.interface.Planner`."""
+        question = _question(domain, problem)
+        if question not in self.answers:
+            # the domain is kept, so that its number is not given to another one
+            self.answers[question] = domain, self.planner.solve(domain, problem, deadline)
+        return self.answers[question][1]
+
+
+def _question(domain: Domain, problem: Problem) -> Hashable:
+    fluents = frozenset(problem.fluents.items())
+    objects = tuple((name, declared.types) for name, declared in problem.objects.items())
+    return id(domain), objects, problem.atoms, fluents, problem.timed_literals, problem.goal
+
+
 def run_case(table: int, column: int, problem: int, seed: int, conditions: Conditions) -> tuple[ExecutionRow, ...]:
     """All executors in one case: a problem by its number, one column of a table by its number from 1, and the seed of
     the world.
@@ -182,7 +212,7 @@ def run_case(table: int, column: int, problem: int, seed: int, conditions: Condi
         run = execute(mission, f"{problem}/{seed}", prepare_timed(domain, parsed, answer.plan, options))
         promises = (sum(map(_promises, run.segments)), broken_promises(run))
         succeeded = run.status is RunStatus.SUCCEEDED
-        answers = [one.answer for segment in run.segments for one in segment.left]
+        answers = [one.answer for segment in run.segments for one in segment.remainders]
         looked = (len(answers), answers.count(SliceAnswer.OUT_OF_TIME), answers.count(SliceAnswer.NOTHING))
         spent = round(run.seconds, 4)
         rows.append(ExecutionRow(*place, succeeded, run.replans, *promises, spent, run.reason, *looked))
@@ -197,7 +227,7 @@ def broken_promises(run: ReplanningRun) -> int:
 
 
 def _promises(segment: Segment) -> bool:
-    outside = not segment.left and not all(one.inside for one in segment.observations)
+    outside = not segment.remainders and not all(one.inside for one in segment.observations)
     left = isinstance(segment.ending, LeftBox) or outside
     return segment.promised is Guarantee.DYNAMIC and not left
 

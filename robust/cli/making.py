@@ -200,12 +200,12 @@ def _write_stnu(options: ConvertCommand, run: Run, plan: ParametrizedPlan) -> Ne
     from robust.cli.certify import read_box
     from robust.qe.box import Box
     from robust.stnu.files import scaled, write
-    from robust.stnu.network import network_of
+    from robust.stnu.network import network_of_plan
 
     output = options.stnu or Path()
     nominal = Box.nominal(plan.parameters)
     box = nominal if options.box is None else read_box(options.box, nominal)
-    network = network_of(plan, box, str(output), "Z" if output.suffix.lower() == ".stnu" else "0")
+    network = network_of_plan(plan, box, str(output), "Z" if output.suffix.lower() == ".stnu" else "0")
     content, scale = write(network, output)
     run.write(partial(atomic_write, output, content, place_of("stnu")))
     if scale != 1:

@@ -36,12 +36,12 @@ def check(options: StnuCheckCommand, run: Run) -> int:
     def judge(network: Network) -> NetworkCheck:
         return run.only(lambda: stnu.check(network, timeout=run.remaining))
 
-    found, cause = _each(options, run, judge)
+    judged, cause = _each(options, run, judge)
     run.answer(
-        lambda: show.check_document(found, _status(found, cause)),
-        lambda out: show.print_checks(out, found, quiet=options.quiet),
+        lambda: show.check_document(judged, _status(judged, cause)),
+        lambda out: show.print_checks(out, judged, quiet=options.quiet),
     )
-    return _code(found, cause)
+    return _code(judged, cause)
 
 
 @action(StnuDispatchCommand)
@@ -52,18 +52,18 @@ def dispatch(options: StnuDispatchCommand, run: Run) -> int:
 
     def judge(network: Network) -> show.Dispatched:
         def work() -> show.Dispatched:
-            found = stnu.dispatch(network, timeout=run.remaining)
-            runs = range(options.runs if found.tables is not None else 0)
-            return show.Dispatched(found, tuple(found.execute(options.seed + number) for number in runs))
+            judged = stnu.dispatch(network, timeout=run.remaining)
+            runs = range(options.runs if judged.tables is not None else 0)
+            return show.Dispatched(judged, tuple(judged.execute(options.seed + number) for number in runs))
 
         return run.only(work)
 
-    found, cause = _each(options, run, judge)
+    judged, cause = _each(options, run, judge)
     run.answer(
-        lambda: show.dispatch_document(found, _status(found, cause)),
-        lambda out: show.print_dispatches(out, found, quiet=options.quiet),
+        lambda: show.dispatch_document(judged, _status(judged, cause)),
+        lambda out: show.print_dispatches(out, judged, quiet=options.quiet),
     )
-    return _code(found, cause)
+    return _code(judged, cause)
 
 
 @action(StnuRepairCommand)
@@ -80,7 +80,7 @@ def repair(options: StnuRepairCommand, run: Run) -> int:
         return run.best(begin, lambda last: tell(last, network))
 
     def tell(last: NetworkRepair, network: Network) -> None:
-        whole = [*found, show.Judged(Path(network.name), last)]
+        whole = [*judged, show.Judged(Path(network.name), last)]
         run.answer(lambda: document(whole), lambda out: text(out, whole))
 
     def document(whole: list[Judged[NetworkRepair]]) -> Any:
@@ -89,11 +89,11 @@ def repair(options: StnuRepairCommand, run: Run) -> int:
     def text(out: Console, whole: list[Judged[NetworkRepair]]) -> None:
         show.print_repairs(out, whole, written, quiet=options.quiet)
 
-    found: list[Judged[NetworkRepair]] = []
+    judged: list[Judged[NetworkRepair]] = []
     written: str | None = None
     cause: Cause | None = None
-    _, cause = _each(options, run, judge, found)
-    if options.output is not None and (last := found[-1].result) is not None and last.network is not None:
+    _, cause = _each(options, run, judge, judged)
+    if options.output is not None and (last := judged[-1].result) is not None and last.network is not None:
         from robust.stnu.files import scaled, write
 
         content, scale = write(last.network, options.output)
@@ -101,15 +101,12 @@ def repair(options: StnuRepairCommand, run: Run) -> int:
         written = str(options.output)
         if scale != 1:
             run.note(scaled(options.output, scale))
-    run.answer(lambda: document(found), lambda out: text(out, found))
-    return _code(found, cause)
+    run.answer(lambda: document(judged), lambda out: text(out, judged))
+    return _code(judged, cause)
 
 
 def _each(
-    options: StnuFiles,
-    run: Run,
-    judge: Callable[[Network], Result],
-    found: list[Judged[Result]] | None = None,
+    options: StnuFiles, run: Run, judge: Callable[[Network], Result], judged: list[Judged[Result]] | None = None
 ) -> tuple[list[Judged[Result]], Cause | None]:
     """What is found of each file, and why the last ones are missing; one that cannot be read is no obstacle to others.
 
@@ -120,35 +117,35 @@ def _each(
     from robust.show.stnu import Judged
     from robust.stnu.files import load
 
-    found = [] if found is None else found
+    judged = [] if judged is None else judged
     for number, file in enumerate(options.files, start=1):
         run.display.say(f"network {number} of {len(options.files)}: {file}")
         try:
             network = run.only(lambda path=file: load(path))  # type: ignore[misc]
-            found.append(Judged(file, judge(network)))
+            judged.append(Judged(file, judge(network)))
         except GivenUpError as error:
-            if not found:
+            if not judged:
                 raise
-            return found, run.guard.why(error)
+            return judged, run.guard.why(error)
         except RobustError as error:
             if len(options.files) == 1:
                 raise
-            found.append(Judged(file, None, error))
-    return found, None
+            judged.append(Judged(file, None, error))
+    return judged, None
 
 
-def _status(found: list[Judged[Any]], cause: Cause | None) -> str:
+def _status(judged: list[Judged[Any]], cause: Cause | None) -> str:
     """How it ended."""
     if cause is not None:
         return cause.value
     from robust.show.stnu import ended
 
-    return ended(found)
+    return ended(judged)
 
 
-def _code(found: list[Judged[Any]], cause: Cause | None) -> int:
+def _code(judged: list[Judged[Any]], cause: Cause | None) -> int:
     """Bad input first, then what is refuted, then what is unknown."""
-    codes = {one.code for one in found} | ({UNDECIDED} if cause is not None else set())
+    codes = {row.code for row in judged} | ({UNDECIDED} if cause is not None else set())
     return next((code for code in (2, UNSUPPORTED, 1, UNDECIDED) if code in codes), 0)
 
 

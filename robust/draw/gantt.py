@@ -360,7 +360,7 @@ def _parameter_lane(name: str) -> str:
 def _promises(segment: Segment, name: str) -> Iterator[Bar]:
     """Within which values the plan goes on, from one observation to the next, until the value itself is known."""
     changes = [(segment.start, segment.box, segment.guarantee)]
-    changes += [(change.time, change.box, segment.promised) for change in segment.left if change.box is not None]
+    changes += [(change.time, change.box, segment.promised) for change in segment.remainders if change.box is not None]
     seen = min((known.time for known in segment.observations if known.what == name), default=segment.end)
     held = [(time, box[name], _PROMISES[worth]) for time, box, worth in changes if time < seen and worth in _PROMISES]
     kept = [next(same) for _, same in groupby(held, key=itemgetter(1, 2))]

@@ -1,4 +1,4 @@
-"""Is a box weakly, dynamically and strongly controllable, and why not: verdicts that say what they are about.
+"""Weak, dynamic and strong controllability of a box: verdicts, reasons, and the widest controllable boxes.
 
 A box promises that *for each* parameter value in it a schedule exists, and that every allowed schedule satisfies the
 obligations. Whether a dispatcher can find the schedule is a question about the network alone:
@@ -36,7 +36,8 @@ from robust.irr.exact import OptimalBox
 from robust.irr.search import stops_at
 from robust.irr.stops import JUST, Stop, declared_stop
 from robust.irr.widen import DiscoveredBadSet, Obstacle
-from robust.network.uncertain import Wait, dynamic, explain, waits
+from robust.network.dispatchable import waits
+from robust.network.uncertain import Wait, dynamic, explain
 from robust.plan.model import ParametrizedPlan
 from robust.presented import NoTruthValue, VerdictEnum
 from robust.qe.box import Box, Face, Side
@@ -48,7 +49,7 @@ from robust.smt.terms import Terms
 
 
 class Control(Enum):
-    """What the dispatcher has to know: all values beforehand, those revealed so far, or none."""
+    """Kinds of controllability: the dispatcher knows all values beforehand, those revealed so far, or none."""
 
     WEAK = "weak"
     DYNAMIC = "dynamic"
@@ -56,7 +57,7 @@ class Control(Enum):
 
 
 class ControlVerdict(VerdictEnum):
-    """What is known about a box."""
+    """Whether a box has a kind of controllability, as far as that is known."""
 
     CONTROLLABLE = "controllable"
     NOT_CONTROLLABLE = "not controllable"
@@ -74,12 +75,12 @@ class Finding(NoTruthValue, ask="verdict"):
 
 
 MOST_CORNERS = 64
-"""How many combinations of values that are known beforehand are tried to refute what is vague."""
+"""Number of corners of the box that are tried to refute dynamic controllability of vague parameters."""
 
 
 @dataclass
 class Controllability:
-    """The questions about one plan and box.
+    """Decides the controllability of one box of a plan.
 
     Args:
         plan: the plan whose network it is.
@@ -104,11 +105,8 @@ class Controllability:
         """The verdict about one kind; UNKNOWN if time runs out."""
         started = time.perf_counter()
         try:
-            verdict, reason = {
-                Control.WEAK: self._weak,
-                Control.DYNAMIC: self._dynamic,
-                Control.STRONG: self._strong,
-            }[kind]()
+            deciding = {Control.WEAK: self._weak, Control.DYNAMIC: self._dynamic, Control.STRONG: self._strong}
+            verdict, reason = deciding[kind]()
         except OutOfTimeError as stopped:
             verdict, reason = ControlVerdict.UNKNOWN, stopped.reason or "out of time"
         return Finding(kind, verdict, reason, time.perf_counter() - started)
@@ -133,7 +131,7 @@ class Controllability:
         return boxes.shrink(self.plan.parameters, self.box, wanted)
 
     def waits(self) -> tuple[Wait, ...]:
-        """Who waits for which end if the box is dynamically controllable; nobody where one schedule suits all values.
+        """The waits of a dynamically controllable box; none where one schedule suits all values.
 
         Raises:
             InputError: if a contingent link may end before it starts, or a requirement is infinitely strong.
@@ -164,12 +162,12 @@ class Controllability:
         def session() -> Session:
             return Session(terms, solver=self.solver, statistics=statistics)
 
-        found = validity.broken_facet(self.box.grid, session, self.deadline)
-        match found:
+        facet = validity.broken_facet(self.box.grid, session, self.deadline)
+        match facet:
             case None:
                 return ControlVerdict.CONTROLLABLE, None
             case Facet():
-                return ControlVerdict.NOT_CONTROLLABLE, f"contradiction: {'; '.join(found.origins)}"
+                return ControlVerdict.NOT_CONTROLLABLE, f"contradiction: {'; '.join(facet.origins)}"
             case SolverVerdict():
                 raise OutOfTimeError(statistics.failure)
 
@@ -177,18 +175,13 @@ class Controllability:
         answer = self.strong_answer()
         if answer.is_controllable:
             return ControlVerdict.CONTROLLABLE, None
-        needed = "; ".join(dict.fromkeys(one.origin for one in answer.cycle))
+        needed = "; ".join(dict.fromkeys(edge.origin for edge in answer.cycle))
         if answer.endless:
             names = ", ".join(sorted({name for name, _ in answer.endless}))
-            return (
-                ControlVerdict.NOT_CONTROLLABLE,
-                f"no time is late enough for all values of {names}: {needed}",
-            )
-        names = ", ".join(sorted({name for one in answer.cycle for (name, _), _ in one.form.coefficients()}))
-        return (
-            ControlVerdict.NOT_CONTROLLABLE,
-            f"no schedule suits all values of {names or 'the parameters'}: {needed}",
-        )
+            return ControlVerdict.NOT_CONTROLLABLE, f"no time is late enough for all values of {names}: {needed}"
+        mentioned = {name for edge in answer.cycle for (name, _), _ in edge.form.coefficients()}
+        names = ", ".join(sorted(mentioned)) or "the parameters"
+        return ControlVerdict.NOT_CONTROLLABLE, f"no schedule suits all values of {names}: {needed}"
 
     def _dynamic(self) -> tuple[ControlVerdict, str | None]:
         ends = boxes.ends_of(self.box)
@@ -207,10 +200,7 @@ class Controllability:
                 if answer.cycle is not None:
                     beforehand = ", ".join(f"{name} = {value}" for name, value in known.items())
                     why = explain(answer.form.stnu, answer.cycle)
-                    return (
-                        ControlVerdict.NOT_CONTROLLABLE,
-                        f"{why}, even if {beforehand} is known" if known else why,
-                    )
+                    return (ControlVerdict.NOT_CONTROLLABLE, f"{why}, even if {beforehand} is known" if known else why)
         return ControlVerdict.UNKNOWN, "; ".join(vague.values()) or reason
 
     def _obstacle(self, ends: boxes.Ends) -> str | None:
@@ -240,13 +230,7 @@ class Controllability:
             yield chosen, self.box.changed(Box.point(chosen).intervals)
 
 
-def shrink(
-    plan: ParametrizedPlan,
-    box: Box,
-    kind: Control,
-    *,
-    deadline: Deadline = NEVER,
-) -> Box:
+def shrink(plan: ParametrizedPlan, box: Box, kind: Control, *, deadline: Deadline = NEVER) -> Box:
     """The largest part of a box, max–min fair around the nominal point, that has a kind of controllability. Exact.
 
     Raises:
@@ -274,7 +258,7 @@ class Widest:
 
 @dataclass(frozen=True)
 class Objective:
-    """What is to be as wide as possible, and how the envelope is encoded.
+    """The quantity to maximize, and the encoding of the envelope.
 
     With `optimal` it is the greatest weighted total width of all controllable boxes in the envelope, or of those around
     the nominal point (`contain_nominal`). Else it is a box around the one that shrinking leaves, max–min fair.
@@ -310,15 +294,15 @@ def widest(
     if kind is Control.DYNAMIC and wanted.reason(boxes.ends_of(start)) is not None:
         wanted = boxes.Strongly(network, deadline)  # a fixed schedule is all that is known of vague parameters
     inside = boxes.Controllable(bad, wanted, plan.parameters, start)
-    found, bound = [start], None
-    met = boxes.grow(start, inside, (), parameters=plan.parameters, deadline=deadline, on_box=found.append)
+    grown, bound = [start], None
+    met = boxes.grow(start, inside, (), parameters=plan.parameters, deadline=deadline, on_box=grown.append)
     if objective.optimal:
         search = OptimalBox(
             bad=bad, pieces=met, contain_nominal=objective.contain_nominal, deadline=deadline, inside=inside
         )
-        found.append(search.run())
+        grown.append(search.run())
         bound = search.bound
-    box = found[-1]
+    box = grown[-1]
     proof = _Maximality(plan, kind, bad, box, met, deadline)
     return Widest(box, proof.stops(), inside.cut(box), bound)
 
@@ -335,8 +319,8 @@ class _Maximality:
     deadline: Deadline
 
     def stops(self) -> dict[Face, Stop]:
-        """What stops each finite face: what a dispatcher could not do beyond, else what breaks in the envelope."""
-        found: dict[Face, Stop] = {}
+        """Why each finite face stops: beyond it the box is uncontrollable, or else an obligation breaks."""
+        stops: dict[Face, Stop] = {}
         reach: dict[Face, Fraction] = {}
         for parameter, side in product(self.plan.parameters, Side):
             face, end = (parameter.name, side), self.box[parameter.name].end(side)
@@ -345,14 +329,14 @@ class _Maximality:
                 if stop is None:
                     reach[face] = JUST
                 else:
-                    found[face] = stop
-        return {**found, **dict(stops_at(self.bad, self.box, reach, self.deadline))}
+                    stops[face] = stop
+        return {**stops, **dict(stops_at(self.bad, self.box, reach, self.deadline))}
 
     def _obstructed(self, face: Face, end: Fraction) -> Stop | None:
-        """What a dispatcher could not do beyond."""
+        """Why the box is not controllable beyond a face; None if that is not what stops the face."""
         growing = Growing(self.box, {face: (end, Fraction(1))})
-        reasons = (one for one in self.met if isinstance(one, boxes.Obstruction) and face[0] in one.mentioned)
-        least = (one.least_stretch(growing) for one in reasons)
+        obstructions = (obstacle for obstacle in self.met if isinstance(obstacle, boxes.Obstruction))
+        least = (reason.least_stretch(growing) for reason in obstructions if face[0] in reason.mentioned)
         if any(stretch is not None and not stretch[0] for stretch in least):
             beyond = self.box.moved(face, end + face[1].sign * JUST)
             why = Controllability(self.plan, beyond, deadline=self.deadline).finding(self.kind).reason
@@ -360,11 +344,7 @@ class _Maximality:
         return None
 
 
-ADVERBS = {
-    Control.WEAK: "weakly",
-    Control.DYNAMIC: "dynamically",
-    Control.STRONG: "strongly",
-}
+ADVERBS = {Control.WEAK: "weakly", Control.DYNAMIC: "dynamically", Control.STRONG: "strongly"}
 
 
 @dataclass(frozen=True)
@@ -373,7 +353,7 @@ class ControllabilityReport(NoTruthValue, ask="was_controllable"):
 
     `shrunk` and `lost` are None, with a `failure`, if there is no such part or time ran out. `widest` is the widest box
     that is as wanted, which need not be inside the other; None if it was not asked for, or there was no time. `waits`
-    are who waits for which end, if the part is dynamically controllable and that was wanted.
+    are those of its strategy, if dynamic controllability was wanted.
     """
 
     wanted: Control
@@ -387,8 +367,9 @@ class ControllabilityReport(NoTruthValue, ask="was_controllable"):
 
     @property
     def was_controllable(self) -> bool:
-        """Whether the box itself is as wanted."""
-        return any(one.kind is self.wanted and one.verdict is ControlVerdict.CONTROLLABLE for one in self.findings)
+        """Whether the box itself has the wanted kind of controllability."""
+        verdicts = {finding.kind: finding.verdict for finding in self.findings}
+        return verdicts.get(self.wanted) is ControlVerdict.CONTROLLABLE
 
 
 def assess(
@@ -418,6 +399,5 @@ def assess(
     if objective is None or kind is Control.WEAK or report.was_controllable:
         return report
     with suppress(OutOfTimeError):
-        found = widest(plan, shrunk.box, kind, objective, solver=solver, deadline=deadline)
-        report = replace(report, widest=found)
+        return replace(report, widest=widest(plan, shrunk.box, kind, objective, solver=solver, deadline=deadline))
     return report

@@ -34,16 +34,7 @@ from robust.errors import InputError, UnsupportedError
 from robust.irr.widen import BadSet, Obstacle, Widening, faces_of
 from robust.network.differences import Distances
 from robust.network.uncertain import EdgeStep, Stnu, UncertainLink, dynamic
-from robust.plan.model import (
-    ZERO,
-    Bound,
-    NumericVariable,
-    Parameter,
-    ParameterReference,
-    ParametrizedPlan,
-    TimePoint,
-    TimePointKind,
-)
+from robust.plan import model
 from robust.plan.polynomial import Polynomial
 from robust.presented import NoTruthValue
 from robust.qe.box import Box, Face, Side
@@ -119,7 +110,7 @@ class ParametricStnu:
     controllable if they are independent and never revealed is so, but not the other way round.
     """
 
-    points: tuple[TimePoint, ...]
+    points: tuple[model.TimePoint, ...]
     links: tuple[ParametricLink, ...]
     vague: Mapping[str, str]
 
@@ -149,12 +140,12 @@ class ParametricStnu:
 
     def endless(self, ends: Ends) -> frozenset[Face]:
         """Faces that are infinitely far out and make a bound of a requirement infinitely strong: none may be."""
-        found: set[Face] = set()
+        faces: set[Face] = set()
         for link in self.links:
             for extreme, bound in ((greatest, link.lower), (least, link.upper)):
                 if bound is not None and not bound.is_constant and not link.is_contingent:
-                    found.update(face for face, _ in extreme(bound).coefficients() if ends[face] is None)
-        return frozenset(found)
+                    faces.update(face for face, _ in extreme(bound).coefficients() if ends[face] is None)
+        return frozenset(faces)
 
     @cached_property
     def differences(self) -> tuple[WorstDifference, ...]:
@@ -192,7 +183,7 @@ def _extreme(which: Callable[[Length], Form], length: Length, ends: Ends) -> Fra
 # -- from a plan -----------------------------------------------------------------------------------------------------
 
 
-def parametric_stnu(plan: ParametrizedPlan, box: Box) -> ParametricStnu:
+def parametric_stnu(plan: model.ParametrizedPlan, box: Box) -> ParametricStnu:
     """The network of a plan, its contingent links oriented such that they have a length in the box.
 
     Raises:
@@ -204,56 +195,56 @@ def parametric_stnu(plan: ParametrizedPlan, box: Box) -> ParametricStnu:
     links = [
         *contingent.values(),
         *(bound for bound in bounds if id(bound) not in contingent),
-        *(ParametricLink(ZERO, p, _NOTHING, None, origin=f"{p} ≥ 0") for p in plan.time_points[1:]),
+        *(ParametricLink(model.ZERO, p, _NOTHING, None, origin=f"{p} ≥ 0") for p in plan.time_points[1:]),
     ]
     return ParametricStnu(plan.time_points, tuple(links), _vague(links, box))
 
 
-def _bounds(plan: ParametrizedPlan) -> Iterator[ParametricLink]:
+def _bounds(plan: model.ParametrizedPlan) -> Iterator[ParametricLink]:
     """Every bound of the network; a lower and an upper bound that are equal make one link."""
     for point in plan.time_points:
-        if point.kind is TimePointKind.TIMED_LITERAL:
+        if point.kind is model.TimePointKind.TIMED_LITERAL:
             time: Length = Polynomial.constant(point.time or Fraction(0))
-            yield ParametricLink(ZERO, point, time, time, origin=f"timed initial literal {point}")
+            yield ParametricLink(model.ZERO, point, time, time, origin=f"timed initial literal {point}")
     for item in plan.constraints:
         lower = None if item.lower is None else _length(item.lower)
         upper = None if item.upper is None else _length(item.upper)
         yield ParametricLink(item.source, item.target, lower, upper, origin=str(item))
 
 
-def _length(bound: Bound) -> Length:
+def _length(bound: model.Bound) -> Length:
     if not bound.is_linear:
         raise UnsupportedError(f"the bound {bound} of a temporal constraint is not linear in the parameters")
 
-    def named(variable: NumericVariable) -> Length:
-        if not isinstance(variable, ParameterReference):
+    def named(variable: model.NumericVariable) -> Length:
+        if not isinstance(variable, model.ParameterReference):
             raise TypeError(f"a temporal constraint can only mention parameters, not {variable}")
         return Polynomial.variable(variable.name)
 
     return bound.substitute(named)
 
 
-def _contingent(plan: ParametrizedPlan, fixed: Iterable[ParametricLink], box: Box) -> dict[int, ParametricLink]:
+def _contingent(plan: model.ParametrizedPlan, fixed: Iterable[ParametricLink], box: Box) -> dict[int, ParametricLink]:
     """Which of the links that fix a distance are contingent, by identity: at most one into each time point, no circles.
 
     Durations of instances come first, also constant ones: the end of an action comes by itself.
     """
-    duration = {(one.start, one.end) for one in plan.instances if one.durative}
+    duration = {(instance.start, instance.end) for instance in plan.instances if instance.durative}
     chosen: dict[int, ParametricLink] = {}
-    before: dict[TimePoint, TimePoint] = {}
-    oriented = [(id(one), _oriented(one, duration, box)) for one in fixed]
+    before: dict[model.TimePoint, model.TimePoint] = {}
+    oriented = [(id(bound), _oriented(bound, duration, box)) for bound in fixed]
     oriented.sort(key=lambda pair: (pair[1].source, pair[1].target) not in duration)
     for key, link in oriented:
         is_duration = (link.source, link.target) in duration
         varies = link.lower is not None and not link.lower.is_constant
-        free = link.target.kind not in {TimePointKind.ZERO, TimePointKind.TIMED_LITERAL}
+        free = link.target.kind not in {model.TimePointKind.ZERO, model.TimePointKind.TIMED_LITERAL}
         if (is_duration or varies) and free and link.target not in before and not _follows(link, before):
             before[link.target] = link.source
             chosen[key] = link
     return chosen
 
 
-def _oriented(link: ParametricLink, duration: set[tuple[TimePoint, TimePoint]], box: Box) -> ParametricLink:
+def _oriented(link: ParametricLink, duration: set[tuple[model.TimePoint, model.TimePoint]], box: Box) -> ParametricLink:
     """The link as a contingent one: from what happens first."""
     length = link.lower or _NOTHING
     turned = (link.target, link.source) in duration
@@ -263,7 +254,7 @@ def _oriented(link: ParametricLink, duration: set[tuple[TimePoint, TimePoint]], 
     return ParametricLink(source, target, length, length, True, origin=link.origin)
 
 
-def _follows(link: ParametricLink, before: Mapping[TimePoint, TimePoint]) -> bool:
+def _follows(link: ParametricLink, before: Mapping[model.TimePoint, model.TimePoint]) -> bool:
     """Whether the link's source happens because of its target."""
     point = link.source
     while point != link.target and point in before:
@@ -291,8 +282,8 @@ def _vague(links: Iterable[ParametricLink], box: Box) -> dict[str, str]:
 class WorstDifference:
     """`t_target − t_source ≥ form` between time points that the dispatcher executes; `origin` is the requirement."""
 
-    source: TimePoint
-    target: TimePoint
+    source: model.TimePoint
+    target: model.TimePoint
     form: Form
     origin: str
 
@@ -305,7 +296,7 @@ class StrongAnswer(NoTruthValue, ask="is_controllable"):
     place as far as that difference is concerned, but not infinitely far out.
     """
 
-    schedule: Mapping[TimePoint, Fraction] | None
+    schedule: Mapping[model.TimePoint, Fraction] | None
     cycle: tuple[WorstDifference, ...]
     endless: frozenset[Face]
 
@@ -317,7 +308,7 @@ class StrongAnswer(NoTruthValue, ask="is_controllable"):
 def _differences(network: ParametricStnu) -> tuple[WorstDifference, ...]:
     into = {link.target: link for link in network.links if link.is_contingent}
 
-    def place(point: TimePoint) -> tuple[TimePoint, Length]:
+    def place(point: model.TimePoint) -> tuple[model.TimePoint, Length]:
         offset = Polynomial[str]({})
         while point in into:
             link = into[point]
@@ -326,26 +317,29 @@ def _differences(network: ParametricStnu) -> tuple[WorstDifference, ...]:
         return point, offset
 
     base = {point: place(point) for point in network.points}
-    found: dict[tuple[TimePoint, TimePoint, Form], WorstDifference] = {}
+    differences: dict[tuple[model.TimePoint, model.TimePoint, Form], WorstDifference] = {}
     for link in network.links:
         if not link.is_contingent:
             (a, before), (b, after) = base[link.source], base[link.target]
             sides = [] if link.lower is None else [(a, b, greatest(link.lower + before - after))]
             sides += [] if link.upper is None else [(b, a, greatest(after - before - link.upper))]
             for side in sides:
-                found.setdefault(side, WorstDifference(*side, link.origin))
-    return tuple(found.values())
+                differences.setdefault(side, WorstDifference(*side, link.origin))
+    return tuple(differences.values())
 
 
 def strong(network: ParametricStnu, ends: Ends) -> StrongAnswer:
     """The earliest schedule that suits all parameter values in a box with these ends, or why there is none."""
     needed = network.differences
-    endless = frozenset(face for one in needed for face, _ in one.form.coefficients() if ends[face] is None)
+    endless = frozenset(face for need in needed for face, _ in need.form.coefficients() if ends[face] is None)
     if endless:
-        first = next(one for one in needed if any(face in endless for face, _ in one.form.coefficients()))
+        first = next(need for need in needed if any(face in endless for face, _ in need.form.coefficients()))
         return StrongAnswer(None, (first,), endless)
-    points = dict.fromkeys(point for one in needed for point in (one.source, one.target))
-    known = Distances(points, ((one.source, one.target, finite_value(one.form, ends) or Fraction(0)) for one in needed))
+    points = dict.fromkeys(point for need in needed for point in (need.source, need.target))
+    known = Distances(
+        points,
+        ((need.source, need.target, finite_value(need.form, ends) or Fraction(0)) for need in needed),
+    )
     if known.network.cycle is not None:
         return StrongAnswer(None, tuple(needed[origin] for origin in known.network.cycle.origins), frozenset())
     times = known.times
@@ -353,7 +347,7 @@ def strong(network: ParametricStnu, ends: Ends) -> StrongAnswer:
 
 
 HORIZON = Fraction(1_000_000)
-"""How far, in units of its weight, a face goes that may be at any finite place, but not infinitely far out."""
+"""Largest distance, in units of its weight, that a face moves which may be at any finite place but not infinite."""
 
 Reason = tuple[Form, ...]
 """A box is not controllable if all these forms over its ends are negative."""
@@ -391,11 +385,11 @@ class Strongly:
     def reason(self, ends: Ends) -> Reason | None:
         self.deadline.enforce()
         answer = strong(self.network, ends)
-        return None if answer.is_controllable else (-sum((one.form for one in answer.cycle), _NO_FORM),)
+        return None if answer.is_controllable else (-sum((edge.form for edge in answer.cycle), _NO_FORM),)
 
 
 Property = Dynamically | Strongly
-"""What a box has to have, and every box inside it has then too.
+"""A property of boxes that every box inside inherits.
 
 `endless` are faces that must not be infinitely far out, however the others stand; `reason` is why a box does not have
 the property.
@@ -411,7 +405,7 @@ def _face_order(face: Face) -> tuple[str, str]:
 
 @dataclass(frozen=True)
 class Obstruction:
-    """A reason why boxes are not controllable, as what growing boxes run into."""
+    """A reason why boxes are not controllable, as an obstacle for growing boxes."""
 
     forms: Reason
     exact = True
@@ -426,7 +420,7 @@ class Obstruction:
 
     @property
     def rooms(self) -> list[tuple[Mapping[Face, Fraction], Fraction]]:
-        """One of them has to have room."""
+        """The forms as coefficients and constants; a box is controllable if one of them is not negative."""
         return [(dict(form.coefficients()), form.constant_term) for form in self.forms]
 
     def meets(self, box: Box) -> bool:
@@ -463,7 +457,7 @@ class Controllable:
         start: where growing began: faces that must stay finite go no farther than :data:`HORIZON` weights from there.
     """
 
-    def __init__(self, inside: BadSet, wanted: Property, parameters: Sequence[Parameter], start: Box) -> None:
+    def __init__(self, inside: BadSet, wanted: Property, parameters: Sequence[model.Parameter], start: Box) -> None:
         self._inside = inside
         self._wanted = wanted
         self._weight = {parameter.name: parameter.weight for parameter in parameters}
@@ -488,8 +482,8 @@ class Controllable:
 
     def cut(self, box: Box) -> tuple[Face, ...]:
         """The faces of a box that could be at any finite place, but must not be infinite."""
-        cut = (face for face, end in self._horizon.items() if box[face[0]].end(face[1]) == end)
-        return tuple(sorted(cut, key=_face_order))
+        faces = (face for face, end in self._horizon.items() if box[face[0]].end(face[1]) == end)
+        return tuple(sorted(faces, key=_face_order))
 
 
 @dataclass(frozen=True)
@@ -508,21 +502,21 @@ def grow(
     bad: BadSet,
     known: Iterable[Obstacle],
     *,
-    parameters: Sequence[Parameter],
-    still: Collection[str] = (),
+    parameters: Sequence[model.Parameter],
+    fixed: Collection[str] = (),
     deadline: Deadline = NEVER,
     on_box: Callable[[Box], None],
 ) -> list[Obstacle]:
     """Move the faces of a box outwards together until each is stopped; returns what was met or known.
 
-    No box around the last one is as wanted, but for faces of parameters in `still`, which do not move.
+    No box around the last one is as wanted, but for faces of parameters in `fixed`, which do not move.
 
     Args:
         start: a box that `bad` has nothing against.
         bad: where boxes must not go.
         known: some of that.
         parameters: the parameters, with weights.
-        still: parameters whose faces stay.
+        fixed: parameters whose faces stay.
         deadline: when to give up.
         on_box: called with every box on the way; each contains those before.
 
@@ -530,28 +524,22 @@ def grow(
         OutOfTimeError: if the deadline passes first.
     """
     met = list(known)
-    moving = [face for face in faces_of(parameters) if face[0] not in still and start[face[0]].end(face[1]) is not None]
+    moving = [face for face in faces_of(parameters) if face[0] not in fixed and start[face[0]].end(face[1]) is not None]
     Widening(
-        bad=bad,
-        parameters=parameters,
-        pieces=met,
-        groups=[moving],
-        deadline=deadline,
-        on_box=on_box,
-        start=start,
+        bad=bad, parameters=parameters, pieces=met, groups=[moving], deadline=deadline, on_box=on_box, start=start
     ).run()
     return met
 
 
 @dataclass(frozen=True, slots=True)
 class Shrunk:
-    """The result: a box, and `cut`, its faces that could be at any finite place but were not allowed to be infinite."""
+    """A controllable part of a box; `cut` are its faces that may be at any finite place, but not infinitely far out."""
 
     box: Box
     cut: tuple[Face, ...]
 
 
-def shrink(parameters: Sequence[Parameter], box: Box, wanted: Property) -> Shrunk:
+def shrink(parameters: Sequence[model.Parameter], box: Box, wanted: Property) -> Shrunk:
     """The max–min fair part of a box around the nominal point that has a property; see the module's text.
 
     Where the nominal value is outside the box, faces move from the middle of the interval instead.
@@ -576,7 +564,7 @@ def shrink(parameters: Sequence[Parameter], box: Box, wanted: Property) -> Shrun
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """How much narrower a box has become: by face, and as a share of the total width; None is infinite.
+    """The loss of width of a box: by face, and as a share of the total width; None is infinite.
 
     `share` is None if the total width was infinite.
     """
@@ -586,7 +574,7 @@ class Loss:
 
 
 def loss(box: Box, shrunk: Box) -> Loss:
-    """What a box loses if it is replaced by one inside it."""
+    """The loss of replacing a box by one inside it."""
     before, after = ends_of(box), ends_of(shrunk)
     faces: dict[Face, Fraction | None] = {}
     for face, old in before.items():

@@ -38,9 +38,10 @@ one by one, and the others are loosened together: each bound becomes a parameter
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from enum import Enum
 from fractions import Fraction
+from functools import cached_property
 from itertools import pairwise
 from typing import TypedDict, Unpack
 
@@ -109,84 +110,79 @@ def causal_network(original: distances.Original, pinned: Collection[str] = ()) -
     settled = settled_durations(original, pinned)
     orders = [edge(a, b, original.gap) for a, b in original.mutex if a.instance is None or a.instance != b.instance]
     network = distances.EdgeNetwork(points, (*certain, *orders))
-    links = [link for instance in durative for link in _over_all_edges(original, instance, network)]
+    links = [link for instance in durative for link in _OverAll(original, instance, network).edges()]
     known = tuple(bound for bound in durations if bound.source.instance in settled)
     edges = tuple(dict.fromkeys((*orders, *links)))
     return CausalNetwork(points, (*certain, *known), durations, edges, frozenset(links) - frozenset(orders))
 
 
-def _over_all_edges(
-    original: distances.Original, instance: model.ActionInstance, network: distances.EdgeNetwork
-) -> Iterator[distances.DistanceEdge]:
-    def protection(literals: Iterable[model.Holds]) -> list[distances.DistanceEdge]:
-        return [one for literal in literals for one in _protection(original, instance, literal, network)]
+@dataclass(frozen=True)
+class _OverAll:
+    """The over-all conditions of one instance, and the edges that protect them in a network."""
 
-    for part in instance.conditions:
-        if part.timing is model.Timing.OVER_ALL:
-            kept = _kept(original, instance, part.condition, lambda literals: len(protection(literals)))
-            yield from protection(kept or ())
+    original: distances.Original
+    instance: model.ActionInstance
+    network: distances.EdgeNetwork
 
+    def edges(self) -> Iterator[distances.DistanceEdge]:
+        for part in self.instance.conditions:
+            if part.timing is model.Timing.OVER_ALL:
+                yield from self._all_protected(self._kept(part.condition) or ())
 
-def _kept(
-    original: distances.Original,
-    instance: model.ActionInstance,
-    condition: model.Condition,
-    cost: Callable[[tuple[model.Holds, ...]], int],
-) -> tuple[model.Holds, ...] | None:
-    """Literals that hold from start to end and make the condition true, of least cost; None if no literals do.
+    def _all_protected(self, literals: Iterable[model.Holds]) -> list[distances.DistanceEdge]:
+        return [bound for literal in literals for bound in self._protection(literal)]
 
-    Conjuncts that no literals keep true are passed over. Comparisons are taken for true where all of the condition
-    needs them, for false where there is an alternative.
-    """
-    match condition:
-        case model.Truth(value):
-            return () if value else None
-        case model.NumericCondition():
-            return ()
-        case model.Holds():
-            return (condition,) if _holds_throughout(original, instance, condition) else None
-        case model.And(operands):
-            parts = [_kept(original, instance, operand, cost) for operand in operands]
-            return tuple(literal for part in parts if part is not None for literal in part)
-        case model.Or(operands):
-            alternatives = [
-                _kept(original, instance, one, cost) for one in operands if not isinstance(one, model.NumericCondition)
-            ]
-            return min((one for one in alternatives if one), key=cost, default=None)
+    def _kept(self, condition: model.Condition) -> tuple[model.Holds, ...] | None:
+        """Literals that hold from start to end and make the condition true, with fewest edges; None if no literals do.
 
+        Conjuncts that no literals keep true are passed over. Comparisons are taken for true where all of the condition
+        needs them, for false where there is an alternative.
+        """
+        match condition:
+            case model.Truth(value):
+                return () if value else None
+            case model.NumericCondition():
+                return ()
+            case model.Holds():
+                return (condition,) if self._holds_throughout(condition) else None
+            case model.And(operands):
+                return tuple(literal for part in map(self._kept, operands) for literal in part or ())
+            case model.Or(operands):
+                kept = [self._kept(operand) for operand in operands if not isinstance(operand, model.NumericCondition)]
+                alternatives = (literals for literals in kept if literals)
+                return min(alternatives, key=lambda literals: len(self._all_protected(literals)), default=None)
 
-def _holds_throughout(original: distances.Original, instance: model.ActionInstance, literal: model.Holds) -> bool:
-    """Whether the literal holds from right after the start up to the end."""
-    start, end = original.times[instance.start], original.times[instance.end]
-    # where start and end are at the same time, what holds then has to hold
-    happenings = [before for before, _ in original.execution.steps(start, end)] or [original.execution.at(start)]
-    return all((literal.atom in happening.after.atoms) is literal.value for happening in happenings)
+    def _holds_throughout(self, literal: model.Holds) -> bool:
+        """Whether the literal holds from right after the start up to the end."""
+        execution, times = self.original.execution, self.original.times
+        start, end = times[self.instance.start], times[self.instance.end]
+        # where start and end are at the same time, what holds then has to hold
+        happenings = [before for before, _ in execution.steps(start, end)] or [execution.at(start)]
+        return all((literal.atom in happening.after.atoms) is literal.value for happening in happenings)
 
-
-def _protection(
-    original: distances.Original, instance: model.ActionInstance, literal: model.Holds, network: distances.EdgeNetwork
-) -> Iterator[distances.DistanceEdge]:
-    """Achiever before start, contrary writers not before the end unless they are before the achiever."""
-    start, end = original.times[instance.start], original.times[instance.end]
-    writes = original.writes(literal.atom)
-    contrary = [one for one in writes if one.value is not literal.value]
-    broken = max((one.time for one in contrary if one.time <= start), default=None)
-    initially = (literal.atom in original.plan.initial_atoms) is literal.value
-    if broken is not None or not initially:
-        supports = [one for one in writes if one.value is literal.value and one.time <= start]
-        achievers = [one for one in supports if broken is None or broken < one.time]
-        # one of them, unless one comes before the start anyway
-        links = [edge(one.point, instance.start, Fraction(0)) for one in achievers]
-        if links and not any(map(network.implies, links)):
-            yield links[-1]
-    for one in contrary:
-        if one.time >= end and one.point != instance.end:
-            yield edge(instance.end, one.point, Fraction(0))
+    def _protection(self, literal: model.Holds) -> Iterator[distances.DistanceEdge]:
+        """Achiever before start, contrary writers not before the end unless they are before the achiever."""
+        original, instance = self.original, self.instance
+        start, end = original.times[instance.start], original.times[instance.end]
+        writes = original.writes(literal.atom)
+        contrary = [write for write in writes if write.value is not literal.value]
+        broken = max((write.time for write in contrary if write.time <= start), default=None)
+        initially = (literal.atom in original.plan.initial_atoms) is literal.value
+        if broken is not None or not initially:
+            supports = [write for write in writes if write.value is literal.value and write.time <= start]
+            achievers = [support for support in supports if broken is None or broken < support.time]
+            # one of them, unless one comes before the start anyway
+            links = [edge(achiever.point, instance.start, Fraction(0)) for achiever in achievers]
+            if links and not any(map(self.network.implies, links)):
+                yield links[-1]
+        for write in contrary:
+            if write.time >= end and write.point != instance.end:
+                yield edge(instance.end, write.point, Fraction(0))
 
 
 @dataclass(frozen=True, slots=True)
 class Tightening:
-    """A bound that was needed beyond what keeps atoms true.
+    """A bound that is needed in addition to the edges that keep atoms true.
 
     `edge` is the bound, `own` the distance that the plan itself has, and `obligation` the first one that broke
     without it.
@@ -198,12 +194,12 @@ class Tightening:
 
 
 class UndecidedError(SolverError):
-    """A network of which it is not known, or not in time, whether it is valid."""
+    """The validity of a network is not decided, or not in time."""
 
 
 @dataclass(frozen=True)
 class Tightener:
-    """Asks about networks of one plan.
+    """Proves, tightens and loosens networks of one plan.
 
     Args:
         original: the plan and its schedule.
@@ -217,21 +213,23 @@ class Tightener:
     deadline: Deadline
     say: Callable[[str], None]
 
-    def loosened(self, edges: Sequence[distances.DistanceEdge], found: Sequence[Tightening]) -> tuple[Tightening, ...]:
-        """As few of the bounds that were found, and as loose, as the proof allows; all as they are if time is short.
+    def loosened(
+        self, edges: Sequence[distances.DistanceEdge], tightened: Sequence[Tightening]
+    ) -> tuple[Tightening, ...]:
+        """The bounds, as few and as loose as the proof allows; unchanged if time runs out.
 
         Raises:
             KeyboardInterrupt: if interrupted.
         """
-        if not found:
+        if not tightened:
             return ()
         less = self.in_less_time
         self.say("dropping bounds")
-        bounds = [one.edge for one in found]
+        bounds = [tightening.edge for tightening in tightened]
         needed = less.without_removable(edges, bounds, bounds)
-        found = [one for one in found if one.edge in needed]
+        tightened = [tightening for tightening in tightened if tightening.edge in needed]
         self.say("loosening bounds")
-        return tuple(less._loosened(edges, found))
+        return tuple(less._loosened(edges, tightened))
 
     def without_removable(
         self,
@@ -244,30 +242,31 @@ class Tightener:
         Together with the `fixed` edges they are valid.
         """
         kept = list(edges)
-        for one in reversed(edges):
-            if one in candidates:
-                rest = [other for other in kept if other != one]
+        for candidate in reversed(edges):
+            if candidate in candidates:
+                rest = [other for other in kept if other != candidate]
                 every = (*fixed, *rest)
-                implied = distances.is_implied(one, every)
-                if implied or (not self._breaks_without(one, every) and self.check(every).answer is Answer.PROVED):
+                implied = distances.is_implied(candidate, every)
+                if implied or (
+                    not self._breaks_without(candidate, every) and self.check(every).answer is Answer.PROVED
+                ):
                     kept = rest
         return kept
 
-    def _breaks_without(self, one: distances.DistanceEdge, others: Sequence[distances.DistanceEdge]) -> bool:
+    def _breaks_without(self, bound: distances.DistanceEdge, others: Sequence[distances.DistanceEdge]) -> bool:
         """Whether one of two schedules that break this edge only breaks an obligation: mostly, and without a solver."""
         plan, epsilon = self.original.plan, self.original.epsilon
-        literals = {point: point.time for point in plan.time_points if point.time is not None}
         points = [point for point in plan.time_points if point.time is None]
         for slack in (self.original.gap, Fraction(1)):
-            broken = distances.DistanceEdge(one.target, one.source, slack - one.weight)
+            broken = distances.DistanceEdge(bound.target, bound.source, slack - bound.weight)
             times = distances.EdgeNetwork(points, (*others, broken)).earliest
-            if times is not None and simulate(plan, plan.nominal, {**literals, **times}, epsilon=epsilon).violations:
+            if times is not None and simulate(plan, plan.nominal, times, epsilon=epsilon).violations:
                 return True
         return False
 
     @property
     def in_less_time(self) -> Tightener:
-        """With half of the time that is left: what is loosened has to be proved once more afterwards."""
+        """A copy with half of the remaining time: a loosened network has to be proved once more afterwards."""
         remaining = self.deadline.remaining
         return self if remaining is None else replace(self, deadline=Deadline.after(remaining / 2))
 
@@ -287,25 +286,25 @@ class Tightener:
         plan = self._plan(edges)
         if is_proved(plan, self.original.epsilon, self.original.mutex):
             return [], _verdict(plan, Answer.PROVED)
-        found: dict[distances.DistanceEdge, Tightening] = {}
+        tightened: dict[distances.DistanceEdge, Tightening] = {}
         while True:
-            self.say(f"proving the network with {len(found)} bounds on distances")
-            result = self.check((*edges, *found))
+            self.say(f"proving the network with {len(tightened)} bounds on distances")
+            result = self.check((*edges, *tightened))
             if result.answer is Answer.PROVED:
-                return list(found.values()), result
+                return list(tightened.values()), result
             if not result.counterexamples:
                 raise UndecidedError(
                     f"found {_undecided(result)!r} undecided, expected a proof that the network is valid; "
                     "allow more time or another solver"
                 )
             counterexample = next(iter(result.counterexamples.values()))
-            new = [one for one in self._bounds_against(counterexample) if one.edge not in found]
+            new = [bound for bound in self._bounds_against(counterexample) if bound.edge not in tightened]
             if not new:
                 raise SolverError(
                     f"found no bound that keeps {counterexample.obligation!r}, which the plan itself does not break; "
                     "please report this plan as a bug"
                 )
-            found |= {one.edge: one for one in new}
+            tightened |= {tightening.edge: tightening for tightening in new}
 
     def _bounds_against(self, counterexample: Counterexample) -> list[Tightening]:
         """Bounds at the plan's distances where the schedule has others."""
@@ -315,36 +314,36 @@ class Tightener:
         ordered = sorted(points, key=lambda point: (times[point], order[point]))
         bounds = []
         for earlier, later in pairwise(ordered):
-            own = self.original.distance(earlier, later)
+            planned = self.original.distance(earlier, later)
             other = counterexample.schedule[later] - counterexample.schedule[earlier]
-            if other != own:
-                bound = edge(earlier, later, own) if other < own else edge(later, earlier, -own)
-                bounds.append(Tightening(bound, own, counterexample.obligation))
+            if other != planned:
+                bound = edge(earlier, later, planned) if other < planned else edge(later, earlier, -planned)
+                bounds.append(Tightening(bound, planned, counterexample.obligation))
         return bounds
 
     # -- less of it --------------------------------------------------------------------------------------------------
 
-    def _loosened(self, edges: Sequence[distances.DistanceEdge], found: Sequence[Tightening]) -> Iterable[Tightening]:
+    def _loosened(
+        self, edges: Sequence[distances.DistanceEdge], tightened: Sequence[Tightening]
+    ) -> Iterable[Tightening]:
         """The bounds at the ends of the widest box of bounds; those without end are dropped."""
-        box = self._widened(edges, found)
-        for name, one in zip(_names(found), found, strict=True):
+        box = self._widened(edges, tightened)
+        for name, tightening in zip(_names(tightened), tightened, strict=True):
             interval = box[name]
             weight = interval.lower
             if weight is not None:
                 # where the end does not belong to it, a little above or the plan's own
-                least = weight if interval.lower_closed else min(weight + self.original.gap, one.edge.weight)
-                yield replace(one, edge=one.edge._replace(weight=least))
+                least = weight if interval.lower_closed else min(weight + self.original.gap, tightening.edge.weight)
+                yield replace(tightening, edge=tightening.edge._replace(weight=least))
 
-    def _widened(self, edges: Sequence[distances.DistanceEdge], found: Sequence[Tightening]) -> Box:
-        """How far all bounds can be lowered at once; as they are, where widening cannot tell in time."""
-        named = dict(zip(_names(found), (one.edge for one in found), strict=True))
+    def _widened(self, edges: Sequence[distances.DistanceEdge], tightened: Sequence[Tightening]) -> Box:
+        """The box of lower bounds that widening finds; the bounds themselves if it does not finish in time."""
+        named = dict(zip(_names(tightened), (bound.edge for bound in tightened), strict=True))
         plan = self._plan(edges)
-        fixed = [replace(one, lower=one.nominal, upper=one.nominal) for one in plan.parameters]
-        free = [model.Parameter(name, one.weight, upper=one.weight) for name, one in named.items()]
-        bounds = [
-            model.TemporalConstraint(one.source, one.target, Polynomial.variable(model.ParameterReference(name)), None)
-            for name, one in named.items()
-        ]
+        fixed = [replace(parameter, lower=parameter.nominal, upper=parameter.nominal) for parameter in plan.parameters]
+        free = [model.Parameter(name, bound.weight, upper=bound.weight) for name, bound in named.items()]
+        variables = {name: Polynomial.variable(model.ParameterReference(name)) for name in named}
+        bounds = [at_least(bound, variables[name]) for name, bound in named.items()]
         widened = replace(plan, parameters=(*fixed, *free), constraints=(*plan.constraints, *bounds))
         encoding = create_encoding("relational", widened, self.original.epsilon, self.deadline)
         result = ExactSearch(encoding, solver=self.solver, deadline=self.deadline).run()
@@ -353,10 +352,13 @@ class Tightener:
         return result.box if result.verified else Box.nominal(widened.parameters)
 
     def _plan(self, edges: Iterable[distances.DistanceEdge]) -> model.ParametrizedPlan:
-        constraints = tuple(
-            model.TemporalConstraint(one.source, one.target, Polynomial.constant(one.weight), None) for one in edges
-        )
+        constraints = tuple(at_least(bound, Polynomial.constant(bound.weight)) for bound in edges)
         return replace(self.original.plan, constraints=constraints)
+
+
+def at_least(bound: distances.DistanceEdge, weight: model.Bound) -> model.TemporalConstraint:
+    """A lower bound on the distance between the time points of an edge."""
+    return model.TemporalConstraint(bound.source, bound.target, weight, None)
 
 
 def check_plan(plan: model.ParametrizedPlan, epsilon: Fraction, solver: str, deadline: Deadline) -> CheckResult:
@@ -375,13 +377,13 @@ def check_plan(plan: model.ParametrizedPlan, epsilon: Fraction, solver: str, dea
 
 
 def _verdict(plan: model.ParametrizedPlan, answer: Answer) -> CheckResult:
-    """The same verdict about all obligations."""
+    """A result with one answer for all obligations."""
     names = dict.fromkeys(obligation_names(plan), answer)
     return CheckResult(answer, Box.nominal(plan.parameters), names, {}, 0.0)
 
 
-def _names(found: Sequence[Tightening]) -> list[str]:
-    return [f"bound {i}" for i in range(len(found))]
+def _names(tightened: Sequence[Tightening]) -> list[str]:
+    return [f"bound {i}" for i in range(len(tightened))]
 
 
 def _undecided(result: CheckResult) -> str:
@@ -390,14 +392,14 @@ def _undecided(result: CheckResult) -> str:
 
 
 class Mode(Enum):
-    """How the network is made: the least constrained one that is proved, or that of the paper's transformer."""
+    """Method of conversion: the least constrained network that is proved, or the network of the paper's transformer."""
 
     CAUSAL = "causal"
     ESTEREL = "esterel"
 
 
 class ConversionEnd(VerdictEnum):
-    """How a conversion ended; if not complete, its network is proved, but not the least constrained one."""
+    """Status of a conversion; unless complete, its network is proved, but not the least constrained one."""
 
     COMPLETE = "complete"
     TIMEOUT = "timeout"
@@ -444,14 +446,14 @@ class Conversion(Presented, ask="check"):
         return self.ended is not ConversionEnd.COMPLETE
 
     def notes(self, timed: TimedPlan) -> tuple[str, ...]:
-        """What was picked and skipped of the text that the plan comes from, what was moved, and what is missing."""
+        """Notes for the user: parts of the text that were skipped, times that were moved, and limits of the network."""
         missing = f"not the least constrained network: {_ENDINGS[self.ended]}" if self.cut_short else ""
         gap = f"a network cannot say 'at different times': dependent times are {format_number(self.gap)} apart or more"
         return tuple(filter(None, (timed.note, str(self.snapped), missing, "" if self.epsilon else gap)))
 
 
 class Settings(TypedDict, total=False):
-    """How a conversion is done.
+    """Settings of a conversion.
 
     Attributes:
         mode: how the network is made.
@@ -474,101 +476,94 @@ class Settings(TypedDict, total=False):
     on_progress: Callable[[str], None] | None
 
 
+@dataclass
 class Converting:
     """A conversion that knows at any moment the best network that is proved: at worst one with a single schedule.
 
-    The arguments are those of :func:`convert`.
+    The fields are the arguments of :func:`convert`.
     """
 
-    def __init__(
-        self,
-        domain: Domain,
-        problem: Problem,
-        timed: TimedPlan,
-        *,
-        mode: Mode = Mode.CAUSAL,
-        specs: Iterable[ParameterSpec] = (),
-        epsilon: Fraction = EPSILON,
-        tolerance: Fraction | None = None,
-        solver: str = "z3",
-        timeout: float | None = None,
-        on_progress: Callable[[str], None] | None = None,
-    ) -> None:
-        self._problem = domain, problem
-        self._timed = timed
-        self._mode = mode
-        self._specs = tuple(specs)
-        self._epsilon = epsilon
-        self._tolerance = tolerance
-        self._solver = solver
-        self._deadline = Deadline.after(timeout)
-        self._say = on_progress or (lambda _: None)
-        self._parts: tuple[distances.Original, Parametrization, Snapped] | None = None
-        self._known: _Network | None = None
+    domain: Domain
+    problem: Problem
+    timed: TimedPlan
+    _: KW_ONLY
+    mode: Mode = Mode.CAUSAL
+    specs: Iterable[ParameterSpec] = ()
+    epsilon: Fraction = EPSILON
+    tolerance: Fraction | None = None
+    solver: str = "z3"
+    timeout: float | None = None
+    on_progress: Callable[[str], None] | None = None
+
+    def __post_init__(self) -> None:
+        self.specs = tuple(self.specs)
+        self._deadline = Deadline.after(self.timeout)
+        self._say = self.on_progress or (lambda _: None)
+        self._proved: _Network | None = None
 
     def run(self) -> Conversion:
-        """The conversion, or the best one by then if time is out or somebody interrupts; raises what `convert` does."""
+        """The conversion, or the best one so far on a timeout or an interrupt; raises what `convert` does."""
         self._say("executing the plan")
-        self._parts = self._read()
+        original, _, _ = self._original
         try:
-            original, chosen, _ = self._parts
-            network = self._esterel() if self._mode is Mode.ESTEREL else self._causal()
-            stn = _written(original, chosen, network)
-            plan = assemble(*self._problem, stn, chosen.beside)
+            if self.mode is Mode.ESTEREL:
+                network = _Network(esterel_edges(original), check=_verdict(original.plan, Answer.UNKNOWN))
+                self._proved = network
+            else:
+                network = self._causal()
+            stn, plan = self._written(network)
             self._say("proving the plan")
-            result = check_plan(plan, self._epsilon, self._solver, self._deadline)
-            if self._mode is Mode.CAUSAL:
+            result = check_plan(plan, self.epsilon, self.solver, self._deadline)
+            if self.mode is Mode.CAUSAL:
                 _assert_proved(result)
         except (UndecidedError, OutOfTimeError):
             return self._best(ConversionEnd.UNDECIDED if self._deadline.moment is None else ConversionEnd.TIMEOUT)
         except KeyboardInterrupt:
             return self._best(ConversionEnd.INTERRUPTED)
-        return self._made(network, stn, plan, result, ConversionEnd.COMPLETE)
+        return self._conversion(network, stn, plan, result, ConversionEnd.COMPLETE)
 
     def so_far(self, *, timed_out: bool) -> Conversion | None:
-        """What is known if the conversion is given up now; None while the plan itself is being executed."""
-        if self._parts is None:
+        """The best conversion so far; None while the plan itself is being executed."""
+        if "_original" not in vars(self):
             return None
         return self._best(ConversionEnd.TIMEOUT if timed_out else ConversionEnd.INTERRUPTED)
 
-    def _read(self) -> tuple[distances.Original, Parametrization, Snapped]:
-        timed, epsilon = self._timed, self._epsilon
-        instances = distances.declarations(timed, self._problem[0], epsilon)
+    @cached_property
+    def _original(self) -> tuple[distances.Original, Parametrization, Snapped]:
+        """The plan at exact times, executed; its parameters; and how far its times moved."""
+        timed, epsilon = self.timed, self.epsilon
+        instances = distances.declarations(timed, self.domain, epsilon)
         times = distances.schedule_of(timed, instances)
         untimed = STNPlan((), instances, (), timed.file)
-        chosen = parametrization(*self._problem, untimed, times, self._specs)
-        bare = assemble(*self._problem, chosen.bare, chosen.fluents)
-        reach = distances.tolerances(timed, instances, epsilon, self._tolerance)
+
+        def ground(times: Mapping[model.TimePoint, Fraction]) -> tuple[Parametrization, model.ParametrizedPlan]:
+            chosen = parametrization(self.domain, self.problem, untimed, times, self.specs)
+            return chosen, assemble(self.domain, self.problem, chosen.bare, chosen.fluents)
+
+        chosen, bare = ground(times)
+        reach = distances.tolerances(timed, instances, epsilon, self.tolerance)
         snapped = distances.snapped(bare, times, reach, epsilon, timed.file)
         if str(snapped):
             times = dict(snapped.times)
-            chosen = parametrization(*self._problem, untimed, times, self._specs)
-            bare = assemble(*self._problem, chosen.bare, chosen.fluents)
+            chosen, bare = ground(times)
         return distances.validated(bare, times, epsilon, timed.file), chosen, snapped
-
-    def _esterel(self) -> _Network:
-        assert self._parts is not None  # noqa: S101 - read before
-        original, _, _ = self._parts
-        self._known = _Network(esterel_edges(original), check=_verdict(original.plan, Answer.UNKNOWN))
-        return self._known
 
     def _causal(self) -> _Network:
         """The least constrained network: causal edges, then bounds, without what others imply for all parameters.
 
         What the proof does not need goes as well, unless there are parameters: other values of them might need it.
         """
-        assert self._parts is not None  # noqa: S101 - read before
-        original, chosen, _ = self._parts
-        tightener = Tightener(original, self._solver, self._deadline, self._say)
+        original, chosen, _ = self._original
+        tightener = Tightener(original, self.solver, self._deadline, self._say)
         causal = causal_network(original, chosen.pinned_durations)
         fixed = (*causal.durations, *chosen.pinned_starts(original.times))
         network = distances.EdgeNetwork(causal.points, (*causal.certain, *causal.edges))
         irredundant = network.needed(causal.edges, causal.certain)
         needed = (*fixed, *irredundant)
-        found, proof = tightener.forced(needed)
-        self._known = _Network((*needed, *(one.edge for one in found)), tuple(found), check=proof)
-        tightened = tightener.loosened(needed, found)
-        bounds = [one.edge for one in tightened]
+        forced, proof = tightener.forced(needed)
+        self._proved = _Network((*needed, *(bound.edge for bound in forced)), tuple(forced), check=proof)
+        tightened = tightener.loosened(needed, forced)
+        bounds = [tightening.edge for tightening in tightened]
         every = list(dict.fromkeys((*causal.edges, *bounds)))
         kept = every
         if not (chosen.parameters or chosen.beside or (not bounds and _is_propositional(original.plan))):
@@ -580,37 +575,47 @@ class Converting:
         if not (chosen.parameters or chosen.beside):
             fixed = _without_implied_ranges(fixed, edges)
         redundant = len(every) - len(edges)
-        return _Network((*fixed, *edges), tuple(one for one in tightened if one.edge in edges), redundant)
+        needed_bounds = tuple(bound for bound in tightened if bound.edge in edges)
+        return _Network((*fixed, *edges), needed_bounds, redundant)
 
     def _best(self, ended: ConversionEnd) -> Conversion:
         """The network that was proved last, or the one whose only schedule is the plan's own; esterel: as it is."""
-        assert self._parts is not None  # noqa: S101 - read before
-        original, chosen, _ = self._parts
-        network = self._known or _rigid(original)
-        stn = _written(original, chosen, network)
-        plan = assemble(*self._problem, stn, chosen.beside)
+        network = self._proved or _rigid(self._original[0])
+        stn, plan = self._written(network)
         proof = _verdict(plan, Answer.PROVED) if network.check is None else network.check
-        result = replace(proof, box=Box.nominal(plan.parameters))
-        return self._made(network, stn, plan, result, ended)
+        return self._conversion(network, stn, plan, replace(proof, box=Box.nominal(plan.parameters)), ended)
 
-    def _made(
+    def _written(self, network: _Network) -> tuple[STNPlan, model.ParametrizedPlan]:
+        """The plan with the network, durations first; a distance that is a parameter has no other bounds."""
+        original, chosen, _ = self._original
+        points = sorted(original.plan.time_points, key=lambda point: (point != model.ZERO, original.times[point]))
+        plain = distances.constraints_of(network.edges, {point: i for i, point in enumerate(points)})
+        every = [*(bound for bound in plain if not chosen.says_all_about(bound)), *chosen.constraints]
+        constraints = tuple(sorted(every, key=lambda bound: bound.source.instance != bound.target.instance))
+        stn = replace(chosen.bare, parameters=chosen.parameters, constraints=constraints)
+        return stn, assemble(self.domain, self.problem, stn, chosen.beside)
+
+    def _conversion(
         self, network: _Network, stn: STNPlan, plan: model.ParametrizedPlan, check: CheckResult, ended: ConversionEnd
     ) -> Conversion:
-        assert self._parts is not None  # noqa: S101 - read before
-        original, chosen, snapped = self._parts
-        _assert_allowed(plan, original, self._timed)
-        times, tightened, redundant = original.times, network.tightened, network.redundant
-        found = Conversion(self._mode, stn, plan, chosen.beside, times, snapped, check, tightened, redundant, ended)
-        return replace(found, epsilon=self._epsilon, solver=self._solver, gap=original.gap)
+        """The conversion, once the simulator has confirmed that the network allows the plan's own schedule."""
+        original, chosen, snapped = self._original
+        simulation = simulate(plan, plan.nominal, original.times, epsilon=original.epsilon)
+        if not simulation.valid:
+            reasons = [*simulation.network_violations, *(violation.obligation for violation in simulation.violations)]
+            raise SolverError(
+                f"found a network that excludes the plan itself ({reasons[0]}), expected one that allows it; "
+                "please report this plan as a bug",
+                Location(self.timed.file),
+            )
+        return Conversion(
+            self.mode, stn, plan, chosen.beside, original.times, snapped, check, network.tightened, network.redundant,
+            ended, self.epsilon, self.solver, original.gap,
+        )  # fmt: skip
 
 
 @noticing_interrupts()
-def convert(
-    domain: Domain,
-    problem: Problem,
-    timed: TimedPlan,
-    **settings: Unpack[Settings],
-) -> Conversion:
+def convert(domain: Domain, problem: Problem, timed: TimedPlan, **settings: Unpack[Settings]) -> Conversion:
     """The time-triggered plan as an STN plan whose network allows its schedule [IRR §3].
 
     In mode CAUSAL the network is proved valid. Both the proof and the plan's own schedule (executed by the simulator,
@@ -645,18 +650,19 @@ class _Network:
 
 def _rigid(original: distances.Original) -> _Network:
     """Every time point where the plan has it, one after the other; the plan's own execution is the proof."""
-    points = sorted((point for point in original.times if point.time is None), key=lambda one: original.times[one])
+    points = sorted((point for point in original.times if point.time is None), key=original.times.__getitem__)
     edges = []
     for earlier, later in pairwise(points):
-        own = original.distance(earlier, later)
-        edges += [distances.DistanceEdge(earlier, later, own), distances.DistanceEdge(later, earlier, -own)]
+        length = original.distance(earlier, later)
+        edges += [distances.DistanceEdge(earlier, later, length), distances.DistanceEdge(later, earlier, -length)]
     return _Network(tuple(edges))
 
 
 def _is_propositional(plan: model.ParametrizedPlan) -> bool:
     """Whether every over-all condition is a conjunction of literals: then each link is needed, or implied."""
-    over_all = [part for one in plan.instances for part in one.conditions if part.timing is model.Timing.OVER_ALL]
-    return all(isinstance(one, model.Holds) for part in over_all for one in model.conjuncts(part.condition))
+    parts = (part for instance in plan.instances for part in instance.conditions)
+    over_all = (part.condition for part in parts if part.timing is model.Timing.OVER_ALL)
+    return all(isinstance(leaf, model.Holds) for condition in over_all for leaf in model.conjuncts(condition))
 
 
 def _without_implied_ranges(
@@ -664,21 +670,12 @@ def _without_implied_ranges(
 ) -> tuple[distances.DistanceEdge, ...]:
     """The bounds of durations without those of ranges that all the others imply; a fixed duration keeps both."""
     kept = dict.fromkeys(durations)
-    for one in durations:
-        if distances.DistanceEdge(one.target, one.source, -one.weight) not in kept:
-            others = [other for other in kept if other != one]
-            if distances.is_implied(one, (*others, *edges)):
-                del kept[one]
+    for duration in durations:
+        if distances.DistanceEdge(duration.target, duration.source, -duration.weight) not in kept:
+            others = [other for other in kept if other != duration]
+            if distances.is_implied(duration, (*others, *edges)):
+                del kept[duration]
     return tuple(kept)
-
-
-def _written(original: distances.Original, chosen: Parametrization, network: _Network) -> STNPlan:
-    """The plan with the network, durations first; where a parameter is a distance, nothing else is said about it."""
-    points = sorted(original.plan.time_points, key=lambda point: (point != model.ZERO, original.times[point]))
-    plain = distances.constraints_of(network.edges, {point: i for i, point in enumerate(points)})
-    every = [*(one for one in plain if not chosen.says_all_about(one)), *chosen.constraints]
-    constraints = tuple(sorted(every, key=lambda one: one.source.instance != one.target.instance))
-    return replace(chosen.bare, parameters=chosen.parameters, constraints=constraints)
 
 
 def _assert_proved(result: CheckResult) -> None:
@@ -687,15 +684,3 @@ def _assert_proved(result: CheckResult) -> None:
         raise SolverError(f"found {broken!r} broken in the converted plan, expected a proof; please report it as a bug")
     if result.answer is not Answer.PROVED:
         raise UndecidedError(f"found {_undecided(result)!r} undecided in the converted plan, expected a proof")
-
-
-def _assert_allowed(plan: model.ParametrizedPlan, original: distances.Original, timed: TimedPlan) -> None:
-    """That the schedule of the time-triggered plan is one of the network's, and breaks nothing."""
-    simulation = simulate(plan, plan.nominal, original.times, epsilon=original.epsilon)
-    if not simulation.valid:
-        reasons = [*simulation.network_violations, *(one.obligation for one in simulation.violations)]
-        raise SolverError(
-            f"found a network that excludes the plan itself ({reasons[0]}), expected one that allows it; "
-            "please report this plan as a bug",
-            Location(timed.file),
-        )

@@ -4,11 +4,11 @@ DREEX accepts what a box of parameter values allows that is proved to be inside 
 with such a box, and looks for another one in what is left of the envelope (:mod:`robust.execute.slices`). BLEX(x), the
 baseline, accepts any duration or consumption within x per cent of what was planned, and proves nothing.
 
-The temporal network becomes tables that a dispatcher can read quickly: who waits for whom, and how long. Under a box
-that is dynamically controllable, the tables hold all that follows from the constraints and from what nature may still
-choose, with the waits of P. Morris (2014): :mod:`robust.network.uncertain`. Under any other box no
-strategy is certain; the tables then hold what follows if nature is kind. For BLEX they hold the constraints of the plan
-as they are written: it looks no further ahead than from one time point to the next [IRR, Algorithm 2].
+The temporal network becomes tables of bounds and waits that a dispatcher can read quickly. Under a box that is
+dynamically controllable, the tables hold all that follows from the constraints and from what nature may still choose,
+with the waits of P. Morris (2014): :mod:`robust.network.uncertain`. Under any other box no strategy is certain; the
+tables then hold what follows if nature is kind. For BLEX they hold the constraints of the plan as they are written: it
+looks no further ahead than from one time point to the next [IRR, Algorithm 2].
 
 Parameters "must be eventually observable" [IRR §3, Parametrization]. A distance between time points that is a parameter
 is revealed by the later one: a duration by the action's end, a start time by the start. A consumption or production is
@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
 from fractions import Fraction
@@ -61,7 +62,7 @@ class Blex:
 
     def box(self, plan: model.ParametrizedPlan) -> Box:
         """The interval of every parameter, around its nominal value."""
-        return Box({one.name: self.interval(one.nominal) for one in plan.parameters})
+        return Box({parameter.name: self.interval(parameter.nominal) for parameter in plan.parameters})
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +100,7 @@ def parse_executor(text: str) -> Executor:
 
 
 class Guarantee(Enum):
-    """What is known when execution begins, for as long as all observations are inside the box."""
+    """Guarantee at the beginning of an execution, for as long as all observations are inside the box."""
 
     DYNAMIC = "dynamic"
     """The plan succeeds."""
@@ -128,7 +129,7 @@ class NaturalLink:
         return next(iter(variables)) if len(variables) == 1 else None
 
     def revealed(self, length: Fraction) -> Fraction:
-        """The value of that parameter."""
+        """The value of the parameter that a length reveals."""
         ((_, factor),) = self.length.coefficients()
         return (length - self.length.constant_term) / factor
 
@@ -140,20 +141,20 @@ Tables = DispatchNetwork[NaturalLink]
 
 
 def dispatch_network(network: boxes.ParametricStnu, box: Box, executor: Executor) -> tuple[Tables, Guarantee]:
-    """The network of a plan under a box, and what is known of the executions that it leads to.
+    """The tables of a plan under a box, and the guarantee for their executions.
 
     Raises:
         InputError: if there is no schedule, whatever nature chooses.
     """
     links = [_natural(link, box, executor) for link in network.links if link.is_contingent]
-    if isinstance(executor, Blex):
-        edges = _possible_edges(network, box, links)
-        return DispatchNetwork(network.points, links, edges, (), closed=False), Guarantee.NONE
-    certain = _certain(network, box, links)
-    if certain is not None:
-        return certain, Guarantee.DYNAMIC
-    edges = _possible_edges(network, box, links)
-    return DispatchNetwork(network.points, links, edges, (), closed=True), Guarantee.WEAK
+    looks_ahead = not isinstance(executor, Blex)
+    stnu = None
+    with suppress(InputError):  # if a face is infinitely far out, or a link may end before it starts: none is certain
+        stnu = network.at(boxes.ends_of(box)) if looks_ahead else None
+    if stnu is not None and (answer := dynamic(stnu)).is_controllable:
+        return strategy(answer, links), Guarantee.DYNAMIC
+    tables = DispatchNetwork(network.points, links, _possible_edges(network, box, links), (), closed=looks_ahead)
+    return tables, Guarantee.WEAK if looks_ahead else Guarantee.NONE
 
 
 def _natural(link: boxes.ParametricLink, box: Box, executor: Executor) -> NaturalLink:
@@ -170,7 +171,7 @@ def _values(length: boxes.Length, box: Box) -> Interval:
 def _possible_edges(
     network: boxes.ParametricStnu, box: Box, links: Sequence[NaturalLink]
 ) -> Iterable[tuple[int, int, Fraction]]:
-    """What holds for some values in the box: bounds are as weak as the box makes them."""
+    """The edges that hold for some values in the box: each bound is the weakest in the box."""
     index = {point: i for i, point in enumerate(network.points)}
     for link in network.links:
         if link.is_contingent:
@@ -183,17 +184,8 @@ def _possible_edges(
         yield from edges_between(index[natural.source], index[natural.target], allowed.lower, allowed.upper)
 
 
-def _certain(network: boxes.ParametricStnu, box: Box, links: Sequence[NaturalLink]) -> Tables | None:
-    """The network with all that follows from reductions; None if it is not dynamically controllable."""
-    try:
-        answer = dynamic(network.at(boxes.ends_of(box)))
-    except InputError:  # a face is infinitely far out, or a link may end before it starts: no strategy is certain
-        return None
-    return strategy(answer, links) if answer.is_controllable else None
-
-
 class Means(Enum):
-    """How a parameter is revealed."""
+    """Ways in which a parameter is revealed."""
 
     TIME = "time"
     LEVEL = "level"
@@ -211,23 +203,23 @@ class Revelation:
 
 
 def revelations(plan: model.ParametrizedPlan, links: Iterable[NaturalLink]) -> tuple[Revelation, ...]:
-    """What reveals each parameter of a plan; nothing may."""
-    found = [
+    """The revelations of the parameters of a plan; a parameter may have none."""
+    revealed = [
         Revelation(link.parameter, Means.TIME, link.target, link.target.instance)
         for link in links
         if link.parameter is not None
     ]
     for more in (_levels(plan), _initial(plan)):
-        known = {one.parameter for one in found}
-        found += [one for one in more if one.parameter not in known]
-    return tuple(dict.fromkeys(found))
+        known = {revelation.parameter for revelation in revealed}
+        revealed += [revelation for revelation in more if revelation.parameter not in known]
+    return tuple(dict.fromkeys(revealed))
 
 
 def written_fluents(plan: model.ParametrizedPlan) -> set[model.Fluent]:
     """The fluents that change."""
-    effects = {effect.fluent for one in plan.instances for effect in one.numeric_effects}
-    flows = {effect.fluent for one in plan.instances for effect in one.continuous_effects}
-    timed = {one.target for one in plan.timed_literals if isinstance(one.target, model.Fluent)}
+    effects = {effect.fluent for instance in plan.instances for effect in instance.numeric_effects}
+    flows = {effect.fluent for instance in plan.instances for effect in instance.continuous_effects}
+    timed = {literal.target for literal in plan.timed_literals if isinstance(literal.target, model.Fluent)}
     return effects | flows | timed
 
 
@@ -235,51 +227,44 @@ def _levels(plan: model.ParametrizedPlan) -> Iterator[Revelation]:
     written = written_fluents(plan)
     for instance in plan.instances:
         for expression, point in _changes(instance):
-            name = _single(plan, expression, written)
-            if name is not None:
+            if (name := _single(plan, expression, written)) is not None:
                 yield Revelation(name, Means.LEVEL, point, instance.identifier)
 
 
 def _changes(instance: model.ActionInstance) -> list[tuple[model.Expression, model.TimePoint]]:
-    """How much an instance changes, and when that is seen."""
-    changes = [(one.expression, instance.at(one.timing)) for one in instance.numeric_effects]
-    return changes + [(one.rate, instance.end) for one in instance.continuous_effects]
+    """The expressions of numeric effects and rates of an instance, each with the time point that shows its value."""
+    changes = [(effect.expression, instance.at(effect.timing)) for effect in instance.numeric_effects]
+    return changes + [(effect.rate, instance.end) for effect in instance.continuous_effects]
 
 
 def _variables_of(instance: model.ActionInstance) -> frozenset[model.NumericVariable]:
     """The variables that an instance reads."""
-    conditions: list[model.Condition] = [one.condition for one in instance.durations]
+    conditions: list[model.Condition] = [duration.condition for duration in instance.durations]
     for parts in (instance.conditions, instance.atom_effects, instance.numeric_effects):
-        conditions += [one.condition for one in parts]
-    compared = (one.expression for condition in conditions for one in model.comparisons(condition))
+        conditions += [part.condition for part in parts]
+    compared = (comparison.expression for condition in conditions for comparison in model.comparisons(condition))
     expressions = [*compared, *(expression for expression, _ in _changes(instance))]
     return frozenset(variable for expression in expressions for variable in expression.variables)
 
 
 def _single(plan: model.ParametrizedPlan, expression: model.Expression, written: set[model.Fluent]) -> str | None:
     """The parameter of an effect, if it is the only one in it and one value of the effect means one value of it."""
-    in_terms = with_static_values(plan, expression, written)
-    names = [variable.name for variable in in_terms.variables if isinstance(variable, model.ParameterReference)]
-    if len(names) != 1:
-        return None
-    mentions = [monomial for monomial in in_terms.terms if model.ParameterReference(names[0]) in monomial]
-    linear = len(mentions) == 1 and mentions[0].count(model.ParameterReference(names[0])) == 1
-    # A factor such as ?duration is known when the effect happens, and not zero in an effect that matters.
-    factors = [variable for variable in mentions[0] if variable != model.ParameterReference(names[0])]
-    return names[0] if linear and all(isinstance(one, model.Duration) for one in factors) else None
 
-
-def with_static_values(
-    plan: model.ParametrizedPlan, expression: model.Expression, written: set[model.Fluent]
-) -> model.Expression:
-    """An expression with the initial values of fluents that never change, which may be parameters."""
-
-    def value(variable: model.NumericVariable) -> model.Expression:
+    def static_value(variable: model.NumericVariable) -> model.Expression:
         if isinstance(variable, model.Fluent) and variable not in written and variable in plan.initial_fluents:
             return plan.initial_fluents[variable]
         return Polynomial.variable(variable)
 
-    return expression.substitute(value)
+    in_terms = expression.substitute(static_value)
+    parameters = [variable for variable in in_terms.variables if isinstance(variable, model.ParameterReference)]
+    if len(parameters) != 1:
+        return None
+    (parameter,) = parameters
+    mentions = [monomial for monomial in in_terms.terms if parameter in monomial]
+    linear = len(mentions) == 1 and mentions[0].count(parameter) == 1
+    # A factor such as ?duration is known when the effect happens, and not zero in an effect that matters.
+    factors = [variable for variable in mentions[0] if variable != parameter]
+    return parameter.name if linear and all(isinstance(factor, model.Duration) for factor in factors) else None
 
 
 def _initial(plan: model.ParametrizedPlan) -> Iterator[Revelation]:
@@ -291,19 +276,19 @@ def _initial(plan: model.ParametrizedPlan) -> Iterator[Revelation]:
 
 
 def _grouped(pairs: Iterable[tuple[model.TimePoint, _Grouped]]) -> Mapping[model.TimePoint, Sequence[_Grouped]]:
-    found: dict[model.TimePoint, list[_Grouped]] = {}
-    for point, one in pairs:
-        found.setdefault(point, []).append(one)
-    return found
+    groups: dict[model.TimePoint, list[_Grouped]] = {}
+    for point, item in pairs:
+        groups.setdefault(point, []).append(item)
+    return groups
 
 
 @dataclass(frozen=True)
 class Dispatchable:
     """A plan, the box of accepted parameter values, and what a dispatcher needs of them.
 
-    `guarantee` says what is known if the box is inside the plan's robustness envelope; whoever computed the box knows
-    that. `shared` are bounds of the network that become stronger when their parameters are observed. `slices` tell
-    what is left of the envelope after observations; None leaves it at the box.
+    `guarantee` holds if the box is inside the plan's robustness envelope, which is for the caller to know. `shared` are
+    bounds of the network that become stronger when their parameters are observed. `slices` tell what is left of the
+    envelope after observations; None leaves it at the box.
     """
 
     plan: model.ParametrizedPlan
@@ -316,12 +301,12 @@ class Dispatchable:
     slices: Slices | None = None
 
     def continued(self, network: boxes.ParametricStnu, box: Box) -> Dispatchable:
-        """The plan in the middle of an execution, with a network that tells what has happened, and another box."""
+        """A copy in the middle of an execution: the network holds the events so far, and the box is another one."""
         tables, guarantee = dispatch_network(network, box, Dreex())
         return replace(self, box=box, network=tables, guarantee=guarantee)
 
     def sliced(self, region: Region, *, exact: bool, seconds: float | None) -> Dispatchable:
-        """With what tells what is left: the envelope or, if it is not `exact`, a part of it; `seconds` per answer."""
+        """A copy that slices a region: the envelope or, if it is not `exact`, a part of it; `seconds` per answer."""
         network = boxes.parametric_stnu(self.plan, self.box)
         return replace(self, slices=Slices(self.plan.parameters, region, exact, network, seconds))
 
@@ -343,32 +328,34 @@ class Dispatchable:
     @cached_property
     def literals(self) -> tuple[tuple[Fraction, int], ...]:
         """Time and number of every timed literal, in order."""
-        found = [(point.time, number) for number, point in enumerate(self.network.points) if point.time is not None]
-        return tuple(sorted(found))
+        literals = [(point.time, number) for number, point in enumerate(self.network.points) if point.time is not None]
+        return tuple(sorted(literals))
 
     @cached_property
     def expected(self) -> Mapping[model.TimePoint, Sequence[Revelation]]:
-        """What should be observed once a time point has happened, beside its time."""
-        return _grouped((one.point, one) for one in self.revelations if one.means is not Means.TIME)
+        """The observations that are due once a time point has happened, in addition to its time."""
+        return _grouped(
+            (revelation.point, revelation) for revelation in self.revelations if revelation.means is not Means.TIME
+        )
 
     @cached_property
     def means(self) -> Mapping[str, Means]:
-        """How each parameter is revealed; those that nothing reveals are missing."""
-        return {one.parameter: one.means for one in self.revelations}
+        """The means by which each parameter is revealed; parameters that nothing reveals are missing."""
+        return {revelation.parameter: revelation.means for revelation in self.revelations}
 
     @cached_property
     def reads(self) -> Mapping[str, frozenset[model.NumericVariable]]:
         """The variables that each instance reads."""
-        return {one.identifier: _variables_of(one) for one in self.plan.instances}
+        return {instance.identifier: _variables_of(instance) for instance in self.plan.instances}
 
     @cached_property
     def varying(self) -> Mapping[str, tuple[model.Fluent, ...]]:
         """For each instance the fluents in its effects that nothing changes: what it may consume."""
-        changed, found = written_fluents(self.plan), {}
-        for one in self.plan.instances:
-            fluents = {fluent for expression, _ in _changes(one) for fluent in model.fluents_in(expression)}
-            found[one.identifier] = tuple(sorted(fluents - changed))
-        return found
+        changed, varying = written_fluents(self.plan), {}
+        for instance in self.plan.instances:
+            fluents = {fluent for expression, _ in _changes(instance) for fluent in model.fluents_in(expression)}
+            varying[instance.identifier] = tuple(sorted(fluents - changed))
+        return varying
 
     @cached_property
     def levels(self) -> Mapping[model.Fluent, Fraction]:

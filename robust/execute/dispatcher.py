@@ -12,7 +12,7 @@ plan's time zero.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
@@ -20,7 +20,7 @@ from time import perf_counter
 
 from robust.errors import did_you_mean
 from robust.execute.dispatchable import Dispatchable, Guarantee, Means, NaturalLink
-from robust.execute.slices import Left, Observations, hull
+from robust.execute.slices import Observations, Remainder, hull
 from robust.network.dispatchable import Windows
 from robust.numbers import format_number
 from robust.plan import model
@@ -30,29 +30,30 @@ from robust.qe.box import Interval
 # -- messages ----------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class Started:
+@dataclass(frozen=True)
+class InstanceEvent:
+    """An event in the execution of an instance."""
+
+    instance: str
+    time: Fraction
+
+
+class Started(InstanceEvent):
     """An instance whose start is not the dispatcher's to choose has started."""
 
-    instance: str
-    time: Fraction
 
-
-@dataclass(frozen=True, slots=True)
-class Completed:
+class Completed(InstanceEvent):
     """An instance has ended."""
 
-    instance: str
-    time: Fraction
 
-
-@dataclass(frozen=True, slots=True)
-class DispatchFailed:
+@dataclass(frozen=True)
+class DispatchFailed(InstanceEvent):
     """An instance could not start, or was ended by a condition that does not hold: `reason` says which."""
 
-    instance: str
-    time: Fraction
     reason: str
+
+    def __str__(self) -> str:
+        return f"{self.instance} failed: {self.reason}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,14 +74,14 @@ class StateEstimate:
     fluents: Mapping[model.Fluent, Fraction] = field(default_factory=dict)
 
 
-Message = Started | Completed | DispatchFailed | Observed | StateEstimate
+Message = InstanceEvent | Observed | StateEstimate
 
 # -- what is kept of them ----------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """A value that was taken note of at `time`: of a parameter, or of a duration that is not as planned.
+    """An observed value at `time`: of a parameter, or of a duration that is not as planned.
 
     `inside` says whether the box allows it.
     """
@@ -151,18 +152,6 @@ class Unobserved:
 
 
 @dataclass(frozen=True, slots=True)
-class Contradicted:
-    """The world is in a state in which an instance cannot start, or has failed."""
-
-    instance: str
-    reason: str
-    time: Fraction
-
-    def __str__(self) -> str:
-        return f"{self.instance} failed: {self.reason}"
-
-
-@dataclass(frozen=True, slots=True)
 class MessageRejected:
     """A message that changes nothing, and why; execution goes on."""
 
@@ -184,7 +173,7 @@ class DispatchSucceeded:
         return "all done"
 
 
-Ending = LeftBox | Missed | Unobserved | Contradicted
+Ending = LeftBox | Missed | Unobserved | DispatchFailed
 """Why a plan is given up."""
 Decision = Dispatch | Ending | MessageRejected | DispatchSucceeded
 
@@ -193,14 +182,14 @@ Decision = Dispatch | Ending | MessageRejected | DispatchSucceeded
 
 
 def is_exact(number: object) -> bool:
-    """Whether it is a number without rounding: floats, NaN among them, and texts are not."""
+    """Whether a number is exact: integers and fractions are, floats and texts are not."""
     return isinstance(number, Fraction | int) and not isinstance(number, bool)
 
 
 def flaw(message: Message, dispatchable: Dispatchable) -> str | None:
-    """What is wrong with a message by itself, in one line; None if nothing is."""
+    """The fault of a message by itself, in one line; None if it has none."""
     match message:
-        case Started() | Completed() | DispatchFailed():
+        case InstanceEvent():
             return _bad_time(message.time) or _unknown("instance", message.instance, dispatchable.plan.instance)
         case Observed(parameter, value):
             number = None if is_exact(value) else f"found {value!r} for {parameter!r}, expected an exact number"
@@ -219,41 +208,35 @@ def _unknown(kind: str, name: str, known: Collection[str]) -> str | None:
 
 
 def in_order(messages: Sequence[Message]) -> list[Message]:
-    """Events by their time, starts first, then what is known about states and levels: they may arrive in any order."""
+    """Messages in order, which may have arrived in any: events by time, starts first, then states and levels."""
 
     def key(message: Message) -> tuple[int, Fraction, int]:
-        if isinstance(message, Started | Completed | DispatchFailed) and is_exact(message.time):
+        if isinstance(message, InstanceEvent) and is_exact(message.time):
             return 0, Fraction(message.time), not isinstance(message, Started)
         return 1, Fraction(0), 0
 
     return sorted(messages, key=key)
 
 
-def unmet(
-    instance: model.ActionInstance, estimate: StateEstimate, parameters: Mapping[str, Fraction], *, numbers: bool
-) -> str | None:
-    """The first condition at the start of an instance that does not hold in a state, as it is written in PDDL.
+Variables = Collection[model.NumericVariable]
 
-    Conditions on `?duration`, on fluents that the estimate has no value of and, unless `numbers` is given, on any
-    fluents are passed over: nothing contradicts them.
+
+def unmet(
+    instance: model.ActionInstance, timing: model.Timing, reading: Reading, is_known: Callable[[Variables], bool]
+) -> str | None:
+    """The first condition of an instance, of a given timing, that is false, as a reason; None if all are met.
+
+    Conditions that compare variables whose values are not known (`is_known`) count as met.
     """
-    reading = Reading(State(estimate.atoms, estimate.fluents), parameters)
     for part in instance.demands:
-        readable = part.timing is model.Timing.AT_START and _is_readable(part.condition, estimate, numbers=numbers)
-        if readable and not reading.holds(part.condition):
+        variables = {name for test in model.comparisons(part.condition) for name in test.expression.variables}
+        if part.timing is timing and is_known(variables) and not reading.holds(part.condition):
             return f"{part.text} does not hold"
     return None
 
 
-def _is_readable(condition: model.Condition, estimate: StateEstimate, *, numbers: bool) -> bool:
-    expressions = [one.expression for one in model.comparisons(condition)]
-    fluents = {fluent for expression in expressions for fluent in model.fluents_in(expression)}
-    known = not fluents or (numbers and estimate.fluents.keys() >= fluents)
-    return known and not any(model.Duration() in expression.variables for expression in expressions)
-
-
 class Phase(Enum):
-    """What a dispatcher is doing."""
+    """Phases of an execution."""
 
     DISPATCHING = "dispatching"
     DRAINING = "waiting for running actions"
@@ -274,40 +257,37 @@ class Dispatcher:
         self.dispatchable = dispatchable
         self.phase = Phase.DISPATCHING
         self.ending: Ending | None = None
-        """Why the plan was given up."""
+        """The reason why the plan was given up."""
         self.observed: dict[str, Fraction] = {}
         """The first value that was observed of each parameter."""
         self.observations: list[Observation] = []
         """All values that were taken note of."""
         self.rejected: list[MessageRejected] = []
         """All messages that changed nothing, although they should have."""
-        self.left: list[Left] = []
-        """What was left of the envelope after observations, if that is asked for."""
+        self.remainders: list[Remainder] = []
+        """The remainders of the envelope after observations, for executors that slice it."""
         self._patience = patience or dispatchable.epsilon or Fraction(1, 1000)
         self._drain = drain
         self._windows = Windows(dispatchable.network)
         self._points, self._index = dispatchable.network.points, dispatchable.network.index
-        self._left = list(dispatchable.ours)
+        self._pending = list(dispatchable.ours)
         self._literals = list(dispatchable.literals)
         self._open = {link.target: link for link in dispatchable.network.natural.values()}
         self._limits: dict[model.TimePoint, Fraction] = {}
-        """By when what is waited for should have been reported."""
+        """Latest times of reports about the time points that are waited for."""
         self._seen: dict[tuple[str, str | None], Fraction] = {}
         self._due: dict[tuple[str, str | None], Fraction] = {}
         self._estimate: StateEstimate | None = None
         self._last_change = Fraction(0)
         self._failed: set[str] = set()
         self._now = Fraction(0)
-        self._wake: Fraction | None = None
+        self.wake: Fraction | None = None
+        """When to step again if no message comes before."""
         self._begun = False
         self._decisions: list[Decision] = []
-        """Those of the step that is being taken."""
+        """The decisions of the current step."""
 
     # -- the executive -----------------------------------------------------------------------------------------------
-
-    @property
-    def wake(self) -> Fraction | None:
-        return self._wake
 
     @property
     def ended(self) -> bool:
@@ -329,20 +309,20 @@ class Dispatcher:
             self._advance()
         if self.phase is Phase.DRAINING:
             self._drain_running()
-        self._wake = None if self.ended else self._next_wake()
+        self.wake = None if self.ended else self._next_wake()
         return decisions
 
-    # -- for those who look on ---------------------------------------------------------------------------------------
+    # -- observers ---------------------------------------------------------------------------------------------------
 
     @property
     def times(self) -> dict[model.TimePoint, Fraction]:
-        """What has happened, and when."""
+        """Times of the time points that have happened."""
         return {self._points[number]: time for number, time in self._windows.times.items()}
 
     @property
     def running(self) -> tuple[str, ...]:
         """The instances that have started and not ended."""
-        return tuple(one.identifier for one in self.dispatchable.plan.instances if self._is_running(one))
+        return tuple(instance.identifier for instance in self.dispatchable.plan.instances if self._is_running(instance))
 
     def window(self, point: model.TimePoint) -> tuple[Fraction, Fraction | None]:
         """MinMaxDispatchTime: the least and the greatest time of a time point, as far as is known now."""
@@ -397,39 +377,39 @@ class Dispatcher:
 
     def _natural(self, point: model.TimePoint, link: NaturalLink | None, time: Fraction, length: Fraction) -> None:
         number = self._index[point]
-        if number in self._left:
-            self._left.remove(number)
+        if number in self._pending:
+            self._pending.remove(number)
         self._happen(point, time)
         lower, upper = self._windows.window(number)
         if link is not None:
             value = length if link.parameter is None else link.revealed(length)
-            left = self._left_box(link, value, time)
-            if self._learn(left, value, link.target.instance, inside=length in link.allowed):
+            departure = self._departure(link, value, time)
+            if self._learn(departure, value, link.target.instance, inside=length in link.allowed):
                 return
         if self.phase is Phase.DISPATCHING and (time < lower or (upper is not None and time > upper)):
             self._give_up(Missed(point, self._why(number, time), self._now))
 
-    def _learn(self, left: LeftBox, value: Fraction, instance: str | None, *, inside: bool) -> bool:
-        """Take note of a value that an instance has revealed; `left` is what it amounts to if it is not inside.
+    def _learn(self, departure: LeftBox, value: Fraction, instance: str | None, *, inside: bool) -> bool:
+        """Take note of a value that an instance has revealed; `departure` is what it amounts to if it is not inside.
 
         Returns whether another promise was found in what is left.
         """
-        name = left.parameter
+        name = departure.parameter
         if name is not None:
             self.observed.setdefault(name, value)
             self._seen[name, instance] = value
         if name is not None or not inside:
-            self.observations.append(Observation(left.time, left.what, value, inside))
-        if name is not None and self._slice(f"{left.what} = {format_number(value)}"):
+            self.observations.append(Observation(departure.time, departure.what, value, inside))
+        if name is not None and self._slice(f"{departure.what} = {format_number(value)}"):
             return True
         if not inside:
-            self._give_up(left)
+            self._give_up(departure)
         elif name is not None:
             self._tighten(name)
         return False
 
-    def _left_box(self, link: NaturalLink, value: Fraction | None, time: Fraction) -> LeftBox:
-        """That a length is not allowed; None if it is overdue."""
+    def _departure(self, link: NaturalLink, value: Fraction | None, time: Fraction) -> LeftBox:
+        """The ending for a length that is not allowed; a value of None says that its report is overdue."""
         name = link.parameter
         interval = link.allowed if name is None else self.dispatchable.box[name]
         return LeftBox(name, name or f"the time from {link.source} to {link.target}", value, interval, time)
@@ -444,24 +424,24 @@ class Dispatcher:
         self._failed.add(message.instance)
         self._open.pop(instance.end, None)
         self._limits.pop(instance.end, None)
-        self._give_up(exceeded or Contradicted(message.instance, message.reason, message.time))
+        self._give_up(exceeded or message)
         return None
 
     def _observe(self, message: Observed) -> str | None:
         name, value = message.parameter, Fraction(message.value)
         key = (name, message.instance)
         if key not in self._due and message.instance is None:
-            key = next((one for one in self._due if one[0] == name), key)
+            key = next((due for due in self._due if due[0] == name), key)
         known = self._seen.get(key, self.observed.get(name) if message.instance is None else None)
         if known is not None and key not in self._due:
             stands = f"{name} = {format_number(known)} was observed already; the first value stands"
             return None if known == value else stands
-        timed = next((one for one in self.dispatchable.revelations if one.parameter == name), None)
+        timed = next((revelation for revelation in self.dispatchable.revelations if revelation.parameter == name), None)
         if timed is not None and timed.means is Means.TIME:
             return f"{name} is revealed by the time of {timed.point}, which has not happened"
         self._due.pop(key, None)
-        left = LeftBox(name, name, value, self.dispatchable.box[name], self._now)
-        self._learn(left, value, key[1], inside=value in self.dispatchable.box[name])
+        departure = LeftBox(name, name, value, self.dispatchable.box[name], self._now)
+        self._learn(departure, value, key[1], inside=value in self.dispatchable.box[name])
         return None
 
     # -- decisions ---------------------------------------------------------------------------------------------------
@@ -473,16 +453,16 @@ class Dispatcher:
             self._give_up(ending)
             return
         while self.phase is Phase.DISPATCHING:
-            number = next(filter(self._is_ready, self._left), None)
-            if number is None:
+            ready = next(filter(self._is_ready, self._pending), None)
+            if ready is None:
                 break
-            self._execute(number)
-        stuck = next(filter(self._is_stuck, self._left), None)
+            self._execute(ready)
         if self.phase is not Phase.DISPATCHING:
             return
+        stuck = next(filter(self._is_stuck, self._pending), None)
         if stuck is not None:
             self._give_up(self._missed(stuck))
-        elif not self._left and not self._open and not self._due:
+        elif not self._pending and not self._open and not self._due:
             self.phase = Phase.ENDED
             self._decisions.append(DispatchSucceeded(self._now))
 
@@ -492,13 +472,13 @@ class Dispatcher:
             self._happen(self._points[number], time)
 
     def _overdue(self) -> Ending | None:
-        """What should have happened by now and has not."""
+        """The ending for an event that should have happened by now; None if none is overdue."""
         for target in [*self._limits]:
             if self._now >= self._limits.get(target, self._now + 1):
-                left = self._left_box(self._open[target], None, self._now)
-                if left.parameter is None or not self._slice(str(left)):
-                    return left
-        late = next((number for number in self._left if self._windows.is_late(number, self._now)), None)
+                departure = self._departure(self._open[target], None, self._now)
+                if departure.parameter is None or not self._slice(str(departure)):
+                    return departure
+        late = next((number for number in self._pending if self._windows.is_late(number, self._now)), None)
         if late is not None:
             exceeded = self._exceeded(self._now)
             if exceeded is None:
@@ -511,7 +491,7 @@ class Dispatcher:
         return None
 
     def _exceeded(self, time: Fraction, failed: model.TimePoint | None = None) -> LeftBox | None:
-        """What lasts longer than is allowed, before its report is overdue: others may suffer from it first.
+        """The ending for a length that exceeds what is allowed, although its report is not overdue yet.
 
         What has `failed` at the last moment allowed has not ended in time.
         """
@@ -519,7 +499,7 @@ class Dispatcher:
             begun, upper = self._time(link.source), link.allowed.upper
             last = None if begun is None or upper is None else begun + upper
             if last is not None and (time > last or (time == last and target == failed)):
-                return self._left_box(link, None, time)
+                return self._departure(link, None, time)
         return None
 
     def _execute(self, number: int) -> None:
@@ -530,12 +510,12 @@ class Dispatcher:
         instance = self.dispatchable.plan.instance[point.instance or ""]
         reason = None if point.kind is model.TimePointKind.END else self._contradiction(instance)
         if reason is not None:
-            self._give_up(Contradicted(instance.identifier, reason, self._now))
+            self._give_up(DispatchFailed(instance.identifier, self._now, reason))
             return
         self._dispatch(number)
 
     def _dispatch(self, number: int) -> None:
-        self._left.remove(number)
+        self._pending.remove(number)
         self._happen(self._points[number], self._now)
         self._decisions.append(Dispatch(self._points[number], self._now))
 
@@ -548,8 +528,16 @@ class Dispatcher:
         estimate = self._estimate
         if estimate is None or estimate.time < self._last_change:
             return None
+
+        def is_known(variables: Variables) -> bool:
+            """Fluents may have changed since the estimate."""
+            fluents = {variable for variable in variables if isinstance(variable, model.Fluent)}
+            lasting = not fluents or (estimate.time == self._now and estimate.fluents.keys() >= fluents)
+            return lasting and model.Duration() not in variables
+
         values = {**self.dispatchable.plan.nominal, **self.observed}
-        return unmet(instance, estimate, values, numbers=estimate.time == self._now)
+        reading = Reading(State(estimate.atoms, estimate.fluents), values)
+        return unmet(instance, model.Timing.AT_START, reading, is_known)
 
     def _is_stuck(self, number: int) -> bool:
         """Whether no schedule allows a time point any more; BLEX finds out when its time has come."""
@@ -574,7 +562,7 @@ class Dispatcher:
         self.phase = Phase.DRAINING if self._drain else Phase.ENDED
 
     def _drain_running(self) -> None:
-        for number in filter(self._ends_running, tuple(self._left)):
+        for number in filter(self._ends_running, tuple(self._pending)):
             if self._windows.lower[number] <= self._now:
                 self._dispatch(number)
         if not self.running:
@@ -588,17 +576,16 @@ class Dispatcher:
         self._limits.pop(point, None)
         self._expect(point)
         self._last_change = max(self._last_change, time)
-        for one in self.dispatchable.expected.get(point, ()):
-            if (one.parameter, one.instance) not in self._seen:
-                self._due[one.parameter, one.instance] = time
+        for revelation in self.dispatchable.expected.get(point, ()):
+            if (revelation.parameter, revelation.instance) not in self._seen:
+                self._due[revelation.parameter, revelation.instance] = time
 
     def _expect(self, point: model.TimePoint) -> None:
-        """By when what follows a time point that has happened should have been reported."""
+        """Note the latest times of reports about natural links that begin with a time point."""
         for link in self.dispatchable.followers.get(point, ()):
             if link.allowed.upper is not None and link.target in self._open:
-                self._limits[link.target] = (
-                    self._windows.times[self._index[point]] + link.allowed.upper + self._patience
-                )
+                begun = self._windows.times[self._index[point]]
+                self._limits[link.target] = begun + link.allowed.upper + self._patience
 
     def _tighten(self, name: str) -> None:
         """Replace an observed parameter by its value wherever else it bounds the network."""
@@ -619,25 +606,25 @@ class Dispatcher:
         if slices is None or self.phase is not Phase.DISPATCHING:
             return False
         started = perf_counter()
-        left, network = slices.after(self._facts(), what, self.dispatchable.box)
-        if left.box is None:
-            self.left.append(left)
+        remainder, network = slices.after(self._facts(), what, self.dispatchable.box)
+        if remainder.box is None:
+            self.remainders.append(remainder)
             return False
-        self.dispatchable = self.dispatchable.continued(network, left.box)
+        self.dispatchable = self.dispatchable.continued(network, remainder.box)
         self._windows = self._windows.over(self.dispatchable.network)
         self._open = {point: self.dispatchable.network.natural[point] for point in self._open}
         self._limits = {}
         for point in self.times:
             self._expect(point)
-        self.left.append(replace(left, seconds=perf_counter() - started))
+        self.remainders.append(replace(remainder, seconds=perf_counter() - started))
         return True
 
     def _facts(self) -> Observations:
-        """What is known now."""
+        """The observations so far."""
         values: dict[str, list[Fraction]] = {}
         for (name, _), value in self._seen.items():
             values.setdefault(name, []).append(value)
-        reveals = Counter(one.parameter for one in self.dispatchable.revelations)
+        reveals = Counter(revelation.parameter for revelation in self.dispatchable.revelations)
         possible = {}
         for link in self._open.values():
             begun, varying = self._time(link.source), link.parameter
@@ -647,8 +634,8 @@ class Dispatcher:
                 possible[varying] = Interval(end, None) if factor > 0 else Interval(None, end)
         return Observations(
             now=self._now,
-            seen={name: hull(found) for name, found in values.items()},
-            settled=frozenset(name for name, found in values.items() if len(found) >= reveals[name]),
+            seen={name: hull(seen) for name, seen in values.items()},
+            settled=frozenset(name for name, seen in values.items() if len(seen) >= reveals[name]),
             possible=possible,
             times=self.times,
         )
@@ -666,11 +653,11 @@ class Dispatcher:
 
     def _next_wake(self) -> Fraction | None:
         if self.phase is Phase.DRAINING:
-            moments = [self._windows.lower[number] for number in filter(self._ends_running, self._left)]
+            moments = [self._windows.lower[number] for number in filter(self._ends_running, self._pending)]
         else:
             moments = [*self._limits.values(), *(due + self._patience for due in self._due.values())]
             moments += [time for time, _ in self._literals[:1]]
-            moments += self._windows.moments(self._left, self._patience)
+            moments += self._windows.moments(self._pending, self._patience)
         return min((moment for moment in moments if moment > self._now), default=None)
 
     def _ends_running(self, number: int) -> bool:

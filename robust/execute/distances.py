@@ -23,10 +23,10 @@ from robust.plan.pddl.syntax import Domain
 from robust.plan.simulate import Violation, mutex_pairs, simulate
 from robust.plan.stn import InstanceDeclaration, STNConstraint
 from robust.plan.timed import TimedPlan, TimedStep
-from robust.plan.timeline import State, TimedExecution
+from robust.plan.timeline import TimedExecution
 
 COARSEST = Fraction(1)
-"""No planner rounds more than to whole numbers: what is further away than that is wrong, not rounded."""
+"""Planners round at most to whole numbers: times further away than that are wrong, not rounded."""
 
 
 class DistanceEdge(NamedTuple):
@@ -41,27 +41,27 @@ class DistanceEdge(NamedTuple):
 
 
 def edge(source: TimePoint, target: TimePoint, weight: Fraction) -> DistanceEdge:
-    """The edge; the time of a timed literal at one of its ends goes into the weight."""
+    """An edge in which the time of a timed literal at one of its ends is part of the weight."""
     first, second = (point if point.time is None else ZERO for point in (source, target))
     return DistanceEdge(first, second, weight + (source.time or 0) - (target.time or 0))
 
 
 def constraints_of(edges: Iterable[DistanceEdge], position: Mapping[TimePoint, int]) -> tuple[STNConstraint, ...]:
-    """Edges as constraints of a plan, one for each pair, from the time point of lower `position` to that of higher.
+    """Constraints of a plan for edges, one for each pair, from the time point of lower `position` to that of higher.
 
     They are ordered by position of target, then source. Of several edges between the same points the strongest counts.
     """
     lower: dict[tuple[TimePoint, TimePoint], Fraction] = {}
     upper: dict[tuple[TimePoint, TimePoint], Fraction] = {}
-    for one in edges:
-        if one.source == one.target:
+    for bound in edges:
+        if bound.source == bound.target:
             continue
-        if position[one.source] < position[one.target]:
-            pair = (one.source, one.target)
-            lower[pair] = max(one.weight, lower.get(pair, one.weight))
+        if position[bound.source] < position[bound.target]:
+            pair = (bound.source, bound.target)
+            lower[pair] = max(bound.weight, lower.get(pair, bound.weight))
         else:
-            pair = (one.target, one.source)
-            upper[pair] = min(-one.weight, upper.get(pair, -one.weight))
+            pair = (bound.target, bound.source)
+            upper[pair] = min(-bound.weight, upper.get(pair, -bound.weight))
     ordered = sorted({*lower, *upper}, key=lambda pair: (position[pair[1]], position[pair[0]]))
     return tuple(
         STNConstraint(target, source, lower.get((source, target)), upper.get((source, target)))
@@ -70,12 +70,12 @@ def constraints_of(edges: Iterable[DistanceEdge], position: Mapping[TimePoint, i
 
 
 class EdgeNetwork(Distances[TimePoint]):
-    """What edges imply; they must have a schedule, unless only :attr:`earliest` is asked for."""
+    """A network of edges and its implications; it must have a schedule unless only :attr:`earliest` is used."""
 
-    def implies(self, one: DistanceEdge) -> bool:
+    def implies(self, bound: DistanceEdge) -> bool:
         """Whether every schedule satisfies the edge, whose weight may have another denominator."""
-        least = self.least(one.source, one.target)
-        return least is not None and least >= one.weight
+        least = self.least(bound.source, bound.target)
+        return least is not None and least >= bound.weight
 
     @property
     def earliest(self) -> dict[TimePoint, Fraction] | None:
@@ -84,20 +84,20 @@ class EdgeNetwork(Distances[TimePoint]):
         return None if schedule is None or schedule[0] else self.times
 
     def needed(self, edges: Iterable[DistanceEdge], given: Iterable[DistanceEdge]) -> list[DistanceEdge]:
-        """Of edges of the network those that imply all of them together with the given ones, and none of which can go.
+        """An irredundant subset of edges of the network that implies them all together with the given ones.
 
         Where either of two can, the first one goes.
         """
-        bounds = {one: self.in_units(*one) for one in edges}
-        kept = set(self.network.needed(reversed(bounds.values()), (self.in_units(*one) for one in given)))
-        return [one for one, bound in bounds.items() if bound in kept]
+        bounds = {wanted: self.in_units(*wanted) for wanted in edges}
+        kept = set(self.network.needed(reversed(bounds.values()), (self.in_units(*wanted) for wanted in given)))
+        return [wanted for wanted, bound in bounds.items() if bound in kept]
 
 
-def is_implied(one: DistanceEdge, others: Iterable[DistanceEdge]) -> bool:
+def is_implied(bound: DistanceEdge, others: Iterable[DistanceEdge]) -> bool:
     """Whether every schedule of the other edges satisfies the edge; they must have a schedule."""
     others = tuple(others)
-    points = dict.fromkeys(point for other in (*others, one) for point in (other.source, other.target))
-    return EdgeNetwork(points, others).implies(one)
+    points = dict.fromkeys(point for other in (*others, bound) for point in (other.source, other.target))
+    return EdgeNetwork(points, others).implies(bound)
 
 
 class InvalidPlanError(RefutedError):
@@ -131,7 +131,7 @@ class Original:
 
     @cached_property
     def gap(self) -> Fraction:
-        """How far apart a network keeps mutex time points: ε.
+        """Separation of mutex time points in a network: ε.
 
         Closed bounds cannot say "at different times": if ε is 0 it is a positive distance that the plan itself keeps.
         """
@@ -141,11 +141,6 @@ class Original:
     def execution(self) -> TimedExecution:
         """The states that the schedule passes through, at nominal parameter values."""
         return TimedExecution(self.plan, self.plan.nominal, self.times)
-
-    @cached_property
-    def before(self) -> Mapping[TimePoint, State]:
-        """The state that conditions at a time point read."""
-        return {point: happening.before for happening in self.execution.happenings for point in happening.points}
 
     def distance(self, source: TimePoint, target: TimePoint) -> Fraction:
         """t_target − t_source."""
@@ -158,12 +153,9 @@ class Original:
         return tuple((a, b) if self.times[a] <= self.times[b] else (b, a) for a, b in pairs)
 
     @cached_property
-    def _pairs(self) -> frozenset[tuple[TimePoint, TimePoint]]:
-        return frozenset(self.mutex)
-
-    def is_mutex(self, earlier: TimePoint, later: TimePoint) -> bool:
-        """Whether two time points are mutex, the first of them being the earlier one."""
-        return (earlier, later) in self._pairs
+    def stretched(self) -> frozenset[str | None]:
+        """The instances whose own start and end are mutex, so that they last at least the gap."""
+        return frozenset(start.instance for start, end in self.mutex if start.instance == end.instance)
 
     def writes(self, atom: Atom) -> tuple[TruthWrite, ...]:
         """The writes of an atom by time; conditional effects that do not happen in the schedule are no writes."""
@@ -175,17 +167,16 @@ class Original:
         for atom, point, value in (*self._effects(), *self._literals()):
             # at one time point an add wins over a delete
             values[atom, point] = values.get((atom, point), False) or value
-        found: dict[Atom, list[TruthWrite]] = {}
-        for (atom, point), value in values.items():
-            found.setdefault(atom, []).append(TruthWrite(self.times[point], point, value))
-        order = {atom: sorted(writes, key=lambda one: (one.time, str(one.point))) for atom, writes in found.items()}
-        return {atom: tuple(writes) for atom, writes in order.items()}
+        writes: dict[Atom, list[TruthWrite]] = {}
+        for (atom, point), value in sorted(values.items(), key=lambda item: (self.times[item[0][1]], str(item[0][1]))):
+            writes.setdefault(atom, []).append(TruthWrite(self.times[point], point, value))
+        return {atom: tuple(ordered) for atom, ordered in writes.items()}
 
     def _effects(self) -> Iterator[tuple[Atom, TimePoint, bool]]:
         for instance in self.plan.instances:
             for effect in instance.atom_effects:
                 point = instance.at(effect.timing)
-                if self.execution.reading(self.before[point], instance).holds(effect.condition):
+                if self.execution.reading(self.execution.before(point), instance).holds(effect.condition):
                     yield effect.atom, point, effect.value
 
     def _literals(self) -> Iterator[tuple[Atom, TimePoint, bool]]:
@@ -201,21 +192,20 @@ def declarations(plan: TimedPlan, domain: Domain, epsilon: Fraction) -> tuple[In
     """
     if not plan.steps:
         raise InputError("empty plan: found no step, expected at least one", Location(plan.file))
+
+    def is_durative(step: TimedStep) -> bool:
+        schema = domain.actions.get(step.action)
+        short = step.duration is not None and step.duration <= epsilon
+        return step.duration is not None and not (short and schema is not None and not schema.durative)
+
     return tuple(
-        InstanceDeclaration(f"n{i}", step.action, step.arguments, _durative(step, domain, epsilon), step.location)
+        InstanceDeclaration(f"n{i}", step.action, step.arguments, is_durative(step), step.location)
         for i, step in enumerate(plan.steps)
     )
 
 
-def _durative(step: TimedStep, domain: Domain, epsilon: Fraction) -> bool:
-    schema = domain.actions.get(step.action)
-    if schema is not None and not schema.durative and step.duration is not None and step.duration <= epsilon:
-        return False
-    return step.duration is not None
-
-
 def schedule_of(plan: TimedPlan, instances: Sequence[InstanceDeclaration]) -> dict[TimePoint, Fraction]:
-    """When the plan starts and ends each instance."""
+    """Start and end of each instance in the plan."""
     times = {ZERO: Fraction(0)}
     for step, instance in zip(plan.steps, instances, strict=True):
         times[instance.start] = step.time
@@ -224,15 +214,20 @@ def schedule_of(plan: TimedPlan, instances: Sequence[InstanceDeclaration]) -> di
     return times
 
 
+def with_literals(plan: ParametrizedPlan, times: Mapping[TimePoint, Fraction]) -> dict[TimePoint, Fraction]:
+    """A schedule completed by the times of timed literals."""
+    return {**{literal.point: literal.time for literal in plan.timed_literals}, **times}
+
+
 def tolerances(
     plan: TimedPlan, instances: Sequence[InstanceDeclaration], epsilon: Fraction, tolerance: Fraction | None
 ) -> dict[TimePoint, Fraction]:
-    """How far starts, and durations (by end), may be from what was printed: one unit of the last digit, at most ε."""
-    found: dict[TimePoint, Fraction] = {}
+    """Tolerances of starts, and of durations (by end): one unit of the last printed digit, at most ε, if not given."""
+    reach: dict[TimePoint, Fraction] = {}
     for (of_time, of_duration), instance in zip(plan.units, instances, strict=True):
-        found[instance.end] = min(of_duration, epsilon) if tolerance is None else tolerance
-        found[instance.start] = min(of_time, epsilon) if tolerance is None else tolerance
-    return found
+        reach[instance.end] = min(of_duration, epsilon) if tolerance is None else tolerance
+        reach[instance.start] = min(of_time, epsilon) if tolerance is None else tolerance
+    return reach
 
 
 def snapped(
@@ -242,15 +237,14 @@ def snapped(
     epsilon: Fraction,
     file: str,
 ) -> Snapped:
-    """The exact schedule that was meant by printed times.
+    """The exact schedule that printed times stand for.
 
     Raises:
         InvalidPlanError: if there is none; the message says what breaks in the printed schedule, and what would do.
         UnsupportedError: if the simulator cannot decide an over-all condition or a continuous effect.
     """
-    complete = {**{point: point.time for point in plan.time_points if point.time is not None}, **times}
     try:
-        return snap(plan, complete, tolerances, mutex_pairs(plan), epsilon)
+        return snap(plan, with_literals(plan, times), tolerances, mutex_pairs(plan), epsilon)
     except TooFarError as error:
         near = error.shift is not None and error.shift <= COARSEST
         remedy = f", which --tolerance {format_number(round_up(error.shift or Fraction(0)))} allows" if near else ""
@@ -267,19 +261,18 @@ def validated(
         InvalidPlanError: if it breaks an obligation; the message names the first one in time, and the step's line.
         UnsupportedError: if the simulator cannot decide an over-all condition or a continuous effect.
     """
-    complete = {**{point: point.time for point in plan.time_points if point.time is not None}, **times}
-    violations = simulate(plan, plan.nominal, complete, epsilon=epsilon).violations
+    violations = simulate(plan, plan.nominal, times, epsilon=epsilon).violations
     if violations:
         first = min(violations, key=lambda violation: violation.time)
         others = f" (and {len(violations) - 1} more: robust validate names all)" if len(violations) > 1 else ""
         broken = f"{first.obligation!r} broken at time {format_number(first.time)}: {first.detail}{others}"
         message = f"invalid plan: found {broken}, expected a plan that breaks nothing{remedy}"
         raise InvalidPlanError(message, _place(plan.instances, first, file), violations)
-    return Original(plan, complete, epsilon)
+    return Original(plan, with_literals(plan, times), epsilon)
 
 
 def _place(instances: Sequence[ActionInstance], violation: Violation, file: str) -> Location:
     """The line of the step whose obligation breaks, of the later one for a separation; the file for goals."""
     names = concerned(violation.obligation)
-    places = [one.location for one in instances if one.identifier in names and one.location is not None]
-    return places[-1] if places else Location(file)
+    places = (instance.location for instance in instances if instance.identifier in names)
+    return ([Location(file), *filter(None, places)])[-1]

@@ -22,14 +22,14 @@ _Decision_contra = TypeVar("_Decision_contra", contravariant=True)
 
 
 class Executive(Protocol[_Message_contra, _Decision_co]):
-    """What decides. Times are in the plan's unit and never decrease from call to call."""
+    """A decision maker. Times are in the plan's unit and never decrease from call to call."""
 
     def step(self, now: Fraction, messages: Sequence[_Message_contra]) -> Sequence[_Decision_co]:
         """Take note of messages that arrived since the last step, and decide what is done now."""
 
     @property
     def wake(self) -> Fraction | None:
-        """When to step again if no message comes before, later than the last step; None: not at all."""
+        """Time of the next step if no message comes before, later than the last step; None if there is none."""
 
     @property
     def ended(self) -> bool:
@@ -37,14 +37,14 @@ class Executive(Protocol[_Message_contra, _Decision_co]):
 
 
 class World(Protocol[_Message_co, _Decision_contra]):
-    """What is decided about: it is told the decisions and produces the messages."""
+    """The environment: it receives decisions and produces messages."""
 
     def receive(self, now: Fraction, decisions: Sequence[_Decision_contra]) -> None:
         """Decisions take effect."""
 
     @property
     def next_time(self) -> Fraction | None:
-        """When the next messages come if nothing else is decided; None: never."""
+        """Time of the next messages if nothing else is decided; None if none come."""
 
     def messages(self, now: Fraction) -> Sequence[_Message_co]:
         """The messages of this moment; each is returned once."""
@@ -56,7 +56,7 @@ class Clock(Protocol):
     def now(self) -> Fraction: ...
 
     def seconds_until(self, moment: Fraction) -> float:
-        """How long to sleep; not above 0 if the moment has come."""
+        """Seconds to sleep until a moment; at most 0 if it has come."""
 
 
 class WallClock:

@@ -42,7 +42,7 @@ class _Node:
 class _Transformer:
     def __init__(self, original: Original) -> None:
         self.original = original
-        nodes = [_Node(point, one) for one in original.plan.instances for point in one.time_points]
+        nodes = [_Node(point, instance) for instance in original.plan.instances for point in instance.time_points]
         self.nodes = sorted(nodes, key=lambda node: (original.times[node.point], not node.is_end))
 
     def edges(self) -> Iterator[DistanceEdge]:
@@ -74,7 +74,7 @@ class _Transformer:
         """The literals of a condition that hold when the node happens, or right after it."""
         execution = self.original.execution
         time = self.original.times[node.point]
-        happening = next(one for one in execution.happenings if one.time == time)
+        happening = next(candidate for candidate in execution.happenings if candidate.time == time)
         state = happening.after if part.timing is model.Timing.OVER_ALL else happening.before
         reading = execution.reading(state, node.instance)
         return (leaf for leaf in model.leaves(part.condition) if reading.leaf(leaf))
@@ -84,20 +84,20 @@ class _Transformer:
         times, limit = self.original.times, self.original.times[point]
         changes: list[model.TimePoint] = []
         if isinstance(leaf, model.Holds):
-            changes = [one.point for one in self.original.writes(leaf.atom) if one.value is leaf.value]
+            changes = [write.point for write in self.original.writes(leaf.atom) if write.value is leaf.value]
         elif isinstance(leaf, model.NumericCondition):
             changes = [change for fluent in _fluents(leaf) for change in self._changes(fluent)]
-        past = [one for one in changes if times[one] < limit or (over_all and times[one] == limit)]
-        latest = max((times[one] for one in past), default=limit)
-        candidates = [one for one in past if times[one] == latest]
+        past = [change for change in changes if times[change] < limit or (over_all and times[change] == limit)]
+        latest = max((times[moment] for moment in past), default=limit)
+        candidates = [moment for moment in past if times[moment] == latest]
         return point if point in candidates else next(iter(candidates), None)
 
     def _changes(self, fluent: model.Fluent) -> Iterator[model.TimePoint]:
         for instance in self.original.plan.instances:
-            yield from (instance.at(one.timing) for one in instance.numeric_effects if one.fluent == fluent)
+            yield from (instance.at(effect.timing) for effect in instance.numeric_effects if effect.fluent == fluent)
             if any(effect.fluent == fluent for effect in instance.continuous_effects):
                 yield from (instance.start, instance.end)
-        yield from (one.point for one in self.original.plan.timed_literals if one.target == fluent)
+        yield from (literal.point for literal in self.original.plan.timed_literals if literal.target == fluent)
 
     # -- contradictions --------------------------------------------------------------------------------------------
 
@@ -114,8 +114,8 @@ class _Transformer:
         for effect in instance.atom_effects:
             if instance.at(effect.timing) == node.point:
                 atoms[effect.atom] = atoms.get(effect.atom, False) or effect.value
-        fluents = {one.fluent for one in instance.numeric_effects if instance.at(one.timing) == node.point}
-        return atoms, fluents | {one.fluent for one in instance.continuous_effects}
+        fluents = {numeric.fluent for numeric in instance.numeric_effects if instance.at(numeric.timing) == node.point}
+        return atoms, fluents | {numeric.fluent for numeric in instance.continuous_effects}
 
     def _contradicts(self, atoms: dict[model.Atom, bool], fluents: set[model.Fluent], other: _Node) -> bool:
         """Whether effects contradict another node's effects, its conditions or, for an end, the over-all ones."""
@@ -140,7 +140,7 @@ class _Transformer:
             over_all = part.timing is model.Timing.OVER_ALL
             for leaf in model.leaves(part.condition):
                 writes = self.original.writes(leaf.atom) if isinstance(leaf, model.Holds) else ()
-                breaking = next((one for one in writes if self._breaks(one, leaf, time, over_all)), None)
+                breaking = next((write for write in writes if self._breaks(write, leaf, time, over_all)), None)
                 if breaking is not None:
                     yield edge(node.point, breaking.point, Fraction(0) if over_all else self.original.gap)
                     yield self._after(model.ZERO, node.point)
@@ -160,4 +160,4 @@ def _parts(node: _Node, over_all: model.TimePoint) -> Iterator[model.TimedCondit
 
 
 def _fluents(condition: model.Condition) -> set[model.Fluent]:
-    return {fluent for one in model.comparisons(condition) for fluent in model.fluents_in(one.expression)}
+    return {fluent for comparison in model.comparisons(condition) for fluent in model.fluents_in(comparison.expression)}

@@ -2,10 +2,10 @@
 
 The original schedule gives every duration and start time its nominal value. A plan file can hold parameters in its
 constraints; initial values of fluents, and durations that the domain fixes by `(= ?duration e)`, are parameters of the
-problem, and have to be named again to whoever reads the plan (:mod:`robust.plan.parameters`).
+problem, and have to be given again when the plan is read (:mod:`robust.plan.parameters`).
 
-Beside this: which durations an instance may have, as its duration constraints or the time-triggered plan say; and which
-time points an obligation depends on, its own and those of all changes that what it reads comes from.
+This module also computes which durations an instance may have, by its duration constraints or the time-triggered plan,
+and which time points an obligation depends on: its own, and those of all changes to variables that it reads.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from fractions import Fraction
 from robust.errors import InputError, Location
 from robust.execute.dispatchable import written_fluents
 from robust.execute.distances import DistanceEdge, Original
+from robust.execute.snap import duration_range, read_before
 from robust.numbers import format_number
 from robust.plan import model
 from robust.plan.load import domain_parameters
 from robust.plan.parameters import ParameterSpec, Target, wire
 from robust.plan.pddl.grounding import initial_fluents
 from robust.plan.pddl.syntax import Comparator, Domain, Problem
-from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import mutex_pairs
 from robust.plan.stn import InstanceDeclaration, ParameterDeclaration, STNConstraint, STNPlan
 
@@ -33,14 +33,14 @@ Variable = model.Atom | model.Fluent
 
 @dataclass(frozen=True, slots=True)
 class _Use:
-    """What is read, and where: `points` matter by themselves, `variables` by who changes them."""
+    """Variables that are read, and time points that matter; variables matter through the effects that change them."""
 
     points: frozenset[model.TimePoint]
     variables: frozenset[Variable]
 
 
 def influences(plan: model.ParametrizedPlan, obligation: str) -> frozenset[model.TimePoint]:
-    """The time points on whose distances it depends whether a schedule breaks the obligation of that name.
+    """The time points whose distances decide whether a schedule breaks the obligation of a name.
 
     All time points for a name that is not known here.
     """
@@ -62,13 +62,15 @@ def influences(plan: model.ParametrizedPlan, obligation: str) -> frozenset[model
 
 
 def obligation_names(plan: model.ParametrizedPlan) -> Iterator[str]:
-    """The names of what is demanded of every schedule."""
+    """The names of all obligations."""
     yield from (name for name, _ in _obligations(plan))
-    yield from (f"{one.identifier} {one.action}: non-negative duration" for one in plan.instances if one.durative)
+    for instance in plan.instances:
+        if instance.durative:
+            yield f"{instance.identifier} {instance.action}: non-negative duration"
 
 
 def _obligations(plan: model.ParametrizedPlan) -> Iterator[tuple[str, _Use]]:
-    """What each obligation reads, by its name."""
+    """The names of obligations with what each reads."""
     for goal in plan.goal:
         yield goal.label, _use((), None, goal.condition)
     for instance in plan.instances:
@@ -104,7 +106,7 @@ def _use(
 ) -> _Use:
     used = set(points)
     variables: set[Variable] = {leaf.atom for leaf in model.leaves(condition) if isinstance(leaf, model.Holds)}
-    for expression in (*expressions, *(one.expression for one in model.comparisons(condition))):
+    for expression in (*expressions, *(comparison.expression for comparison in model.comparisons(condition))):
         variables.update(model.fluents_in(expression))
         if instance is not None and model.Duration() in expression.variables:
             used |= set(instance.time_points)
@@ -120,18 +122,13 @@ def duration_edges(
     inequalities are read in the state of the original schedule. Strict ones are taken as if they were not, and what is
     not linear in `?duration` is passed over: these are for :mod:`robust.execute.convert` to find out.
     """
-    own = original.distance(instance.start, instance.end)
-    equal = any(one.condition.relation is model.Relation.EQUAL for one in instance.durations)
+    length = original.distance(instance.start, instance.end)
+    equal = any(duration.condition.relation is model.Relation.EQUAL for duration in instance.durations)
     if equal or instance.identifier in pinned:
-        return DistanceEdge(instance.start, instance.end, own), DistanceEdge(instance.end, instance.start, -own)
-    lower = certain_duration(original, instance).weight
-    upper: Fraction | None = None
-    for is_lower, bound in _bounds(original, instance):
-        if is_lower:
-            lower = max(lower, bound)
-        else:
-            upper = bound if upper is None else min(upper, bound)
-    edges = (DistanceEdge(instance.start, instance.end, lower),)
+        return DistanceEdge(instance.start, instance.end, length), DistanceEdge(instance.end, instance.start, -length)
+    lower, upper = duration_range(instance, read_before(original.execution, instance))
+    certain = certain_duration(original, instance)
+    edges = (certain._replace(weight=max(certain.weight, lower)),)
     return edges if upper is None else (*edges, DistanceEdge(instance.end, instance.start, -upper))
 
 
@@ -149,43 +146,17 @@ def settled_durations(original: Original, pinned: Collection[str]) -> frozenset[
         return isinstance(variable, model.Duration)
 
     return frozenset(
-        one.identifier
-        for one in plan.instances
-        if one.identifier not in pinned
-        and all(is_settled(variable) for part in one.durations for variable in part.condition.expression.variables)
+        instance.identifier
+        for instance in plan.instances
+        if instance.identifier not in pinned
+        and all(is_settled(variable) for part in instance.durations for variable in part.condition.expression.variables)
     )
 
 
 def certain_duration(original: Original, instance: model.ActionInstance) -> DistanceEdge:
     """The lower bound of t_end − t_start that holds for every duration: 0, or the gap where start and end are mutex."""
-    lower = original.gap if original.is_mutex(instance.start, instance.end) else Fraction(0)
+    lower = original.gap if instance.identifier in original.stretched else Fraction(0)
     return DistanceEdge(instance.start, instance.end, lower)
-
-
-def _bounds(original: Original, instance: model.ActionInstance) -> Iterator[tuple[bool, Fraction]]:
-    """Lower (True) and upper bounds."""
-    for constraint in instance.durations:
-        if constraint.condition.relation is model.Relation.DIFFERENT:
-            continue
-        value, slope = _in_duration(original, instance, constraint)
-        if slope:
-            yield slope > 0, -value / slope
-
-
-def _in_duration(
-    original: Original, instance: model.ActionInstance, constraint: model.DurationConstraint
-) -> tuple[Fraction, Fraction]:
-    """The constraint's expression as `value + slope · ?duration`; the slope is 0 if it is not of this form."""
-    expression = constraint.condition.expression
-    reading = original.execution.reading(original.before[instance.at(constraint.timing)], instance)
-
-    def value(variable: model.NumericVariable) -> model.Expression:
-        length = isinstance(variable, model.Duration)
-        return Polynomial.variable(variable) if length else Polynomial.constant(reading.variable(variable))
-
-    found = expression.substitute(value)
-    slope = found.terms.get((model.Duration(),), Fraction(0)) if found.is_linear else Fraction(0)
-    return found.constant_term, slope
 
 
 @dataclass(frozen=True)
@@ -205,22 +176,23 @@ class Parametrization:
 
     @property
     def beside(self) -> tuple[ParameterSpec, ...]:
-        """What the plan file cannot say."""
+        """The parameters that a plan file cannot hold."""
         return (*self.fluents, *self.durations)
 
     @property
     def pinned_durations(self) -> frozenset[str]:
         """The instances whose duration is a parameter."""
-        return frozenset(one.target.instance or "" for one in self.constraints if one.source != model.ZERO)
+        ends = (constraint.target for constraint in self.constraints if constraint.source != model.ZERO)
+        return frozenset(end.instance or "" for end in ends)
 
     def says_all_about(self, constraint: STNConstraint) -> bool:
         """Whether a parameter says what the distance between these two time points is."""
         pair = {constraint.source, constraint.target}
-        return any({one.source, one.target} == pair for one in self.constraints)
+        return any({bound.source, bound.target} == pair for bound in self.constraints)
 
     def pinned_starts(self, times: Mapping[model.TimePoint, Fraction]) -> tuple[DistanceEdge, ...]:
         """Bounds that fix the start times that are parameters."""
-        starts = [one.target for one in self.constraints if one.source == model.ZERO]
+        starts = [constraint.target for constraint in self.constraints if constraint.source == model.ZERO]
         return tuple(
             bound
             for start in starts
@@ -235,14 +207,14 @@ def parametrization(
     times: Mapping[model.TimePoint, Fraction],
     specs: Iterable[ParameterSpec],
 ) -> Parametrization:
-    """What specifications make of a plan without constraints that has this schedule.
+    """Apply parameter specifications to a plan without constraints that has a given schedule.
 
     Raises:
         InputError: for a specification that does not fit the plan, or a nominal value that is not the plan's own.
     """
     declared = domain_parameters(domain, plan)
-    pairs = [(model.ZERO, one.start) for one in plan.instances]
-    pairs += [(one.start, one.end) for one in plan.instances if one.durative]
+    pairs = [(model.ZERO, instance.start) for instance in plan.instances]
+    pairs += [(instance.start, instance.end) for instance in plan.instances if instance.durative]
     lengths = ((target, source, times[target] - times[source]) for source, target in pairs)
     # constraints that leave the schedule as the only one
     rigid = replace(
@@ -250,22 +222,24 @@ def parametrization(
     )
     wiring = wire(rigid, specs, initial_fluents(problem), declared)
     known = {parameter.name: parameter for parameter in wiring.parameters}
-    parametric = tuple(one for one in wiring.constraints if isinstance(one.lower, model.ParameterReference))
-    for one in parametric:
-        _check_nominal(one, known, times, plan.file)
+    parametric = tuple(
+        constraint for constraint in wiring.constraints if isinstance(constraint.lower, model.ParameterReference)
+    )
+    for constraint in parametric:
+        _check_nominal(constraint, known, times, plan.file)
     in_problem = set(wiring.fluents.values())
     return Parametrization(
-        bare=replace(plan, parameters=tuple(one for one in wiring.parameters if one.name in declared)),
-        parameters=tuple(one for one in wiring.parameters if one.name not in in_problem),
+        bare=replace(plan, parameters=tuple(known[name] for name in known if name in declared)),
+        parameters=tuple(parameter for parameter in wiring.parameters if parameter.name not in in_problem),
         constraints=parametric,
         fluents=tuple(
             ParameterSpec(Target.FLUENT, str(fluent), name, {word: getattr(known[name], word) for word in _WORDS})
             for fluent, name in wiring.fluents.items()
         ),
         durations=tuple(
-            ParameterSpec(Target.DURATION, one.identifier, wiring.durations[one.identifier])
-            for one in plan.instances
-            if one.identifier in wiring.durations and _is_fixed(domain, one)
+            ParameterSpec(Target.DURATION, instance.identifier, wiring.durations[instance.identifier])
+            for instance in plan.instances
+            if instance.identifier in wiring.durations and _is_fixed(domain, instance)
         ),
     )
 
@@ -276,18 +250,19 @@ def _check_nominal(
     times: Mapping[model.TimePoint, Fraction],
     file: str,
 ) -> None:
-    own = times[constraint.target] - times[constraint.source]
+    planned = times[constraint.target] - times[constraint.source]
     for bound in (constraint.lower, constraint.upper):
-        if isinstance(bound, model.ParameterReference) and known[bound.name].default not in {None, own}:
-            found = f"default {format_number(known[bound.name].default or Fraction(0))} for parameter {bound.name!r}"
-            message = f"found {found}, expected the plan's own {format_number(own)}, or no default"
+        if isinstance(bound, model.ParameterReference) and known[bound.name].default not in {None, planned}:
+            default = f"default {format_number(known[bound.name].default or Fraction(0))} for parameter {bound.name!r}"
+            message = f"found {default}, expected the plan's own {format_number(planned)}, or no default"
             raise InputError(message, known[bound.name].location or Location(file))
 
 
 def _is_fixed(domain: Domain, instance: InstanceDeclaration) -> bool:
     """Whether the domain says `(= ?duration e)`, or the same by two inequalities."""
     schema = domain.actions.get(instance.action)
-    said = {(one.comparator, one.timing, one.bound) for one in schema.durations} if schema is not None else set()
+    durations = () if schema is None else schema.durations
+    said = {(duration.comparator, duration.timing, duration.bound) for duration in durations}
     return any(
         comparator is Comparator.EQUAL
         or (comparator is Comparator.AT_LEAST and (Comparator.AT_MOST, timing, bound) in said)

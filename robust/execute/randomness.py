@@ -1,4 +1,4 @@
-"""How the parameters of a plan are distributed: by options, and by the rules of a world."""
+"""Distributions of the parameters of a plan, from options and from the rules of a world."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from robust.probability.distributions import Distribution, parse_distribution, r
 Given = Mapping[str, str | Distribution] | Sequence[str]
 """Distributions by parameter, or texts `NAME=normal:30:5`."""
 Places = Callable[[str, str | None], Location]
-"""How errors name what was given: from the name of an option and a text in it."""
+"""The place that an error names, from the name of an option and a text in it."""
 
 
 def _plainly(name: str, text: str | None) -> Location:
@@ -32,12 +32,12 @@ def distributions_of(
     Raises:
         InputError: wrong distributions, of unknown parameters, or none of a parameter.
     """
-    parameters = {one.name: one for one in plan.parameters}
-    found = _given(given, parameters, place_of)
+    parameters = {parameter.name: parameter for parameter in plan.parameters}
+    known = _given(given, parameters, place_of)
     lasting = _lengths(plan)
     ruled = False
     for name, parameter in parameters.items():
-        if name in found:
+        if name in known:
             continue
         if world is None:
             message = f"found no distribution of parameter {shorten(name)}, expected one of each"
@@ -46,11 +46,11 @@ def distributions_of(
         if rule is None and name in lasting:
             rule = world.duration(plan.instance[lasting[name]])
         ruled = ruled or rule is not None
-        found[name] = _ruled(rule, parameter, place_of)
-    if world is not None and not ruled and not found.keys() & {*_names(given)}:
+        known[name] = _ruled(rule, parameter, place_of)
+    if world is not None and not ruled and not known.keys() & {*_names(given)}:
         message = f"found no rule about a parameter, expected one; known are {', '.join(parameters) or 'none'}"
         raise InputError(message, place_of("world", None))
-    return {name: found[name] for name in parameters}
+    return {name: known[name] for name in parameters}
 
 
 def _names(given: Given) -> list[str]:
@@ -58,7 +58,7 @@ def _names(given: Given) -> list[str]:
 
 
 def _given(given: Given, parameters: Mapping[str, Parameter], place_of: Places) -> dict[str, Distribution]:
-    """What is given, each parameter at most once."""
+    """The distributions that were given, at most one for each parameter."""
     pairs: list[tuple[str, str | Distribution, Location]] = []
     if isinstance(given, Mapping):
         pairs = [(name, value, place_of("distribution", str(name))) for name, value in given.items()]
@@ -69,19 +69,19 @@ def _given(given: Given, parameters: Mapping[str, Parameter], place_of: Places) 
             if not equals or not name:
                 raise InputError(f"found {shorten(text)}, expected NAME=DISTRIBUTION such as a=normal:30:5", place)
             pairs.append((name, value, place))
-    found: dict[str, Distribution] = {}
+    distributions: dict[str, Distribution] = {}
     for name, kind, place in pairs:
         if name not in parameters:
             none = "; the plan has none, and --parameter makes some"
             remedy = did_you_mean(str(name), parameters) if parameters else none
             raise InputError(f"found unknown parameter {shorten(str(name))}{remedy}", place)
-        if name in found:
+        if name in distributions:
             raise InputError(f"found a second distribution of {shorten(name)}, expected one", place)
         if not isinstance(kind, str | Distribution):
             raise InputError(f"found {shorten(repr(kind))}, expected a distribution such as 'normal:30:5'", place)
         planned = _planned(parameters[name])
-        found[name] = kind if isinstance(kind, Distribution) else parse_distribution(kind, planned, place)
-    return found
+        distributions[name] = kind if isinstance(kind, Distribution) else parse_distribution(kind, planned, place)
+    return distributions
 
 
 def _planned(parameter: Parameter) -> Fraction | None:
@@ -89,27 +89,27 @@ def _planned(parameter: Parameter) -> Fraction | None:
 
 
 def _ruled(rule: Rule | None, parameter: Parameter, place_of: Places) -> Distribution:
-    """What a rule says about a parameter; without a rule, it is as planned."""
+    """The distribution of a parameter by a rule; without a rule, it has its planned value."""
     planned = _planned(parameter)
     if planned is None:
         message = f"found no nominal value of parameter {shorten(parameter.name)}, expected one: worlds are about plans"
         raise InputError(message, place_of("world", None))
     if rule is None:
         return Distribution("constant", {"value": planned})
-    found = rule.about(planned)
-    require_possible(found.kind, found.numbers, place_of("world", parameter.name))
-    return found
+    distribution = rule.about(planned)
+    require_possible(distribution.kind, distribution.numbers, place_of("world", parameter.name))
+    return distribution
 
 
 def _lengths(plan: ParametrizedPlan) -> dict[str, str]:
     """The instance whose duration a parameter is, by parameter."""
-    ends = {(one.start, one.end): one.identifier for one in plan.instances}
-    found: dict[str, str] = {}
-    for one in plan.constraints:
-        names = [] if one.lower is None or one.lower != one.upper else [*one.lower.variables]
-        instance = ends.get((one.source, one.target))
-        if instance is not None and len(names) == 1 and one.lower is not None:
-            ((unknown, factor),) = one.lower.coefficients()
-            if factor == 1 and one.lower.constant_term == 0:
-                found.setdefault(str(unknown), instance)
-    return found
+    ends = {(action.start, action.end): action.identifier for action in plan.instances}
+    owners: dict[str, str] = {}
+    for constraint in plan.constraints:
+        length, instance = constraint.lower, ends.get((constraint.source, constraint.target))
+        fixed = length is not None and length == constraint.upper and len(length.variables) == 1
+        if instance is not None and length is not None and fixed:
+            ((unknown, factor),) = length.coefficients()
+            if factor == 1 and length.constant_term == 0:
+                owners.setdefault(str(unknown), instance)
+    return owners

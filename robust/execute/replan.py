@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from time import monotonic
+from typing import TypeVar
 
 from robust.encode import create_encoding
 from robust.encode.interface import EPSILON
@@ -25,7 +26,7 @@ from robust.execute.dispatchable import Blex, Dispatchable, Dreex, Executor, Gua
 from robust.execute.dispatcher import Dispatcher, Ending, LeftBox, MessageRejected, Observation
 from robust.execute.drive import run_in_world
 from robust.execute.planners.interface import Planner
-from robust.execute.slices import Left
+from robust.execute.slices import Remainder
 from robust.execute.worlds import ExecutedInstance, InstanceOutcome, Luck, Rules, SimulatedWorld, condition_with
 from robust.irr.exact import BoxMethod
 from robust.numbers import format_number
@@ -44,9 +45,11 @@ from robust.qe.region import Region
 from robust.searching import Status
 from robust.smt.limits import Deadline, OutOfTimeError, noticing_interrupts
 
+Event = TypeVar("Event", Observation, MessageRejected, Remainder)
+
 
 class RunStatus(VerdictEnum):
-    """How a run ended."""
+    """Status of a run."""
 
     SUCCEEDED = "succeeded"
     FAILED = "failed"
@@ -56,10 +59,10 @@ class RunStatus(VerdictEnum):
 class Segment:
     """The execution of one plan, from `start` to `end`.
 
-    `box` and `guarantee` are those with which it began. `left` is what was left of the envelope after observations, for
-    executors that look, and `promised` the guarantee of the last promise. `ending` is why it was given up at
-    `given_up`; None if it was carried out. `executed` are its instances in the order of their starts, with times from
-    the beginning of the run.
+    `box` and `guarantee` are those with which it began. `remainders` are what was left of the envelope after
+    observations, for executors that look, and `promised` is the guarantee of the last promise. `ending` is why it was
+    given up at `given_up`; None if it was carried out. `executed` are its instances in the order of their starts, with
+    times from the beginning of the run.
     """
 
     plan: model.ParametrizedPlan
@@ -72,7 +75,7 @@ class Segment:
     rejected: tuple[MessageRejected, ...]
     ending: Ending | None
     given_up: Fraction | None
-    left: tuple[Left, ...] = ()
+    remainders: tuple[Remainder, ...] = ()
     promised: Guarantee = Guarantee.NONE
     planner_seconds: float = 0.0
     preparation_seconds: float = 0.0
@@ -93,7 +96,7 @@ class ReplanningRun(NoTruthValue, ask="status"):
 
     @property
     def replans(self) -> int:
-        """How often another plan was begun."""
+        """Number of plans that were begun after the first."""
         return max(0, len(self.segments) - 1)
 
     @property
@@ -114,7 +117,7 @@ def origin_after(now: Fraction, literals: Iterable[model.TimedLiteral], epsilon:
     """
     gap = epsilon or EPSILON
     origin = now + gap
-    for literal in sorted(literals, key=lambda one: one.time):
+    for literal in sorted(literals, key=lambda literal: literal.time):
         if origin - gap < literal.time <= origin:
             origin = literal.time + gap
     return origin
@@ -126,13 +129,14 @@ def remaining_problem(problem: Problem, state: State, origin: Fraction) -> Probl
     Timed literals that are still to come keep their moments; those that have passed are part of the state. Deadlines
     that are timed literals move with them.
     """
-    later = tuple(replace(one, time=one.time - origin) for one in problem.timed_literals if one.time > origin)
+    coming = (literal for literal in problem.timed_literals if literal.time > origin)
+    later = tuple(replace(literal, time=literal.time - origin) for literal in coming)
     return replace(problem, atoms=frozenset(state.atoms), fluents=dict(state.fluents), timed_literals=later)
 
 
 @dataclass(frozen=True, slots=True)
 class ReplanningOptions:
-    """How plans are made ready: which executor, which parameters, how the box is computed, and how long that may take.
+    """Preparation of plans: executor, parameters, method for the box, and time limits.
 
     `method` finds the box, around the nominal point.
     `timeout` limits conversion and box, each, in seconds; out of time, a box is as large as it has become.
@@ -221,17 +225,17 @@ REGION_SECONDS = 5.0
 
 
 def _sliced(dispatchable: Dispatchable, executor: Slice, options: ReplanningOptions) -> Dispatchable:
-    """With the envelope; or, where that takes too long, with what was proved of it, the box among it."""
+    """A dispatchable plan that slices the envelope; where that takes too long, the part of it that was proved."""
     plan, box = dispatchable.plan, dispatchable.box
     seconds = REGION_SECONDS if options.timeout is None else min(options.timeout, REGION_SECONDS)
-    found = RegionSearch(plan, epsilon=options.epsilon, solver=options.solver, timeout=seconds).run()
-    if found.status is Status.INTERRUPTED:
+    search = RegionSearch(plan, epsilon=options.epsilon, solver=options.solver, timeout=seconds).run()
+    if search.status is Status.INTERRUPTED:
         raise KeyboardInterrupt
-    region = found.inner()
-    if not found.is_exact:
+    region = search.inner()
+    if not search.is_exact:
         names = tuple(parameter.name for parameter in plan.parameters)
         region = Region.union_of(names, (Polyhedron.of_box(names, box), *region.as_union().pieces))
-    return dispatchable.sliced(region, exact=found.is_exact, seconds=executor.seconds)
+    return dispatchable.sliced(region, exact=search.is_exact, seconds=executor.seconds)
 
 
 @noticing_interrupts()
@@ -239,15 +243,15 @@ def computed_box(plan: model.ParametrizedPlan, options: ReplanningOptions) -> Bo
     """The box of a plan; errors as for :func:`prepare_plan`."""
     deadline = Deadline.after(options.timeout)
     formulas = create_encoding("relational", plan, options.epsilon, deadline)
-    found = options.method.search(formulas, solver=options.solver, deadline=deadline).run()
-    if found.status is Status.INVALID:
-        raise RefutedError(f"invalid plan: {found.reason}")
-    if not found.verified:
+    envelope = options.method.search(formulas, solver=options.solver, deadline=deadline).run()
+    if envelope.status is Status.INVALID:
+        raise RefutedError(f"invalid plan: {envelope.reason}")
+    if not envelope.verified:
         raise SolverError("no box was proved in time; expected one, allow more time")
     if options.controllability is None:
-        return found.box
+        return envelope.box
     try:  # the part in which a strategy is certain to find the schedules that the box promises
-        return shrink(plan, found.box, Control(options.controllability), deadline=Deadline.after(options.timeout))
+        return shrink(plan, envelope.box, Control(options.controllability), deadline=Deadline.after(options.timeout))
     except OutOfTimeError:
         raise SolverError("no controllable part of the box was found in time; expected one, allow more time") from None
 
@@ -267,19 +271,19 @@ def judged(start: model.ParametrizedPlan, executed: Sequence[ExecutedInstance], 
     """
     instances: list[model.ActionInstance] = []
     schedule: dict[model.TimePoint, Fraction] = {}
-    for number, one in enumerate(executed):
-        instance = _as_it_was(one, f"{number}.{one.instance.identifier}")
+    for number, execution in enumerate(executed):
+        instance = _as_it_was(execution, f"{number}.{execution.instance.identifier}")
         instances.append(instance)
-        schedule[instance.start] = one.start
+        schedule[instance.start] = execution.start
         if instance.durative:
-            schedule[instance.end] = one.start if one.end is None else one.end
+            schedule[instance.end] = execution.start if execution.end is None else execution.end
     return simulate(replace(start, instances=tuple(instances)), {}, schedule, epsilon=epsilon)
 
 
-def _as_it_was(one: ExecutedInstance, identifier: str) -> model.ActionInstance:
-    done = one.outcome is InstanceOutcome.DONE
-    instance = replace(one.instance, identifier=identifier)
-    if one.natural or not done:
+def _as_it_was(executed: ExecutedInstance, identifier: str) -> model.ActionInstance:
+    done = executed.outcome is InstanceOutcome.DONE
+    instance = replace(executed.instance, identifier=identifier)
+    if executed.natural or not done:
         instance = replace(instance, durations=())
     if done:
         return instance
@@ -290,17 +294,17 @@ def _as_it_was(one: ExecutedInstance, identifier: str) -> model.ActionInstance:
 
 REPLANS = 10
 PLANNER_SECONDS = 7.0
-"""What a run is allowed unless told otherwise, and its planner each time."""
+"""Defaults: re-plans of a run, and seconds of the planner for each plan."""
 
 
 @dataclass(frozen=True)
 class Mission:
-    """What is to be executed, and how.
+    """The problem to execute, and how it is executed.
 
     Args:
         domain: the domain.
         problem: the problem.
-        planner: who is asked for plans; None if there is nobody to ask, so that a plan that is given up is the end.
+        planner: the source of plans; with None, giving up a plan ends the run.
         rules: what nature draws.
         options: how plans are made ready.
         replans: how often another plan may be begun.
@@ -405,12 +409,12 @@ class _Running:
         """Whether a plan was given up when all had been done: the goal is reached [IRR, Alg. 2, line 16]."""
         reading = Reading(world.state.snapshot(), {})
         goal = () if self._beginning is None else self._beginning.goal
-        return all(reading.holds(one.condition) for one in goal) and self._fault() is None
+        return all(reading.holds(demand.condition) for demand in goal) and self._fault() is None
 
     def _fault(self) -> str | None:
-        """What the simulator, told all that was executed and drawn, finds broken."""
-        executed = [one for segment in self._segments for one in segment.executed]
-        if self._beginning is None or any(one.outcome is InstanceOutcome.RUNNING for one in executed):
+        """The first violation in a simulation of everything that was executed and drawn; None if there is none."""
+        executed = [execution for segment in self._segments for execution in segment.executed]
+        if self._beginning is None or any(execution.outcome is InstanceOutcome.RUNNING for execution in executed):
             return "an instance did not end"
         violations = judged(self._beginning, executed, self._mission.options.epsilon).violations
         if not violations:
@@ -433,8 +437,8 @@ def check_rules(prepared: Prepared, rules: Rules) -> None:
         point = dispatchable.network.points[number]
         instance = dispatchable.plan.instance[point.instance or ""]
         if point.kind is model.TimePointKind.END and rules.duration(instance) is not None:
-            found = f"found a rule for the duration of {instance.identifier} {instance}, which the dispatcher chooses"
-            message = f"{found}; expected one that is fixed or a parameter: --parameter duration:{instance.action}"
+            fault = f"found a rule for the duration of {instance.identifier} {instance}, which the dispatcher chooses"
+            message = f"{fault}; expected one that is fixed or a parameter: --parameter duration:{instance.action}"
             raise InputError(message)
 
 
@@ -448,19 +452,18 @@ def beginning(plan: model.ParametrizedPlan, world: SimulatedWorld) -> model.Para
         initial_atoms=plan.initial_atoms,
         initial_fluents={fluent: Polynomial.constant(value) for fluent, value in world.initial.items()},
         timed_literals=plan.timed_literals,
-        goal=tuple(replace(one, condition=condition_with(one.condition, world.values)) for one in plan.goal),
+        goal=tuple(replace(goal, condition=condition_with(goal.condition, world.values)) for goal in plan.goal),
     )
 
 
 def _segment(
-    dispatcher: Dispatcher,
-    prepared: Prepared,
-    world: SimulatedWorld,
-    origin: Fraction,
-    last: Fraction,
+    dispatcher: Dispatcher, prepared: Prepared, world: SimulatedWorld, origin: Fraction, last: Fraction
 ) -> Segment:
-    """What became of a plan."""
-    executed = world.executed.values()
+    """The record of the execution of one plan."""
+
+    def moved(events: Iterable[Event]) -> tuple[Event, ...]:
+        return tuple(replace(event, time=origin + event.time) for event in events)
+
     return Segment(
         plan=dispatcher.dispatchable.plan,
         box=prepared.dispatchable.box,
@@ -468,14 +471,14 @@ def _segment(
         start=origin,
         end=origin + last,
         executed=tuple(
-            replace(one, start=origin + one.start, end=None if one.end is None else origin + one.end)
-            for one in executed
+            replace(run, start=origin + run.start, end=None if run.end is None else origin + run.end)
+            for run in world.executed.values()
         ),
-        observations=tuple(replace(one, time=one.time + origin) for one in dispatcher.observations),
-        rejected=tuple(replace(one, time=one.time + origin) for one in dispatcher.rejected),
+        observations=moved(dispatcher.observations),
+        rejected=moved(dispatcher.rejected),
         ending=dispatcher.ending,
         given_up=None if dispatcher.ending is None else origin + dispatcher.ending.time,
-        left=tuple(replace(one, time=one.time + origin) for one in dispatcher.left),
+        remainders=moved(dispatcher.remainders),
         promised=dispatcher.dispatchable.guarantee,
         planner_seconds=prepared.planner_seconds,
         preparation_seconds=prepared.seconds,

@@ -58,7 +58,7 @@ _STRETCH = "λ"
 
 @dataclass(frozen=True)
 class Observations:
-    """What is known at a moment of an execution.
+    """Observations up to a moment of an execution.
 
     `seen` are the values that were revealed, as the least interval around them; `settled` are parameters of which
     nothing more will be revealed. `possible` are the values that are still possible for what is going on: an action
@@ -73,7 +73,7 @@ class Observations:
 
 
 class SliceAnswer(VerdictEnum):
-    """What came of looking at what is left."""
+    """Result of a search for a box in the remainder of the envelope."""
 
     PROMISED = "promised"
     """There is a box with which the plan succeeds."""
@@ -84,8 +84,8 @@ class SliceAnswer(VerdictEnum):
 
 
 @dataclass(frozen=True)
-class Left(NoTruthValue, ask="answer"):
-    """What is left at `time`, `after` an observation, in words.
+class Remainder(NoTruthValue, ask="answer"):
+    """The remainder of the envelope at `time`, `after` an observation, in words.
 
     `box` is the promise, with the values that were seen; None if there is none. `kept` says whether it holds the
     promise before. `seconds` is wall time.
@@ -121,18 +121,18 @@ class Slices:
     def __post_init__(self) -> None:
         self.parts  # noqa: B018 - worked out before the execution begins
 
-    def after(self, facts: Observations, what: str, promised: Box) -> tuple[Left, ParametricStnu]:
-        """What is left once `what` has been observed, and the network with what has happened."""
+    def after(self, facts: Observations, what: str, promised: Box) -> tuple[Remainder, ParametricStnu]:
+        """The remainder once `what` has been observed, and the network with the events so far."""
         started = time.perf_counter()
         network = continued(self.stnu, facts)
         deadline = Deadline.after(None if self.seconds is None else self.seconds / 2)
         try:
-            found = _Promising(self, facts, network, deadline).run(promised)
-            answer = SliceAnswer.NOTHING if found is None else SliceAnswer.PROMISED
+            promise = _Promising(self, facts, network, deadline).run(promised)
+            answer = SliceAnswer.NOTHING if promise is None else SliceAnswer.PROMISED
         except OutOfTimeError:
-            found, answer = None, SliceAnswer.OUT_OF_TIME
-        box, kept = found or (None, False)
-        return Left(facts.now, what, answer, box, kept, time.perf_counter() - started), network
+            promise, answer = None, SliceAnswer.OUT_OF_TIME
+        box, kept = promise or (None, False)
+        return Remainder(facts.now, what, answer, box, kept, time.perf_counter() - started), network
 
     @cached_property
     def parts(self) -> tuple[tuple[Polyhedron, tuple[Polyhedron, ...], tuple[Polyhedron, ...]], ...]:
@@ -217,21 +217,21 @@ class _Promising:
     # -- boxes to start from -------------------------------------------------------------------------------------------
 
     def _remainder(self, promised: Box) -> Box | None:
-        """What remains of a promise, with the values that were seen; None if something is outside that must be in."""
-        found = {}
+        """The rest of a promise, with the values that were seen; None if it excludes a value that must be inside."""
+        intervals = {}
         for name, interval in promised.intervals.items():
             seen, possible = self._facts.seen.get(name), self._facts.possible.get(name)
             if seen is not None:
-                found[name] = seen if name in self._facts.settled else _around(interval, seen)
+                intervals[name] = seen if name in self._facts.settled else _around(interval, seen)
             else:
                 common = interval if possible is None else _common(interval, possible)
                 if common is None:
                     return None
-                found[name] = common
-        return Box(found)
+                intervals[name] = common
+        return Box(intervals)
 
     def _planned(self) -> Box:
-        found = {}
+        intervals = {}
         for parameter in self._slices.parameters:
             value = parameter.nominal
             possible = self._facts.possible.get(parameter.name, _ANYTHING)
@@ -239,8 +239,8 @@ class _Promising:
                 end = possible.end(side)
                 if end is not None and side.sign * value > side.sign * end:
                     value = end
-            found[parameter.name] = self._facts.seen.get(parameter.name, Interval(value, value))
-        return Box(found)
+            intervals[parameter.name] = self._facts.seen.get(parameter.name, Interval(value, value))
+        return Box(intervals)
 
     def _holds(self, box: Box, bad: Sequence[Polyhedron]) -> bool:
         """Whether a box is left, and the schedule can be continued for sure."""
@@ -257,30 +257,26 @@ class _Promising:
         reason = self._wanted.reason(ends)
         if reason is None:
             return None
-        total = Polynomial[str]({})
-        for form in reason:
-            total = total + form.constant_term
-            for (name, _), factor in form.coefficients():
-                total = total + Polynomial[str].variable(name).scaled(factor)
-        return total
+        return sum((form.substitute(lambda face: Polynomial.variable(face[0])) for form in reason), Polynomial[str]({}))
 
     def _centre(self, base: Polyhedron, removed: Sequence[Polyhedron]) -> Box | None:
         """The middle of the widest cube in some convex part of what is left, with the values that were seen."""
-        left = base.restricted(Box({**self._facts.possible, **self._facts.seen}).constraints())
+        part = base.restricted(Box({**self._facts.possible, **self._facts.seen}).constraints())
         while True:
             self._deadline.enforce()
-            point = outside(left, removed)
+            point = outside(part, removed)
             if point is None:
                 return None
-            cell = [*left.constraints, *(outer_side(piece, point) for piece in removed)]
+            cell = [*part.constraints, *(outer_side(piece, point) for piece in removed)]
             box = self._middle(cell)
-            cut = None if box is None else self._cut(box)
-            if box is not None and cut is None:
+            condition = None if box is None else self._cut(box)
+            if box is not None and condition is None:
                 return box
-            if cut is None or cut.is_constant:  # what was seen of a parameter is not to be had in one convex part
+            # what was seen of a parameter may not be within one convex part
+            if condition is None or condition.is_constant:
                 return None
-            factors, constant = dict(cut.coefficients()), cut.constant_term
-            left = left.restricted([LinearConstraint.of(factors, ">=", -constant)])
+            factors, constant = dict(condition.coefficients()), condition.constant_term
+            part = part.restricted([LinearConstraint.of(factors, ">=", -constant)])
 
     def _middle(self, cell: Sequence[LinearConstraint]) -> Box | None:
         """The middle of the widest cube in a convex cell, as far as parameters are unknown."""
@@ -299,9 +295,8 @@ class _Promising:
         best = maximize([*self._open, _STRETCH], constraints, {_STRETCH: Fraction(1)})
         if best is None:
             return None
-        point = (
-            best.point if best.attained else Polyhedron((*self._open, _STRETCH), tuple(constraints)).interior_point()
-        )
+        stretched = Polyhedron((*self._open, _STRETCH), tuple(constraints))
+        point = best.point if best.attained else stretched.interior_point()
         if point is None:
             return None
         return Box({n: self._facts.seen.get(n) or Interval(point[n], point[n]) for n in self._names})
@@ -314,19 +309,14 @@ class _Promising:
         wanted = Controllable(inside, self._wanted, parameters, start)
         boxes = [start]
         with suppress(OutOfTimeError):  # a promise was found; time decides how wide it becomes
+            fixed, deadline = self._facts.settled, self._deadline
             grow(
-                start,
-                wanted,
-                inside.pieces,
-                parameters=parameters,
-                still=self._facts.settled,
-                deadline=self._deadline,
-                on_box=boxes.append,
+                start, wanted, inside.pieces, parameters=parameters, fixed=fixed, deadline=deadline, on_box=boxes.append
             )
         return boxes[-1]
 
     def _in_haste(self, parameter: Parameter) -> Parameter:
-        """What takes longer than planned grows as fast as all the rest: else it would soon leave its interval again."""
+        """A parameter that exceeds its plan gets a greater weight, or its value would soon leave the interval again."""
         if parameter.nominal in self._facts.possible.get(parameter.name, _ANYTHING):
             return parameter
         others = [self._weight[name] for name in self._open if name != parameter.name]
@@ -338,9 +328,9 @@ _MOST = Fraction(1_000_000)
 """Half the width of cubes at most, in units of weights: what is left may be unbounded."""
 
 
-def _common(one: Interval, other: Interval) -> Interval | None:
+def _common(interval: Interval, other: Interval) -> Interval | None:
     """The values of both intervals; None if there are none."""
-    halves = [*Box({"x": one}).constraints(), *Box({"x": other}).constraints()]
+    halves = [*Box({"x": interval}).constraints(), *Box({"x": other}).constraints()]
     return (Polyhedron(("x",), tuple(halves)).bounding_box() or {}).get("x")
 
 

@@ -9,7 +9,7 @@ because a chain of steps may begin as much earlier as it ends later.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import lcm
@@ -19,21 +19,10 @@ from robust.encode.effects import names_in
 from robust.errors import RefutedError
 from robust.network.differences import Bound, delay, following
 from robust.numbers import format_number, plural, round_up
-from robust.plan.model import (
-    ZERO,
-    ActionInstance,
-    Atom,
-    Duration,
-    Expression,
-    Fluent,
-    NumericVariable,
-    ParametrizedPlan,
-    Relation,
-    TimePoint,
-    Timing,
-)
+from robust.plan import model
+from robust.plan.model import ZERO, ActionInstance, ParametrizedPlan, TimePoint
 from robust.plan.polynomial import Polynomial
-from robust.plan.timeline import Reading, TimedExecution
+from robust.plan.timeline import TimedExecution
 
 
 class NearSchedules:
@@ -90,12 +79,12 @@ class Snapped:
 
     times: Mapping[TimePoint, Fraction]
     durations: int
-    """How many durations differ from the printed ones."""
+    """Number of durations that differ from the printed ones."""
     starts: int
     shift: Fraction
 
     def __str__(self) -> str:
-        """What moved, in words; empty if nothing did."""
+        """A summary of the moves; empty if nothing moved."""
         moved = [plural(count, what) for count, what in ((self.durations, "duration"), (self.starts, "start")) if count]
         return f"{' and '.join(moved)} moved, by at most {format_number(round_up(self.shift))}" if moved else ""
 
@@ -201,22 +190,22 @@ class _Snapping:
         wished = [int(self._printed[point] * scale) for point in points]
         if any(source == target for source, target, _ in network):
             raise TooFarError(_CONTRADICTION, self._with_durations(demands))
-        times = self._placed(network, wished, [int(one * scale) for one in reach], scale, demands)
+        times = self._placed(network, wished, [int(distance * scale) for distance in reach], scale, demands)
         exact = {point: Fraction(times[node], scale) + after for point, (node, after) in nodes.items()}
         return self._result(exact, max(abs(a - b) for a, b in zip(times, wished, strict=True)), scale)
 
     def _placed(
         self, network: list[Bound], wished: list[int], near: list[int], scale: int, demands: Demands
     ) -> list[int]:
-        """As near as all can be, each within its own tolerance."""
+        """The schedule nearest to the printed times, each time within its own tolerance."""
         shift = least_shift(network, wished)
         if shift is None:
             raise TooFarError(_CONTRADICTION, self._with_durations(demands))
 
         def windows(reach: int) -> NearSchedules:
-            low = [max(wish - reach, wish - own) for wish, own in zip(wished, near, strict=True)]
+            low = [max(wish - reach, wish - limit) for wish, limit in zip(wished, near, strict=True)]
             return NearSchedules(
-                network, low, [min(wish + reach, wish + own) for wish, own in zip(wished, near, strict=True)]
+                network, low, [min(wish + reach, wish + limit) for wish, limit in zip(wished, near, strict=True)]
             )
 
         greatest = max(near)
@@ -239,12 +228,12 @@ class _Snapping:
                 yield instance.start, instance.end, low
                 if high is not None:
                     yield instance.end, instance.start, -high
-        writers: dict[Atom | Fluent, set[TimePoint]] = {}
+        writers: dict[model.Atom | model.Fluent, set[TimePoint]] = {}
         for name, point in _writes(self._plan):
             writers.setdefault(name, set()).add(point)
         for instance in self._plan.instances:
             for part in instance.conditions:
-                if part.timing is Timing.OVER_ALL:
+                if part.timing is model.Timing.OVER_ALL:
                     for name in names_in(part.condition):
                         for point in writers.get(name, ()):
                             yield from self._outside(instance, point)
@@ -277,35 +266,42 @@ class _Snapping:
 
         What a duration reads may come from effects that depend on durations, so these are read again until they stay.
         """
-        found: dict[str, tuple[Fraction, Fraction | None]] = {}
+        demands: dict[str, tuple[Fraction, Fraction | None]] = {}
         times = self._spread()
-        durations = {one.identifier: self._printed[one.end] - self._printed[one.start] for one in self._plan.instances}
+        durations = {
+            instance.identifier: self._printed[instance.end] - self._printed[instance.start]
+            for instance in self._plan.instances
+        }
         for _ in range(len(durations) + 1):
             execution = TimedExecution(self._plan, self._plan.nominal, times, durations)
-            found = {one.identifier: self._allowed(execution, one) for one in self._plan.instances if one.durative}
-            exact = {name: _nearest(durations[name], *limits) for name, limits in found.items()}
+            demands = {
+                instance.identifier: duration_range(instance, read_before(execution, instance))
+                for instance in self._plan.instances
+                if instance.durative
+            }
+            exact = {name: _nearest(durations[name], *limits) for name, limits in demands.items()}
             if exact.items() <= durations.items():
                 break
             durations |= exact
-        return found
+        return demands
 
     def _check_durations(self, demands: Demands) -> None:
-        """That what is demanded is what was printed, but for rounding."""
+        """Check that demanded durations are the printed ones but for rounding."""
         too_far = [(away, instance) for instance, away in self._changes(demands) if abs(away) > self._reach(instance)]
         if too_far:
-            away, instance = max(too_far, key=lambda one: abs(one[0]))
+            away, instance = max(too_far, key=lambda change: abs(change[0]))
             wrong = f"the duration of {instance} would have to change by {format_number(round_up(abs(away)))}"
             raise TooFarError(wrong, self._with_durations(demands), abs(away))
 
     def _changes(self, demands: Demands) -> Iterator[tuple[ActionInstance, Fraction]]:
-        """How much longer the durations that the domain demands are than the printed ones."""
+        """Differences between the durations that the domain demands and the printed ones."""
         for instance in self._plan.instances:
             if instance.durative:
                 printed = self._printed[instance.end] - self._printed[instance.start]
                 yield instance, _nearest(printed, *demands[instance.identifier]) - printed
 
     def _reach(self, instance: ActionInstance) -> Fraction:
-        """How far the duration may be from the printed one."""
+        """Tolerance of a duration."""
         return self._tolerances.get(instance.end, Fraction(0))
 
     def _with_durations(self, demands: Demands) -> dict[TimePoint, Fraction]:
@@ -325,36 +321,55 @@ class _Snapping:
             for point, time in self._printed.items()
         }
 
-    def _allowed(self, execution: TimedExecution, instance: ActionInstance) -> tuple[Fraction, Fraction | None]:
-        low, high = Fraction(0), None
-        for constraint in instance.durations:
-            reading = execution.reading(execution.before(instance.at(constraint.timing)), instance)
-
-            def value(variable: NumericVariable, reading: Reading = reading) -> Expression:
-                length = isinstance(variable, Duration)
-                return Polynomial.variable(variable) if length else Polynomial.constant(reading.variable(variable))
-
-            read = constraint.condition.expression.substitute(value)
-            slope = read.terms.get((Duration(),), Fraction(0))
-            relation = constraint.condition.relation
-            if not slope or not read.is_linear or relation is Relation.DIFFERENT:
-                continue
-            limit = -read.constant_term / slope
-            if relation is Relation.EQUAL or slope > 0:
-                low = max(low, limit)
-            if relation is Relation.EQUAL or slope < 0:
-                high = limit if high is None else min(high, limit)
-        return low, high
-
     def _result(self, times: Mapping[TimePoint, Fraction], shift: int, scale: int) -> Snapped:
-        printed, durative = self._printed, [one for one in self._plan.instances if one.durative]
-        durations = sum(times[one.end] - times[one.start] != printed[one.end] - printed[one.start] for one in durative)
-        starts = sum(times[one.start] != printed[one.start] for one in self._plan.instances)
-        lengths = [(times[one.end] - times[one.start]) - (printed[one.end] - printed[one.start]) for one in durative]
-        return Snapped(times, durations, starts, max([Fraction(shift, scale), *map(abs, lengths)]))
+        printed, instances = self._printed, self._plan.instances
+        changes = [
+            (times[instance.end] - times[instance.start]) - (printed[instance.end] - printed[instance.start])
+            for instance in instances
+            if instance.durative
+        ]
+        starts = sum(times[instance.start] != printed[instance.start] for instance in instances)
+        return Snapped(times, sum(map(bool, changes)), starts, max([Fraction(shift, scale), *map(abs, changes)]))
 
 
-def _writes(plan: ParametrizedPlan) -> Iterator[tuple[Atom | Fluent, TimePoint]]:
+Known = Callable[[model.DurationConstraint], model.Expression]
+"""The expression of a duration constraint, with a number for each variable but `?duration` that has a known value."""
+
+
+def duration_range(instance: ActionInstance, known: Known) -> tuple[Fraction, Fraction | None]:
+    """The least and the greatest duration that the constraints of an instance allow, strict bounds included.
+
+    Constraints that are not linear in `?duration`, or read anything else that is not known, are left out.
+    """
+    low, high = Fraction(0), None
+    for constraint in instance.durations:
+        expression = known(constraint)
+        if expression.variables == {model.Duration()} and expression.is_linear:
+            ((_, slope),) = expression.coefficients()
+            limit, equal = -expression.constant_term / slope, constraint.condition.relation is model.Relation.EQUAL
+            if equal or slope > 0:
+                low = max(low, limit)
+            if equal or slope < 0:
+                high = limit if high is None else min(high, limit)
+    return low, high
+
+
+def read_before(execution: TimedExecution, instance: ActionInstance) -> Known:
+    """The expressions of duration constraints, with values from the states of an execution."""
+
+    def known(constraint: model.DurationConstraint) -> model.Expression:
+        reading = execution.reading(execution.before(instance.at(constraint.timing)), instance)
+
+        def value(variable: model.NumericVariable) -> model.Expression:
+            length = isinstance(variable, model.Duration)
+            return Polynomial.variable(variable) if length else Polynomial.constant(reading.variable(variable))
+
+        return constraint.condition.expression.substitute(value)
+
+    return known
+
+
+def _writes(plan: ParametrizedPlan) -> Iterator[tuple[model.Atom | model.Fluent, TimePoint]]:
     for instance in plan.instances:
         for effect in instance.atom_effects:
             yield effect.atom, instance.at(effect.timing)

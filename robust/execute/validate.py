@@ -1,4 +1,4 @@
-"""Is one schedule valid, as VAL judges it: what breaks, when, by how much, and what would help.
+"""Validation of one schedule, as VAL judges it: violations, their times and amounts, and remedies.
 
 Printed numbers stand for intervals (:mod:`robust.execute.snap`). A plan is valid if what is printed breaks nothing, or
 else if there is a schedule within the tolerance, in the printed order, that breaks nothing. If there is none, what
@@ -23,16 +23,7 @@ from robust.execute import distances
 from robust.execute.snap import Snapped, TooFarError, snap
 from robust.numbers import decimal_at, decimal_index, format_number, plural, readable, readable_values, round_up
 from robust.plan.load import assemble
-from robust.plan.model import (
-    ActionInstance,
-    Atom,
-    Condition,
-    Holds,
-    ParametrizedPlan,
-    TimePoint,
-    TimePointKind,
-    Timing,
-)
+from robust.plan.model import ActionInstance, Atom, Condition, Holds, ParametrizedPlan, TimePoint, TimePointKind, Timing
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.simulate import Simulation, Violation, mutex_pairs, simulate
 from robust.plan.stn import InstanceDeclaration, STNPlan, is_network
@@ -67,14 +58,14 @@ class Breach:
 
     @property
     def words(self) -> str:
-        """What is demanded, what is so instead, and by how much it fails."""
+        """The demand, the fact that contradicts it, and the difference."""
         amount = f", by {readable(self.amount)}" if self.amount and not _separates(self) else ""
         where = f" ({_lines(self.lines)})" if self.lines else ""
         return f"{self.demand}, but {readable_values(self.detail)}{amount}{where}"
 
 
-def _separates(one: Breach | Violation) -> bool:
-    return one.obligation.startswith(_SEPARATION)
+def _separates(breach: Breach | Violation) -> bool:
+    return breach.obligation.startswith(_SEPARATION)
 
 
 def _lines(lines: tuple[int, ...]) -> str:
@@ -83,7 +74,7 @@ def _lines(lines: tuple[int, ...]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Remedies:
-    """What would make a schedule valid, each by itself; None where the printed order leaves nothing of its kind.
+    """Options that make a schedule valid, each by itself; None where no value in the printed order does.
 
     Attributes:
         tolerance: with exact times so far from the printed ones.
@@ -95,14 +86,14 @@ class Remedies:
 
     @property
     def named(self) -> Mapping[str, Fraction]:
-        """Those that there are, by name."""
+        """The remedies that exist, by name."""
         every = {"tolerance": self.tolerance, "epsilon": self.epsilon}
         return {name: value for name, value in every.items() if value is not None}
 
 
 @dataclass(frozen=True)
 class Verdict(Presented, ask="valid"):
-    """What becomes of a plan as it was printed.
+    """The verdict about a plan as it was printed.
 
     Attributes:
         plan: its name.
@@ -134,7 +125,7 @@ class Verdict(Presented, ask="valid"):
 
     @property
     def shift(self) -> Fraction:
-        """How far a start or a duration was moved at most."""
+        """The greatest change of a start or a duration."""
         return Fraction(0) if self.snapped is None else self.snapped.shift
 
     def __str__(self) -> str:
@@ -145,7 +136,7 @@ class Verdict(Presented, ask="valid"):
 
     @property
     def size(self) -> str:
-        """What was judged, and how many violations were found."""
+        """Number of steps, end, and number of violations, in words."""
         parts = [f"{plural(self.steps, 'step')}, ends at {readable(self.end)}"]
         if self.snapped is not None:
             parts.append(str(self.snapped))
@@ -193,15 +184,17 @@ def validate(
     """
     judge = _Judge.of(domain, problem, timed, epsilon)
     outcome = judge.outcome(epsilon, tolerance)
-    broken = sorted(_unexplained(judge, outcome), key=lambda one: (one.time, not _separates(one)))
-    words = _Words(judge, outcome, epsilon)
+    broken = sorted(_unexplained(judge, outcome), key=lambda violation: (violation.time, not _separates(violation)))
+    words, remedies = _Words(judge, outcome, epsilon), Remedies()
+    if broken:
+        remedies = Remedies(_tolerance(judge, outcome, epsilon), _epsilon(judge, outcome, epsilon, tolerance))
     return Verdict(
         plan=timed.file,
         steps=len(timed.steps),
         end=max(time for point, time in outcome.times.items() if point.time is None),
         violations=tuple(map(words.breach, broken)),
         snapped=outcome.snapped if outcome.snapped is not None and str(outcome.snapped) else None,
-        remedies=_remedies(judge, outcome, epsilon, tolerance) if broken else Remedies(),
+        remedies=remedies,
         note=timed.note,
         epsilon=epsilon,
         tolerance=tolerance,
@@ -213,7 +206,7 @@ def validate(
 
 @dataclass(frozen=True, slots=True)
 class _Outcome:
-    """What a schedule breaks; `times` are those of the exact schedule, or of what comes nearest to one.
+    """The simulation of a schedule; `times` are those of the exact schedule, or of the nearest attempt at one.
 
     `rounding` says how far each start and each duration, by end, may be from what was printed. `shift` would be far
     enough, where that is not.
@@ -248,14 +241,14 @@ class _Judge:
         declared = distances.declarations(timed, domain, epsilon)
         for step in timed.steps:
             if min(step.time, step.duration or 0) < 0:
-                found = f"found {step}, expected a time and a duration of at least 0"
-                raise InputError(found, step.location or Location(timed.file))
+                message = f"found {step}, expected a time and a duration of at least 0"
+                raise InputError(message, step.location or Location(timed.file))
         plan = assemble(domain, problem, STNPlan((), declared, (), timed.file))
-        literals = {point: point.time for point in plan.time_points if point.time is not None}
-        return cls(timed, declared, plan, {**literals, **distances.schedule_of(timed, declared)})
+        printed = distances.with_literals(plan, distances.schedule_of(timed, declared))
+        return cls(timed, declared, plan, printed)
 
     def outcome(self, epsilon: Fraction, tolerance: Fraction | None) -> _Outcome:
-        """What becomes of the printed schedule, or of the exact one that it stands for."""
+        """The outcome of the printed schedule, or of the exact one that it stands for."""
         rounding = distances.tolerances(self.timed, self.declared, epsilon, tolerance)
         printed = _Outcome(self.printed, self._simulated(self.printed, epsilon), rounding)
         if printed.valid or not any(rounding.values()):
@@ -274,7 +267,7 @@ class _Judge:
         return Snapped(times, len(changes), 0, max(changes, default=Fraction(0)))
 
     def shift(self, epsilon: Fraction) -> Fraction | None:
-        """How far times have to move; None if no times do that break nothing of durations and separations."""
+        """The least shift of times that satisfies durations and separations; None if no times do."""
         try:
             snap(self.plan, self.printed, {}, self._pairs, epsilon)
         except TooFarError as error:
@@ -285,7 +278,9 @@ class _Judge:
     def least_epsilon(self) -> Fraction:
         """The durations of instantaneous actions, which were passed over, are at most ε."""
         steps = zip(self.timed.steps, self.declared, strict=True)
-        return max((step.duration or Fraction(0) for step, one in steps if not one.durative), default=Fraction(0))
+        return max(
+            [step.duration or Fraction(0) for step, instance in steps if not instance.durative], default=Fraction(0)
+        )
 
     def separated(self, violation: Violation) -> tuple[TimePoint, ...]:
         """The two time points that a separation is about."""
@@ -306,16 +301,16 @@ class _Judge:
 def _unexplained(judge: _Judge, outcome: _Outcome) -> list[Violation]:
     """The violations without separations that fail by no more than rounding, if there are others."""
     beyond = []
-    for one in outcome.violations:
-        points = judge.separated(one) if _separates(one) else ()
+    for violation in outcome.violations:
+        points = judge.separated(violation) if _separates(violation) else ()
         reach = sum(_rounding(outcome, point) for point in points)
-        if not reach or (one.amount or 0) > reach:
-            beyond.append(one)
+        if not reach or (violation.amount or 0) > reach:
+            beyond.append(violation)
     return beyond or list(outcome.violations)
 
 
 def _rounding(outcome: _Outcome, point: TimePoint) -> Fraction:
-    """How far a time point may be from where it was printed: an end, as start and duration together."""
+    """Tolerance of a time point; that of an end is the sum of those of start and duration."""
     if point.kind is TimePointKind.END:
         start = TimePoint(TimePointKind.START, point.instance)
         return outcome.rounding[start] + outcome.rounding[point]
@@ -327,7 +322,7 @@ def _rounding(outcome: _Outcome, point: TimePoint) -> Fraction:
 
 @dataclass(frozen=True)
 class _Words:
-    """What a schedule breaks, in the words of the plan."""
+    """Violations in the words of the plan."""
 
     judge: _Judge
     outcome: _Outcome
@@ -346,7 +341,7 @@ class _Words:
         else:
             demand, condition, owners = self._demands[violation.obligation]
             detail = violation.detail + self._period(condition, violation.time)
-        places = [one.location.line for one in owners if one.location is not None]
+        places = [owner.location.line for owner in owners if owner.location is not None]
         lines = tuple(dict.fromkeys(line for line in places if line is not None))
         return Breach(violation.time, violation.obligation, demand, detail, violation.amount, lines)
 
@@ -369,33 +364,32 @@ class _Words:
     @cached_property
     def _changes(self) -> Mapping[Atom, list[tuple[Fraction, bool]]]:
         """When an atom changed to which truth value."""
-        found: dict[Atom, list[tuple[Fraction, bool]]] = {}
+        changes: dict[Atom, list[tuple[Fraction, bool]]] = {}
         for step in self.outcome.simulation.trace:
             for atom, value in step.atoms_changed:
-                found.setdefault(atom, []).append((step.time, value))
-        return found
+                changes.setdefault(atom, []).append((step.time, value))
+        return changes
 
     @cached_property
     def _demands(self) -> Mapping[str, tuple[str, Condition, list[ActionInstance]]]:
-        """What each obligation but a separation demands, in words and as a condition, and who demands it."""
-        found: dict[str, tuple[str, Condition, list[ActionInstance]]] = {}
-        for one in self.judge.plan.instances:
-            for constraint in one.durations:
-                found[one.label(constraint)] = f"{one} demands {constraint.text}", constraint.condition, [one]
-            for part in one.demands:
-                when = f" {_WHEN[part.timing]}" if one.durative else ""
-                found[one.label(part)] = f"{one} demands {part.text}{when}", part.condition, [one]
-        return found | {one.label: (f"the goal demands {one.text}", one.condition, []) for one in self.judge.plan.goal}
+        """The demand of each obligation but separations, in words and as a condition, and its instances."""
+        demands: dict[str, tuple[str, Condition, list[ActionInstance]]] = {}
+        for instance in self.judge.plan.instances:
+            for constraint in instance.durations:
+                demand = f"{instance} demands {constraint.text}"
+                demands[instance.label(constraint)] = demand, constraint.condition, [instance]
+            for part in instance.demands:
+                when = f" {_WHEN[part.timing]}" if instance.durative else ""
+                demands[instance.label(part)] = f"{instance} demands {part.text}{when}", part.condition, [instance]
+        for goal in self.judge.plan.goal:
+            demands[goal.label] = f"the goal demands {goal.text}", goal.condition, []
+        return demands
 
 
 _WHEN = {Timing.AT_START: "at its start", Timing.OVER_ALL: "throughout", Timing.AT_END: "at its end"}
 
 
 # -- what would help ---------------------------------------------------------------------------------------------------
-
-
-def _remedies(judge: _Judge, outcome: _Outcome, epsilon: Fraction, tolerance: Fraction | None) -> Remedies:
-    return Remedies(_tolerance(judge, outcome, epsilon), _epsilon(judge, outcome, epsilon, tolerance))
 
 
 def _tolerance(judge: _Judge, outcome: _Outcome, epsilon: Fraction) -> Fraction | None:
@@ -415,10 +409,10 @@ def _epsilon(judge: _Judge, outcome: _Outcome, epsilon: Fraction, tolerance: Fra
     """The greatest ε of three digits with which the plan is valid."""
 
     def fails(index: int) -> bool:
-        one = decimal_at(index)
-        return one < judge.least_epsilon or not judge.outcome(one, tolerance).valid
+        candidate = decimal_at(index)
+        return candidate < judge.least_epsilon or not judge.outcome(candidate, tolerance).valid
 
-    near = [epsilon - (one.amount or 0) for one in outcome.violations if _separates(one)]
+    near = [epsilon - (violation.amount or 0) for violation in outcome.violations if _separates(violation)]
     if not near or not epsilon:
         return None
     least = decimal_index(min(near) or epsilon / 1000)

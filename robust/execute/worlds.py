@@ -1,14 +1,14 @@
-"""Simulated worlds: they carry out what a dispatcher decides, and tell it what comes of that.
+"""Simulated worlds: they carry out a dispatcher's decisions, and report what happens.
 
-How long actions take, how much they consume and when things happen that nobody decides is drawn; all else is as the
+The durations of actions, their consumption and the times of events that no one decides are drawn; all else is as the
 model says. An action whose condition does not hold fails: at its start, it does not happen at all; later, it ends there
 and then, without its effects at the end. Conditions over all are looked at when something happens, and once between any
 two such moments. The state is a convenience of the simulation: whether a whole execution was valid is for
 :mod:`robust.plan.simulate` to say.
 
-What is drawn, and from which distributions, is said by world files: TOML with one table for each rule; of several that
-fit, the first counts. Numbers are exact, and may be written as texts such as "1/3". Without a rule, nature does what
-the plan expects::
+World files say which quantities are drawn from which distributions. They are TOML with one table for each rule; of
+several rules that fit, the first counts. Numbers are exact, and may be written as texts such as "1/3". Without a rule,
+nature does what the plan expects::
 
     [[draw]]
     duration = "prepare"          # an action, a ground action "(prepare first cap)", or an instance of the plan
@@ -40,7 +40,7 @@ from __future__ import annotations
 
 import heapq
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from fractions import Fraction
@@ -72,7 +72,7 @@ class Luck:
         self._kept: dict[str, Fraction] = {}
 
     def duration(self, instance: model.ActionInstance, planned: Fraction) -> Fraction | None:
-        """How long an instance takes this time; None without a rule."""
+        """The duration of an instance this time; None without a rule."""
         drawn = self._draw(self.rules.duration(instance), f"duration {instance}", planned)
         return None if drawn is None else max(drawn, Fraction(0))
 
@@ -94,11 +94,11 @@ class Luck:
             return None
         number = self._count[what]
         self._count[what] += 1
-        return rule.draw(planned, Random(f"{self._seed}/{what}/{number}"))  # noqa: S311 - no secrets here
+        return rule.about(planned).draw(Random(f"{self._seed}/{what}/{number}"))  # noqa: S311 - no secrets here
 
 
 class Subject(Enum):
-    """What a rule is about."""
+    """Quantities that rules are about."""
 
     DURATION = "duration"
     CONSUMPTION = "consumption"
@@ -132,10 +132,6 @@ class Rule:
         """The distribution of a quantity with this planned value."""
         return Distribution(self.distribution, self.of(planned), self.below)
 
-    def draw(self, planned: Fraction, random: Random) -> Fraction:
-        """One value."""
-        return self.about(planned).draw(random)
-
 
 @dataclass(frozen=True)
 class Rules:
@@ -155,7 +151,7 @@ class Rules:
         return self._first(Subject.PARAMETER, {name})
 
     def _first(self, subject: Subject, names: set[str]) -> Rule | None:
-        return next((one for one in self.rules if one.subject is subject and one.name in names), None)
+        return next((rule for rule in self.rules if rule.subject is subject and rule.name in names), None)
 
 
 def read_rules(path: str | PathLike[str]) -> Rules:
@@ -180,8 +176,8 @@ def _rule(table: Mapping[str, object], place: str) -> Rule:
     location = Location(place)
     subjects = [subject for subject in Subject if subject.value in table]
     if len(subjects) != 1:
-        found = "none" if not subjects else " and ".join(subject.value for subject in subjects)
-        raise InputError(f"found {found}, expected one of duration, consumption and parameter", location)
+        named = "none" if not subjects else " and ".join(subject.value for subject in subjects)
+        raise InputError(f"found {named}, expected one of duration, consumption and parameter", location)
     subject = subjects[0]
     name = table[subject.value]
     if not isinstance(name, str) or not name.strip():
@@ -228,7 +224,7 @@ _LEAST: Final = {
     "triangular": "lower",
     "exponential": "minimum",
 }
-"""What no draw is below, by distribution."""
+"""The key of the least value that is drawn, by distribution."""
 
 
 def _check_numbers(rule: Rule, location: Location) -> None:
@@ -242,8 +238,8 @@ def _check_numbers(rule: Rule, location: Location) -> None:
         if least is not None and numbers.get(least, Fraction(0)) < 0:
             raise InputError(f"found {least} {numbers[least]} of a duration, expected at least 0", location)
         if rule.distribution in {"normal", "truncated-normal"} and numbers.get("minimum", Fraction(-1)) < 0:
-            found = "no minimum" if "minimum" not in numbers else f"minimum {numbers['minimum']}"
-            raise InputError(f"found {found} of a duration, expected one of at least 0", location)
+            minimum = "no minimum" if "minimum" not in numbers else f"minimum {numbers['minimum']}"
+            raise InputError(f"found {minimum} of a duration, expected one of at least 0", location)
 
 
 # -- carrying out ------------------------------------------------------------------------------------------------------
@@ -255,23 +251,21 @@ _Conditional = TypeVar("_Conditional", model.TimedCondition, model.AtomEffect, m
 
 
 def _conditional(parts: Iterable[_Conditional], values: Values) -> tuple[_Conditional, ...]:
-    return tuple(replace(one, condition=condition_with(one.condition, values)) for one in parts)
+    return tuple(replace(part, condition=condition_with(part.condition, values)) for part in parts)
 
 
 def with_values(instance: model.ActionInstance, values: Values) -> model.ActionInstance:
     """The instance with these variables replaced by their values, in conditions and effects."""
+    changes = (replace(part, expression=expression_with(part.expression, values)) for part in instance.numeric_effects)
+    flows = (replace(flow, rate=expression_with(flow.rate, values)) for flow in instance.continuous_effects)
+    bounds = (replace(bound, condition=_comparison(bound.condition, values)) for bound in instance.durations)
     return replace(
         instance,
-        durations=tuple(replace(one, condition=_comparison(one.condition, values)) for one in instance.durations),
+        durations=tuple(bounds),
         conditions=_conditional(instance.conditions, values),
         atom_effects=_conditional(instance.atom_effects, values),
-        numeric_effects=tuple(
-            replace(one, expression=expression_with(one.expression, values))
-            for one in _conditional(instance.numeric_effects, values)
-        ),
-        continuous_effects=tuple(
-            replace(one, rate=expression_with(one.rate, values)) for one in instance.continuous_effects
-        ),
+        numeric_effects=_conditional(changes, values),
+        continuous_effects=tuple(flows),
     )
 
 
@@ -297,7 +291,7 @@ def condition_with(condition: model.Condition, values: Values) -> model.Conditio
         case model.NumericCondition():
             return _comparison(condition, values)
         case model.And(operands) | model.Or(operands):
-            return type(condition)(tuple(condition_with(one, values) for one in operands))
+            return type(condition)(tuple(condition_with(operand, values) for operand in operands))
     assert_never(condition)
 
 
@@ -326,30 +320,25 @@ class WorldState:
 
     def unmet(
         self, instance: model.ActionInstance, timing: model.Timing, duration: Fraction | None = None
-    ) -> model.TimedCondition | None:
-        """The first condition of an instance, of that timing, that does not hold now.
+    ) -> str | None:
+        """The first condition of an instance, of a given timing, that is false now, as a reason; None if all hold.
 
         Conditions that read `?duration` hold until the duration is known.
         """
-        reading = self._reading(duration)
-        for one in instance.demands:
-            compared = (part.expression.variables for part in model.comparisons(one.condition))
-            readable = duration is not None or not any(model.Duration() in variables for variables in compared)
-            if one.timing is timing and readable and not reading.holds(one.condition):
-                return one
-        return None
+
+        def is_known(variables: Collection[model.NumericVariable]) -> bool:
+            return duration is not None or model.Duration() not in variables
+
+        return dispatcher.unmet(instance, timing, self._reading(duration), is_known)
 
     def apply(self, instance: model.ActionInstance, timing: model.Timing, duration: Fraction | None = None) -> None:
         """The effects of an instance at one of its time points; all of them read the state before any."""
         reading = self._reading(duration)
-        adds = [one for one in instance.atom_effects if one.timing is timing and reading.holds(one.condition)]
-        changes = [
-            (one, reading.expression(one.expression))
-            for one in instance.numeric_effects
-            if one.timing is timing and reading.holds(one.condition)
-        ]
-        self.atoms.difference_update([one.atom for one in adds if not one.value])
-        self.atoms.update([one.atom for one in adds if one.value])
+        writes = [part for part in instance.atom_effects if part.timing is timing and reading.holds(part.condition)]
+        updates = [part for part in instance.numeric_effects if part.timing is timing and reading.holds(part.condition)]
+        changes = [(update, reading.expression(update.expression)) for update in updates]
+        self.atoms.difference_update([write.atom for write in writes if not write.value])
+        self.atoms.update([write.atom for write in writes if write.value])
         for effect, value in sorted(changes, key=lambda change: change[0].operator is model.AssignmentKind.INCREASE):
             if effect.operator is model.AssignmentKind.ASSIGN:
                 self.fluents[effect.fluent] = value
@@ -359,7 +348,7 @@ class WorldState:
     def begin_flows(self, instance: model.ActionInstance, duration: Fraction | None) -> None:
         """Continuous effects set in; their rates stay as they are now."""
         reading = self._reading(duration)
-        flow = tuple((one.fluent, reading.expression(one.rate)) for one in instance.continuous_effects)
+        flow = tuple((effect.fluent, reading.expression(effect.rate)) for effect in instance.continuous_effects)
         self.flows.update({instance.identifier: flow} if flow else {})
 
     def pass_literal(self, literal: model.TimedLiteral) -> None:
@@ -377,19 +366,19 @@ class WorldState:
 
 
 class InstanceOutcome(VerdictEnum):
-    """What became of an instance."""
+    """Outcome of an instance."""
 
     DONE = "done"
     FAILED = "failed"
     """A condition stopped to hold."""
     STOPPED = "stopped"
-    """It was running when the plan was given up, and was not waited for."""
+    """The instance was running when the plan was given up, and was not waited for."""
     RUNNING = "running"
 
 
 @dataclass(slots=True)
 class ExecutedInstance:
-    """What happened to one instance, with the values that were actual: parameters are replaced in `instance`.
+    """The execution of one instance with actual values: parameters are replaced in `instance`.
 
     Times are from the beginning of the plan. `natural` says that the duration was not the dispatcher's to choose.
     """
@@ -416,7 +405,7 @@ class SimulatedWorld:
         self.executed: dict[str, ExecutedInstance] = {}
         plan = dispatchable.plan
         self._luck = luck
-        self._values = {one.name: self._drawn(one, levels_known=levels_known) for one in plan.parameters}
+        self._values = {drawn.name: self._drawn(drawn, levels_known=levels_known) for drawn in plan.parameters}
         self._consumed: dict[tuple[str, model.Fluent], Fraction] = {}
         self._due: dict[str, Fraction] = {}
         """When what is running will end, where that is known."""
@@ -473,8 +462,8 @@ class SimulatedWorld:
     def stop(self, now: Fraction) -> None:
         """End what is running, there and then."""
         self.pass_until(now)
-        for one in self._running:
-            self._finish(one, now, InstanceOutcome.STOPPED)
+        for execution in self._running:
+            self._finish(execution, now, InstanceOutcome.STOPPED)
 
     # -- instances ---------------------------------------------------------------------------------------------------
 
@@ -487,14 +476,13 @@ class SimulatedWorld:
         instance = self._actual(planned, duration)
         unmet = self.state.unmet(instance, model.Timing.AT_START, duration)
         if unmet is not None:
-            self._messages.append(dispatcher.DispatchFailed(identifier, now, f"{unmet.text} does not hold"))
+            self._messages.append(dispatcher.DispatchFailed(identifier, now, unmet))
             return
         self.state.apply(instance, model.Timing.AT_START, duration)
         done = not planned.durative
         outcome = InstanceOutcome.DONE if done else InstanceOutcome.RUNNING
-        self.executed[identifier] = ExecutedInstance(
-            instance, now, now if done else None, outcome, duration is not None
-        )
+        end = now if done else None
+        self.executed[identifier] = ExecutedInstance(instance, now, end, outcome, duration is not None)
         if not done:
             self.state.begin_flows(instance, duration)
         self._check_at(now)
@@ -510,30 +498,30 @@ class SimulatedWorld:
 
     def _end(self, identifier: str, now: Fraction) -> bool:
         """Whether the instance ended as it should."""
-        one = self.executed.get(identifier)
-        if one is None or one.outcome is not InstanceOutcome.RUNNING:
+        execution = self.executed.get(identifier)
+        if execution is None or execution.outcome is not InstanceOutcome.RUNNING:
             return False
         self._pass(now)
-        duration = now - one.start
-        unmet = self.state.unmet(one.instance, model.Timing.AT_END, duration)
+        duration = now - execution.start
+        unmet = self.state.unmet(execution.instance, model.Timing.AT_END, duration)
         if unmet is not None:
-            self._fail(one, now, unmet.text)
+            self._fail(execution, now, unmet)
             return False
-        self._finish(one, now, InstanceOutcome.DONE)
-        self.state.apply(one.instance, model.Timing.AT_END, duration)
+        self._finish(execution, now, InstanceOutcome.DONE)
+        self.state.apply(execution.instance, model.Timing.AT_END, duration)
         self._check_at(now)
         point = self.dispatchable.plan.instance[identifier].end
         self._reveal(point)
         self._follow(point, now)
         return True
 
-    def _finish(self, one: ExecutedInstance, now: Fraction, outcome: InstanceOutcome) -> None:
-        self.state.flows.pop(one.instance.identifier, None)
-        one.end, one.outcome = now, outcome
+    def _finish(self, execution: ExecutedInstance, now: Fraction, outcome: InstanceOutcome) -> None:
+        self.state.flows.pop(execution.instance.identifier, None)
+        execution.end, execution.outcome = now, outcome
 
-    def _fail(self, one: ExecutedInstance, now: Fraction, condition: str) -> None:
-        self._finish(one, now, InstanceOutcome.FAILED)
-        self._messages.append(dispatcher.DispatchFailed(one.instance.identifier, now, f"{condition} does not hold"))
+    def _fail(self, running: ExecutedInstance, now: Fraction, reason: str) -> None:
+        self._finish(running, now, InstanceOutcome.FAILED)
+        self._messages.append(dispatcher.DispatchFailed(running.instance.identifier, now, reason))
 
     # -- conditions over all -----------------------------------------------------------------------------------------
 
@@ -547,27 +535,26 @@ class SimulatedWorld:
             broken = self._broken(self._running)
             self.state.advance(time)
             self._changed = False
-            for one, condition in broken:
-                self._fail(one, time, condition)
+            for instance, reason in broken:
+                self._fail(instance, time, reason)
         self.state.advance(time)
 
     def _check_at(self, now: Fraction) -> None:
-        """What is known to be running before and after a moment has its conditions at that moment."""
+        """Check over-all conditions at a moment, of instances that are known to run before and after it."""
         self._changed = True
-        begun = [one for one in self._running if one.start < now]
-        inside = [one for one in begun if self._due.get(one.instance.identifier, now) > now]
-        for one, condition in self._broken(inside):
-            self._fail(one, now, condition)
+        inside = [run for run in self._running if run.start < now < self._due.get(run.instance.identifier, now)]
+        for instance, reason in self._broken(inside):
+            self._fail(instance, now, reason)
 
     @property
     def _running(self) -> list[ExecutedInstance]:
-        return [one for one in self.executed.values() if one.outcome is InstanceOutcome.RUNNING]
+        return [execution for execution in self.executed.values() if execution.outcome is InstanceOutcome.RUNNING]
 
     def _broken(self, running: Sequence[ExecutedInstance]) -> list[tuple[ExecutedInstance, str]]:
-        found = [(one, self.state.unmet(one.instance, model.Timing.OVER_ALL)) for one in running]
-        return [(one, unmet.text) for one, unmet in found if unmet is not None]
+        reasons = ((execution, self.state.unmet(execution.instance, model.Timing.OVER_ALL)) for execution in running)
+        return [(execution, reason) for execution, reason in reasons if reason is not None]
 
-    # -- what nobody decides -----------------------------------------------------------------------------------------
+    # -- nature ------------------------------------------------------------------------------------------------------
 
     def _plan_for(self, time: Fraction, act: Callable[[Fraction], None]) -> None:
         heapq.heappush(self._agenda, (time, next(self._order), act))
@@ -609,11 +596,11 @@ class SimulatedWorld:
         levels = dict(self.dispatchable.levels)
         plan = self.dispatchable.plan
         reading = Reading(State(frozenset(), {}), self._values)
-        for one in self.dispatchable.expected.get(model.ZERO, ()):
+        for revelation in self.dispatchable.expected.get(model.ZERO, ()):
             for fluent, value in plan.initial_fluents.items():
-                if model.ParameterReference(one.parameter) in value.variables:
+                if model.ParameterReference(revelation.parameter) in value.variables:
                     levels[fluent] = reading.expression(value)
-            self._messages.append(dispatcher.Observed(one.parameter, self._values[one.parameter]))
+            self._messages.append(dispatcher.Observed(revelation.parameter, self._values[revelation.parameter]))
         return levels
 
     def _actual(self, instance: model.ActionInstance, duration: Fraction | None) -> model.ActionInstance:
@@ -634,10 +621,9 @@ class SimulatedWorld:
         return with_values(instance, values)
 
     def _reveal(self, point: model.TimePoint) -> None:
-        for one in self.dispatchable.expected.get(point, ()):
-            self._messages.append(
-                dispatcher.Observed(one.parameter, self._revealed(one.parameter, one.instance), one.instance)
-            )
+        for revelation in self.dispatchable.expected.get(point, ()):
+            name, instance = revelation.parameter, revelation.instance
+            self._messages.append(dispatcher.Observed(name, self._revealed(name, instance), instance))
 
     def _revealed(self, name: str, identifier: str | None) -> Fraction:
         """The value that an instance shows of a parameter: it may have been drawn for this instance alone."""

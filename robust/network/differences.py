@@ -1,9 +1,9 @@
 """Difference constraints: schedules, contradictions, and what a network implies, by shortest paths in integers.
 
-Points are numbers from 0, weights are integers: whoever builds a network scales everything by one common denominator,
-once; :class:`Distances` does it for points with names and rational weights. A bound (a, b, w) says t_b − t_a ≥ w; an
+Points are numbers from 0, weights are integers: the builder of a network scales all weights by one common denominator,
+once; :class:`Distances` does so for points with names and rational weights. A bound (a, b, w) says t_b − t_a ≥ w; an
 upper bound is a lower bound of the way back. The origin of a bound is its position among the bounds of its network:
-cycles and paths are told by origins.
+cycles and paths are reported as origins.
 
 One feasible schedule turns every bound into a slack that is not negative (Johnson's potentials), so that rows of
 greatest lower bounds come from Dijkstra's algorithm, and only for points that are asked about. Points whose distance
@@ -197,9 +197,9 @@ class DifferenceNetwork:
             row[start] = 0
             heap = [(0, start)]
             while heap:
-                slack, one = heappop(heap)
-                if row[one] == slack:
-                    for other, more in following[one]:
+                slack, place = heappop(heap)
+                if row[place] == slack:
+                    for other, more in following[place]:
                         known = row[other]
                         if known is None or slack + more < known:
                             row[other] = slack + more
@@ -303,7 +303,7 @@ class DifferenceNetwork:
                             yield point, later[index], at[index] - times[point] - slack
 
     def _distant_members(self, points: Sequence[int]) -> Iterator[Bound]:
-        """Within a component, the next point that is `near` away, where steps to neighbours are shorter."""
+        """Steps within a component to the next point at distance `near`, where steps to neighbours are shorter."""
         times = self.times
         at = [times[point] for point in points]
         for point in points:
@@ -333,13 +333,13 @@ class DifferenceNetwork:
                 best.setdefault(pair, bound)
                 if self._slack_of(bound) < self._slack_of(best[pair]):
                     best[pair] = bound
-        fixed = {(component[one[0]], component[one[1]]): self._slack_of(one) for one in given}
+        fixed = {(component[step[0]], component[step[1]]): self._slack_of(step) for step in given}
         direct = [dict(leaving) for leaving in self._slack]
         for (source, target), bound in best.items():
             slack = self._slack_of(bound)
             if fixed.get((source, target), slack + 1) <= slack:
                 continue
-            between = [one for one in self._slack[source] if one[0] != target and one[1] <= slack]
+            between = [step for step in self._slack[source] if step[0] != target and step[1] <= slack]
             # Mostly two bounds imply a third one, which takes no search.
             if any(first + direct[middle].get(target, slack + 1) <= slack for middle, first in between):
                 continue
@@ -348,7 +348,9 @@ class DifferenceNetwork:
             ):
                 kept.append(bound)
         for bounds_within in inner.values():
-            kept += _spanning(bounds_within, [one for one in given if component[one[0]] == component[one[1]]], times)
+            kept += _spanning(
+                bounds_within, [bound for bound in given if component[bound[0]] == component[bound[1]]], times
+            )
         return kept
 
     def _slack_of(self, bound: Bound) -> int:
@@ -360,7 +362,7 @@ def _strong_components(steps: Sequence[Sequence[int]]) -> list[int]:
     size = len(steps)
     number, low, component = [-1] * size, [0] * size, [-1] * size
     stack: list[int] = []
-    count = found = 0
+    count = numbered = 0
     for root in range(size):
         if number[root] >= 0:
             continue
@@ -386,16 +388,16 @@ def _strong_components(steps: Sequence[Sequence[int]]) -> list[int]:
                     low[above] = min(low[above], low[node])
                 if low[node] == number[node]:
                     while component[node] < 0:
-                        component[stack.pop()] = found
-                    found += 1
+                        component[stack.pop()] = numbered
+                    numbered += 1
     return component
 
 
 def _spanning(bounds: Sequence[Bound], given: Sequence[Bound], times: Sequence[int]) -> list[Bound]:
-    """Of bounds that are met exactly in all schedules, as few as leave the distances fixed, one by one."""
+    """A minimal subset of bounds, all met exactly in all schedules, that leaves the distances fixed."""
     kept = list(bounds)
     for bound in reversed(bounds):
-        rest = [one for one in kept if one != bound]
+        rest = [other for other in kept if other != bound]
         steps: dict[int, list[int]] = defaultdict(list)
         for source, target, weight in (*rest, *given):
             if times[target] - times[source] == weight:
@@ -426,10 +428,7 @@ class Distances(Generic[Point]):
     """
 
     def __init__(
-        self,
-        points: Iterable[Point],
-        bounds: Iterable[tuple[Point, Point, Fraction]],
-        weights: Iterable[Fraction] = (),
+        self, points: Iterable[Point], bounds: Iterable[tuple[Point, Point, Fraction]], weights: Iterable[Fraction] = ()
     ) -> None:
         bounds = tuple(bounds)
         self.index = {point: number for number, point in enumerate(points)}

@@ -1,4 +1,4 @@
-"""How a controllable network is executed: tables for dispatchers, windows of time points, the minimal form.
+"""Execution of controllable networks: tables for dispatchers, windows of time points, the minimal dispatchable form.
 
 In a dispatchable network, a dispatcher looks only at the edges of a time point when that is to happen: it happens
 between the bounds that its neighbours give it, and not before it has waited. All edges that follow from reductions make
@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from functools import cached_property
-from math import lcm
+from math import inf, lcm
 from typing import Any, Generic, Protocol, TypeVar
 
 from robust.errors import InputError
@@ -82,20 +82,20 @@ class DispatchNetwork(Generic[Natural]):
 
     @cached_property
     def blockers(self) -> tuple[frozenset[int], ...]:
-        """For each time point those that must have happened first.
+        """For each time point, the time points that must have happened first.
 
-        A time point that may coincide with a natural one waits for it, unless it brings it about: whoever starts first
-        could be wrong.
+        A time point that may coincide with a natural one waits for it, unless it brings it about: starting first could
+        be wrong.
         """
-        found: list[set[int]] = [set() for _ in self.points]
+        blockers: list[set[int]] = [set() for _ in self.points]
         for (x, y), weight in self._edges.items():
             first, second = self.points[y], self.points[x]
             chance = first in self.natural and second not in self.natural and not self._follows(first, second)
             if weight < 0 or (weight == 0 and chance):
-                found[x].add(y)
+                blockers[x].add(y)
         for point, activation, _, _ in self._waits:
-            found[point].add(activation)
-        return tuple(map(frozenset, found))
+            blockers[point].add(activation)
+        return tuple(map(frozenset, blockers))
 
     def _follows(self, point: TimePoint, cause: TimePoint) -> bool:
         """Whether a natural time point happens because of another time point."""
@@ -113,13 +113,13 @@ _NO_SCHEDULE = "the network has no schedule; expected one for every value in the
 
 
 def _strongest(edges: Iterable[tuple[int, int, Fraction]]) -> dict[tuple[int, int], Fraction]:
-    found: dict[tuple[int, int], Fraction] = {}
+    strongest: dict[tuple[int, int], Fraction] = {}
     for x, y, weight in edges:
         if x != y:
-            found[x, y] = min(weight, found.get((x, y), weight))
+            strongest[x, y] = min(weight, strongest.get((x, y), weight))
         elif weight < 0:
             raise InputError(_NO_SCHEDULE)
-    return found
+    return strongest
 
 
 class Windows:
@@ -153,12 +153,12 @@ class Windows:
         return self.lower[point], self.upper[point]
 
     def is_late(self, point: int, now: Fraction) -> bool:
-        """Whether its greatest time has passed."""
+        """Whether the greatest time of a time point has passed."""
         upper = self.upper[point]
         return upper is not None and upper < now
 
     def ready(self, point: int) -> Fraction | None:
-        """From when on a time point can be dispatched, if nothing else happens; None if it waits for something."""
+        """The earliest time of dispatch of a time point if nothing else happens; None if it waits for an event."""
         if not self.times.keys() >= self.network.blockers[point]:
             return None
         ready = self.lower[point]
@@ -170,7 +170,7 @@ class Windows:
         return ready
 
     def moments(self, points: Iterable[int], patience: Fraction) -> Iterator[Fraction]:
-        """When each of these becomes ready, and when its greatest time plus `patience` comes."""
+        """Times at which time points become ready, and their greatest times plus `patience`."""
         for point in points:
             ready, upper = self.ready(point), self.upper[point]
             if ready is not None:
@@ -179,7 +179,7 @@ class Windows:
                 yield upper + patience
 
     def over(self, network: DispatchNetwork[Any]) -> Windows:
-        """The same history in another network with the same time points."""
+        """A copy of the history for another network with the same time points."""
         fresh = Windows(network)
         for point, time in self.times.items():
             fresh.happened(point, time)
@@ -197,7 +197,7 @@ def edges_between(
 
 
 def strategy(answer: DynamicAnswer, links: Iterable[Natural]) -> DispatchNetwork[Natural]:
-    """How to execute a dynamically controllable network, in terms of time points: starts A′ = A + x become A."""
+    """The tables of a dynamically controllable network, in terms of its time points: starts A′ = A + x become A."""
     form, stnu = answer.form, answer.form.stnu
     index = {point: number for number, point in enumerate(stnu.points)}
     place = {number: (number, Fraction(0)) for number in index.values()}
@@ -206,8 +206,8 @@ def strategy(answer: DynamicAnswer, links: Iterable[Natural]) -> DispatchNetwork
         place[node] = index[link.source], link.lower or Fraction(0)
     edges = [
         bound
-        for one in stnu.contingents
-        for bound in edges_between(index[one.source], index[one.target], one.lower, one.upper)
+        for span in stnu.contingents
+        for bound in edges_between(index[span.source], index[span.target], span.lower, span.upper)
     ]
     waits: list[tuple[int, int, int, Fraction | None]] = []
     executed = {index[point] for point in stnu.executable}
@@ -228,7 +228,7 @@ def strategy(answer: DynamicAnswer, links: Iterable[Natural]) -> DispatchNetwork
 
 def minimal_edges(full: DispatchNetwork[Any]) -> Iterator[tuple[int, int, Fraction]]:
     """The edges that no other dominates, between the first ones of time points at fixed distances; and their ties."""
-    distance = [dict(found) for found in full.above]
+    distance = [dict(bounds) for bounds in full.above]
     groups = _rigid(full, distance)
     first = sorted(group[0][0] for group in groups)
     kept = _undominated(first, distance)
@@ -254,7 +254,7 @@ def _between(distance: list[dict[int, Fraction]], a: int, others: Iterable[int])
 
 
 def _undominated(points: Sequence[int], distance: list[dict[int, Fraction]]) -> set[tuple[int, int]]:
-    """The edges between points without fixed distances that say something beside all others.
+    """The edges between points without fixed distances that no other edges dominate.
 
     An edge from a to c is dominated by the one from b to c, if both are not negative, and by the one from a to b, if
     both are negative, where the way over b is not longer.
@@ -291,10 +291,10 @@ def _rigid(full: DispatchNetwork[Any], distance: list[dict[int, Fraction]]) -> l
         gaps |= {other: gap for other, gap in distance[point].items() if distance[other].get(point) == -gap}
         done |= gaps.keys()
         by_time: dict[Fraction, list[int]] = {}
-        for one in sorted(gaps):
-            by_time.setdefault(gaps[one], []).append(one)
+        for member in sorted(gaps):
+            by_time.setdefault(gaps[member], []).append(member)
         for together in by_time.values():
-            together.sort(key=lambda one: _rank(full, one, gaps))
+            together.sort(key=lambda member: _rank(full, member, gaps))
         groups.append([together for _, together in sorted(by_time.items())])
     return groups
 
@@ -307,32 +307,28 @@ def _rank(full: DispatchNetwork[Any], point: int, group: Mapping[int, Fraction])
     return 2 if full.index[link.source] in group else 0
 
 
+def waits(answer: DynamicAnswer) -> tuple[Wait, ...]:
+    """The conditional waits with which a dispatcher satisfies a controllable network, in the order of its time points.
+
+    Waits that requirements or other waits imply are left out.
+    """
+    full = strategy(answer, answer.form.stnu.contingents)
+    return tuple(sorted(needed_waits(full), key=lambda wait: (full.index[wait.point], full.index[wait.end])))
+
+
 def needed_waits(full: DispatchNetwork[Any]) -> Iterator[Wait]:
     """The waits that neither requirements nor other waits imply."""
-    distance = [dict(found) for found in full.above]
-    by_link: dict[tuple[int, int], dict[int, Fraction | None]] = {}
-    for point, found in enumerate(full.waits):
-        for activation, end, delay in found:
-            waiting = by_link.setdefault((activation, end), {})
-            waiting[point] = _longer(delay, waiting[point]) if point in waiting else delay
-    for (activation, end), waiting in by_link.items():
-        for point, delay in sorted(waiting.items()):
-            after = distance[point].get(end)
-            since = distance[point].get(activation)
-            late_enough = delay is not None and since is not None and -since >= delay
-            others = ((distance[point].get(other), beyond) for other, beyond in waiting.items() if other != point)
-            if late_enough or (after is not None and after < 0) or any(_covers(*one, delay) for one in others):
-                continue
-            points = full.points
-            yield Wait(points[point], points[activation], delay, points[end])
-
-
-def _longer(one: Fraction | None, other: Fraction | None) -> Fraction | None:
-    return None if one is None or other is None else max(one, other)
-
-
-def _covers(gap: Fraction | None, beyond: Fraction | None, delay: Fraction | None) -> bool:
-    """Whether another time point, which happens before by more than nothing, has waited long enough."""
-    if gap is None or gap >= 0:
-        return False
-    return beyond is None or (delay is not None and beyond - gap >= delay)
+    distance = [dict(bounds) for bounds in full.above]
+    by_link: dict[tuple[int, int], dict[int, Fraction | float]] = {}  # an infinite delay: until the end of the link
+    for point, waits in enumerate(full.waits):
+        for activation, end, delay in waits:
+            delays = by_link.setdefault((activation, end), {})
+            delays[point] = max(inf if delay is None else delay, delays.get(point, -inf))
+    for (activation, end), delays in by_link.items():
+        for point, longest in sorted(delays.items()):
+            latest = distance[point]
+            late_enough = -latest.get(activation, inf) >= longest or latest.get(end, inf) <= 0
+            others = ((latest.get(other, inf), beyond) for other, beyond in delays.items() if other != point)
+            if not late_enough and not any(gap < 0 and beyond - gap >= longest for gap, beyond in others):
+                finite = longest if isinstance(longest, Fraction) else None
+                yield Wait(full.points[point], full.points[activation], finite, full.points[end])

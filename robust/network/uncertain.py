@@ -35,7 +35,6 @@ from math import lcm
 from typing import Generic, TypeVar
 
 from robust.errors import InputError
-from robust.network.differences import DifferenceNetwork
 from robust.numbers import format_number
 from robust.plan.model import ZERO, TimePoint
 from robust.presented import NoTruthValue
@@ -72,7 +71,7 @@ def bounds_text(lower: object, upper: object) -> str:
 
 
 class Way(Enum):
-    """Which bound of a link an edge of the distance graph stands for; `x → y` of weight w is `t_y − t_x ≤ w`."""
+    """The bound of a link that an edge of the distance graph stands for; `x → y` of weight w is `t_y − t_x ≤ w`."""
 
     AT_MOST = "at most"
     """source → target, the upper bound of a requirement, or of a link of fixed length."""
@@ -90,7 +89,7 @@ class Way(Enum):
 
 @dataclass(frozen=True, slots=True)
 class EdgeStep:
-    """An edge of the distance graph: which link, by its index in :attr:`Stnu.links`, and which way."""
+    """An edge of the distance graph: the index of its link in :attr:`Stnu.links`, and its bound."""
 
     link: int
     way: Way
@@ -142,7 +141,7 @@ class Stnu:
         return tuple(point for point in self.points if point not in ends)
 
     def ends(self, step: EdgeStep) -> tuple[TimePoint, TimePoint]:
-        """Where an edge of the distance graph begins and ends."""
+        """The time points at which an edge of the distance graph begins and ends."""
         link = self.links[step.link]
         return (link.source, link.target) if step.way.is_forwards else (link.target, link.source)
 
@@ -200,7 +199,7 @@ def total(steps: Iterable[EdgeStep], weight: Weight) -> tuple[Fraction, Fraction
 
 
 def negative_cycle(steps: Sequence[EdgeStep], weight: Weight) -> NegativeCycle:
-    """The cycle that a closed walk is, without circles at a contingent link that do not make it shorter.
+    """The negative cycle of a closed walk, without circles at a contingent link that do not make it shorter.
 
     Raises:
         ValueError: if the walk does not refute dynamic controllability.
@@ -210,9 +209,8 @@ def negative_cycle(steps: Sequence[EdgeStep], weight: Weight) -> NegativeCycle:
         if total(walk, weight) >= _ZERO:
             raise ValueError("the walk is not negative")
         moats = [(at, _moat(walk, at, weight)) for at, step in enumerate(walk) if step.way is Way.SHORTEST]
-        breach = next(
-            (at for at, moat in moats if EdgeStep(walk[at].link, Way.LONGEST) in _after(walk, at)[:moat]), None
-        )
+        breaches = (at for at, moat in moats if EdgeStep(walk[at].link, Way.LONGEST) in _after(walk, at)[:moat])
+        breach = next(breaches, None)
         if breach is None:
             return NegativeCycle(tuple(walk), tuple(moats))
         # without its part from a lower-case edge to the upper-case edge of the same link, a circle
@@ -222,7 +220,7 @@ def negative_cycle(steps: Sequence[EdgeStep], weight: Weight) -> NegativeCycle:
 
 def _moat(walk: Sequence[EdgeStep], at: int, weight: Weight) -> int:
     """The number of steps after a position that first have negative length."""
-    lengths = accumulate(map(weight, _after(walk, at)), lambda one, other: (one[0] + other[0], one[1] + other[1]))
+    lengths = accumulate(map(weight, _after(walk, at)), lambda before, step: (before[0] + step[0], before[1] + step[1]))
     for count, length in enumerate(lengths, start=1):
         if length < _ZERO:
             return count
@@ -235,7 +233,7 @@ def _after(walk: Sequence[EdgeStep], at: int) -> list[EdgeStep]:
 
 
 def explain(stnu: Stnu, cycle: NegativeCycle) -> str:
-    """The cycle as a sentence: which lengths and which requirements contradict each other."""
+    """A sentence about a cycle: the lengths and requirements that contradict each other."""
     lengths, bounds = [], []
     for step in dict.fromkeys(cycle.steps):
         link = stnu.links[step.link]
@@ -268,52 +266,13 @@ class Wait:
         return f"{self.point} waits for {self.end}, at most {format_number(self.delay)} after {self.activation}"
 
 
-def waits(answer: DynamicAnswer) -> tuple[Wait, ...]:
-    """The conditional waits with which a dispatcher satisfies a controllable network, in the order of its time points.
-
-    Waits that the others and the requirements imply are left out: what comes after another time point need not say that
-    it waits as long, and what comes after the end of a link waits for it anyway.
-    """
-    form = answer.form
-    points, executable = form.stnu.points, set(form.stnu.executable)
-    every = [edge for edge in (*form.edges, *answer.derived) if edge.case is not Case.LOWER]
-    ordinary = [(edge.target, edge.source, -edge.weight) for edge in every if edge.case is Case.ORDINARY]
-    known = DifferenceNetwork(form.size, ordinary)
-    link_of = {node: form.stnu.links[index] for index, node in form.start.items()}
-    found = []
-    for start, link in link_of.items():
-        waiting: dict[int, int] = {}
-        for edge in every:
-            if edge.case is Case.UPPER and edge.target == start:
-                waiting[edge.source] = min(edge.weight, waiting.get(edge.source, edge.weight))
-        for node in sorted(waiting, key=lambda node: -node):
-            if node >= len(points) or points[node] not in executable:
-                continue
-            if _is_implied(node, start, waiting, known):
-                del waiting[node]
-            else:
-                length = form.length(waiting[node])
-                delay = None if length is None else (link.lower or 0) - length
-                found.append(Wait(points[node], link.source, delay, link.target))
-    return tuple(sorted(found, key=lambda wait: (points.index(wait.point), points.index(wait.end))))
-
-
-def _is_implied(node: int, start: int, waiting: dict[int, int], known: DifferenceNetwork) -> bool:
-    weight, after = waiting[node], known.least(start, node)
-    if after is not None and -after <= weight:
-        return True
-    others = ((known.least(other, node), beyond) for other, beyond in waiting.items() if other != node)
-    # Only what happens before the time point has waited when the time point looks.
-    return any(after is not None and after >= 0 and beyond - after <= weight for after, beyond in others)
-
-
 def _in_units(number: Fraction | int, scale: int) -> int:
     """A number times a multiple of its denominator."""
     return number.numerator * (scale // number.denominator)
 
 
 class Case(Enum):
-    """What an edge says: always, if a contingent link is as short as it may be, or unless it has ended."""
+    """When an edge holds: always, if a contingent link is as short as it may be, or unless the link has ended."""
 
     ORDINARY = "ordinary"
     LOWER = "lower-case"
@@ -373,7 +332,7 @@ class ExtendedForm:
 
 @dataclass(frozen=True)
 class DynamicAnswer(NoTruthValue, ask="is_controllable"):
-    """Whether a network is dynamically controllable: `cycle` is why not; None if it is.
+    """Whether a network is dynamically controllable; `cycle` is a counterexample, None if it is.
 
     `derived` are the edges that follow from reductions, with which a dispatcher can execute the network.
     """
@@ -414,13 +373,11 @@ def normal_form(stnu: Stnu) -> ExtendedForm:
         source, target = node[link.source], node[link.target]
         if index not in start:
             if link.upper is not None:
-                edges.append(
-                    CasedEdge(source, target, _in_units(link.upper, scale), steps=(EdgeStep(index, Way.AT_MOST),))
-                )
+                most = _in_units(link.upper, scale)
+                edges.append(CasedEdge(source, target, most, steps=(EdgeStep(index, Way.AT_MOST),)))
             if link.lower is not None:
-                edges.append(
-                    CasedEdge(target, source, -_in_units(link.lower, scale), steps=(EdgeStep(index, Way.AT_LEAST),))
-                )
+                least = _in_units(link.lower, scale)
+                edges.append(CasedEdge(target, source, -least, steps=(EdgeStep(index, Way.AT_LEAST),)))
             continue
         middle, low = start[index], _in_units(link.lower or 0, scale)
         high = infinity if link.upper is None else _in_units(link.upper, scale)

@@ -23,7 +23,7 @@ from robust.execute.controllable_boxes import HORIZON, Loss, Shrunk
 from robust.execute.dispatchable import Guarantee
 from robust.execute.parametrization import option_of, write_specs
 from robust.execute.replan import ReplanningRun, RunStatus, Segment
-from robust.execute.slices import Left, SliceAnswer
+from robust.execute.slices import Remainder, SliceAnswer
 from robust.execute.worlds import InstanceOutcome
 from robust.irr.stops import advice
 from robust.json_text import Count, JsonObject, Rational, Seconds, like, one_of
@@ -351,7 +351,7 @@ def _executed(segment: Segment) -> ExecutedPlan:
         observations=[like(Seen, one) for one in segment.observations],
         left=[
             like(WhatIsLeft, one, answer=one.answer.value, box=None if one.box is None else box_of(one.box))
-            for one in segment.left
+            for one in segment.remainders
         ],
         rejected=[like(Rejected, one) for one in segment.rejected],
         reason=None if segment.ending is None else str(segment.ending),
@@ -461,7 +461,7 @@ def _events(segment: Segment) -> Iterator[tuple[Fraction, str, str]]:
             yield one.end, _OUTCOMES[one.outcome], name
     for seen in segment.observations:
         yield seen.time, "observed", f"{seen.what} = {readable(seen.value)}{'' if seen.inside else ', outside'}"
-    for left in segment.left:
+    for left in segment.remainders:
         yield left.time, "left", _left(left)
     for rejected in segment.rejected:
         yield rejected.time, "rejected", rejected.reason
@@ -469,7 +469,7 @@ def _events(segment: Segment) -> Iterator[tuple[Fraction, str, str]]:
         yield segment.given_up, "gave up", str(segment.ending)
 
 
-def _left(left: Left) -> str:
+def _left(left: Remainder) -> str:
     """What is still unknown, and in which values the plan succeeds."""
     if left.box is None:
         late = left.answer is SliceAnswer.OUT_OF_TIME

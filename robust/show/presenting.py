@@ -92,13 +92,13 @@ _RESULTS: Mapping[str, Shown] = {
     "sweeps.batch:Batch": Shown(
         "a batch", "batch:batch", "batch:print_batch", "plans", numbers=(*_ENDS, "volume_ratio", "width_ratio")
     ),
-    "stnu.verdicts:CheckResult": Shown(
+    "stnu.verdicts:NetworkCheck": Shown(
         "a verdict", "stnu:one_check", "stnu:print_one_check", "results/0/cycle", numbers=("value",)
     ),
     "stnu.verdicts:DispatchResult": Shown(
         "a network", "stnu:one_dispatch", "stnu:print_one_dispatch", "results/0/requirements", numbers=("bound",)
     ),
-    "stnu.repairs:Repair": Shown(
+    "stnu.repairs:NetworkRepair": Shown(
         "a repair", "stnu:one_repair", "stnu:print_one_repair", "results/0/changes", numbers=_CHANGE
     ),
     "pike_bridge.compile:PikeCheck": Shown("a verdict", "pike:check_document", "pike:print_check", "scenarios"),

@@ -21,8 +21,9 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from robust.errors import RobustError
+    from robust.network.uncertain import Wait
     from robust.stnu.network import Network
-    from robust.stnu.repairs import NetworkRepair
+    from robust.stnu.repairs import LinkChange, NetworkRepair
     from robust.stnu.verdicts import DispatchResult, NetworkCheck, NetworkExecution
 
 Result = TypeVar("Result")
@@ -66,15 +67,15 @@ def _print_all(
     out: Console, judged: Sequence[Judged[Result]], line: Callable[[Result], str], more: Callable[[Result], None]
 ) -> None:
     """A line for each file and more below it; several are counted."""
-    for one in judged:
-        text = Text("" if len(judged) == 1 or one.error is not None else f"{one.file}: ")
-        text.append(one.word, style=colour_of(one.word))
-        text.append(f": {one.error if one.result is None else line(one.result)}")
+    for row in judged:
+        text = Text("" if len(judged) == 1 or row.error is not None else f"{row.file}: ")
+        text.append(row.word, style=colour_of(row.word))
+        text.append(f": {row.error if row.result is None else line(row.result)}")
         out.print(text, soft_wrap=True)
-        if one.result is not None:
-            more(one.result)
+        if row.result is not None:
+            more(row.result)
     if len(judged) > 1:
-        counts = Counter(one.word for one in judged)
+        counts = Counter(row.word for row in judged)
         out.print(Text(", ".join(f"{count} {word}" for word, count in counts.items()), style="dim"))
 
 
@@ -99,30 +100,30 @@ def _verdict_line(result: NetworkCheck) -> str:
 def print_dispatches(out: Console, judged: Sequence[Judged[Dispatched]], *, quiet: bool) -> None:
     """The dispatchable networks; unless `quiet` with all requirements, waits and executions."""
 
-    def line(one: Dispatched) -> str:
-        found = one.found
-        if found.tables is None:
-            return _verdict_line(found.checked)
-        counted = f"{plural(len(found.requirements), 'requirement')} and {plural(len(found.waits), 'wait')}"
-        return f"minimal dispatchable with {counted}, of {found.derived} bounds that follow"
+    def line(result: Dispatched) -> str:
+        dispatched = result.found
+        if dispatched.tables is None:
+            return _verdict_line(dispatched.checked)
+        counted = f"{plural(len(dispatched.requirements), 'requirement')} and {plural(len(dispatched.waits), 'wait')}"
+        return f"minimal dispatchable with {counted}, of {dispatched.derived} bounds that follow"
 
-    def more(one: Dispatched) -> None:
+    def more(result: Dispatched) -> None:
         if quiet:
             return
-        for link in one.found.network.contingents if one.found.tables is not None else ():
+        for link in result.found.network.contingents if result.found.tables is not None else ():
             out.print(Text(f"  {link}"), soft_wrap=True)
-        for edge in one.found.requirements:
+        for edge in result.found.requirements:
             out.print(Text(f"  {edge.target} - {edge.source} <= {format_number(edge.bound)}"), soft_wrap=True)
-        for wait in one.found.waits:
+        for wait in result.found.waits:
             out.print(Text(f"  {wait}"), soft_wrap=True)
-        for run in one.executions[:1]:
+        for run in result.executions[:1]:
             out.print(Text(f"execution with seed {run.seed}:"), soft_wrap=True)
             for event in run.events:
                 text = f"  {readable(event.time):>10}  {event.point}{' (observed)' if event.observed else ''}"
                 out.print(Text(text), soft_wrap=True)
-        if one.executions:
-            failed = sum(bool(run.violated) for run in one.executions)
-            counted = f"{plural(len(one.executions), 'execution')}, {failed} with a violated requirement"
+        if result.executions:
+            failed = sum(bool(run.violated) for run in result.executions)
+            counted = f"{plural(len(result.executions), 'execution')}, {failed} with a violated requirement"
             out.print(Text(counted, style="dim"))
 
     _print_all(out, judged, line, more)
@@ -131,19 +132,19 @@ def print_dispatches(out: Console, judged: Sequence[Judged[Dispatched]], *, quie
 def print_repairs(out: Console, judged: Sequence[Judged[NetworkRepair]], written: str | None, *, quiet: bool) -> None:
     """The changes and what they cost; unless `quiet` with the conflicts that they serve."""
 
-    def line(found: NetworkRepair) -> str:
-        match found.status.value:
+    def line(repair: NetworkRepair) -> str:
+        match repair.status.value:
             case "unneeded":
                 return "the network is controllable as it is"
             case "impossible":
                 return "no change of what may be changed makes the network controllable"
             case "unknown":
-                return f"no repair found; none costs less than {readable(found.bound)}"
-        cost = f"{plural(len(found.changes), 'change')} at cost {readable(found.cost or Fraction(0))}"
-        return cost if not found.gap else f"{cost}, at most {readable(found.gap)} above the least"
+                return f"no repair found; none costs less than {readable(repair.bound)}"
+        cost = f"{plural(len(repair.changes), 'change')} at cost {readable(repair.cost or Fraction(0))}"
+        return cost if not repair.gap else f"{cost}, at most {readable(repair.gap)} above the least"
 
-    def more(found: NetworkRepair) -> None:
-        for change in found.changes:
+    def more(repair: NetworkRepair) -> None:
+        for change in repair.changes:
             out.print(Text(f"  {change}"), soft_wrap=True)
             for reason in () if quiet else change.serves:
                 out.print(Text(f"    for: {reason}", style="dim"), soft_wrap=True)
@@ -155,8 +156,8 @@ def print_repairs(out: Console, judged: Sequence[Judged[NetworkRepair]], written
 
 def _alone(result: Result) -> list[Judged[Result]]:
     """A result by itself, with the name of its network."""
-    found: Any = result.found if isinstance(result, Dispatched) else result
-    return [Judged(Path(found.name), result)]
+    whole: Any = result.found if isinstance(result, Dispatched) else result
+    return [Judged(Path(whole.name), result)]
 
 
 def print_one_check(out: Console, result: NetworkCheck, *, quiet: bool) -> None:
@@ -222,7 +223,7 @@ class StnuCheck(Noted, tag_field="schema", tag="robust/stnu-check/1"):
 
 
 def check_document(judged: Sequence[Judged[NetworkCheck]], status: str) -> Document:
-    return document(StnuCheck(status=status, results=[_checked(one.file, one.result, one.error) for one in judged]))
+    return document(StnuCheck(status=status, results=[_checked(row.file, row.result, row.error) for row in judged]))
 
 
 def _checked(file: Path, result: NetworkCheck | None, error: RobustError | None) -> CheckedNetwork:
@@ -312,32 +313,32 @@ class StnuDispatch(Noted, tag_field="schema", tag="robust/stnu-dispatch/1"):
 
 
 def dispatch_document(judged: Sequence[Judged[Dispatched]], status: str) -> Document:
-    return document(StnuDispatch(status=status, results=[_dispatched(one) for one in judged]))
+    return document(StnuDispatch(status=status, results=[_dispatched(row) for row in judged]))
 
 
-def _dispatched(one: Judged[Dispatched]) -> DispatchedNetwork:
-    found = None if one.result is None else one.result.found
-    links = () if found is None or found.tables is None else found.network.contingents
-    ends = [(exact_end(link.lower, upper=False), exact_end(link.upper, upper=True)) for link in links]
+def _dispatched(row: Judged[Dispatched]) -> DispatchedNetwork:
+    result = None if row.result is None else row.result.found
+    links = () if result is None or result.tables is None else result.network.contingents
+    contingent = [
+        like(NaturalDuration, link, lower=exact_end(link.lower, upper=False), upper=exact_end(link.upper, upper=True))
+        for link in links
+    ]
     return DispatchedNetwork(
-        file=str(one.file),
-        verdict="unknown" if found is None else found.checked.verdict.value,
-        reason=None if found is None else found.checked.reason,
-        contingent=[
-            like(NaturalDuration, link, lower=low, upper=high) for link, (low, high) in zip(links, ends, strict=True)
-        ],
-        requirements=[] if found is None else [like(OrdinaryEdge, edge) for edge in found.requirements],
-        waits=[]
-        if found is None
-        else [
-            like(ConditionalWait, wait, point=str(wait.point), activation=str(wait.activation), end=str(wait.end))
-            for wait in found.waits
-        ],
-        derived=0 if found is None else found.derived,
-        executions=[] if one.result is None else [_execution(run) for run in one.result.executions],
-        seconds=None if found is None else round(found.seconds, 6),
-        error=None if one.error is None else str(one.error),
+        file=str(row.file),
+        verdict="unknown" if result is None else result.checked.verdict.value,
+        reason=None if result is None else result.checked.reason,
+        contingent=contingent,
+        requirements=[] if result is None else [like(OrdinaryEdge, edge) for edge in result.requirements],
+        waits=[] if result is None else [_wait(wait) for wait in result.waits],
+        derived=0 if result is None else result.derived,
+        executions=[] if row.result is None else [_execution(run) for run in row.result.executions],
+        seconds=None if result is None else round(result.seconds, 6),
+        error=None if row.error is None else str(row.error),
     )
+
+
+def _wait(wait: Wait) -> ConditionalWait:
+    return like(ConditionalWait, wait, point=str(wait.point), activation=str(wait.activation), end=str(wait.end))
 
 
 def _execution(run: NetworkExecution) -> SimulatedExecution:
@@ -399,15 +400,21 @@ class StnuRepair(Noted, tag_field="schema", tag="robust/stnu-repair/1"):
 
 
 def repair_document(judged: Sequence[Judged[NetworkRepair]], status: str, written: str | None) -> Document:
-    results = [_repaired(one) for one in judged]
+    results = [_repaired(row) for row in judged]
     return document(StnuRepair(status=status, results=results, written=written))
 
 
-def _repaired(one: Judged[NetworkRepair]) -> RepairedNetwork:
-    found = one.result
-    if found is None:
+def _change(change: LinkChange) -> BoundChange:
+    link, side, serves = change.link, change.side.value, list(change.serves)
+    kind, ends = link.is_contingent, (link.source, link.target)
+    return like(BoundChange, change, source=ends[0], target=ends[1], contingent=kind, side=side, serves=serves)
+
+
+def _repaired(row: Judged[NetworkRepair]) -> RepairedNetwork:
+    repair = row.result
+    if repair is None:
         return RepairedNetwork(
-            file=str(one.file),
+            file=str(row.file),
             repair="unknown",
             cost=None,
             bound=Fraction(0),
@@ -416,44 +423,33 @@ def _repaired(one: Judged[NetworkRepair]) -> RepairedNetwork:
             conflicts=0,
             candidates=0,
             seconds=None,
-            error=str(one.error),
+            error=str(row.error),
         )
-    changes = [
-        like(
-            BoundChange,
-            change,
-            source=change.link.source,
-            target=change.link.target,
-            contingent=change.link.is_contingent,
-            side=change.side.value,
-            serves=list(change.serves),
-        )
-        for change in found.changes
-    ]
-    return like(RepairedNetwork, found, file=str(one.file), repair=found.status.value, changes=changes, error=None)
+    changes = [_change(change) for change in repair.changes]
+    return like(RepairedNetwork, repair, file=str(row.file), repair=repair.status.value, changes=changes, error=None)
 
 
 def one_check(result: NetworkCheck) -> Document:
-    """Of one network."""
-    return check_document(found := _alone(result), ended(found))
+    """The document of one verdict."""
+    return check_document(rows := _alone(result), ended(rows))
 
 
 def one_dispatch(result: DispatchResult) -> Document:
-    """Of one network, without executions."""
-    return dispatch_document(found := _alone(Dispatched(result, ())), ended(found))
+    """The document of one dispatchable network, without executions."""
+    return dispatch_document(rows := _alone(Dispatched(result, ())), ended(rows))
 
 
 def one_repair(result: NetworkRepair) -> Document:
-    """Of one network."""
-    return repair_document(found := _alone(result), ended(found), None)
+    """The document of one repair."""
+    return repair_document(rows := _alone(result), ended(rows), None)
 
 
 def ended(judged: Sequence[Judged[Any]]) -> str:
-    """How it ended: a result that is not final was interrupted, or is out of time."""
-    short = [one.result for one in judged if one.error is None and one.code == UNDECIDED]
+    """The status: a result that is not final was interrupted, or ran out of time."""
+    short = [row.result for row in judged if row.error is None and row.code == UNDECIDED]
     if not short:
         return "complete"
-    return "interrupted" if any(getattr(one, "interrupted", False) for one in short) else "timeout"
+    return "interrupted" if any(getattr(result, "interrupted", False) for result in short) else "timeout"
 
 
 class StnuExport(Noted, tag_field="schema", tag="robust/stnu-export/1"):
@@ -470,14 +466,8 @@ class StnuExport(Noted, tag_field="schema", tag="robust/stnu-export/1"):
 
 
 def export_document(network: Network) -> Document:
-    return document(
-        StnuExport(
-            written=network.name,
-            time_points=len(network.nodes),
-            links=len(network.links),
-            contingent=len(network.contingents),
-        )
-    )
+    points, links, contingent = map(len, (network.nodes, network.links, network.contingents))
+    return document(StnuExport(written=network.name, time_points=points, links=links, contingent=contingent))
 
 
 DOCUMENTS: tuple[type[JsonObject], ...] = (StnuCheck, StnuDispatch, StnuRepair, StnuExport)

@@ -36,7 +36,7 @@ INFINITE = {sign + text: -1 if sign == "-" else 1 for text in _NO_BOUND for sign
 
 
 def load(path: str | os.PathLike[str]) -> Network:
-    """A network of a file, GraphML or JSON: what it holds says which.
+    """The network in a file, GraphML or JSON by its content.
 
     Raises:
         InputError: at the place of whatever is wrong.
@@ -45,8 +45,8 @@ def load(path: str | os.PathLike[str]) -> Network:
     text, file = read_text(path), os.fspath(path)
     begin = text.lstrip()[:1]
     if begin not in {"<", "{"}:
-        found = shorten(text.split("\n", 1)[0]) if begin else "an empty file"
-        raise InputError(f"found {found}, expected a network as GraphML (.stnu) or JSON", Location(file, 1))
+        start = shorten(text.split("\n", 1)[0]) if begin else "an empty file"
+        raise InputError(f"found {start}, expected a network as GraphML (.stnu) or JSON", Location(file, 1))
     return parse_graphml(text, file) if begin == "<" else parse_network_json(text, file)
 
 
@@ -55,7 +55,7 @@ Source: TypeAlias = Network | str | os.PathLike[str]
 
 
 def network_of(source: Source) -> Network:
-    """A network as it is, or the one in a file; errors as of :func:`load`."""
+    """A network itself, or the network in a file; errors as of :func:`load`."""
     if isinstance(source, Network):
         return source
     if not isinstance(source, str | os.PathLike):
@@ -67,14 +67,14 @@ def deadline(timeout: Number | None) -> Deadline:
     """The end of seconds from now; InputError unless they are a number of at least 0."""
     if timeout is None:
         return Deadline.after(None)
-    found = exact(timeout, Location("timeout"))
-    if found < 0:
+    seconds = exact(timeout, Location("timeout"))
+    if seconds < 0:
         raise InputError(f"found {shorten(str(timeout))}, expected a number of at least 0", Location("timeout"))
-    return Deadline.after(float(found))
+    return Deadline.after(float(seconds))
 
 
 def write(network: Network, path: str | os.PathLike[str]) -> tuple[str, int]:
-    """The text of a network as the suffix of a path asks for, and by what times are multiplied: 1 but in GraphML.
+    """The text of a network in the format of a suffix, and the factor of its times, which is 1 but in GraphML.
 
     Raises:
         InputError: for a suffix that is neither `.json` nor that of GraphML.
@@ -97,13 +97,13 @@ def parse_network_json(text: str, file: str) -> Network:
     """The network that a JSON text describes; `file` is its name in messages."""
     top = _fields(parse_json(text, file), ("nodes", "constraints"))
     known: dict[str, None] = {}
-    for one in _items(top["nodes"]):
-        value = _fields(one, ("node_id",))["node_id"]
+    for item in _items(top["nodes"]):
+        value = _fields(item, ("node_id",))["node_id"]
         name = _node(value)
         if name in known:
             raise InputError(f"found a second node {shorten(name)}, expected one", value.location)
         known[name] = None
-    links = [_constraint(one, known) for one in _items(top["constraints"])]
+    links = [_constraint(item, known) for item in _items(top["constraints"])]
     if not links:
         raise InputError("found no constraints, expected at least one", top["constraints"].location)
     telling = tuple(link for link in links if not _says_nothing(link))
@@ -117,16 +117,16 @@ def _says_nothing(link: Link) -> bool:
 
 
 def _constraint(value: Json, known: Collection[str]) -> Link:
-    found = _fields(value, _CONSTRAINT)
+    fields = _fields(value, _CONSTRAINT)
     ends = []
     for key in ("first_node", "second_node"):
-        ends.append(_node(found[key]))
+        ends.append(_node(fields[key]))
         if ends[-1] not in known:
-            raise InputError(f"found unknown node {shorten(ends[-1])}, expected one of the nodes", found[key].location)
-    kind = found["type"]
+            raise InputError(f"found unknown node {shorten(ends[-1])}, expected one of the nodes", fields[key].location)
+    kind = fields["type"]
     if not isinstance(kind, Text) or kind.value not in _TYPES:
         raise InputError(f"found type {describe(kind)}, expected stc or stcu", kind.location)
-    lower, upper = _bound(found["min_duration"], -1), _bound(found["max_duration"], 1)
+    lower, upper = _bound(fields["min_duration"], -1), _bound(fields["max_duration"], 1)
     return Link(ends[0], ends[1], lower, upper, _TYPES[kind.value], value.location)
 
 
@@ -201,7 +201,7 @@ def _listed(items: Sequence[str]) -> list[str]:
 
 
 def _with_origin(network: Network, name: str) -> Network:
-    """The same network, whose origin has the name by which a format knows it."""
+    """A network whose origin has the name that a format gives it."""
     if network.origin == name:
         return network
     if name in network.nodes:
@@ -323,29 +323,29 @@ def parse_graphml(text: str, file: str) -> Network:
     """The network that a GraphML text describes; `file` is its name in messages."""
     reader = _Reader(file)
     reader.read(text)
-    for one in reader.nodes:
+    for node in reader.nodes:
         for key in ("Obs", "Label"):
-            if one.text(key) not in _EMPTY_LABELS:
-                raise _observes(key, one.text(key), one.data[key][1])
-    for one in reader.edges:
-        _without_labels(one)
+            if node.text(key) not in _EMPTY_LABELS:
+                raise _observes(key, node.text(key), node.data[key][1])
+    for edge in reader.edges:
+        _without_labels(edge)
     layout, nodes = {}, dict[str, None]()
-    for one in reader.nodes:
-        name = one.attributes.get("id", "")
+    for node in reader.nodes:
+        name = node.attributes.get("id", "")
         if not name or name in nodes:
-            found = f"a second node {shorten(name)}" if name else "a node without id"
-            raise InputError(f"found {found}, expected each to have an id of its own", one.place)
+            wrong = f"a second node {shorten(name)}" if name else "a node without id"
+            raise InputError(f"found {wrong}, expected each to have an id of its own", node.place)
         nodes[name] = None
-        if "x" in one.data and "y" in one.data:
-            layout[name] = one.text("x"), one.text("y")
+        if "x" in node.data and "y" in node.data:
+            layout[name] = node.text("x"), node.text("y")
     if not reader.edges:
         raise InputError("found no edges, expected at least one", Location(file))
     links = _links(reader.edges, nodes)
     return Network(file, tuple(nodes), links, "Z" if "Z" in nodes else None, layout)
 
 
-def _observes(key: str, found: str, place: Location) -> UnsupportedError:
-    return UnsupportedError(f"found {key} {shorten(found)}: a network with observations, expected an STNU", place)
+def _observes(key: str, text: str, place: Location) -> UnsupportedError:
+    return UnsupportedError(f"found {key} {shorten(text)}: a network with observations, expected an STNU", place)
 
 
 def _without_labels(edge: _Element) -> None:
@@ -381,9 +381,8 @@ def _links(edges: Sequence[_Element], nodes: Collection[str]) -> tuple[Link, ...
             raise InputError(f"found type {shorten(kind)}{did_you_mean(kind, _EDGE_TYPES)}", place)
         if kind == "contingent":
             if ends in contingent:
-                raise InputError(
-                    f"found a second contingent edge from {ends[0]} to {ends[1]}, expected one", edge.place
-                )
+                message = f"found a second contingent edge from {ends[0]} to {ends[1]}, expected one"
+                raise InputError(message, edge.place)
             contingent[ends] = edge
         elif kind in _REQUIREMENTS:
             if edge.text("LabeledValue"):
@@ -410,7 +409,7 @@ def _links(edges: Sequence[_Element], nodes: Collection[str]) -> tuple[Link, ...
 
 def _requirements(most: Mapping[tuple[str, str], tuple[Fraction, Location]]) -> list[Link]:
     """A link for each pair of time points, from the one that comes first in the file or has an upper bound."""
-    found, done = [], set()
+    links, done = [], set()
     for (source, target), (value, place) in most.items():
         if (source, target) in done:
             continue
@@ -418,21 +417,21 @@ def _requirements(most: Mapping[tuple[str, str], tuple[Fraction, Location]]) -> 
         done |= {(source, target), (target, source)}
         if value < 0 or (back is not None and back[0] > value):
             upper = None if back is None else back[0]
-            found.append(Link(target, source, -value, upper, place=place))
+            links.append(Link(target, source, -value, upper, place=place))
         else:
-            found.append(Link(source, target, None if back is None else -back[0], value, place=place))
-    return found
+            links.append(Link(source, target, None if back is None else -back[0], value, place=place))
+    return links
 
 
 def _ends(edge: _Element, nodes: Collection[str]) -> tuple[str, str]:
     ends = []
     for name in ("source", "target"):
-        found = edge.attributes.get(name)
-        if found is None:
+        node = edge.attributes.get(name)
+        if node is None:
             raise InputError(f"found an edge without {name}, expected one", edge.place)
-        if found not in nodes:
-            raise InputError(f"found unknown node {shorten(found)}, expected one of the nodes", edge.place)
-        ends.append(found)
+        if node not in nodes:
+            raise InputError(f"found unknown node {shorten(node)}, expected one of the nodes", edge.place)
+        ends.append(node)
     return ends[0], ends[1]
 
 
@@ -447,10 +446,10 @@ def _value(edge: _Element) -> Fraction | None:
 def _contingent(ends: tuple[str, str], edge: _Element, back: _Element) -> Link:
     """The contingent link of two edges; labels say where it ends, or else the signs of the values."""
     cases: dict[str, tuple[Fraction, str]] = {}
-    for one, (source, target) in ((edge, ends), (back, (ends[1], ends[0]))):
-        if not one.text("LabeledValue"):
+    for half, (source, target) in ((edge, ends), (back, (ends[1], ends[0]))):
+        if not half.text("LabeledValue"):
             continue
-        text, place = one.data["LabeledValue"]
+        text, place = half.data["LabeledValue"]
         match = _CASE.fullmatch(text)
         if match is None:
             raise InputError(f"found {shorten(text)}, expected LC(NODE):NUMBER or UC(NODE):NUMBER", place)
@@ -507,7 +506,7 @@ _DECLARED = (
 
 
 def graphml(network: Network) -> tuple[str, int]:
-    """A network as GraphML in whole numbers, and by what its times are multiplied for that.
+    """A network as GraphML in whole numbers, and the factor by which its times are multiplied.
 
     Raises:
         UnsupportedError: for a contingent link without an upper bound and a name with characters that XML does not
@@ -559,12 +558,11 @@ def _edges(link: Link, number: int, scale: int) -> list[str]:
             edge(source, target, "contingent", "LabeledValue", f"LC({target}):{lower}"),
             edge(target, source, "contingent", "LabeledValue", f"UC({target}):{-upper}"),
         ]
-    found = [] if upper is None else [edge(source, target, "requirement", "Value", str(upper))]
-    return found if lower is None else [*found, edge(target, source, "requirement", "Value", str(-lower))]
+    edges = [] if upper is None else [edge(source, target, "requirement", "Value", str(upper))]
+    return edges if lower is None else [*edges, edge(target, source, "requirement", "Value", str(-lower))]
 
 
 def scaled(path: Path, scale: int) -> str:
-    """What to say of a file whose times are multiplied."""
-    return (
-        f"{path}: times are in units of 1/{scale}: the CSTNU tool reads whole numbers ({plural(scale, 'unit')} for 1)"
-    )
+    """A note on a file whose times are multiplied."""
+    units = f"times are in units of 1/{scale}: the CSTNU tool reads whole numbers ({plural(scale, 'unit')} for 1)"
+    return f"{path}: {units}"

@@ -7,7 +7,7 @@ between 0 and `upper − lower` pass. This is what the extended normal form of M
 
 An origin, where a file names one, happens first: no other time point of the file happens before it.
 
-The network with uncertainty of a plan under a box of parameter values.
+:func:`network_of_plan` is the network of a plan under a box of parameter values.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def bounds_text(lower: Fraction | None, upper: Fraction | None) -> str:
 
 
 class Role(Enum):
-    """What a link of the examined network stands for."""
+    """Roles of links of the examined network."""
 
     WHOLE = "whole"
     """A link of the network itself."""
@@ -123,7 +123,7 @@ class Network:
         self._check_parallel()
 
     def fault(self, link: Link, message: str) -> InputError:
-        """What is wrong with a link, at its place."""
+        """An error about a link, at its place."""
         return InputError(message, link.place or Location(self.name))
 
     def _check_contingent(self, link: Link, before: Mapping[str, Link]) -> None:
@@ -172,7 +172,7 @@ class Network:
         return f"{plural(len(self.nodes), 'time point')}, {count}, {len(self.contingents)} contingent"
 
     def with_links(self, links: Sequence[Link]) -> Network:
-        """The same time points with other links."""
+        """A copy with other links."""
         return Network(self.name, self.nodes, tuple(links), self.origin, self.layout)
 
     @cached_property
@@ -180,56 +180,43 @@ class Network:
         """For the end of each contingent link with a negative least length, the time point at which its source is
         settled: `commit(A,C)`, with as many primes as tell it from all other time points.
         """
-        taken, found = set(self.nodes), {}
+        taken, decisions = set(self.nodes), {}
         for link in self.contingents:
             if link.lower is not None and link.lower < 0:
                 name = f"commit({link.source},{link.target})"
                 while name in taken:
                     name += "'"
                 taken.add(name)
-                found[link.target] = name
-        return found
+                decisions[link.target] = name
+        return decisions
 
     @cached_property
     def examined(self) -> Examined:
         """The network whose controllability is decided; the execution begins at time zero of it."""
-        points = {name: instant(name) for name in self.nodes}
-        links: list[uncertain.UncertainLink[Fraction]] = []
-        roles: list[tuple[Role, int]] = []
+        points = {name: instant(name) for name in (*self.nodes, *self.decisions.values())}
+        links = tuple(self._examined_links(points))
+        stnu = uncertain.Stnu((ZERO, *points.values()), tuple(link for _, link in links))
+        return Examined(stnu, tuple(role for role, _ in links))
 
-        def add(role: Role, number: int, link: uncertain.UncertainLink[Fraction]) -> None:
-            links.append(link)
-            roles.append((role, number))
-
+    def _examined_links(
+        self, points: Mapping[str, TimePoint]
+    ) -> Iterator[tuple[tuple[Role, int], uncertain.UncertainLink[Fraction]]]:
+        make = uncertain.UncertainLink[Fraction]
         for number, link in enumerate(self.links):
-            source, target = points[link.source], points[link.target]
-            if link.is_contingent and link.lower is not None and link.lower < 0:
-                decision = points[self.decisions[link.target]] = instant(self.decisions[link.target])
-                length = None if link.upper is None else link.upper - link.lower
-                add(
-                    Role.SETTLED,
-                    number,
-                    uncertain.UncertainLink(decision, source, -link.lower, -link.lower, origin=str(link)),
-                )
-                span = uncertain.UncertainLink(decision, target, _NOTHING, length, True, link.ends, str(link))
-                add(Role.SPAN, number, span)
+            source, target, low, high = points[link.source], points[link.target], link.lower, link.upper
+            if link.is_contingent and low is not None and low < 0:
+                decision, width = points[self.decisions[link.target]], None if high is None else high - low
+                yield (Role.SETTLED, number), make(decision, source, -low, -low, origin=str(link))
+                yield (Role.SPAN, number), make(decision, target, _NOTHING, width, True, link.ends, str(link))
             else:
                 name = link.ends if link.is_contingent else ""
-                whole = uncertain.UncertainLink(
-                    source, target, link.lower, link.upper, link.is_contingent, name, str(link)
-                )
-                add(Role.WHOLE, number, whole)
+                yield (Role.WHOLE, number), make(source, target, low, high, link.is_contingent, name, str(link))
         for name, point in points.items():
-            add(Role.IMPLICIT, -1, uncertain.UncertainLink(ZERO, point, _NOTHING, None, origin=f"{name} >= 0"))
+            yield (Role.IMPLICIT, -1), make(ZERO, point, _NOTHING, None, origin=f"{name} >= 0")
         for name in self.nodes:
             if self.origin is not None and name != self.origin:
                 first = f"{name} not before {self.origin}"
-                add(
-                    Role.IMPLICIT,
-                    -1,
-                    uncertain.UncertainLink(points[self.origin], points[name], _NOTHING, None, origin=first),
-                )
-        return Examined(uncertain.Stnu((ZERO, *points.values()), tuple(links)), tuple(roles))
+                yield (Role.IMPLICIT, -1), make(points[self.origin], points[name], _NOTHING, None, origin=first)
 
 
 def instant(name: str) -> TimePoint:
@@ -274,7 +261,7 @@ def edges_of(network: Network, steps: Sequence[uncertain.EdgeStep]) -> Iterator[
         yield Edge(str(source), str(target), value, _CASES.get(step.way, "ordinary"), link.origin)
 
 
-def network_of(plan: ParametrizedPlan, box: Box, name: str, origin: str = "Z") -> Network:
+def network_of_plan(plan: ParametrizedPlan, box: Box, name: str, origin: str = "Z") -> Network:
     """A network that is controllable if a dispatcher can carry out the plan for all values in the box.
 
     Durations are contingent links. Time zero is `origin`. What no network with uncertainty can express, such as a
@@ -285,17 +272,17 @@ def network_of(plan: ParametrizedPlan, box: Box, name: str, origin: str = "Z") -
             requirements contradict each other for some values in the box.
         UnsupportedError: for a bound that is not linear in the parameters.
     """
-    found = parametric_stnu(plan, box).at(ends_of(box))
+    stnu = parametric_stnu(plan, box).at(ends_of(box))
 
     def node(point: TimePoint) -> str:
         return origin if point == ZERO else str(point)
 
-    names = [node(point) for point in found.points]
+    names = [node(point) for point in stnu.points]
     if len(set(names)) < len(names):
         raise InputError(f"found a time point called {origin!r} in the plan, expected other names")
     links = tuple(
         Link(node(link.source), node(link.target), link.lower, link.upper, link.is_contingent)
-        for link in found.links
+        for link in stnu.links
         if link.source != link.target and (link.lower is not None or link.upper is not None)
     )
     return Network(name, tuple(names), links, origin)

@@ -16,6 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import inf
+from typing import Any
 
 from robust.encode.interface import variable
 from robust.errors import InputError, Location
@@ -62,7 +63,7 @@ class LinkChange:
 
 @dataclass(frozen=True)
 class NetworkRepair(Presented, ask="status"):
-    """What a search found: `network` is the repaired one, None if there is none; no repair costs less than `bound`.
+    """The result of a search: `network` is the repaired one, None if there is none; no repair costs less than `bound`.
 
     `conflicts` and `candidates` are how many were met and examined; `name` is that of the network.
     """
@@ -79,11 +80,11 @@ class NetworkRepair(Presented, ask="status"):
 
     @property
     def cost(self) -> Fraction | None:
-        return None if self.network is None else sum((one.cost for one in self.changes), _NOTHING)
+        return None if self.network is None else sum((change.cost for change in self.changes), _NOTHING)
 
     @property
     def gap(self) -> Fraction | None:
-        """How much cheaper a repair could be, at most."""
+        """The greatest possible saving of another repair."""
         return None if self.cost is None else self.cost - self.bound
 
     @property
@@ -104,8 +105,8 @@ def repair(
     Args:
         network: a network, or the path of one.
         requirement: what a unit of change costs of each requirement, above 0; None: they stay as they are.
-        contingent: the same of contingent links.
-        weights: the same of links between two time points, by the names of both.
+        contingent: what a unit of change costs of each contingent link.
+        weights: what it costs of links between two time points, by the names of both.
         timeout: seconds after which the best repair so far is returned.
 
     Raises:
@@ -131,7 +132,7 @@ def _weight(value: Number | None, name: str) -> Fraction | None:
 
 
 class NetworkRepairSearch(RepairSearching[Fraction, NetworkRepair]):
-    """One search for the least change of a network; a point is by how much each bound is changed."""
+    """One search for the least change of a network; a point has the change of each bound."""
 
     def __init__(
         self,
@@ -177,7 +178,7 @@ class NetworkRepairSearch(RepairSearching[Fraction, NetworkRepair]):
         return Candidate(chosen, {name: value for name, value in best.point.items() if value}, -best.value)
 
     def accept(self, candidate: Candidate[Fraction]) -> None:
-        """The best repair by now; its inequalities may have a cheaper one."""
+        """Keep the best repair so far, or a cheaper one under its inequalities."""
         self.best = candidate
         if candidate.cost == self.lowest:
             return
@@ -186,7 +187,7 @@ class NetworkRepairSearch(RepairSearching[Fraction, NetworkRepair]):
             self.best = polished
 
     def step(self, candidate: Candidate[Fraction], number: int) -> Candidate[Fraction] | None:
-        """With one more change of one bound, by which the conflict is gone."""
+        """A candidate with one more change of one bound, which resolves the conflict."""
         best: tuple[Fraction, bool] | None = None
         cheapest: Candidate[Fraction] | None = None
         for choice in self.clauses[number].choices:
@@ -194,24 +195,26 @@ class NetworkRepairSearch(RepairSearching[Fraction, NetworkRepair]):
             for name, factor in choice.coefficients:
                 amount = missing / -factor
                 # Of equal costs, a requirement is easier to change than nature.
-                rank = amount * self._weight[name], self._network.links[self._bound_of[name][0]].is_contingent
+                rank = amount * self._weight[name], self._link(name).is_contingent
                 if factor < 0 and amount <= self._room(name, candidate.point) and (best is None or rank < best):
                     best = rank
                     point = {**candidate.point, name: candidate.point.get(name, _NOTHING) + amount}
                     cheapest = Candidate({**candidate.chosen, number: choice}, point, candidate.cost + rank[0])
         return cheapest
 
+    def _link(self, name: str) -> Link:
+        return self._network.links[self._bound_of[name][0]]
+
     def _room(self, name: str, point: Point) -> Fraction | float:
-        """How far a bound may move on: a contingent link keeps a length."""
-        number, _ = self._bound_of[name]
-        link = self._network.links[number]
+        """The distance that a bound may still move: a contingent link keeps a length."""
+        number, link = self._bound_of[name][0], self._link(name)
         if not link.is_contingent or link.lower is None or link.upper is None:
             return inf
         taken = (point.get(_name((number, side)), _NOTHING) for side in Side)
         return link.upper - link.lower - sum(taken, _NOTHING)
 
     def conflict_at(self, candidate: Candidate[Fraction]) -> Clause | None:
-        """What contradicts each other although the network is changed; None if it is controllable."""
+        """The conflict in the changed network; None if it is controllable."""
         network = self._changed(candidate.point)
         answer = dynamic(network.examined.stnu, self.deadline)
         if answer.cycle is None:
@@ -257,9 +260,8 @@ class NetworkRepairSearch(RepairSearching[Fraction, NetworkRepair]):
         for name, amount in point.items():
             number, side = self._bound_of[name]
             moved = (links[number].bound(side) or 0) + _direction(links[number], side) * amount
-            links[number] = (
-                replace(links[number], lower=moved) if side is Side.LOWER else replace(links[number], upper=moved)
-            )
+            bounds: dict[str, Any] = {side.value: moved}
+            links[number] = replace(links[number], **bounds)
         return self._network.with_links(links)
 
     def _result(self, status: Status, reason: str | None = None) -> NetworkRepair:
@@ -277,8 +279,7 @@ class NetworkRepairSearch(RepairSearching[Fraction, NetworkRepair]):
 
     def _changes(self, repair: Candidate[Fraction]) -> Iterator[LinkChange]:
         for name, amount in sorted(repair.point.items(), key=lambda item: self._bound_of[item[0]][0]):
-            number, side = self._bound_of[name]
-            link = self._network.links[number]
+            link, side = self._link(name), self._bound_of[name][1]
             chosen = repair.chosen.items()
             serves = dict.fromkeys(self.clauses[known].reason for known, choice in chosen if name in choice.parameters)
             new = (link.bound(side) or _NOTHING) + _direction(link, side) * amount
@@ -310,14 +311,14 @@ def _form(network: Network, step: EdgeStep) -> Form:
     """The length of an edge in terms of the bounds of the network's links."""
     role, number = network.examined.roles[step.link]
     lower, upper = (number, Side.LOWER), (number, Side.UPPER)
-    if role is Role.IMPLICIT:
-        return {}
-    if role is Role.SETTLED:
-        return {lower: -1} if step.way.is_forwards else {lower: 1}
-    match step.way:
-        case Way.AT_MOST | Way.LONGEST:
-            sign = 1 if step.way.is_forwards else -1
-            return {upper: sign, lower: -sign} if role is Role.SPAN else {upper: sign}
-        case Way.AT_LEAST | Way.SHORTEST:
-            sign = 1 if step.way.is_forwards else -1
-            return {} if role is Role.SPAN else {lower: sign}
+    sign = 1 if step.way.is_forwards else -1
+    at_upper = step.way in {Way.AT_MOST, Way.LONGEST}
+    match role:
+        case Role.IMPLICIT:
+            return {}
+        case Role.SETTLED:
+            return {lower: -sign}
+        case Role.SPAN:
+            return {upper: sign, lower: -sign} if at_upper else {}
+        case Role.WHOLE:
+            return {upper if at_upper else lower: sign}

@@ -1,4 +1,4 @@
-"""Is a network dynamically controllable, and how is it dispatched; if not, why not: a witness that few lines can check.
+"""Dynamic controllability of networks, with a witness that few lines can check, and their dispatch.
 
 The witness is a semi-reducible negative cycle of the distance graph (Morris, 2006: *A structural characterization of
 temporal dynamic controllability*): its length is negative, and after each lower-case edge comes a piece of negative
@@ -15,15 +15,8 @@ from fractions import Fraction
 from random import Random
 
 from robust.errors import InputError, RefutedError
-from robust.network.dispatchable import (
-    DispatchNetwork,
-    Windows,
-    edges_between,
-    minimal_edges,
-    needed_waits,
-    strategy,
-)
-from robust.network.uncertain import UncertainLink, Wait, dynamic, explain
+from robust.network.dispatchable import DispatchNetwork, Windows, edges_between, minimal_edges, needed_waits, strategy
+from robust.network.uncertain import DynamicAnswer, UncertainLink, Wait, dynamic, explain
 from robust.numbers import Number
 from robust.plan.model import ZERO, TimePoint
 from robust.presented import NoTruthValue, Presented, VerdictEnum
@@ -35,7 +28,7 @@ _NOTHING = Fraction(0)
 GRAIN = 10**6
 """Drawn durations are multiples of this part of a contingent link's width."""
 UNBOUNDED = 10
-"""How far beyond its least length, in multiples of it and 1, a link without an upper bound is drawn."""
+"""Lengths of a link without an upper bound are drawn up to this multiple of its least length plus 1 above it."""
 
 
 class NetworkVerdict(VerdictEnum):
@@ -48,8 +41,8 @@ class NetworkVerdict(VerdictEnum):
 
 @dataclass(frozen=True)
 class NetworkCheck(Presented, ask="verdict"):
-    """The verdict about a network; `cycle` is the witness of an uncontrollable one, `reason` the same in words, or why
-    there is no verdict.
+    """The verdict about a network; `cycle` is the witness of an uncontrollable one, `reason` the witness in words, or
+    why there is no verdict.
     """
 
     network: Network
@@ -60,7 +53,7 @@ class NetworkCheck(Presented, ask="verdict"):
 
     @property
     def name(self) -> str:
-        """Of the network."""
+        """Name of the network."""
         return self.network.name
 
     @property
@@ -81,19 +74,23 @@ def check(network: Source, *, timeout: Number | None = None) -> NetworkCheck:
         InputError: if there is anything wrong in the file.
         RuntimeError: if the witness does not hold, which is an error of the program.
     """
+    return _decided(network_of(network), timeout)[0]
+
+
+def _decided(network: Network, timeout: Number | None) -> tuple[NetworkCheck, DynamicAnswer | None]:
+    """The verdict, and the answer with which a controllable network is executed."""
     started = time.perf_counter()
-    network = network_of(network)
+    verdict, cycle, reason = NetworkVerdict.CONTROLLABLE, tuple[Edge, ...](), None
     try:
         answer = dynamic(network.examined.stnu, deadline(timeout))
     except OutOfTimeError:
-        return NetworkCheck(network, NetworkVerdict.UNKNOWN, (), "out of time", time.perf_counter() - started)
-    if answer.cycle is None:
-        return NetworkCheck(network, NetworkVerdict.CONTROLLABLE, (), None, time.perf_counter() - started)
-    cycle = tuple(edges_of(network, answer.cycle.steps))
-    if not refutes(network, cycle):
-        raise RuntimeError(f"the witness for {network.name} does not hold")
-    reason = explain(network.examined.stnu, answer.cycle)
-    return NetworkCheck(network, NetworkVerdict.UNCONTROLLABLE, cycle, reason, time.perf_counter() - started)
+        answer, verdict, reason = None, NetworkVerdict.UNKNOWN, "out of time"
+    if answer is not None and answer.cycle is not None:
+        verdict, reason = NetworkVerdict.UNCONTROLLABLE, explain(network.examined.stnu, answer.cycle)
+        cycle = tuple(edges_of(network, answer.cycle.steps))
+        if not refutes(network, cycle):
+            raise RuntimeError(f"the witness for {network.name} does not hold")
+    return NetworkCheck(network, verdict, cycle, reason, time.perf_counter() - started), answer
 
 
 def refutes(network: Network, cycle: Sequence[Edge]) -> bool:
@@ -125,7 +122,7 @@ def _is_followed(cycle: Sequence[Edge], at: int) -> bool:
 
 
 def _length(walk: Sequence[Edge]) -> tuple[int, Fraction]:
-    """How often minus infinity occurs, negated, and the sum of the rest."""
+    """The number of infinitely negative edges, negated, and the sum of the others."""
     finite = [edge.value for edge in walk if edge.value is not None]
     return len(finite) - len(walk), sum(finite, Fraction(0))
 
@@ -173,7 +170,7 @@ class Occurrence:
 
 @dataclass(frozen=True, slots=True)
 class NetworkExecution(NoTruthValue, ask="violated"):
-    """What happened when nature drew these lengths of contingent links, by their ends; `violated` are requirements."""
+    """An execution with drawn lengths of contingent links, by their ends; `violated` are requirements."""
 
     seed: int
     lengths: Mapping[str, Fraction]
@@ -183,7 +180,7 @@ class NetworkExecution(NoTruthValue, ask="violated"):
 
 @dataclass(frozen=True)
 class DispatchResult(Presented, ask="checked"):
-    """A minimal dispatchable network: contingent links as they were, requirements, waits; None of it without control.
+    """A minimal dispatchable network: requirements and waits; empty for a network that is not controllable.
 
     `derived` is how many ordinary edges follow from the network in all.
     """
@@ -197,7 +194,7 @@ class DispatchResult(Presented, ask="checked"):
 
     @property
     def name(self) -> str:
-        """Of the network."""
+        """Name of the network."""
         return self.network.name
 
     @property
@@ -210,16 +207,14 @@ class DispatchResult(Presented, ask="checked"):
         Raises:
             RefutedError: if the network is not controllable.
         """
-        if self.tables is None:
-            raise RefutedError(f"{self.network.name} is not controllable; expected a controllable network")
         draw = Random(seed)  # noqa: S311 - a simulation
-        lengths = {link.target: _drawn(draw, link) for link in self.tables.natural.values()}
-        return self.execute_with(lengths, seed)
+        links = () if self.tables is None else self.tables.natural.values()
+        return self.execute_with({link.target: _drawn(draw, link) for link in links}, seed)
 
     def execute_with(
         self, lengths: Mapping[TimePoint, Fraction] | Mapping[str, Fraction], seed: int = 0
     ) -> NetworkExecution:
-        """The same with given lengths of contingent links, by their ends, from where the link begins.
+        """An execution as early as possible with given lengths of contingent links, by their ends.
 
         Raises:
             InputError: unless there is a length of each contingent link, and of nothing else.
@@ -229,8 +224,8 @@ class DispatchResult(Presented, ask="checked"):
             raise RefutedError(f"{self.network.name} is not controllable; expected a controllable network")
         lengths = {instant(end) if isinstance(end, str) else end: length for end, length in lengths.items()}
         if lengths.keys() != self.tables.natural.keys():
-            found, expected = (", ".join(map(str, ends)) or "none" for ends in (lengths, self.tables.natural))
-            raise InputError(f"found lengths of {found}, expected those of the contingent links: {expected}")
+            given, expected = (", ".join(map(str, ends)) or "none" for ends in (lengths, self.tables.natural))
+            raise InputError(f"found lengths of {given}, expected those of the contingent links: {expected}")
         times = dict(run_early(self.tables, lengths))
         order = {point: number for number, point in enumerate(times)}
         events = tuple(
@@ -244,11 +239,9 @@ class DispatchResult(Presented, ask="checked"):
         return tuple(
             str(link)
             for link in self.network.examined.stnu.links
+            for length in (times[link.target] - times[link.source],)
             if not link.is_contingent
-            and not (
-                (link.lower is None or times[link.target] - times[link.source] >= link.lower)
-                and (link.upper is None or times[link.target] - times[link.source] <= link.upper)
-            )
+            and ((link.lower is not None and length < link.lower) or (link.upper is not None and length > link.upper))
         )
 
 
@@ -264,10 +257,9 @@ def dispatch(network: Source, *, timeout: Number | None = None) -> DispatchResul
     """
     started = time.perf_counter()
     network = network_of(network)
-    checked = check(network, timeout=timeout)
-    if checked.verdict is not NetworkVerdict.CONTROLLABLE:
+    checked, answer = _decided(network, timeout)
+    if answer is None or not checked.is_controllable:
         return DispatchResult(checked, (), (), 0, None, time.perf_counter() - started)
-    answer = dynamic(network.examined.stnu, deadline(timeout))
     full = strategy(answer, answer.form.stnu.contingents)
     index = full.index
     natural = [
@@ -280,7 +272,7 @@ def dispatch(network: Source, *, timeout: Number | None = None) -> DispatchResul
         full.points,
         full.natural.values(),
         [*kept, *natural],
-        ((index[one.point], index[one.activation], index[one.end], one.delay) for one in waits),
+        ((index[wait.point], index[wait.activation], index[wait.end], wait.delay) for wait in waits),
         closed=False,
     )
     requirements = tuple(
@@ -304,7 +296,7 @@ def _drawn(draw: Random, link: UncertainLink[Fraction]) -> Fraction:
 def run_early(
     tables: DispatchNetwork[UncertainLink[Fraction]], lengths: Mapping[TimePoint, Fraction]
 ) -> Iterable[tuple[TimePoint, Fraction]]:
-    """When each time point happens if all happen as early as they may.
+    """The times of time points if all happen as early as they may.
 
     Raises:
         RuntimeError: if nothing may happen although something has to, which is an error of the network.

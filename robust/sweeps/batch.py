@@ -1,9 +1,7 @@
-"""One question about many plans: each is a process of its own, as somebody types it, with a time limit of its own.
+"""Questions about many plans: each is a process of `robust`, as users run it, with its own time limit.
 
-Tasks carry the texts of the files, so that workers of a cluster need none of them, and so that a store tells a plan
-that has changed from the one of before.
-
-Whole processes of `robust`, as a user runs them, and the boxes that they answer as exact text.
+Tasks carry the texts of the files, so that workers of a cluster need no files, and so that a store recognizes a plan
+that has changed. Answers hold boxes as exact text.
 """
 
 from __future__ import annotations
@@ -48,21 +46,21 @@ def measured(command: Sequence[str], *, limit: float | None = None, processes: P
     return (processes or Processes()).run(command, Deadline.after(limit))
 
 
-def complaint(found: ProcessEnd) -> str:
-    """The last line on stderr, or what is known without one."""
-    lines = [line.strip() for line in found.stderr.splitlines() if line.strip()]
-    return lines[-1] if lines else f"exit code {found.exit_code} without a message"
+def complaint(ended: ProcessEnd) -> str:
+    """The last line on stderr, or the exit code without one."""
+    lines = [line.strip() for line in ended.stderr.splitlines() if line.strip()]
+    return lines[-1] if lines else f"exit code {ended.exit_code} without a message"
 
 
 def ends_of(interval: Interval) -> Ends:
-    """The interval as text."""
+    """The ends of an interval as text."""
     lower = "-inf" if interval.lower is None else str(interval.lower) + ("" if interval.lower_closed else OPEN)
     upper = "inf" if interval.upper is None else str(interval.upper) + ("" if interval.upper_closed else OPEN)
     return lower, upper
 
 
 def box_of(texts: Mapping[str, Ends]) -> Box:
-    """The box of such texts."""
+    """The box with ends as text."""
 
     def interval(lower: str, upper: str) -> Interval:
         closed = {"lower_closed": not lower.endswith(OPEN), "upper_closed": not upper.endswith(OPEN)}
@@ -92,7 +90,7 @@ class Asked:
 
 @dataclass(frozen=True, slots=True)
 class PlanTexts:
-    """What is known of a plan; `parameters` are those of a TOML file."""
+    """The files of a plan; `parameters` is a TOML file."""
 
     domain: Named
     problem: Named
@@ -102,7 +100,7 @@ class PlanTexts:
 
 @dataclass(frozen=True, slots=True)
 class PlanRun(NoTruthValue, ask="status"):
-    """What a process answered about a plan, and what it cost.
+    """The answer of a process about a plan, and its cost.
 
     Attributes:
         status: the verdict of a check, how a search ended, or `error` or `unsupported`; a process that did not answer
@@ -137,7 +135,7 @@ class PlanRun(NoTruthValue, ask="status"):
 
 @dataclass(frozen=True)
 class BatchRow(NoTruthValue, ask="exit_code"):
-    """A plan, and what was answered, by the names of what was asked; what is not done is not there."""
+    """A plan with the answers to questions that are done, by the names of questions."""
 
     instance: SuitePlan
     runs: Mapping[str, PlanRun]
@@ -170,7 +168,7 @@ class BatchRow(NoTruthValue, ask="exit_code"):
 
 @dataclass(frozen=True, slots=True)
 class Solved:
-    """Of one way to ask: how many plans it answers, in which time, and how many that the others do not."""
+    """Summary of one question: number of plans answered, time, and number of plans that no other question answers."""
 
     plans: int
     seconds: float
@@ -180,7 +178,7 @@ class Solved:
 
 @dataclass(frozen=True)
 class Batch(Presented, ask="exit_code"):
-    """What came of a batch, as far as it got.
+    """The result of a batch, complete or not.
 
     Attributes:
         verb: `check`, `envelope`, `region` or `compare`.
@@ -209,11 +207,11 @@ class Batch(Presented, ask="exit_code"):
         return worst([*codes, 0 if self.status == "complete" else UNDECIDED])
 
     def runs(self, name: str) -> list[PlanRun]:
-        """What was answered to one question."""
+        """The answers to one question."""
         return [row.runs[name] for row in self.plans if name in row.runs]
 
     def solved(self, name: str) -> Solved:
-        """Of one question."""
+        """The summary of one question."""
         answered = [row for row in self.plans if name in row.runs and row.runs[name].solved]
         seconds = [row.runs[name].seconds for row in answered]
         alone = [row for row in answered if not any(run.solved for other, run in row.runs.items() if other != name)]
@@ -221,9 +219,9 @@ class Batch(Presented, ask="exit_code"):
 
 
 def worst(codes: Iterable[int]) -> int:
-    """The exit code of several: a refutation is certain whatever the others are; then what cannot be read at all."""
-    found = set(codes)
-    return next((code for code in (1, RobustError.exit_code, UNSUPPORTED, UNDECIDED) if code in found), 0)
+    """The exit code of several answers: refuted, else unreadable, else unsupported, else unknown."""
+    present = set(codes)
+    return next((code for code in (1, RobustError.exit_code, UNSUPPORTED, UNDECIDED) if code in present), 0)
 
 
 def volume_ratio(box: Box, other: Box) -> Fraction | None:
@@ -231,9 +229,9 @@ def volume_ratio(box: Box, other: Box) -> Fraction | None:
 
     None if one of them is infinite, if the other has no volume, or if both are points.
     """
-    names = [name for name in other.intervals if any(one[name].width != 0 for one in (box, other))]
-    own, others = (Box({name: one[name] for name in names}).volume for one in (box, other))
-    return None if not names or own is None or not others else own / others
+    names = [name for name in other.intervals if any(either[name].width != 0 for either in (box, other))]
+    volume, other_volume = (Box({name: either[name] for name in names}).volume for either in (box, other))
+    return None if not names or volume is None or not other_volume else volume / other_volume
 
 
 # -- a batch -----------------------------------------------------------------------------------------------------------
@@ -258,7 +256,7 @@ def run_batch(
         verb: what the batch is called.
         questions: what is asked about each plan: a name, a verb, and options as they are typed.
         path: the suite.
-        parameters: more parameters, for all plans instead of those in files beside them.
+        parameters: a file of parameters for all plans, in place of the files next to them.
         limit: seconds for each plan and question.
         timeout: seconds for all.
         jobs: processes at a time on this machine.
@@ -271,22 +269,22 @@ def run_batch(
         UnsupportedError: if a cluster is wanted and Dask is not installed.
     """
     began, deadline = time.perf_counter(), Deadline.after(timeout)
-    asked = tuple(Asked(*one) for one in questions)
+    asked = tuple(Asked(*question) for question in questions)
     suite = read_suite(path)
     given = None if parameters is None else (parameters.name, read_text(parameters))
     texts: dict[str, PlanTexts] = {}
     troubles: dict[str, PlanRun] = {}
     reading = _SuiteReading(suite, given)
-    for one in suite.instances:
+    for instance in suite.instances:
         try:
-            texts[one.name] = reading.texts(one)
+            texts[instance.name] = reading.texts(instance)
         except InputError as error:
-            troubles[one.name] = PlanRun("error", error.exit_code, message=reading.shown(error))
+            troubles[instance.name] = PlanRun("error", error.exit_code, message=reading.shown(error))
     tasks = [
-        Task(_label(one, each, asked), (one.name, texts[one.name], each, limit))
-        for one in suite.instances
-        if one.name in texts
-        for each in asked
+        Task(_label(instance, question, asked), (instance.name, texts[instance.name], question, limit))
+        for instance in suite.instances
+        if instance.name in texts
+        for question in asked
     ]
     sweep = run_sweep(
         tasks,
@@ -303,18 +301,19 @@ def run_batch(
     known = {task.label: run for task, run in sweep.results}
     known |= {failure.task: PlanRun("error", UNDECIDED, message=failure.reason) for failure in sweep.failures}
     rows = []
-    for one in suite.instances:
-        found = {each.name: troubles.get(one.name, known.get(_label(one, each, asked))) for each in asked}
-        runs = {name: run for name, run in found.items() if run is not None}
+    for instance in suite.instances:
+        labels = {question.name: _label(instance, question, asked) for question in asked}
+        answers = {name: troubles.get(instance.name, known.get(label)) for name, label in labels.items()}
+        runs = {name: run for name, run in answers.items() if run is not None}
         if runs:
-            rows.append(BatchRow(one, runs))
+            rows.append(BatchRow(instance, runs))
     seconds = time.perf_counter() - began
     return Batch(verb, str(path), asked, tuple(rows), len(suite.instances), _ended(sweep), sweep.notes, seconds)
 
 
-def _label(one: SuitePlan, question: Asked, asked: Sequence[Asked]) -> str:
+def _label(instance: SuitePlan, question: Asked, asked: Sequence[Asked]) -> str:
     """What a task is called."""
-    return f"{one.name}: {question.name}" if len(asked) > 1 else one.name
+    return f"{instance.name}: {question.name}" if len(asked) > 1 else instance.name
 
 
 def _ended(sweep: Sweep) -> str:
@@ -338,15 +337,16 @@ class _SuiteReading:
         self._parameters = parameters
         self._read: dict[str, str] = {}
 
-    def texts(self, one: SuitePlan) -> PlanTexts:
+    def texts(self, instance: SuitePlan) -> PlanTexts:
         """InputError if a file cannot be read, or is not known."""
-        if one.trouble is not None:
-            raise InputError(one.trouble)
-        beside = Path(one.plan).with_suffix(".toml")
+        if instance.trouble is not None:
+            raise InputError(instance.trouble)
+        beside = Path(instance.plan).with_suffix(".toml")
         parameters = self._parameters
         if parameters is None and (self._folder / beside).is_file():
             parameters = self._named(str(beside))
-        return PlanTexts(self._named(one.domain), self._named(one.problem), self._plan(one.plan), parameters)
+        plan = instance.plan, read_plan_text(self._folder / instance.plan)[0]
+        return PlanTexts(self._named(instance.domain), self._named(instance.problem), plan, parameters)
 
     def shown(self, error: RobustError) -> str:
         """An error about a file of the suite, as the suite calls it."""
@@ -356,9 +356,6 @@ class _SuiteReading:
         if name not in self._read:
             self._read[name] = read_text(self._folder / name)
         return name, self._read[name]
-
-    def _plan(self, name: str) -> Named:
-        return name, read_plan_text(self._folder / name)[0]
 
 
 # -- one plan ----------------------------------------------------------------------------------------------------------
@@ -385,38 +382,34 @@ def run_plan(
         if limit is not None:
             options += ["--timeout", str(limit)]
         killed = None if limit is None else limit + GRACE
-        found = measured([*COMMAND, asked.verb, *files, *options], limit=killed, processes=processes)
-    return _with_names(_read_run(asked.verb, found), called)
-
-
-def _with_names(run: PlanRun, called: Mapping[str, str]) -> PlanRun:
-    """With the names that people know for files."""
+        ended = measured([*COMMAND, asked.verb, *files, *options], limit=killed, processes=processes)
+    run = _read_run(asked.verb, ended)
     message = run.message
-    for path, name in called.items():
-        message = None if message is None else message.replace(path, name)
+    for temporary, name in called.items():  # the names that people know for files
+        message = None if message is None else message.replace(temporary, name)
     return replace(run, message=message)
 
 
-def _read_run(verb: str, found: ProcessEnd) -> PlanRun:
+def _read_run(verb: str, ended: ProcessEnd) -> PlanRun:
     """What a process answered, or why that is no answer.
 
     Raises:
         RobustError: if there is none, because something killed the process; so that a later run tries again.
     """
     cost: dict[str, Any] = {
-        "seconds": round(found.seconds, 4),
-        "cpu_s": round(found.cpu_s, 4),
-        "memory_mb": round(found.memory_mb, 1),
+        "seconds": round(ended.seconds, 4),
+        "cpu_s": round(ended.cpu_s, 4),
+        "memory_mb": round(ended.memory_mb, 1),
     }
-    if found.timed_out:
+    if ended.timed_out:
         return PlanRun("timeout", UNDECIDED, **cost, message="no answer within the limit")
-    if not found.stdout.strip():
-        raise RobustError(complaint(found))
+    if not ended.stdout.strip():
+        raise RobustError(complaint(ended))
     try:
-        answer = json.loads(found.stdout)
+        answer = json.loads(ended.stdout)
         if "error" in answer:
-            return _refused(answer["error"], found.exit_code, cost)
-        return _READERS[verb](answer, found.exit_code, cost)
+            return _refused(answer["error"], ended.exit_code, cost)
+        return _READERS[verb](answer, ended.exit_code, cost)
     except (ValueError, KeyError, TypeError, AttributeError, RobustError) as error:
         message = f"the answer is not that of `robust {verb} --json` ({type(error).__name__}: {error})"
         return PlanRun("error", UNDECIDED, **cost, message=message)
@@ -437,7 +430,7 @@ def _check(answer: Json, code: int, cost: Json) -> PlanRun:
     example = answer["counterexample"]
     message = answer["reason"]
     if example is not None:
-        violation = next((one for one in example["violations"] if one["obligation"] == example["obligation"]), None)
+        violation = next((item for item in example["violations"] if item["obligation"] == example["obligation"]), None)
         message = example["obligation"] + (f": {violation['detail']}" if violation is not None else "")
     return PlanRun(answer["verdict"], code, **cost, search_s=answer["seconds"], message=message)
 

@@ -1,4 +1,4 @@
-"""Suites: which plans to run, of a folder, or of a list of lines, JSON or CSV.
+"""Suites of plans: a folder, or a list of lines, JSON or CSV.
 
 In a folder, each file whose suffix says that it is a plan is one. Its problem and its domain are the PDDL files beside
 it, or in the nearest folder above within the suite, whose names fit: without words such as `plan`, `problem` and
@@ -28,7 +28,7 @@ PLAN_SUFFIXES = (".stn", ".plan", ".log", ".sol", ".soln", ".solution")
 NAMES = ("instance", "name")
 """Keys of JSON and columns of CSV that name a plan; the first that is there counts."""
 PLANS = ("plan", "log")
-"""The same for its file."""
+"""Keys of JSON and columns of CSV that name the file of a plan."""
 _WORDS = frozenset(
     ["domain", "problem", "prob", "pfile", "p", "plan", "instance", "task", "solution", "sol", "log", "output"]
 )
@@ -67,11 +67,11 @@ def read_suite(path: Path) -> Suite:
         InputError: if there is none, or the list is malformed; the message has the line.
     """
     if path.is_dir():
-        found = list(_in_folder(path))
-        if not found:
+        plans = list(_in_folder(path))
+        if not plans:
             expected = f"files that end in {', '.join(PLAN_SUFFIXES)}, or a file with a list"
             raise InputError(f"found no plan, expected {expected}", Location(str(path)))
-        return Suite(path, _distinct(found))
+        return Suite(path, _distinct(plans))
     if not path.exists():
         raise InputError("found no such file or folder, expected a folder of plans or a list", Location(str(path)))
     readers = {".json": _from_json, ".csv": _from_csv}
@@ -84,7 +84,7 @@ def listed_files(path: Path) -> list[tuple[Path, Path, Path]]:
     Raises:
         InputError: if a line has other than three files, or there is none; the message has the line.
     """
-    found = []
+    listed = []
     for number, line in enumerate(read_text(path).split("\n"), start=1):
         place = Location(str(path), number)
         try:
@@ -95,20 +95,20 @@ def listed_files(path: Path) -> list[tuple[Path, Path, Path]]:
             raise InputError(f"found {plural(len(words), 'file')}, expected DOMAIN PROBLEM PLAN", place)
         if words:
             domain, problem, plan = (path.parent / word for word in words)
-            found.append((domain, problem, plan))
-    if not found:
+            listed.append((domain, problem, plan))
+    if not listed:
         raise InputError("found no plan, expected lines of DOMAIN PROBLEM PLAN", Location(str(path)))
-    return found
+    return listed
 
 
 def _distinct(instances: Iterable[SuitePlan]) -> tuple[SuitePlan, ...]:
     """With a number behind names that were there before."""
     taken: dict[str, int] = {}
-    found = []
-    for one in instances:
-        count = taken[one.name] = taken.get(one.name, 0) + 1
-        found.append(one if count == 1 else replace(one, name=f"{one.name} ({count})"))
-    return tuple(found)
+    distinct = []
+    for instance in instances:
+        count = taken[instance.name] = taken.get(instance.name, 0) + 1
+        distinct.append(instance if count == 1 else replace(instance, name=f"{instance.name} ({count})"))
+    return tuple(distinct)
 
 
 # -- lists -------------------------------------------------------------------------------------------------------------
@@ -126,7 +126,7 @@ def _from_json(path: Path) -> list[SuitePlan]:
     if not isinstance(top, Array) or not top.items:
         place = Location(str(path), top.location.line, top.location.column)
         raise InputError(f"found {describe(top)}, expected a list of objects with domain, problem and plan", place)
-    found = []
+    plans = []
     for item in top.items:
         if not isinstance(item, Object):
             raise InputError(f"found {describe(item)}, expected an object with domain, problem and plan", item.location)
@@ -136,25 +136,25 @@ def _from_json(path: Path) -> list[SuitePlan]:
             if value is not None and not (isinstance(value, Text) and value.value):
                 raise InputError(f"found {describe(value)} as {key}, expected a text", value.location)
             texts[key] = value.value if value is not None else None
-        found.append(_entry(texts, item.location))
-    return found
+        plans.append(_entry(texts, item.location))
+    return plans
 
 
 def _from_csv(path: Path) -> list[SuitePlan]:
     """A head with the keys of JSON, and a line for each plan."""
     rows = csv.DictReader(read_text(path).split("\n"), strict=True)
-    found = []
+    plans = []
     try:
         for row in rows:
             place = Location(str(path), rows.line_num)
             if None in row:
                 raise InputError(f"found more cells than the {len(rows.fieldnames or ())} of the head", place)
-            found.append(_entry(row, place))
+            plans.append(_entry(row, place))
     except csv.Error as error:
         raise InputError(f"found no CSV ({error})", Location(str(path), rows.reader.line_num)) from None
-    if not found:
+    if not plans:
         raise InputError("found no plan, expected a head with domain,problem,plan and lines below", Location(str(path)))
-    return found
+    return plans
 
 
 def _entry(texts: Mapping[str, str | None], place: Location) -> SuitePlan:
@@ -205,9 +205,9 @@ def _found(folder: Path, plan: Path, defined: Defined) -> SuitePlan:
 
 def _best(plan: Path, candidates: Iterable[Path]) -> list[Path]:
     """The one whose name fits best, or those of which none does."""
-    own = _parts(plan)
-    fitting = {file: parts for file in candidates if _fits(parts := _parts(file), own)}
-    best = [one for one, parts in fitting.items() if all(set(parts) >= set(other) for other in fitting.values())]
+    words = _parts(plan)
+    fitting = {file: parts for file in candidates if _fits(parts := _parts(file), words)}
+    best = [path for path, parts in fitting.items() if all(set(parts) >= set(other) for other in fitting.values())]
     return best or list(fitting)
 
 
@@ -223,7 +223,7 @@ def _parts(file: Path) -> tuple[str, ...]:
 
 def _defined(directory: Path) -> Mapping[str, Sequence[Path]]:
     """Those that cannot be read define nothing."""
-    found: dict[str, tuple[Path, ...]] = {}
+    files: dict[str, tuple[Path, ...]] = {}
     for file in sorted(directory.glob("*.[pP][dD][dD][lL]")):
         try:
             match = _DEFINED.search(_COMMENT.sub("", read_text(file)))
@@ -231,5 +231,5 @@ def _defined(directory: Path) -> Mapping[str, Sequence[Path]]:
             continue
         if match is not None:
             kind = match[1].lower()
-            found[kind] = (*found.get(kind, ()), file)
-    return found
+            files[kind] = (*files.get(kind, ()), file)
+    return files

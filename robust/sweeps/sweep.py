@@ -1,13 +1,12 @@
-"""Sweeps: every task once, whatever happens to its workers; what is done stays done.
+"""Sweeps: every task is done once, whatever happens to its workers, and its record is kept.
 
 Records are kept in a file as they arrive, with the key of their task (:mod:`robust.records`), so that a run that ends
 early can be resumed.
 
-Where tasks are done: in this process, in processes that its threads wait for, or on a Dask cluster.
-
-Work that only waits for processes which it starts is done in the threads themselves; any other task has a process of
-its own, and is done again if that is killed (by a person, or by the system for want of memory). A Dask scheduler gives
-the tasks of a worker that died to another one.
+Tasks are done in this process, in processes that its threads wait for, or on a Dask cluster. Work that only waits for
+processes which it starts is done in the threads themselves; any other task has a process of its own, and is done again
+if that is killed (by a person, or by the system for want of memory). A Dask scheduler gives the tasks of a worker that
+died to another one.
 """
 
 from __future__ import annotations
@@ -58,7 +57,7 @@ Numbered = tuple[int, Task]
 
 @dataclass(frozen=True, slots=True)
 class TaskOutcome:
-    """What came of one attempt: `text` is the record as JSON, or, if it `failed`, one line that says why."""
+    """The outcome of one attempt: `text` is the record as JSON, or, if it `failed`, one line that says why."""
 
     text: str
     failed: bool = False
@@ -77,7 +76,7 @@ def text_of(value: object, *, ordered: bool = False) -> str:
 
 
 def attempt(work: Work, task: Task) -> TaskOutcome:
-    """Do the task where it is called: in this process, or in one of a pool or a cluster.
+    """Do a task in this process, which may be one of a pool or a cluster.
 
     Whatever goes wrong with one task must not end the others: it is reported, never swallowed.
     """
@@ -159,7 +158,7 @@ def _attempt_apart(work: Work, processes: Processes, task: Task) -> TaskOutcome:
 
 
 def attempt_here(folder: str) -> None:
-    """What the process of a task does: read it from a file, and write its outcome beside that."""
+    """The process of a task: read the task from a file, and write its outcome into the same folder."""
     work, task = pickle.loads(Path(folder, "task").read_bytes())  # noqa: S301 - written by the process that waits
     Path(folder, "outcome").write_text(text_of(attempt(work, task)), encoding="utf-8")
 
@@ -221,9 +220,9 @@ def _connected(distributed: Any, address: str) -> Iterator[Any]:
             ) from None
         for worker, version in client.run(_version, on_error="return").items():
             if version != robust.__version__:
-                found = f"robust {version}" if isinstance(version, str) else f"no such robust ({version})"
+                installed = f"robust {version}" if isinstance(version, str) else f"no such robust ({version})"
                 raise InputError(
-                    f"found {found} on worker {worker}, expected {robust.__version__} as here; install that there"
+                    f"found {installed} on worker {worker}, expected {robust.__version__} as here; install that there"
                 )
         yield client
 
@@ -232,9 +231,8 @@ def _fetched(distributed: Any, future: Any, address: str) -> TaskOutcome:
     try:
         result: TaskOutcome = future.result()
     except distributed.KilledWorker as error:
-        return TaskOutcome(
-            f"its worker died again and again, the last one was {error.last_worker.address}", failed=True
-        )
+        reason = f"its worker died again and again, the last one was {error.last_worker.address}"
+        return TaskOutcome(reason, failed=True)
     except CancelledError:
         raise ClusterLostError(f"lost the Dask scheduler {address!r}") from None
     return result
@@ -258,7 +256,7 @@ def key_of(work: Work, task: Task) -> str:
 
 
 def restored(value: object, kind: type[Value] | Any) -> Value:
-    """A value of that type from what JSON says.
+    """A value of a type from its JSON.
 
     Raises:
         msgspec.ValidationError: if it is no such value.
@@ -295,9 +293,9 @@ class Store(RecordFile):
                 return
         except (ValueError, KeyError, TypeError, msgspec.ValidationError):
             raise InputError(f"found no result, expected those of a store of results ({SCHEMA})") from None
-        if (found := value.get("robust")) != robust.__version__:
+        if (writer := value.get("robust")) != robust.__version__:
             raise InputError(
-                f"found results of robust {found}, expected those of {robust.__version__}; "
+                f"found results of robust {writer}, expected those of {robust.__version__}; "
                 "choose another file, so that results of different versions are not mixed"
             )
 
@@ -329,7 +327,7 @@ class Sweep:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a reader has to know: what was taken from the store, what is missing and how to get it."""
+        """Notes for the user: results from the store, failures, and missing results with the way to get them."""
         notes = []
         if self.resumed:
             notes.append(f"{self.resumed} of {self.total} results are from {self.store}")
@@ -397,9 +395,9 @@ def run_sweep(
         if on_result is not None:
             on_result(len(done) + len(failures), len(distinct), line)
 
-    def keep(key: str, found: Any) -> None:
-        done[key] = found
-        tell(f"{distinct[key].label}: {describe(found)}")
+    def keep(key: str, result: Any) -> None:
+        done[key] = result
+        tell(f"{distinct[key].label}: {describe(result)}")
 
     def take(key: str, outcome: TaskOutcome) -> None:
         label = distinct[key].label
@@ -418,11 +416,11 @@ def run_sweep(
     def begun(pending: Sequence[tuple[int, str]]) -> Iterator[tuple[int, Task]]:
         """Tasks to start, asked for when there is a place for one."""
         for number, key in pending:
-            found = None if settled is None else settled(distinct[key], list(done.values()))
-            if found is None:
+            result = None if settled is None else settled(distinct[key], list(done.values()))
+            if result is None:
                 yield number, distinct[key]
             else:
-                keep(key, found)
+                keep(key, result)
 
     with Store(store) if store is not None else nullcontext() as opened:
         known = {} if opened is None else {key: opened.results[key] for key in distinct if key in opened.results}

@@ -44,7 +44,7 @@ def name_of(text: str) -> str:
 
 def typed(variables: Iterable[Any]) -> str:
     """Parameters or variables, each with its type."""
-    return " ".join(f"?{name_of(one.name)} - {_type(one)}" for one in variables)
+    return " ".join(f"?{name_of(variable.name)} - {_type(variable)}" for variable in variables)
 
 
 def _type(variable: Any) -> str:
@@ -55,7 +55,7 @@ def _type(variable: Any) -> str:
 
 def named(fluent: up.FNode) -> tuple[str, tuple[str, ...]]:
     """Name and arguments of a ground fluent."""
-    return name_of(fluent.fluent().name), tuple(name_of(one.object().name) for one in fluent.args)
+    return name_of(fluent.fluent().name), tuple(name_of(argument.object().name) for argument in fluent.args)
 
 
 def constant(value: up.FNode) -> bool | Fraction:
@@ -64,7 +64,7 @@ def constant(value: up.FNode) -> bool | Fraction:
 
 
 def number_of(value: up.FNode) -> Fraction:
-    """A number, exactly."""
+    """The exact value of a number."""
     if not (value.is_int_constant() or value.is_real_constant()):
         raise UnsupportedError(f"found the value '{value}', expected a truth value or a number")
     return Fraction(value.constant_value())
@@ -78,10 +78,10 @@ def expression(root: up.FNode) -> str:
         node, is_done = pending.pop()
         if not is_done:
             pending.append((node, True))
-            pending.extend((one, False) for one in reversed(node.args))
+            pending.extend((argument, False) for argument in reversed(node.args))
             continue
-        cut = len(results) - len(node.args)
-        parts, results = results[cut:], results[:cut]
+        first = len(results) - len(node.args)
+        parts, results = results[first:], results[:first]
         results.append(_text(node, parts))
     return results[0]
 
@@ -134,7 +134,7 @@ _NEEDS = ":typing :fluents :adl :durative-actions :duration-inequalities :timed-
 
 
 def problem_of(problem: up.Problem) -> tuple[Domain, Problem]:
-    """Domain and problem that say what a unified-planning problem says.
+    """Domain and problem of a unified-planning problem.
 
     Raises:
         InputError: for names that PDDL cannot tell apart, and fluents without initial value.
@@ -153,14 +153,14 @@ def problem_of(problem: up.Problem) -> tuple[Domain, Problem]:
 def type_bounds(problem: up.Problem) -> dict[str, tuple[Fraction | None, Fraction | None]]:
     """The least and the greatest value, None for none, of the fluents that change and whose type has either."""
     static = problem.get_static_fluents()
-    found = {}
+    bounds = {}
     for fluent in problem.fluents:
         if fluent not in static and (fluent.type.is_int_type() or fluent.type.is_real_type()):
             ends = fluent.type.lower_bound, fluent.type.upper_bound
             lower, upper = (None if end is None else Fraction(end) for end in ends)
             if lower is not None or upper is not None:
-                found[fluent.name] = lower, upper
-    return found
+                bounds[fluent.name] = lower, upper
+    return bounds
 
 
 def _check_supported(problem: up.Problem) -> None:
@@ -169,26 +169,27 @@ def _check_supported(problem: up.Problem) -> None:
         raise UnsupportedError(f"found a {type(problem).__name__}, expected a Problem of unified-planning")
     if problem.kind.has_hierarchical() or problem.kind.has_contingent():
         raise UnsupportedError(f"found a {type(problem).__name__}, expected a problem without tasks and unknown facts")
+    simulated = ("simulated_effect", "simulated_effects")
     present = {
         "timed goals": problem.timed_goals,
         "trajectory constraints": problem.trajectory_constraints,
         "processes": problem.processes,
         "events": problem.events,
         "simulated effects": [
-            one for one in problem.actions for kind in ("", "s") if getattr(one, f"simulated_effect{kind}", None)
+            action for action in problem.actions if any(getattr(action, name, 0) for name in simulated)
         ],
     }
-    for what, found in present.items():
-        if found:
+    for what, items in present.items():
+        if items:
             raise UnsupportedError(f"found {what}, expected a problem without them")
     for what, names in {
-        "action": [one.name for one in problem.actions],
-        "fluent": [one.name for one in problem.fluents],
-        "object": [one.name for one in problem.all_objects],
-        "type": [one.name for one in problem.user_types],
+        "action": [action.name for action in problem.actions],
+        "fluent": [fluent.name for fluent in problem.fluents],
+        "object": [thing.name for thing in problem.all_objects],
+        "type": [kind.name for kind in problem.user_types],
     }.items():
-        lowered = [name_of(one) for one in names]
-        twice = next((one for one in lowered if lowered.count(one) > 1), None)
+        lowered = [name_of(name) for name in names]
+        twice = next((name for name in lowered if lowered.count(name) > 1), None)
         if twice is not None:
             raise InputError(f"found two names of {what}s that are both {twice!r} in lower case, expected one")
 
@@ -198,28 +199,26 @@ def _check_supported(problem: up.Problem) -> None:
 
 def _domain_text(problem: up.Problem, name: str) -> str:
     types = " ".join(
-        f"{name_of(one.name)} - {name_of(one.father.name) if one.father is not None else 'object'}"
-        for one in problem.user_types
-        if name_of(one.name) != "object"
+        f"{name_of(kind.name)} - {name_of(kind.father.name) if kind.father is not None else 'object'}"
+        for kind in problem.user_types
+        if name_of(kind.name) != "object"
     )
-    constants = " ".join(f"{name_of(one.name)} - {name_of(one.type.name)}" for one in problem.all_objects)
-    predicates = [one for one in problem.fluents if one.type.is_bool_type()]
-    functions = [one for one in problem.fluents if one.type.is_int_type() or one.type.is_real_type()]
-    other = next((one for one in problem.fluents if one not in predicates and one not in functions), None)
+    constants = " ".join(f"{name_of(thing.name)} - {name_of(thing.type.name)}" for thing in problem.all_objects)
+    predicates = [fluent for fluent in problem.fluents if fluent.type.is_bool_type()]
+    functions = [fluent for fluent in problem.fluents if fluent.type.is_int_type() or fluent.type.is_real_type()]
+    other = next((fluent for fluent in problem.fluents if fluent not in predicates and fluent not in functions), None)
     if other is not None:
         raise UnsupportedError(f"found fluent {other.name!r} of type {other.type}, expected a Boolean or a number")
-    return "\n".join(
-        (
-            f"(define (domain {name})",
-            f"(:requirements {_NEEDS})",
-            f"(:types {types})",
-            f"(:constants {constants})",  # since actions may name any object
-            f"(:predicates {' '.join(map(_signature, predicates))})",
-            f"(:functions {' '.join(map(_signature, functions))})",
-            *(_action(one) for one in problem.actions),
-            ")",
-        )
+    lines = (
+        f"(define (domain {name})",
+        f"(:requirements {_NEEDS})",
+        f"(:types {types})",
+        f"(:constants {constants})",  # since actions may name any object
+        f"(:predicates {' '.join(map(_signature, predicates))})",
+        f"(:functions {' '.join(map(_signature, functions))})",
+        *map(_action, problem.actions),
     )
+    return "\n".join((*lines, ")"))
 
 
 def _signature(fluent: up.Fluent) -> str:
@@ -230,20 +229,18 @@ def _action(action: up.Action) -> str:
     head = f"{name_of(action.name)} :parameters ({typed(action.parameters)})"
     if not hasattr(action, "duration"):
         conditions = " ".join(map(expression, action.preconditions))
-        effects = " ".join(_effect(one) for one in action.effects)
+        effects = " ".join(_effect(effect) for effect in action.effects)
         return f"(:action {head} :precondition (and {conditions}) :effect (and {effects}))"
     conditions = " ".join(
-        f"({when} {expression(one)})"
+        f"({when} {expression(item)})"
         for interval, all_of in action.conditions.items()
         for when in _whens(interval)
-        for one in all_of
+        for item in all_of
     )
-    effects = " ".join(
-        _effect(one, f"({_when(timing)} {{}})") for timing, all_of in action.effects.items() for one in all_of
-    )
-    continuous = " ".join(
-        _continuous(one, interval) for interval, all_of in action.continuous_effects.items() for one in all_of
-    )
+    timed = ((effect, timing) for timing, effects in action.effects.items() for effect in effects)
+    effects = " ".join(_effect(effect, f"({_when(timing)} {{}})") for effect, timing in timed)
+    flows = ((flow, interval) for interval, flows in action.continuous_effects.items() for flow in flows)
+    continuous = " ".join(_continuous(*flow) for flow in flows)
     return (
         f"(:durative-action {head} :duration {_duration(action.duration)} "
         f":condition (and {conditions}) :effect (and {effects} {continuous}))"
@@ -354,23 +351,23 @@ def from_unified_planning(problem: up.Problem, plan: up_plans.Plan) -> tuple[Dom
             say.
         InputError: for another kind of plan, and for names that PDDL cannot tell apart.
     """
-    found = converted(problem, plan)
+    triple = converted(problem, plan)
     if bounded := next(iter(type_bounds(problem)), None):
         raise UnsupportedError(f"found bounds of the type of fluent {bounded!r}, expected conditions that say them")
-    return found
+    return triple
 
 
 def converted(problem: up.Problem, plan: up_plans.Plan) -> tuple[Domain, Problem, TimedPlan | STNPlan]:
-    """The same, but for the bounds of types, about which nothing is said."""
+    """Domain, problem and plan from unified-planning's; bounds of types are ignored."""
     plans = module_of("unified_planning.plans")
     if isinstance(plan, plans.STNPlan):
         return (*problem_of(problem), _network(plan))
     if isinstance(plan, plans.SequentialPlan):
         if getattr(problem, "timed_effects", None):
             raise UnsupportedError("found timed effects beside a plan without times, expected one with times")
-        steps = tuple(_step(Fraction(number), one, None) for number, one in enumerate(plan.actions, start=1))
+        steps = tuple(_step(Fraction(number), action, None) for number, action in enumerate(plan.actions, start=1))
     elif isinstance(plan, plans.TimeTriggeredPlan):
-        steps = tuple(_step(*one) for one in plan.timed_actions)
+        steps = tuple(_step(*action) for action in plan.timed_actions)
     else:
         kinds = "a sequential, a time-triggered or an STN plan"
         raise InputError(f"found a {type(plan).__name__}, expected {kinds} of unified-planning")
@@ -386,7 +383,7 @@ def _step(start: Fraction, instance: up_plans.ActionInstance, duration: Fraction
 
 
 def _arguments(instance: up_plans.ActionInstance) -> tuple[str, ...]:
-    other = next((one for one in instance.actual_parameters if not one.is_object_exp()), None)
+    other = next((parameter for parameter in instance.actual_parameters if not parameter.is_object_exp()), None)
     if other is not None:
         raise UnsupportedError(f"found argument {other} of {instance.action.name!r}, expected objects")
     return tuple(name_of(argument.object().name) for argument in instance.actual_parameters)
@@ -415,8 +412,8 @@ def _network(plan: up_plans.STNPlan) -> STNPlan:
     def point(node: up_plans.STNPlanNode) -> TimePoint | None:
         if node.action_instance is None:
             return _ZERO if node.kind is kinds.GLOBAL_START else None
-        one = declared[node.action_instance]
-        return one.end if one.durative and node.kind is kinds.END else one.start
+        declaration = declared[node.action_instance]
+        return declaration.end if declaration.durative and node.kind is kinds.END else declaration.start
 
     edges = [
         (point(source), point(target), lower, upper)
@@ -482,11 +479,16 @@ def to_unified_planning(
         ordered = sorted(steps, key=lambda step: step[0])
         return plans.SequentialPlan([instance for _, instance, _ in ordered], problem.environment)
     nodes = _nodes(plan, problem, plans)
-    nominal = {one.name: one.default for one in plan.parameters if one.default is not None}
+    nominal = {parameter.name: parameter.default for parameter in plan.parameters if parameter.default is not None}
     known = {**nominal, **(values or {})}
     constraints = [
-        (nodes[one.source], _value(one.lower, known), _value(one.upper, known), nodes[one.target])
-        for one in plan.constraints
+        (
+            nodes[constraint.source],
+            _value(constraint.lower, known),
+            _value(constraint.upper, known),
+            nodes[constraint.target],
+        )
+        for constraint in plan.constraints
     ]
     start = nodes[_ZERO]
     constraints += [(start, Fraction(0), None, node) for point, node in nodes.items() if point != _ZERO]
@@ -501,28 +503,30 @@ def _nodes(stn: STNPlan, problem: up.Problem, plans: ModuleType) -> dict[TimePoi
     kinds = module_of("unified_planning.model").TimepointKind
     node = import_module("unified_planning.plans.stn_plan").STNPlanNode
     nodes: dict[TimePoint, up_plans.STNPlanNode] = {_ZERO: node(kinds.GLOBAL_START)}
-    for one in stn.instances:
-        instance = _instance(one, problem, plans)
-        nodes[one.start] = node(kinds.START, instance)
-        if one.durative:
-            nodes[one.end] = node(kinds.END, instance)
+    for declaration in stn.instances:
+        instance = _instance(declaration, problem, plans)
+        nodes[declaration.start] = node(kinds.START, instance)
+        if declaration.durative:
+            nodes[declaration.end] = node(kinds.END, instance)
     return nodes
 
 
-def _instance(one: InstanceDeclaration | TimedStep, problem: up.Problem, plans: ModuleType) -> up_plans.ActionInstance:
+def _instance(step: InstanceDeclaration | TimedStep, problem: up.Problem, plans: ModuleType) -> up_plans.ActionInstance:
     actions = {action.name.lower(): action for action in problem.actions}
-    objects = {found.name.lower(): found for found in problem.all_objects}
-    action = _known("action", one.action, actions, one)
-    chosen = [_known("object", argument, objects, one) for argument in one.arguments]
+    objects = {instance.name.lower(): instance for instance in problem.all_objects}
+    action = _known("action", step.action, actions, step)
+    chosen = [_known("object", argument, objects, step) for argument in step.arguments]
     manager = problem.environment.expression_manager
-    found: up_plans.ActionInstance = plans.ActionInstance(action, [manager.ObjectExp(each) for each in chosen])
-    return found
+    instance: up_plans.ActionInstance = plans.ActionInstance(
+        action, [manager.ObjectExp(argument) for argument in chosen]
+    )
+    return instance
 
 
-def _known(kind: str, name: str, known: Mapping[str, Any], one: InstanceDeclaration | TimedStep) -> Any:
+def _known(kind: str, name: str, known: Mapping[str, Any], step: InstanceDeclaration | TimedStep) -> Any:
     if name not in known:
         hint = did_you_mean(name, known)
-        raise InputError(f"found {kind} {name!r}, expected one of the problem{hint}", one.location)
+        raise InputError(f"found {kind} {name!r}, expected one of the problem{hint}", step.location)
     return known[name]
 
 

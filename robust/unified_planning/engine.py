@@ -46,52 +46,23 @@ INITIALLY = Fraction(-1)
 """What unified-planning calls the time of the initial state in a trace."""
 
 KIND = {
-    "problem_class": ("ACTION_BASED",),
-    "problem_type": ("SIMPLE_NUMERIC_PLANNING", "GENERAL_NUMERIC_PLANNING"),
-    "time": ("CONTINUOUS_TIME", "TIMED_EFFECTS", "DURATION_INEQUALITIES", "SELF_OVERLAPPING"),
-    "expression_duration": (
-        "STATIC_FLUENTS_IN_DURATIONS",
-        "FLUENTS_IN_DURATIONS",
-        "INT_TYPE_DURATIONS",
-        "REAL_TYPE_DURATIONS",
-    ),
-    "numbers": ("CONTINUOUS_NUMBERS", "DISCRETE_NUMBERS", "BOUNDED_TYPES"),
-    "conditions_kind": (
-        "NEGATIVE_CONDITIONS",
-        "DISJUNCTIVE_CONDITIONS",
-        "EQUALITIES",
-        "EXISTENTIAL_CONDITIONS",
-        "UNIVERSAL_CONDITIONS",
-    ),
-    "effects_kind": (
-        "CONDITIONAL_EFFECTS",
-        "INCREASE_EFFECTS",
-        "DECREASE_EFFECTS",
-        "INCREASE_CONTINUOUS_EFFECTS",
-        "DECREASE_CONTINUOUS_EFFECTS",
-        "STATIC_FLUENTS_IN_NUMERIC_ASSIGNMENTS",
-        "FLUENTS_IN_NUMERIC_ASSIGNMENTS",
-        "FORALL_EFFECTS",
-    ),
-    "typing": ("FLAT_TYPING", "HIERARCHICAL_TYPING"),
-    "fluents_type": ("NUMERIC_FLUENTS", "INT_FLUENTS", "REAL_FLUENTS"),
-    "quality_metrics": (
-        "ACTIONS_COST",
-        "FINAL_VALUE",
-        "MAKESPAN",
-        "PLAN_LENGTH",
-        "OVERSUBSCRIPTION",
-        "TEMPORAL_OVERSUBSCRIPTION",
-    ),
-    "actions_cost_kind": (
-        "STATIC_FLUENTS_IN_ACTIONS_COST",
-        "FLUENTS_IN_ACTIONS_COST",
-        "INT_NUMBERS_IN_ACTIONS_COST",
-        "REAL_NUMBERS_IN_ACTIONS_COST",
-    ),
-    "oversubscription_kind": ("INT_NUMBERS_IN_OVERSUBSCRIPTION", "REAL_NUMBERS_IN_OVERSUBSCRIPTION"),
+    "problem_class": "ACTION_BASED",
+    "problem_type": "SIMPLE_NUMERIC_PLANNING GENERAL_NUMERIC_PLANNING",
+    "time": "CONTINUOUS_TIME TIMED_EFFECTS DURATION_INEQUALITIES SELF_OVERLAPPING",
+    "expression_duration": "STATIC_FLUENTS_IN_DURATIONS FLUENTS_IN_DURATIONS INT_TYPE_DURATIONS REAL_TYPE_DURATIONS",
+    "numbers": "CONTINUOUS_NUMBERS DISCRETE_NUMBERS BOUNDED_TYPES",
+    "conditions_kind": "NEGATIVE_CONDITIONS DISJUNCTIVE_CONDITIONS EQUALITIES EXISTENTIAL_CONDITIONS "
+    "UNIVERSAL_CONDITIONS",
+    "effects_kind": "CONDITIONAL_EFFECTS INCREASE_EFFECTS DECREASE_EFFECTS INCREASE_CONTINUOUS_EFFECTS "
+    "DECREASE_CONTINUOUS_EFFECTS STATIC_FLUENTS_IN_NUMERIC_ASSIGNMENTS FLUENTS_IN_NUMERIC_ASSIGNMENTS FORALL_EFFECTS",
+    "typing": "FLAT_TYPING HIERARCHICAL_TYPING",
+    "fluents_type": "NUMERIC_FLUENTS INT_FLUENTS REAL_FLUENTS",
+    "quality_metrics": "ACTIONS_COST FINAL_VALUE MAKESPAN PLAN_LENGTH OVERSUBSCRIPTION TEMPORAL_OVERSUBSCRIPTION",
+    "actions_cost_kind": "STATIC_FLUENTS_IN_ACTIONS_COST FLUENTS_IN_ACTIONS_COST INT_NUMBERS_IN_ACTIONS_COST "
+    "REAL_NUMBERS_IN_ACTIONS_COST",
+    "oversubscription_kind": "INT_NUMBERS_IN_OVERSUBSCRIPTION REAL_NUMBERS_IN_OVERSUBSCRIPTION",
 }
-"""The features of problems whose plans are judged; metrics do not bear on validity."""
+"""The features of problems whose plans are judged, by kind; metrics do not bear on validity."""
 
 CREDITS = Credits(
     "robust",
@@ -134,7 +105,7 @@ class RobustValidator(Engine, PlanValidatorMixin):  # type: ignore[misc]
     def supported_kind() -> ProblemKind:
         kind = ProblemKind()
         for family, features in KIND.items():
-            for feature in features:
+            for feature in features.split():
                 getattr(kind, f"set_{family}")(feature)
         return kind
 
@@ -190,27 +161,29 @@ class _PlanJudge:
             return _result(ValidationResultStatus.INVALID, outside)
         if simulation.valid:
             return _result(ValidationResultStatus.VALID, trace=self._trace(simulation, None))
-        first = min(simulation.violations, key=lambda one: one.time)
+        first = min(simulation.violations, key=lambda violation: violation.time)
         return self._refuted(simulation, first, "")
 
     def _of_network(self, domain: Domain, problem: Problem, stn: STNPlan, timeout: float | None) -> ValidationResult:
         plan = assemble(domain, problem, stn, may_be_empty=True)
         with noticing_interrupts():
-            found = check_plan(plan, self.epsilon, "z3", Deadline.after(timeout))
-        if found.answer is Answer.PROVED and type_bounds(self.problem):
+            checked = check_plan(plan, self.epsilon, "z3", Deadline.after(timeout))
+        if checked.answer is Answer.PROVED and type_bounds(self.problem):
             return _result(ValidationResultStatus.UNKNOWN, "found bounds of types, expected a plan with times for them")
-        if found.answer is Answer.PROVED:
+        if checked.answer is Answer.PROVED:
             return _result(ValidationResultStatus.VALID)
-        if found.answer is Answer.UNKNOWN:
-            return _result(ValidationResultStatus.UNKNOWN, found.reason or "not decided")
-        example = next(iter(found.counterexamples.values()))
-        names = {one.identifier: str(one) for one in stn.instances}
+        if checked.answer is Answer.UNKNOWN:
+            return _result(ValidationResultStatus.UNKNOWN, checked.reason or "not decided")
+        example = next(iter(checked.counterexamples.values()))
+        names = {instance.identifier: str(instance) for instance in stn.instances}
         times = ", ".join(
             f"{point.kind.value} of {names[point.instance]} at {readable(time)}"
-            for point, time in sorted(example.schedule.items(), key=lambda each: each[1])
+            for point, time in sorted(example.schedule.items(), key=lambda item: item[1])
             if point.instance is not None
         )
-        broken = next(one for one in example.simulation.violations if one.obligation == example.obligation)
+        broken = next(
+            violation for violation in example.simulation.violations if violation.obligation == example.obligation
+        )
         return self._refuted(example.simulation, broken, f"; the plan allows this schedule: {times}")
 
     def _outside(self, simulation: Simulation) -> str | None:
@@ -246,12 +219,12 @@ class _PlanJudge:
         return [state for time, state in timed.items() if time == INITIALLY or time in ends]
 
     def _states(self, simulation: Simulation, broken: Violation | None) -> Iterator[tuple[Fraction, UPState]]:
-        known = {one.name.lower(): one for one in self.problem.fluents}
-        objects = {one.name.lower(): one for one in self.problem.all_objects}
+        known = {fluent.name.lower(): fluent for fluent in self.problem.fluents}
+        objects = {thing.name.lower(): thing for thing in self.problem.all_objects}
         manager = self.problem.environment.expression_manager
 
         def expression(name: str, arguments: tuple[str, ...]) -> up.FNode:
-            return manager.FluentExp(known[name], tuple(manager.ObjectExp(objects[one]) for one in arguments))
+            return manager.FluentExp(known[name], tuple(manager.ObjectExp(objects[argument]) for argument in arguments))
 
         def number(name: str, value: Fraction) -> up.FNode:
             return manager.Int(int(value)) if known[name].type.is_int_type() else manager.Real(value)

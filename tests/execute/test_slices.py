@@ -57,7 +57,7 @@ def in_series():
 
 def boxes_of(dispatcher):
     return [(one.after, one.answer, one.box and {n: str(i) for n, i in one.box.intervals.items()}, one.kept)
-            for one in dispatcher.left]  # fmt: skip
+            for one in dispatcher.remainders]  # fmt: skip
 
 
 def test_the_executor_is_named():
@@ -92,8 +92,8 @@ def test_an_action_that_takes_longer_than_its_interval_leaves_less_to_the_next()
     assert look[:2] == ("first exceeds 14.9995", SliceAnswer.PROMISED)
     assert (look[2], look[3]) == ({"first": "[30001/2000, 69999/4000]", "second": "[1, 49997/4000]"}, False)
     dispatcher.step(F(16), [Completed("w1", F(16))])
-    assert dispatcher.left[-1].box == Box({"first": interval("[16, 16]"), "second": interval("[1, 13999/1000]")})
-    assert dispatcher.left[-1].kept, "grown from 12.49925"
+    assert dispatcher.remainders[-1].box == Box({"first": interval("[16, 16]"), "second": interval("[1, 13999/1000]")})
+    assert dispatcher.remainders[-1].kept, "grown from 12.49925"
 
 
 def test_nothing_is_left_once_the_second_task_cannot_be_in_time():
@@ -105,9 +105,9 @@ def test_nothing_is_left_once_the_second_task_cannot_be_in_time():
         dispatcher.step(now)
     assert isinstance(dispatcher.ending, LeftBox)
     assert F(28999, 1000) < now < 29, "the second task takes at least 1"
-    assert Counter(one.answer for one in dispatcher.left[:-1]).keys() == {SliceAnswer.PROMISED}
-    assert dispatcher.left[-1].answer is SliceAnswer.NOTHING
-    assert len(dispatcher.left) < 30, "each time half of what was left"
+    assert Counter(one.answer for one in dispatcher.remainders[:-1]).keys() == {SliceAnswer.PROMISED}
+    assert dispatcher.remainders[-1].answer is SliceAnswer.NOTHING
+    assert len(dispatcher.remainders) < 30, "each time half of what was left"
 
 
 @pytest.mark.parametrize("failed", [F(30), F(300005, 10000)])
@@ -124,7 +124,7 @@ def test_without_time_only_the_box_counts():
     dispatcher = Dispatcher(replace(in_series(), slices=replace(in_series().slices, seconds=0.0)))
     dispatcher.step(F(0))
     dispatcher.step(F(4), [Completed("w1", F(4))])
-    assert [one.answer for one in dispatcher.left] == [SliceAnswer.OUT_OF_TIME]
+    assert [one.answer for one in dispatcher.remainders] == [SliceAnswer.OUT_OF_TIME]
     assert dispatcher.ending is None
     late = Dispatcher(replace(in_series(), slices=replace(in_series().slices, seconds=0.0)))
     late.step(F(0))
@@ -155,10 +155,10 @@ def test_a_parameter_of_several_actions_keeps_an_interval_until_the_last():
     dispatcher = Dispatcher(dispatchable)
     dispatcher.step(F(0))
     dispatcher.step(F(12), [Completed("w1", F(12))])
-    assert dispatcher.left[-1].box == dispatchable.box == Box({"first": interval("[1, 29999/2000]")})
+    assert dispatcher.remainders[-1].box == dispatchable.box == Box({"first": interval("[1, 29999/2000]")})
     dispatcher.step(F(12001, 1000))
     dispatcher.step(F(14001, 1000), [Completed("w2", F(14001, 1000))])
-    assert dispatcher.left[-1].box == Box({"first": interval("[2, 12]")})
+    assert dispatcher.remainders[-1].box == Box({"first": interval("[2, 12]")})
 
 
 def consistent(plan, values, times, now):
@@ -196,7 +196,7 @@ def executed(dispatchable, values, seed):
     run_in_world(dispatcher, SimulatedWorld(dispatchable, Luck(fixed(values), seed)))
     assert dispatcher.ended, (seed, values)
     assert not dispatcher.rejected
-    promised = [one for one in dispatcher.left if one.box is not None and values in one.box]
+    promised = [one for one in dispatcher.remainders if one.box is not None and values in one.box]
     if dispatcher.ending is None:
         judged = simulate(dispatchable.plan, values, dispatcher.times, epsilon=dispatchable.epsilon)
         assert judged.valid, (seed, values, judged.violations, judged.network_violations)
@@ -205,7 +205,7 @@ def executed(dispatchable, values, seed):
     assert values not in dispatcher.dispatchable.box
     slices = dispatchable.slices
     if slices.exact and isinstance(dispatcher.ending, LeftBox):
-        assert dispatcher.left[-1].answer is SliceAnswer.NOTHING
+        assert dispatcher.remainders[-1].answer is SliceAnswer.NOTHING
         now = dispatcher.ending.time
         assert values not in slices.region or not consistent(dispatchable.plan, values, dispatcher.times, now), values
     return "lost"

@@ -9,7 +9,7 @@ from statistics import fmean
 import pytest
 
 from robust.errors import InputError
-from robust.execute.dispatcher import Completed, Contradicted, Dispatch, Dispatcher, DispatchFailed, Observed
+from robust.execute.dispatcher import Completed, Dispatch, Dispatcher, DispatchFailed, Observed
 from robust.execute.drive import WallClock, drive, run_in_world
 from robust.execute.worlds import Below, InstanceOutcome, Luck, Rule, Rules, SimulatedWorld, Subject, parse_rules
 from robust.plan.model import Atom, Fluent
@@ -53,7 +53,7 @@ def rule(distribution, below=Below.FOLD, **numbers):
 
 def many(rule, count=4000):
     random = Random(7)  # noqa: S311 - reproducible
-    return [rule.draw(F(0), random) for _ in range(count)]
+    return [rule.about(F(0)).draw(random) for _ in range(count)]
 
 
 def test_draws_are_exact_and_fill_their_distributions():
@@ -110,7 +110,7 @@ DURATION, PARAMETER = ("[[draw]]\n" + what + ' = "a"\n' for what in ("duration",
         (PARAMETER + 'distribution = "half-normal"\ndeviation = -1', "found deviation -1"),
         (PARAMETER + 'distribution = "constant"\nrelative = 1', "expected true or false"),
         (PARAMETER + 'distribution = "normal"\ndeviation = 1\nbelow = "drop"', "expected fold or clip"),
-        ("[[draw]", "found no TOML"),
+        ("[[draw]", "found text that is not TOML"),
     ],
 )
 def test_wrong_world_files_say_what_is_wrong(text, message):
@@ -188,7 +188,7 @@ def test_consumption_is_drawn_and_shown():
     assert world.state.fluents[Fluent("need", ("b",))] == 4  # what is expected of the next time
     # What an action really needs decides whether it starts.
     dispatcher, _ = executed(constant(Subject.PARAMETER, "need", 11), **NEED)
-    assert isinstance(dispatcher.ending, Contradicted)
+    assert isinstance(dispatcher.ending, DispatchFailed)
     assert "(>= (stock) (need b)) does not hold" in str(dispatcher.ending)
 
 

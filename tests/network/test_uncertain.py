@@ -8,7 +8,7 @@ from random import Random
 import pytest
 
 from robust.errors import InputError
-from robust.network.dispatchable import Windows, strategy
+from robust.network.dispatchable import Windows, strategy, waits
 from robust.network.uncertain import (
     EdgeStep,
     Stnu,
@@ -19,7 +19,6 @@ from robust.network.uncertain import (
     explain,
     negative_cycle,
     total,
-    waits,
     weight_in,
 )
 from robust.plan.model import ZERO
@@ -340,3 +339,8 @@ def test_a_wait_ends_with_the_observation_or_by_itself():
     endless = network([("x", "c", None, 3)], [("Z", "c", 1, None)])
     assert [str(wait) for wait in waits(dynamic(endless))] == ["x waits for c"]
     assert Executing(endless, dynamic(endless)).ready(x) is None
+
+
+def test_a_wait_is_not_implied_by_that_of_an_end_that_comes_at_the_same_time():
+    stnu = network([("x", "c", None, 1)], [("x", "d", 0, 0), ("Z", "c", 5, 10)])
+    assert [str(wait) for wait in waits(dynamic(stnu))] == ["x waits for c, at most 9 after .zero"]

@@ -4,7 +4,7 @@ from robust import stnu
 from robust.errors import InputError
 from robust.execute.controllability import Control, Controllability, ControlVerdict
 from robust.stnu.files import graphml, network_json, parse_graphml, parse_network_json
-from robust.stnu.network import network_of
+from robust.stnu.network import network_of_plan
 from tests.execute.test_controllability_boxes import MEET, box_of, random_box
 
 
@@ -14,7 +14,7 @@ def test_the_network_of_a_plan_is_as_controllable_as_the_box():
         _, plan, box = random_box(seed, 2)
         verdict = Controllability(plan, box).finding(Control.DYNAMIC).verdict
         try:
-            found = network_of(plan, box, "plan")
+            found = network_of_plan(plan, box, "plan")
         except InputError as error:
             assert "contradiction" in error.message  # noqa: PT017 - the others are judged
             assert verdict is not ControlVerdict.CONTROLLABLE
@@ -26,7 +26,7 @@ def test_the_network_of_a_plan_is_as_controllable_as_the_box():
 
 
 def test_durations_are_contingent_links_and_zero_is_the_origin():
-    found = network_of(MEET, box_of(p=(1, 3), q=(2, 2)), "plan")
+    found = network_of_plan(MEET, box_of(p=(1, 3), q=(2, 2)), "plan")
     links = {link.ends: (link.lower, link.upper) for link in found.links}
     assert found.origin == found.nodes[0] == "Z"
     assert links["a.start => a.end"] == (1, 3)

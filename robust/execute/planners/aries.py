@@ -47,14 +47,16 @@ def integer(value: Fraction, what: str, location: Location | None) -> int:
     return value.numerator
 
 
-class AriesVocabulary:
-    """Types, objects and fluents of a problem; functions become fluents when they are first mentioned.
+class AriesTranslation:
+    """A problem in terms of unified-planning; functions become fluents when they are first mentioned.
 
-    `ticked` are functions of time, counted in ticks: a function that durations mention as well as conditions is two.
+    A duration without upper bound is at most `longest` ticks. `ticked` are functions of time, counted in ticks: a
+    function that durations mention as well as conditions is two.
     """
 
-    def __init__(self, domain: syntax.Domain, problem: syntax.Problem, ticks: int) -> None:
+    def __init__(self, domain: syntax.Domain, problem: syntax.Problem, ticks: int, longest: int) -> None:
         self._problem = problem
+        self._longest = longest
         self._domain = domain
         self.ticks = ticks
         self.environment = Environment()
@@ -62,10 +64,11 @@ class AriesVocabulary:
         self.manager = self.environment.expression_manager
         self.bool = self.environment.type_manager.BoolType()
         self._types = self._all_types(domain)
-        self.objects = {
-            one.name: up.Object(f"o_{one.name}", self.type(one), self.environment) for one in problem.objects.values()
+        objects = problem.objects.items()
+        self.objects = {name: up.Object(f"o_{name}", self.type(typed), self.environment) for name, typed in objects}
+        self.predicates = {
+            name: self._fluent("p", signature, self.bool) for name, signature in domain.predicates.items()
         }
-        self.predicates = {one.name: self._fluent("p", one, self.bool) for one in domain.predicates.values()}
         self.functions: dict[str, up.Fluent] = {}
         self.ticked: dict[str, up.Fluent] = {}
 
@@ -74,8 +77,8 @@ class AriesVocabulary:
         types: dict[str, up.types.Type] = {}
         manager = self.environment.type_manager
         for name, ancestors in sorted(domain.types.items(), key=lambda item: len(item[1])):
-            above = [one for one in ancestors if one != name]
-            parent = max(above, key=lambda one: len(domain.types[one]), default=None)
+            above = [ancestor for ancestor in ancestors if ancestor != name]
+            parent = max(above, key=lambda name: len(domain.types[name]), default=None)
             if parent is not None and domain.types[parent] != frozenset(above):
                 raise unsupported(f"type {name!r} with more than one parent", domain.location)
             types[name] = manager.UserType(f"t_{name}", None if parent is None else types[parent])
@@ -87,7 +90,8 @@ class AriesVocabulary:
         return self._types[declared.types[0]]
 
     def _fluent(self, kind: str, signature: syntax.Signature, value: up.types.Type) -> up.Fluent:
-        parameters = [up.Parameter(f"x_{one.name}", self.type(one), self.environment) for one in signature.parameters]
+        typed = signature.parameters
+        parameters = [up.Parameter(f"x_{name.name}", self.type(name), self.environment) for name in typed]
         return up.Fluent(f"{kind}_{signature.name}", value, parameters, self.environment)
 
     def ground(self, fluent: up.Fluent, arguments: Iterable[str]) -> up.FNode:
@@ -97,21 +101,20 @@ class AriesVocabulary:
         manager = self.manager
         match condition:
             case syntax.Proposition(predicate, arguments):
-                return self.predicates[predicate](*(self._term(one, bindings) for one in arguments))
+                return self.predicates[predicate](*(self._term(argument, bindings) for argument in arguments))
             case syntax.Equality(left, right):
                 return manager.Equals(self._term(left, bindings), self._term(right, bindings))
             case syntax.NumericComparison(comparator, left, right):
-                return getattr(manager, _COMPARISONS[comparator])(
-                    self.number(left, bindings), self.number(right, bindings)
-                )
+                compare = getattr(manager, _COMPARISONS[comparator])
+                return compare(self.number(left, bindings), self.number(right, bindings))
             case syntax.NameEquality():
                 return self.condition(condition.meant(self._problem.objects), bindings)
             case syntax.Negation(operand):
                 return manager.Not(self.condition(operand, bindings))
             case syntax.Conjunction(operands):
-                return manager.And([self.condition(one, bindings) for one in operands])
+                return manager.And([self.condition(part, bindings) for part in operands])
             case syntax.Disjunction(operands):
-                return manager.Or([self.condition(one, bindings) for one in operands])
+                return manager.Or([self.condition(part, bindings) for part in operands])
             case syntax.Implication(premise, conclusion):
                 return manager.Or(manager.Not(self.condition(premise, bindings)), self.condition(conclusion, bindings))
             case syntax.Quantification(universal, variables, operand):
@@ -122,17 +125,14 @@ class AriesVocabulary:
 
     def expansions(self, variables: Iterable[syntax.TypedName], bindings: Bindings) -> Iterator[Bindings]:
         """The bindings with every choice of objects for the variables of a quantifier."""
-        names = tuple(variables)
-        choices = [
-            [
-                self.manager.ObjectExp(self.objects[one.name])
-                for one in self._problem.objects.values()
-                if fits(one.types, variable.types, self._domain.types)
-            ]
-            for variable in names
-        ]
-        for chosen in product(*choices):
-            yield {**bindings, **{one.name: value for one, value in zip(names, chosen, strict=True)}}
+        known, hierarchy = self._problem.objects.items(), self._domain.types
+        choices = {
+            variable.name: [name for name, typed in known if fits(typed.types, variable.types, hierarchy)]
+            for variable in variables
+        }
+        for chosen in product(*choices.values()):
+            objects = (self.manager.ObjectExp(self.objects[name]) for name in chosen)
+            yield {**bindings, **dict(zip(choices, objects, strict=True))}
 
     def _term(self, term: syntax.Term, bindings: Bindings) -> up.FNode:
         return bindings[term.name] if term.variable else self.manager.ObjectExp(self.objects[term.name])
@@ -149,7 +149,7 @@ class AriesVocabulary:
                 if function not in known:
                     number = self.environment.type_manager.IntType()
                     known[function] = self._fluent(kind, self._domain.functions[function], number)
-                return known[function](*(self._term(one, bindings) for one in arguments))
+                return known[function](*(self._term(argument, bindings) for argument in arguments))
             case syntax.DurationTerm(location):
                 raise unsupported("?duration in an expression", location)
             case syntax.ParameterTerm(name, _, location):
@@ -157,11 +157,111 @@ class AriesVocabulary:
             case syntax.Arithmetic(syntax.Operator.TIMES | syntax.Operator.DIVIDED, _, location) if timed:
                 raise unsupported("a product or quotient in a duration", location)
             case syntax.Arithmetic(operator, operands):
-                values = [self.number(one, bindings, timed=timed) for one in operands]
+                values = [self.number(operand, bindings, timed=timed) for operand in operands]
                 combined = getattr(self.manager, _ARITHMETIC[operator])
                 return reduce(combined, values if len(values) > 1 else [self.manager.Int(0), *values])
             case _:
                 assert_never(expression)
+
+    def unified(self) -> up.Problem:
+        """The problem with `ticks` to a time unit.
+
+        Timed literals between two ticks are moved so that what holds for a shorter time does not come to hold for
+        longer.
+
+        Raises:
+            UnsupportedError: for what Aries does not solve.
+        """
+        unified = up.Problem("p", self.environment, initial_defaults={self.bool: self.manager.FALSE()})
+        unified.add_objects(list(self.objects.values()))
+        for schema in self._domain.actions.values():
+            unified.add_action(self._action(schema))
+        unified.add_goal(self.condition(self._problem.goal, {}))
+        for fluent in (*self.predicates.values(), *self.functions.values(), *self.ticked.values()):
+            unified.add_fluent(fluent)
+        self._set_initial_state(unified)
+        for literal in self._problem.timed_literals:
+            self._add_timed_literal(unified, literal)
+        return unified
+
+    def _set_initial_state(self, unified: up.Problem) -> None:
+        for atom in sorted(self._problem.atoms):
+            unified.set_initial_value(self.ground(self.predicates[atom.predicate], atom.arguments), True)
+        for fluent, value in self._problem.fluents.items():
+            in_ticks = f"{fluent} in ticks of 1/{self.ticks} ="
+            for known, unit, what in ((self.functions, 1, f"{fluent} ="), (self.ticked, self.ticks, in_ticks)):
+                if fluent.function in known:
+                    number = integer(value * unit, what, self._problem.location)
+                    unified.set_initial_value(self.ground(known[fluent.function], fluent.arguments), number)
+
+    def _add_timed_literal(self, unified: up.Problem, literal: TimedLiteral) -> None:
+        exact = literal.time * self.ticks
+        match literal.target:
+            case Atom(predicate, arguments):
+                tick = int(-(-exact // 1) if literal.value else exact // 1)
+                target = self.ground(self.predicates[predicate], arguments)
+                if tick:
+                    unified.add_timed_effect(ups.GlobalStartTiming(tick), target, bool(literal.value))
+                else:
+                    unified.set_initial_value(target, bool(literal.value))
+            case Fluent():
+                raise unsupported(f"a number that changes at a time, {literal.target}", self._problem.location)
+            case _:
+                assert_never(literal.target)
+
+    def _action(self, schema: syntax.ActionSchema) -> up.Action:
+        kind = up.DurativeAction if schema.durative else up.InstantaneousAction
+        parameters = {f"v_{parameter.name}": self.type(parameter) for parameter in schema.parameters}
+        action: Any = kind(f"a_{schema.name}", parameters, self.environment)
+        make = self.manager.ParameterExp
+        bindings = {parameter.name: make(action.parameter(f"v_{parameter.name}")) for parameter in schema.parameters}
+        if schema.durative:
+            action.set_duration_constraint(self._duration(schema, bindings))
+        for part in schema.conditions:
+            condition = self.condition(part.condition, bindings)
+            if schema.durative:
+                action.add_condition(_TIMES[part.timing], condition)
+            else:
+                action.add_precondition(condition)
+        for timing, target, value, update in self._changes(schema.effects, bindings):
+            when = (_TIMES[timing],) if schema.durative else ()
+            getattr(action, _ADDING[update])(*when, target, value)
+        return action
+
+    def _duration(self, schema: syntax.ActionSchema, bindings: Bindings) -> up.DurationInterval:
+        """The bounds as a closed interval; strict ones are left to the check of the plan."""
+        lower, upper = [], []
+        for duration in schema.durations:
+            if duration.timing is not Timing.AT_START:
+                raise unsupported("a duration constraint at the end", duration.location)
+            bound = self.number(duration.bound, bindings, timed=True)
+            if duration.comparator in (syntax.Comparator.EQUAL, syntax.Comparator.AT_LEAST, syntax.Comparator.GREATER):
+                lower.append(bound)
+            if duration.comparator in (syntax.Comparator.EQUAL, syntax.Comparator.AT_MOST, syntax.Comparator.LESS):
+                upper.append(bound)
+        if len(lower) > 1 or len(upper) > 1:
+            raise unsupported(f"more than one bound on one side of the duration of {schema.name!r}", schema.location)
+        make = self.manager.Int
+        return ups.ClosedDurationInterval(lower[0] if lower else make(0), upper[0] if upper else make(self._longest))
+
+    def _changes(self, effects: tuple[syntax.LiftedEffect, ...], bindings: Bindings) -> Iterator[Change]:
+        for effect in effects:
+            match effect:
+                case syntax.LiteralEffect(timing, proposition, value):
+                    yield timing, self.condition(proposition, bindings), value, syntax.Update.ASSIGN
+                case syntax.NumericUpdate(timing, update, target, expression):
+                    if update not in _ADDING:
+                        raise unsupported(f"an effect {update.value!r}", None)
+                    yield timing, self.number(target, bindings), self.number(expression, bindings), update
+                case syntax.ForallEffect(variables, inner):
+                    for bound in self.expansions(variables, bindings):
+                        yield from self._changes(inner, bound)
+                case syntax.WhenEffect(_, _, location):
+                    raise unsupported("a conditional effect", location)
+                case syntax.ContinuousUpdate(_, _, _, location):
+                    raise unsupported("a continuous effect", location)
+                case _:
+                    assert_never(effect)
 
 
 _ARITHMETIC = {
@@ -177,126 +277,15 @@ _COMPARISONS = {
     syntax.Comparator.AT_LEAST: "GE",
     syntax.Comparator.GREATER: "GT",
 }
-"""What the expression manager of unified-planning calls them."""
+"""Methods of unified-planning's expression manager."""
 
 
 Change = tuple[Timing, up.FNode, Any, syntax.Update]
 
 
-def unified_problem(domain: syntax.Domain, problem: syntax.Problem, ticks: int, horizon: int) -> up.Problem:
-    """The problem with `ticks` to a time unit; a duration without upper bound is at most `horizon` time units.
-
-    Timed literals between two ticks are moved so that what holds for a shorter time does not come to hold for longer.
-
-    Raises:
-        UnsupportedError: for what Aries does not solve.
-    """
-    words = AriesVocabulary(domain, problem, ticks)
-    defaults = {words.bool: words.manager.FALSE()}
-    unified = up.Problem("p", words.environment, initial_defaults=defaults)
-    unified.add_objects(list(words.objects.values()))
-    for schema in domain.actions.values():
-        unified.add_action(_action(schema, words, horizon * ticks))
-    unified.add_goal(words.condition(problem.goal, {}))
-    for fluent in (*words.predicates.values(), *words.functions.values(), *words.ticked.values()):
-        unified.add_fluent(fluent)
-    _set_initial_state(unified, problem, words)
-    for literal in problem.timed_literals:
-        _add_timed_literal(unified, literal, problem, words)
-    return unified
-
-
 def pddl_name(name: str) -> str:
     """The name without the prefix of its kind."""
     return name.partition("_")[2]
-
-
-def _set_initial_state(unified: up.Problem, problem: syntax.Problem, words: AriesVocabulary) -> None:
-    for atom in sorted(problem.atoms):
-        unified.set_initial_value(words.ground(words.predicates[atom.predicate], atom.arguments), True)
-    for fluent, value in problem.fluents.items():
-        in_ticks = f"{fluent} in ticks of 1/{words.ticks} ="
-        for known, unit, what in ((words.functions, 1, f"{fluent} ="), (words.ticked, words.ticks, in_ticks)):
-            if fluent.function in known:
-                number = integer(value * unit, what, problem.location)
-                unified.set_initial_value(words.ground(known[fluent.function], fluent.arguments), number)
-
-
-def _add_timed_literal(
-    unified: up.Problem, literal: TimedLiteral, problem: syntax.Problem, words: AriesVocabulary
-) -> None:
-    exact = literal.time * words.ticks
-    match literal.target:
-        case Atom(predicate, arguments):
-            tick = int(-(-exact // 1) if literal.value else exact // 1)
-            target = words.ground(words.predicates[predicate], arguments)
-            if tick:
-                unified.add_timed_effect(ups.GlobalStartTiming(tick), target, bool(literal.value))
-            else:
-                unified.set_initial_value(target, bool(literal.value))
-        case Fluent():
-            raise unsupported(f"a number that changes at a time, {literal.target}", problem.location)
-        case _:
-            assert_never(literal.target)
-
-
-def _action(schema: syntax.ActionSchema, words: AriesVocabulary, longest: int) -> up.Action:
-    kind = up.DurativeAction if schema.durative else up.InstantaneousAction
-    parameters = {f"v_{one.name}": words.type(one) for one in schema.parameters}
-    action: Any = kind(f"a_{schema.name}", parameters, words.environment)
-    make = words.manager.ParameterExp
-    bindings = {one.name: make(action.parameter(f"v_{one.name}")) for one in schema.parameters}
-    if schema.durative:
-        action.set_duration_constraint(_duration(schema, bindings, words, longest))
-    for one in schema.conditions:
-        condition = words.condition(one.condition, bindings)
-        if schema.durative:
-            action.add_condition(_TIMES[one.timing], condition)
-        else:
-            action.add_precondition(condition)
-    for timing, target, value, update in _changes(schema.effects, bindings, words):
-        when = (_TIMES[timing],) if schema.durative else ()
-        getattr(action, _ADDING[update])(*when, target, value)
-    return action
-
-
-def _duration(
-    schema: syntax.ActionSchema, bindings: Bindings, words: AriesVocabulary, longest: int
-) -> up.DurationInterval:
-    """The bounds as a closed interval; strict ones are left to the check of the plan."""
-    lower, upper = [], []
-    for one in schema.durations:
-        if one.timing is not Timing.AT_START:
-            raise unsupported("a duration constraint at the end", one.location)
-        bound = words.number(one.bound, bindings, timed=True)
-        if one.comparator in (syntax.Comparator.EQUAL, syntax.Comparator.AT_LEAST, syntax.Comparator.GREATER):
-            lower.append(bound)
-        if one.comparator in (syntax.Comparator.EQUAL, syntax.Comparator.AT_MOST, syntax.Comparator.LESS):
-            upper.append(bound)
-    if len(lower) > 1 or len(upper) > 1:
-        raise unsupported(f"more than one bound on one side of the duration of {schema.name!r}", schema.location)
-    make = words.manager.Int
-    return ups.ClosedDurationInterval(lower[0] if lower else make(0), upper[0] if upper else make(longest))
-
-
-def _changes(effects: tuple[syntax.LiftedEffect, ...], bindings: Bindings, words: AriesVocabulary) -> Iterator[Change]:
-    for effect in effects:
-        match effect:
-            case syntax.LiteralEffect(timing, proposition, value):
-                yield timing, words.condition(proposition, bindings), value, syntax.Update.ASSIGN
-            case syntax.NumericUpdate(timing, update, target, expression):
-                if update not in _ADDING:
-                    raise unsupported(f"an effect {update.value!r}", None)
-                yield timing, words.number(target, bindings), words.number(expression, bindings), update
-            case syntax.ForallEffect(variables, inner):
-                for bound in words.expansions(variables, bindings):
-                    yield from _changes(inner, bound, words)
-            case syntax.WhenEffect(_, _, location):
-                raise unsupported("a conditional effect", location)
-            case syntax.ContinuousUpdate(_, _, _, location):
-                raise unsupported("a continuous effect", location)
-            case _:
-                assert_never(effect)
 
 
 _ADDING = {
@@ -334,16 +323,15 @@ class AriesPlanner:
     def solve(self, domain: syntax.Domain, problem: syntax.Problem, deadline: Deadline) -> PlannerAnswer:
         """See :class:`robust.execute.planners.interface.Planner`."""
         writer = importlib.import_module("unified_planning.grpc.proto_writer").ProtobufWriter()
-        message: bytes = writer.convert(unified_problem(domain, problem, self.ticks, HORIZON)).SerializeToString()
+        translation = AriesTranslation(domain, problem, self.ticks, HORIZON * self.ticks)
+        message: bytes = writer.convert(translation.unified()).SerializeToString()
         with tempfile.TemporaryDirectory(prefix="robust-planner-") as name:
             folder = Path(name)
             (folder / "problem.bin").write_bytes(message)
             command = (self.executable, "--log-level", "error", "solve", "problem.bin")
             variables = {"ARIES_PLANNING_HORIZON": str(HORIZON * self.ticks), "RUST_BACKTRACE": "0"}
-            ended = Processes().run(
-                command, deadline, folder=folder, memory_mb=MEMORY_MB, variables=variables, scratch=folder
-            )
-
+            run = partial(Processes().run, folder=folder, memory_mb=MEMORY_MB, scratch=folder)
+            ended = run(command, deadline, variables=variables)
         in_units = partial(_in_units, domain=domain, ticks=self.ticks)
         printed = last_valid_plan(ended.stdout, domain, problem, self.epsilon, self.name, renamed=in_units)
         return judged(self.name, ended, printed, _verdict)
@@ -373,12 +361,12 @@ def _in_units(plan: TimedPlan, domain: syntax.Domain, ticks: int) -> TimedPlan:
     """The plan with PDDL's names, and times in the problem's unit; instantaneous actions have no duration."""
 
     steps = []
-    for one in plan.steps:
-        schema = domain.actions.get(pddl_name(one.action))
-        durative = one.duration is not None and (schema is None or schema.durative)
-        duration = one.duration / ticks if durative and one.duration is not None else None
-        arguments = tuple(map(pddl_name, one.arguments))
-        steps.append(TimedStep(one.time / ticks, pddl_name(one.action), arguments, duration, one.location))
+    for step in plan.steps:
+        schema = domain.actions.get(pddl_name(step.action))
+        durative = step.duration is not None and (schema is None or schema.durative)
+        duration = step.duration / ticks if durative and step.duration is not None else None
+        arguments = tuple(map(pddl_name, step.arguments))
+        steps.append(TimedStep(step.time / ticks, pddl_name(step.action), arguments, duration, step.location))
     return TimedPlan(tuple(steps), plan.file)
 
 

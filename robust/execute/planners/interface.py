@@ -1,12 +1,11 @@
-"""What a planner is asked, and what it may answer [IRR §3, Alg. 2].
+"""The interface of planners, and planners that are programs [IRR §3, Alg. 2].
 
 A planner is given a domain, a problem and a deadline. It answers with a plan that the simulator has executed without a
-violation, or says in one line why there is none. A planner that fails is an answer, not an exception: a run that re-
-plans goes on, or ends as failed, and knows why.
+violation, or with one line that says why there is none. A failure is an answer, not an exception, so that execution
+with re-planning goes on, or ends as failed with a reason.
 
-Planners that are programs which read PDDL files and print a time-triggered plan: any, by its command, and Kairos.
-
-Kairos is a temporal and numeric planner of the extra `planners`.
+Programs read PDDL files and print a time-triggered plan: any program by its command line, and Kairos, a temporal and
+numeric planner of the extra `planners`.
 """
 
 from __future__ import annotations
@@ -17,8 +16,8 @@ import shutil
 import string
 import sys
 import tempfile
-from collections.abc import Callable, Hashable
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import Protocol
@@ -38,7 +37,7 @@ from robust.smt.limits import Deadline
 
 
 class PlannerStatus(VerdictEnum):
-    """How a call of a planner ended."""
+    """Status of a call of a planner."""
 
     SOLVED = "solved"
     """The plan is valid."""
@@ -49,12 +48,12 @@ class PlannerStatus(VerdictEnum):
     CRASHED = "crashed"
     """The planner ended with an error, was killed by someone else, or could not be started."""
     NONSENSE = "nonsense"
-    """What was printed is no plan of this problem, or the plan is not valid."""
+    """The output is no plan of this problem, or the plan is not valid."""
 
 
 @dataclass(frozen=True, slots=True)
 class PlannerAnswer(NoTruthValue, ask="status"):
-    """What a planner said; `plan` is given exactly when it is `SOLVED`.
+    """Answer of a planner; `plan` is given exactly when the status is `SOLVED`.
 
     `message` is one line: why there is no plan. `seconds` is wall time from the call to the answer, the check of the
     plan included; planners of :mod:`robust.execute.planners.registry` know it.
@@ -76,7 +75,7 @@ class Planner(Protocol):
 
     @property
     def name(self) -> str:
-        """What reports call it."""
+        """Name in reports."""
         ...
 
     def solve(self, domain: Domain, problem: Problem, deadline: Deadline) -> PlannerAnswer:
@@ -116,11 +115,11 @@ def last_valid_plan(
 ) -> tuple[TimedPlan | None, str]:
     """The last plan in a text that is valid; without one, what is wrong with the last, or an empty message."""
     message = ""
-    for found in plans_in(text, f"<plan of {planner}>"):
+    for printed in plans_in(text, f"<plan of {planner}>"):
         try:
-            if isinstance(found, InputError):
-                raise found
-            plan = found if renamed is None else renamed(found)
+            if isinstance(printed, InputError):
+                raise printed
+            plan = printed if renamed is None else renamed(printed)
             check(plan, domain, problem, epsilon)
         except RobustError as error:
             message = message or " ".join(str(error).split())
@@ -134,35 +133,6 @@ def says_no_plan(text: str) -> bool:
     return not text.strip() or _NO_PLAN.search(text) is not None
 
 
-@dataclass(frozen=True, slots=True)
-class RememberingPlanner:
-    """Asks a planner once for each problem, whatever the answer is; the first deadline counts.
-
-    One that draws lots, or races its strategies, then has the same plan for everyone who comes to the same state.
-    """
-
-    planner: Planner
-    answers: dict[Hashable, tuple[Domain, PlannerAnswer]] = field(default_factory=dict, repr=False)
-
-    @property
-    def name(self) -> str:
-        return self.planner.name
-
-    def solve(self, domain: Domain, problem: Problem, deadline: Deadline) -> PlannerAnswer:
-        """See :class:`robust.execute.planners.interface.Planner`."""
-        question = _question(domain, problem)
-        if question not in self.answers:
-            # the domain is kept, so that its number is not given to another one
-            self.answers[question] = domain, self.planner.solve(domain, problem, deadline)
-        return self.answers[question][1]
-
-
-def _question(domain: Domain, problem: Problem) -> Hashable:
-    fluents = frozenset(problem.fluents.items())
-    objects = tuple((name, one.types) for name, one in problem.objects.items())
-    return id(domain), objects, problem.atoms, fluents, problem.timed_literals, problem.goal
-
-
 MEMORY_MB = 8192
 """The address space that each process of a planner may have; more than any needs here, and less than a machine has."""
 
@@ -174,7 +144,7 @@ _FOREVER = 10**6
 """Seconds, for planners that want a number where there is no deadline."""
 
 Judge = Callable[[ProcessEnd], PlannerStatus | None]
-"""What a planner's exit code and text say about a run without valid plan; None if they say nothing special."""
+"""The status of a run without valid plan, by exit code and output; None if they say nothing special."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,8 +174,8 @@ class CommandPlanner:
             command = tuple(argument.format_map(fields) for argument in self.arguments)
             ended = Processes().run(command, deadline, folder=folder, memory_mb=MEMORY_MB, scratch=folder)
             printed = _plan_text(folder, ended)
-        found = last_valid_plan(printed, domain, problem, self.epsilon, self.name)
-        return judged(self.name, ended, found, self.verdict)
+        last = last_valid_plan(printed, domain, problem, self.epsilon, self.name)
+        return judged(self.name, ended, last, self.verdict)
 
 
 def command_planner(template: str, *, epsilon: Fraction = EPSILON) -> CommandPlanner:
@@ -233,16 +203,16 @@ def command_planner(template: str, *, epsilon: Fraction = EPSILON) -> CommandPla
     return CommandPlanner(Path(arguments[0]).name, arguments, epsilon)
 
 
-def judged(name: str, ended: ProcessEnd, found: tuple[TimedPlan | None, str], verdict: Judge) -> PlannerAnswer:
+def judged(name: str, ended: ProcessEnd, last: tuple[TimedPlan | None, str], verdict: Judge) -> PlannerAnswer:
     """The answer that a run of a process amounts to; `found` is a valid plan, or what is wrong with the last one."""
-    plan, wrong = found
+    plan, wrong = last
     if plan is not None:
         return PlannerAnswer(name, PlannerStatus.SOLVED, plan)
     status = PlannerStatus.TIMEOUT if ended.timed_out else verdict(ended)
     if status is None:
         nothing = not wrong and says_no_plan(ended.stdout + ended.stderr)
-        told = PlannerStatus.NO_PLAN if nothing else PlannerStatus.NONSENSE
-        status = told if wrong or not ended.exit_code else PlannerStatus.CRASHED
+        outcome = PlannerStatus.NO_PLAN if nothing else PlannerStatus.NONSENSE
+        status = outcome if wrong or not ended.exit_code else PlannerStatus.CRASHED
     return PlannerAnswer(name, status, None, message=_message(status, ended, wrong))
 
 
@@ -260,7 +230,7 @@ def _message(status: PlannerStatus, ended: ProcessEnd, wrong: str) -> str:
 
 
 def _plan_text(folder: Path, ended: ProcessEnd) -> str:
-    """What the planner wrote into `{output}`, else what it printed; the last of several numbered files."""
+    """The text that the planner wrote into `{output}`, the last of several numbered files, or else printed."""
     written = sorted(filter(Path.is_file, folder.glob("plan*")), key=lambda path: path.stat().st_mtime_ns)
     texts = [_end_of(path) for path in written[-_FILES:]]
     return "\n.\n".join(texts) if any(text.strip() for text in texts) else ended.stdout
@@ -274,7 +244,7 @@ def _end_of(path: Path) -> str:
 
 
 def program(name: str) -> str | None:
-    """A program beside this interpreter, where packages put theirs, or on the path; None if there is none."""
+    """The path of a program in the folder of this interpreter, or on the search path; None if there is none."""
     path = Path(sys.executable).parent / name
     return str(path) if path.is_file() else shutil.which(name)
 
@@ -322,7 +292,7 @@ def kairos_planner(*, epsilon: Fraction = EPSILON) -> KairosPlanner:
 
 
 def _verdict(ended: ProcessEnd) -> PlannerStatus | None:
-    """What the documented exit codes say: unsolvable (proved), out of time, no plan found."""
+    """The status that a documented exit code stands for: unsolvable (proved), out of time, no plan found."""
     match ended.exit_code:
         case 10 | 14:
             return PlannerStatus.NO_PLAN

@@ -36,6 +36,7 @@ from typing import assert_never
 
 from robust.errors import RobustError
 from robust.execute.planners.interface import Planner, PlannerAnswer, PlannerStatus
+from robust.execute.snap import duration_range
 from robust.numbers import format_number
 from robust.plan import model
 from robust.plan.pddl import syntax
@@ -79,7 +80,7 @@ class RelaxedAction:
 
     @property
     def until(self) -> frozenset[int]:
-        """What holds during the action or just before its end."""
+        """Facts that hold during the action or just before its end."""
         return self.during if self.end is None else self.during | self.end.needs
 
 
@@ -115,7 +116,7 @@ def relaxed_problem(domain: syntax.Domain, problem: syntax.Problem, deadline: De
     constants = _Constants(domain, problem)
     candidates = []
     for schema in domain.actions.values():
-        for arguments in _arguments(schema, domain, problem, constants):
+        for arguments in constants.arguments(schema):
             deadline.enforce()
             ground = ground_action(domain, problem, schema.name, schema.name, arguments, schema.durative, None)
             shortest = constants.shortest(ground)
@@ -123,18 +124,20 @@ def relaxed_problem(domain: syntax.Domain, problem: syntax.Problem, deadline: De
                 candidates.append((ground, shortest))
             if len(candidates) > MOST_ACTIONS:
                 raise TooLargeError
-    goal = model.And(tuple(one.condition for one in ground_goal(domain, problem)))
+    goal = model.And(tuple(demand.condition for demand in ground_goal(domain, problem)))
     facts = _facts(problem, (action for action, _ in candidates), goal)
     number = {atom: i for i, atom in enumerate(facts)}
     # at one moment, the literals that make an atom true count, and come last
-    timed = [(one.time, one.target, bool(one.value)) for one in problem.timed_literals if one.target in number]
-    literals = sorted((one for one in timed if isinstance(one[1], model.Atom)), key=lambda one: (one[0], one[2]))
+    literals: list[_Literal] = []
+    for literal in sorted(problem.timed_literals, key=lambda literal: (literal.time, literal.value)):
+        if isinstance(literal.target, model.Atom) and literal.target in number:
+            literals.append((literal.time, literal.target, bool(literal.value)))
     ticks = lcm(*(shortest.denominator for _, shortest in candidates), *(time.denominator for time, _, _ in literals))
     actions = (_action(action, int(shortest * ticks), number) for action, shortest in candidates)
     added = {effect.atom for action, _ in candidates for effect in action.atom_effects if effect.value}
     return RelaxedProblem(
         facts=tuple(facts),
-        actions=tuple(one for one in actions if one is not None),
+        actions=tuple(action for action in actions if action is not None),
         initial=frozenset(number[atom] for atom in problem.atoms if atom in number),
         arrivals=tuple((int(time * ticks), number[atom]) for time, atom, value in literals if value),
         last={number[atom]: int(time * ticks) for atom, time in _lasts(literals, number.keys() - added).items()},
@@ -147,15 +150,14 @@ _Literal = tuple[Fraction, model.Atom, bool]
 
 
 class _Constants:
-    """What nothing changes: predicates and functions that no action and no timed literal has an effect on."""
+    """Constant predicates and functions: no action and no timed literal changes them."""
 
     def __init__(self, domain: syntax.Domain, problem: syntax.Problem) -> None:
-        changing = {effect.proposition.predicate for one in domain.actions.values() for effect in _literals(one)}
-        changing |= {one.target.predicate for one in problem.timed_literals if isinstance(one.target, model.Atom)}
-        self._changing = changing
-        self._moving = {one.target.function for one in problem.timed_literals if isinstance(one.target, model.Fluent)}
-        self._moving |= domain.written
-        self._problem = problem
+        changing = {effect.proposition.predicate for action in domain.actions.values() for effect in _literals(action)}
+        targets = [literal.target for literal in problem.timed_literals]
+        self._changing = changing | {target.predicate for target in targets if isinstance(target, model.Atom)}
+        self._moving = domain.written | {target.function for target in targets if isinstance(target, model.Fluent)}
+        self._problem, self._hierarchy = problem, domain.types
 
     def fixed(self, predicate: str) -> bool:
         return predicate not in self._changing
@@ -165,12 +167,12 @@ class _Constants:
 
     def value(self, expression: model.Expression) -> model.Expression | None:
         """The expression with numbers for constant functions; None if one has no value."""
-        fluents = [one for one in model.fluents_in(expression) if one.function not in self._moving]
+        fluents = [fluent for fluent in model.fluents_in(expression) if fluent.function not in self._moving]
         if not self._problem.fluents.keys() >= set(fluents):
             return None
         known: dict[model.NumericVariable, model.Expression] = {}
-        known.update((one, Polynomial.constant(self._problem.fluents[one])) for one in fluents)
-        return expression.substitute(lambda one: known.get(one) or Polynomial.variable(one))
+        known.update((fluent, Polynomial.constant(self._problem.fluents[fluent])) for fluent in fluents)
+        return expression.substitute(lambda variable: known.get(variable) or Polynomial.variable(variable))
 
     def allow(self, action: model.ActionInstance, *, at_once: bool) -> bool:
         """Whether all conditions of an action may be true; without a duration those over all need not be."""
@@ -193,65 +195,50 @@ class _Constants:
             case _:
                 assert_never(condition)
 
+    def arguments(self, schema: syntax.ActionSchema) -> Iterator[tuple[str, ...]]:
+        """The arguments with which the constant propositions among an action's conditions at start and end hold."""
+        places = {parameter.name: i for i, parameter in enumerate(schema.parameters)}
+        checks: dict[int, list[syntax.Proposition]] = {}
+        for timed in schema.conditions:
+            # what holds over all is left for later: without a duration, it need not hold
+            for proposition in _propositions(timed.condition) if timed.timing is not model.Timing.OVER_ALL else ():
+                if self.fixed(proposition.predicate):
+                    place = max((places[term.name] for term in proposition.arguments if term.variable), default=-1)
+                    checks.setdefault(place, []).append(proposition)
+        objects = self._problem.objects.values()
+        choices = [
+            [thing.name for thing in objects if fits(thing.types, parameter.types, self._hierarchy)]
+            for parameter in schema.parameters
+        ]
+
+        def holds(proposition: syntax.Proposition, chosen: Sequence[str]) -> bool:
+            terms = proposition.arguments
+            arguments = tuple(chosen[places[term.name]] if term.variable else term.name for term in terms)
+            return self.holds(model.Atom(proposition.predicate, arguments))
+
+        def extended(chosen: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+            if not all(holds(proposition, chosen) for proposition in checks.get(len(chosen) - 1, ())):
+                return
+            if len(chosen) == len(choices):
+                yield chosen
+                return
+            for name in choices[len(chosen)]:
+                yield from extended((*chosen, name))
+
+        return extended(())
+
     def shortest(self, action: model.ActionInstance) -> Fraction | None:
         """The least duration as far as it is known; None if there is none, so that the action is never executed."""
-        lower, upper = Fraction(0), None
-        for one in action.durations:
-            expression = self.value(one.condition.expression)
-            if expression is None:
-                return None
-            if expression.variables != frozenset((model.Duration(),)) or not expression.is_linear:
-                continue
-            factor = dict(expression.coefficients())[model.Duration()]
-            bound = -expression.constant_term / factor
-            if factor > 0 or one.condition.relation is model.Relation.EQUAL:
-                lower = max(lower, bound)
-            if factor < 0 or one.condition.relation is model.Relation.EQUAL:
-                upper = bound if upper is None else min(upper, bound)
+        known = {constraint: self.value(constraint.condition.expression) for constraint in action.durations}
+        values = {constraint: expression for constraint, expression in known.items() if expression is not None}
+        if len(values) < len(known):
+            return None
+        lower, upper = duration_range(action, values.__getitem__)
         return None if upper is not None and upper < lower else lower
 
 
 def _literals(schema: syntax.ActionSchema) -> Iterator[syntax.LiteralEffect]:
-    return (one for one in syntax.primitive(schema.effects) if isinstance(one, syntax.LiteralEffect))
-
-
-def _arguments(
-    schema: syntax.ActionSchema, domain: syntax.Domain, problem: syntax.Problem, constants: _Constants
-) -> Iterator[tuple[str, ...]]:
-    """The arguments with which the constant propositions among an action's conditions at start and end hold."""
-    places = {parameter.name: i for i, parameter in enumerate(schema.parameters)}
-    checks: dict[int, list[syntax.Proposition]] = {}
-    for timed in schema.conditions:
-        # what holds over all is left for later: without a duration, it need not hold
-        for one in _propositions(timed.condition) if timed.timing is not model.Timing.OVER_ALL else ():
-            if constants.fixed(one.predicate):
-                place = max((places[term.name] for term in one.arguments if term.variable), default=-1)
-                checks.setdefault(place, []).append(one)
-    choices = [
-        [one.name for one in problem.objects.values() if fits(one.types, parameter.types, domain.types)]
-        for parameter in schema.parameters
-    ]
-
-    def fulfilled(chosen: Sequence[str]) -> bool:
-        return all(
-            constants.holds(
-                model.Atom(
-                    one.predicate, tuple(chosen[places[t.name]] if t.variable else t.name for t in one.arguments)
-                )
-            )
-            for one in checks.get(len(chosen) - 1, ())
-        )
-
-    def extended(chosen: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
-        if not fulfilled(chosen):
-            return
-        if len(chosen) == len(choices):
-            yield chosen
-            return
-        for name in choices[len(chosen)]:
-            yield from extended((*chosen, name))
-
-    return extended(())
+    return (effect for effect in syntax.primitive(schema.effects) if isinstance(effect, syntax.LiteralEffect))
 
 
 def _propositions(condition: syntax.LiftedCondition) -> Iterator[syntax.Proposition]:
@@ -263,13 +250,13 @@ def _propositions(condition: syntax.LiftedCondition) -> Iterator[syntax.Proposit
 
 
 def _facts(problem: syntax.Problem, actions: Iterable[model.ActionInstance], goal: model.Condition) -> list[model.Atom]:
-    """What is needed by something, and is not always true."""
+    """Atoms that some condition needs, and that are not always true."""
     wanted = {leaf.atom for leaf in model.leaves(goal) if isinstance(leaf, model.Holds)}
-    changing = {one.target for one in problem.timed_literals if not one.value}
+    changing = {literal.target for literal in problem.timed_literals if not literal.value}
     for action in actions:
         wanted |= {atom for timed in action.conditions for atom in _needed(timed.condition)}
-        changing |= {one.atom for one in action.atom_effects if not one.value}
-    return sorted(one for one in wanted if one in changing or one not in problem.atoms)
+        changing |= {effect.atom for effect in action.atom_effects if not effect.value}
+    return sorted(fact for fact in wanted if fact in changing or fact not in problem.atoms)
 
 
 def _lasts(literals: Iterable[_Literal], atoms: Collection[model.Atom]) -> dict[model.Atom, Fraction]:
@@ -287,13 +274,14 @@ def _action(ground: model.ActionInstance, shortest: int, number: Mapping[model.A
     """The action by numbers of facts; None if its start makes a condition false that holds during all of it."""
 
     def needs(timing: model.Timing) -> frozenset[int]:
-        timed = (one for one in ground.conditions if one.timing is timing)
-        return frozenset(number[atom] for one in timed for atom in _needed(one.condition) if atom in number)
+        timed = (part for part in ground.conditions if part.timing is timing)
+        return frozenset(number[atom] for part in timed for atom in _needed(part.condition) if atom in number)
 
     def change(timing: model.Timing) -> FactChange:
-        effects = [one for one in ground.atom_effects if one.timing is timing and one.atom in number]
-        adds = frozenset(number[one.atom] for one in effects if one.value)
-        deletes = frozenset(number[one.atom] for one in effects if not one.value and one.condition == model.Truth(True))
+        effects = [effect for effect in ground.atom_effects if effect.timing is timing and effect.atom in number]
+        adds = frozenset(number[effect.atom] for effect in effects if effect.value)
+        removed = (effect for effect in effects if not effect.value and effect.condition == model.Truth(True))
+        deletes = frozenset(number[effect.atom] for effect in removed)
         return FactChange(needs(timing), adds, deletes - adds)
 
     start = change(model.Timing.AT_START)
@@ -305,13 +293,13 @@ def _action(ground: model.ActionInstance, shortest: int, number: Mapping[model.A
 
 def _needed(condition: model.Condition) -> Iterator[model.Atom]:
     """The atoms that are true whenever the condition is: its positive conjuncts."""
-    return (one.atom for one in model.conjuncts(condition) if isinstance(one, model.Holds) and one.value)
+    return (leaf.atom for leaf in model.conjuncts(condition) if isinstance(leaf, model.Holds) and leaf.value)
 
 
 NAME = "reachability"
 _SHARE = 0.25
 _LONGEST = 10.0
-"""Of the time for a plan, no more than this share, and no more than so many seconds."""
+"""Largest share of the time for a plan, and largest number of seconds, that a proof may take."""
 
 
 def unreachable(domain: syntax.Domain, problem: syntax.Problem, deadline: Deadline) -> str | None:
@@ -323,7 +311,8 @@ def unreachable(domain: syntax.Domain, problem: syntax.Problem, deadline: Deadli
         relaxed = relaxed_problem(domain, problem, deadline)
         times = EarliestTimes(relaxed, deadline)
         while times.endless:
-            relaxed = replace(relaxed, actions=tuple(one for one in relaxed.actions if one not in times.endless))
+            useful = tuple(action for action in relaxed.actions if action not in times.endless)
+            relaxed = replace(relaxed, actions=useful)
             times = EarliestTimes(relaxed, deadline)
     except (TooLargeError, OutOfTimeError, RobustError):
         return None  # it is for the planner to say what is wrong with the problem
@@ -393,24 +382,24 @@ class EarliestTimes:
         """When a fact can come to hold while an action is running."""
         self._began: list[Time] = [inf] * len(problem.actions)
         self._last: list[Time] = [problem.last.get(fact, inf) for fact in range(self._atoms)]
-        self._last += [min((self._last[fact] for fact in one.until), default=inf) for one in problem.actions]
+        self._last += [min((self._last[fact] for fact in action.until), default=inf) for action in problem.actions]
         self._overlapping: set[int] = set()
-        durative = [(one, one.end) for one in problem.actions if one.end is not None]
+        durative = [(action, action.end) for action in problem.actions if action.end is not None]
         begun = frozenset(fact for action, _ in durative for fact in action.start.adds)
         undone = frozenset(fact for _, end in durative for fact in end.deletes)
-        self._steps = [_Bounds(number, one, begun, undone) for number, one in enumerate(problem.actions)]
+        self._steps = [_Bounds(number, action, begun, undone) for number, action in enumerate(problem.actions)]
         self._run(deadline)
 
     @property
     def too_late(self) -> dict[int, Time]:
         """For facts that end for good: how early something could be done that needs them, and is too late."""
-        found: dict[int, Time] = {}
+        moments: dict[int, Time] = {}
         for step in self._steps:
             for late in (step.late_start, step.late_end):
                 for fact in step.all_needs if late < inf else ():
                     if late > self._last[fact]:
-                        found[fact] = min(late, found.get(fact, inf))
-        return found
+                        moments[fact] = min(late, moments.get(fact, inf))
+        return moments
 
     @property
     def endless(self) -> list[RelaxedAction]:
@@ -425,8 +414,8 @@ class EarliestTimes:
     def condition(self, condition: model.Condition) -> Time:
         """When a condition can hold: negations and numbers always, as far as this bound is concerned."""
         number, alternatives, facts = self._problem.number, [], []
-        for one in model.conjuncts(condition):
-            match one:
+        for conjunct in model.conjuncts(condition):
+            match conjunct:
                 case model.Holds(atom, True) if atom in number:
                     facts.append(number[atom])
                 case model.Or(operands):
@@ -464,16 +453,14 @@ class EarliestTimes:
 
     def _let_overlap(self) -> set[int]:
         """Actions that may be started while they run, found out just now: their ends leave them running."""
-        found = {step.number for step in self._steps if step.number not in self._overlapping and step.restart < inf}
-        self._overlapping |= found
-        return {self._atoms + number for number in found}
+        numbers = {step.number for step in self._steps if step.number not in self._overlapping and step.restart < inf}
+        self._overlapping |= numbers
+        return {self._atoms + number for number in numbers}
 
     def _arrive(self, time: int, fact: int) -> None:
         if time <= self._last[fact]:
-            values = [
-                time if single <= time <= last else inf for single, last in zip(self._single, self._last, strict=True)
-            ]
-            self._achieve((fact,), time, values)
+            pairs = zip(self._single, self._last, strict=True)
+            self._achieve((fact,), time, [time if single <= time <= last else inf for single, last in pairs])
 
     def _broken(self, change: FactChange) -> Iterator[int]:
         """The running actions that something breaks: facts that it makes false hold during them."""
@@ -561,7 +548,7 @@ class EarliestTimes:
 
 
 class _Bounds:
-    """What of an action is looked at again and again.
+    """Facts about an action that are computed once, and bounds that change.
 
     Some start makes the facts `begun` true, and some end makes the facts `undone` false.
     """
