@@ -13,19 +13,10 @@ from fractions import Fraction
 from functools import cache
 from math import lcm
 
+from robust.certify import tape
 from robust.certify.checker.formulas import FALSE, Formulas, plus, replaced
 from robust.certify.checker.reader import Ground, Linear, constant
 from robust.certify.hints import Fact, KnownFacts, Line, LinearSide, Model, implied, model, refutation
-from robust.certify.tape import (
-    Multiples,
-    OrderLemmas,
-    Point,
-    obligation_lines,
-    positive_circle,
-    schedule_lines,
-    sums,
-    texts,
-)
 from robust.encode.interface import Encoding, Range
 from robust.errors import UnsupportedError
 from robust.irr.widen import DiscoveredBadSet
@@ -87,7 +78,7 @@ class Reasons:
         self._names = tuple(ground.parameters)
         self._deadline = deadline
         self.formulas = Formulas(ground, epsilon)
-        self.formulas.known = OrderLemmas(ground, bounds.ranges)  # type: ignore[assignment]
+        self.formulas.known = tape.OrderLemmas(ground, bounds.ranges)  # type: ignore[assignment]
         self._slacks = [self.formulas.slack(edge) for edge in ground.edges]
         self._network = KnownFacts([(slack, False) for slack in self._slacks])
         self._obligations = self.formulas.obligations()
@@ -115,21 +106,21 @@ class Reasons:
                 return number, found
         return None
 
-    def piece(self, point: Point, bounds: Sequence[Fact]) -> BadPiece:
+    def piece(self, point: tape.Point, bounds: Sequence[Fact]) -> BadPiece:
         """A polyhedron of bad values around a point that is bad.
 
         Raises:
             UnsupportedError: if nothing is wrong there.
             OutOfTimeError: if the deadline passes.
         """
-        circle = positive_circle(self._ground, point)
+        circle = tape.positive_circle(self._ground, point)
         if circle is not None:
             total: Linear = {}
             for number in circle:
                 total = plus(total, self._ground.edges[number][2])
             around = Polyhedron(self._names, (side_of(total, True),))
             region = [*facts_of(around), *bounds]
-            return BadPiece(around, (["cycle", circle, sums(implied(KnownFacts(region), total, strictly=True))],))
+            return BadPiece(around, (["cycle", circle, tape.sums(implied(KnownFacts(region), total, strictly=True))],))
         pins = [
             LinearSide.of(plus({name: s}, constant(s * point[name]), -1), False) for name in self._names for s in _SIGNS
         ]
@@ -168,7 +159,7 @@ class Reasons:
         formulas = Formulas(self._ground, self._epsilon, {**parameters, **given})
         return formulas, formulas.obligations()[number][1]()
 
-    def _critical(self, how: Model, point: Point) -> tuple[dict[str, Linear], Polyhedron]:
+    def _critical(self, how: Model, point: tape.Point) -> tuple[dict[str, Linear], Polyhedron]:
         """Times and instants as functions of the parameters, and where they break the obligation in the same way."""
         forms = [({**dict(side.factors), "": side.constant}, side.strict) for side in how.sides]
         wanted = [({name: Fraction(v) for name, v in form.items() if v}, strict) for form, strict in forms]
@@ -190,12 +181,12 @@ class Reasons:
         their own."""
         formulas, literal = self._placed(number, values, parameters)
         known = KnownFacts(region)
-        times = [texts(formulas.ties[point]) for point in range(1, len(self._ground.points))]
-        finder = Multiples(region)
-        kept = [sums(finder.of(formulas.slack(edge))) for edge in self._ground.edges]
+        times = [tape.texts(formulas.ties[point]) for point in range(1, len(self._ground.points))]
+        finder = tape.Multiples(region)
+        kept = [tape.sums(finder.of(formulas.slack(edge))) for edge in self._ground.edges]
         instant = None
         if f"!{number}" in self.formulas.instants:
-            instant = texts(formulas.at(("instant", f"!{number}")))
+            instant = tape.texts(formulas.at(("instant", f"!{number}")))
         yield ["broken", number, times, kept, instant]
         yield refutation(formulas, known, -literal, self._deadline)
 
@@ -209,7 +200,7 @@ def _about(name: str) -> tuple[str, ...]:
 _SIGNS = (Fraction(1), Fraction(-1))
 
 
-def _vertex(wanted: Sequence[Fact], unknowns: Sequence[str], point: Point) -> list[int]:
+def _vertex(wanted: Sequence[Fact], unknowns: Sequence[str], point: tape.Point) -> list[int]:
     """The constraints that are tight at a vertex with the greatest margin of strict ones, and its bound."""
     place = {name: index for index, name in enumerate(unknowns)}
     tableau = Tableau(len(unknowns) + 1)
@@ -306,7 +297,7 @@ def region_lines(ground: Ground, epsilon: Fraction, region: Region, *, deadline:
     ranges: dict[str, Range] = {
         name: (e.lower, e.upper) if e is not None else (None, None) for name, e in extents.items()
     }
-    lines += [["good"], *obligation_lines(formulas, good, ranges, outside_of, deadline=deadline)]
+    lines += [["good"], *tape.obligation_lines(formulas, good, ranges, outside_of, deadline=deadline)]
     pieces: list[Polyhedron] = []
     covered = list(walls)
     for point in uncovered(base, covered):
@@ -314,20 +305,20 @@ def region_lines(ground: Ground, epsilon: Fraction, region: Region, *, deadline:
         piece, times = _scheduled(formulas, point)
         pieces.append(piece)
         covered.append(piece)
-        lines += [["piece", _shown(piece)], *schedule_lines(formulas, [*facts_of(piece), *good], times)]
+        lines += [["piece", _shown(piece)], *tape.schedule_lines(formulas, [*facts_of(piece), *good], times)]
     outside_of += [-_inside(formulas, piece) for piece in pieces]
     return [*lines, ["rest"], refutation(formulas, KnownFacts(good), formulas.circuit.all(outside_of), deadline)]
 
 
 def _shown(polyhedron: Polyhedron) -> Line:
-    return [[texts(form), strict] for form, strict in facts_of(polyhedron)]
+    return [[tape.texts(form), strict] for form, strict in facts_of(polyhedron)]
 
 
 def _inside(formulas: Formulas, piece: Polyhedron) -> int:
     return formulas.circuit.all([formulas.circuit.compare(*side) for side in facts_of(piece)])
 
 
-def _scheduled(formulas: Formulas, point: Point) -> tuple[Polyhedron, dict[str, Linear]]:
+def _scheduled(formulas: Formulas, point: tape.Point) -> tuple[Polyhedron, dict[str, Linear]]:
     """Times as functions of the parameters that keep the network around a point, and where they do."""
     slacks = [(formulas.slack(edge), False) for edge in formulas.ground.edges]
     tight = _vertex(slacks, formulas.free(), point)
@@ -472,18 +463,18 @@ class _Face:
         names = {name for side in (*sides, *network) for name, _ in side.coefficients} | self._box.intervals.keys()
         return self._nearest([*sides, *network], sorted(names), beyond)
 
-    def _segment(self, limit: Point, inside: Point) -> tuple[Line, list[Fact], dict[str, Linear]]:
+    def _segment(self, limit: tape.Point, inside: tape.Point) -> tuple[Line, list[Fact], dict[str, Linear]]:
         names = list(self._box.intervals)
         line = ["face", [str(limit[name]) for name in names], [str(inside[name]) for name in names]]
         region: list[Fact] = [({SEGMENT: Fraction(1)}, True), ({SEGMENT: Fraction(-1), "": Fraction(1)}, False)]
         return line, region, {name: _between(limit, inside, name) for name in names}
 
-    def _circle(self, limit: Point, inside: Point) -> Iterator[Line]:
+    def _circle(self, limit: tape.Point, inside: tape.Point) -> Iterator[Line]:
         step = Fraction(1)
         for _ in range(40):
             near = {name: limit[name] + step * (inside[name] - limit[name]) for name in self._box.intervals}
             line, region, given = self._segment(limit, near)
-            circle = positive_circle(self._ground, near)
+            circle = tape.positive_circle(self._ground, near)
             if circle is None:
                 break
             total: Linear = {}
@@ -492,12 +483,12 @@ class _Face:
             at_limit = total.get("", Fraction(0))
             if at_limit >= 0 and at_limit + total.get(SEGMENT, 0) > 0:
                 yield line
-                yield ["cycle", circle, sums(implied(KnownFacts(region), total, strictly=True))]
+                yield ["cycle", circle, tape.sums(implied(KnownFacts(region), total, strictly=True))]
                 return
             step /= 1024
         raise UnsupportedError(f"no circle of constraints was found at the {self._side.value} end of {self._name}")
 
-    def _schedule(self, reasons: Reasons, number: int, limit: Point, inside: Point) -> Iterator[Line]:
+    def _schedule(self, reasons: Reasons, number: int, limit: tape.Point, inside: tape.Point) -> Iterator[Line]:
         line, region, given = self._segment(limit, inside)
         values = {name: _between(limit, inside, name) for name in limit if name not in self._box.intervals}
         values |= {name: Linear() for name in reasons.formulas.free() if name not in values}
@@ -505,7 +496,7 @@ class _Face:
         yield from reasons.broken(number, values, region, given)
 
 
-def _between(limit: Point, inside: Point, name: str) -> Linear:
+def _between(limit: tape.Point, inside: tape.Point, name: str) -> Linear:
     return plus(constant(limit[name]), plus({}, {SEGMENT: inside[name] - limit[name]}))
 
 

@@ -15,18 +15,7 @@ from os import PathLike
 
 from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import format_number
-from robust.plan.model import (
-    ZERO,
-    ActionInstance,
-    Bound,
-    Expression,
-    Fluent,
-    NumericVariable,
-    Parameter,
-    ParameterReference,
-    ParametrizedPlan,
-    TemporalConstraint,
-)
+from robust.plan import model
 from robust.plan.parameters import ParameterSpec, Wiring, parse_specs, read_parameter_file, referenced_parameters, wire
 from robust.plan.pddl.grounding import (
     fluents_in_goal,
@@ -51,7 +40,7 @@ def load_plan(
     parameters: Sequence[str] = (),
     parameter_file: File | None = None,
     nominal_needed: bool = True,
-) -> ParametrizedPlan:
+) -> model.ParametrizedPlan:
     """Read a PDDL domain and problem and a `.stn` plan; InputError for anything wrong in them.
 
     `parameters` are specifications as :mod:`robust.plan.parameters` describes them, and `parameter_file` is a TOML
@@ -73,7 +62,7 @@ def assemble(
     *,
     nominal_needed: bool = True,
     may_be_empty: bool = False,
-) -> ParametrizedPlan:
+) -> model.ParametrizedPlan:
     """Ground what the plan uses and make the specified quantities parameters; InputError if the parts do not fit.
 
     A duration that a specification makes a parameter γ replaces the instance's own constraint `(= ?duration e)` by
@@ -106,12 +95,12 @@ def assemble(
     parameters = _parameters(stn, wiring, declared, nominal_needed=nominal_needed)
     values = {**fluents, **{fluent: _reference(name) for fluent, name in wiring.fluents.items()}}
     _check_initial_values(instances, fluents_in_goal(domain, problem), values, Location(stn.file))
-    return ParametrizedPlan(
+    return model.ParametrizedPlan(
         name=stn.name,
         parameters=parameters,
         instances=tuple(instances),
         constraints=tuple(
-            TemporalConstraint(one.source, one.target, _bound(one.lower), _bound(one.upper), one.location)
+            model.TemporalConstraint(one.source, one.target, _bound(one.lower), _bound(one.upper), one.location)
             for one in wiring.constraints
         ),
         initial_atoms=problem.atoms,
@@ -130,7 +119,7 @@ def _check_references(stn: STNPlan) -> None:
         if count > 1:
             message = f"found {count} declarations of {kind} {name!r}, expected one"
             raise InputError(message, Location(stn.file))
-    points = {ZERO, *(point for instance in stn.instances for point in (instance.start, instance.end))}
+    points = {model.ZERO, *(point for instance in stn.instances for point in (instance.start, instance.end))}
     for parameter in stn.parameters:
         check_range(parameter)
     for constraint in stn.constraints:
@@ -158,7 +147,7 @@ def domain_parameters(domain: Domain, stn: STNPlan) -> dict[str, str]:
 
 
 def _check_used(
-    stn: STNPlan, wiring: Wiring, declared: Mapping[str, str], fluents: Mapping[Fluent, Expression]
+    stn: STNPlan, wiring: Wiring, declared: Mapping[str, str], fluents: Mapping[model.Fluent, model.Expression]
 ) -> None:
     used = referenced_parameters(wiring.constraints, fluents.values())
     used.update(declared, wiring.durations.values(), wiring.fluents.values())
@@ -172,7 +161,7 @@ def _check_used(
 
 def _parameters(
     stn: STNPlan, wiring: Wiring, declared: Mapping[str, str], *, nominal_needed: bool
-) -> tuple[Parameter, ...]:
+) -> tuple[model.Parameter, ...]:
     """All parameters with their nominal values."""
     declarations = {parameter.name: parameter for parameter in wiring.parameters}
     for name, origin in declared.items():
@@ -187,16 +176,16 @@ def _parameters(
     return parameters
 
 
-def _parameter(declaration: ParameterDeclaration) -> Parameter:
+def _parameter(declaration: ParameterDeclaration) -> model.Parameter:
     nominal, lower, upper = declaration.default, declaration.lower, declaration.upper
     if nominal is None:
         nominal = Fraction(0) if lower is None else max(lower, Fraction(0))
         nominal = nominal if upper is None else min(upper, nominal)
     given = declaration.default is not None
-    return Parameter(declaration.name, nominal, declaration.weight, lower, upper, declaration.location, given)
+    return model.Parameter(declaration.name, nominal, declaration.weight, lower, upper, declaration.location, given)
 
 
-def require_nominal_values(parameters: Iterable[Parameter]) -> None:
+def require_nominal_values(parameters: Iterable[model.Parameter]) -> None:
     """InputError for a parameter without a nominal value."""
     for parameter in parameters:
         if not parameter.has_nominal:
@@ -209,25 +198,25 @@ def _remedy(name: str) -> str:
     return f"'parameter {name} default VALUE;' in the plan or the option --parameter {option}"
 
 
-def _reference(name: str) -> Expression:
-    variable: NumericVariable = ParameterReference(name)
+def _reference(name: str) -> model.Expression:
+    variable: model.NumericVariable = model.ParameterReference(name)
     return Polynomial.variable(variable)
 
 
-def _bound(bound: STNBound) -> Bound | None:
+def _bound(bound: STNBound) -> model.Bound | None:
     match bound:
         case None:
             return None
-        case ParameterReference(name):
+        case model.ParameterReference(name):
             return _reference(name)
         case _:
             return Polynomial.constant(bound)
 
 
 def _check_initial_values(
-    instances: Iterable[ActionInstance],
-    goal: Iterable[tuple[str, frozenset[Fluent]]],
-    values: Mapping[Fluent, Expression],
+    instances: Iterable[model.ActionInstance],
+    goal: Iterable[tuple[str, frozenset[model.Fluent]]],
+    values: Mapping[model.Fluent, model.Expression],
     plan: Location,
 ) -> None:
     """InputError for a fluent that is evaluated and has no value at time zero: an unknown number is not zero."""
@@ -240,7 +229,9 @@ def _check_initial_values(
             raise _no_value(fluent, f"the goal {text} reads it", values, plan)
 
 
-def _no_value(fluent: Fluent, reader: str, values: Mapping[Fluent, Expression], place: Location) -> InputError:
+def _no_value(
+    fluent: model.Fluent, reader: str, values: Mapping[model.Fluent, model.Expression], place: Location
+) -> InputError:
     remedy = f"add (= {fluent} VALUE) to the problem's :init"
     message = f"found no initial value of {fluent}, expected one because {reader}: {remedy}"
     return InputError(message + did_you_mean(str(fluent), map(str, values)), place)
