@@ -361,17 +361,7 @@ def face_lines(ground: Ground, encoding: Encoding, box: Box, *, solver: str, dea
             end = interval.end(side)
             if end is None or (interval.is_closed_at(side) and end == bounds[name].end(side)):
                 continue
-            face = _Face(
-                ground=ground,
-                reasons=reasons,
-                box=box,
-                bad=bad,
-                name=name,
-                side=side,
-                end=end,
-                deadline=deadline,
-            )
-            yield from face.lines()
+            yield from _Face(ground, reasons, box, bad, name, side, end, deadline).lines()
 
 
 def _reasons(ground: Ground, epsilon: Fraction, box: Box, deadline: Deadline) -> Reasons:
@@ -385,59 +375,53 @@ def _reasons(ground: Ground, epsilon: Fraction, box: Box, deadline: Deadline) ->
     return Reasons(ground, epsilon, Box(wider), deadline)
 
 
+@dataclass(frozen=True, slots=True)
 class _Face:
-    """One face of a box; what can break beyond its faces is the same for all of them."""
+    """One face of a box; `reasons` are the same for all of them."""
 
-    def __init__(
-        self,
-        *,
-        ground: Ground,
-        reasons: Callable[[], Reasons],
-        box: Box,
-        bad: DiscoveredBadSet,
-        name: str,
-        side: End,
-        end: Fraction,
-        deadline: Deadline,
-    ) -> None:
-        self._ground, self._reasons, self._box, self._bad = ground, reasons, box, bad
-        self._name, self._side, self._end, self._deadline = name, side, end, deadline
-        self._closed = box[name].is_closed_at(side)
+    ground: Ground
+    reasons: Callable[[], Reasons]
+    box: Box
+    bad: DiscoveredBadSet
+    name: str
+    side: End
+    end: Fraction
+    deadline: Deadline
 
     def lines(self) -> Iterator[Line]:
-        reach = self._end + REACH * self._side.sign
+        reach = self.end + REACH * self.side.sign
         for _ in range(HALVINGS):
             found = None
             beyond = self._beyond(reach)
-            piece = self._bad.piece_in(beyond, self._deadline)
+            piece = self.bad.piece_in(beyond, self.deadline)
             if piece is None:
-                raise UnsupportedError(f"no bad values at the {self._side.value} end of {self._name}: it can be moved")
-            if piece in self._bad.existence:
+                raise UnsupportedError(f"no bad values at the {self.side.value} end of {self.name}: it can be moved")
+            if piece in self.bad.existence:
                 found = self._nearest(list(piece.constraints), list(piece.parameters), beyond)
-                if found is not None and found[0][self._name] == self._end:
+                if found is not None and found[0][self.name] == self.end:
                     yield from self._circle(*found)
                     return
             else:
-                reasons = self._reasons()
+                reasons = self.reasons()
                 assumed = [LinearSide.of(dict(form), strict) for form, strict in _box_facts(beyond)]
-                broken = reasons.breaking(assumed, self._bad.reasons[piece])
+                broken = reasons.breaking(assumed, self.bad.reasons[piece])
                 if broken is not None:
                     number, how = broken
                     found = self._approach(reasons, how, beyond)
-                    if found is not None and found[0][self._name] == self._end:
+                    if found is not None and found[0][self.name] == self.end:
                         yield from self._schedule(reasons, number, *found)
                         return
-            nearest = found[0][self._name] if found is not None else reach
-            reach = (self._end + nearest) / 2 if nearest != self._end else (self._end + reach) / 2
-        raise UnsupportedError(f"no reason was found why the {self._side.value} end of {self._name} cannot be moved")
+            nearest = found[0][self.name] if found is not None else reach
+            reach = (self.end + nearest) / 2 if nearest != self.end else (self.end + reach) / 2
+        raise UnsupportedError(f"no reason was found why the {self.side.value} end of {self.name} cannot be moved")
 
     def _beyond(self, reach: Fraction) -> Box:
         """What the box grows by if the face moves as far as `reach`, or if its end becomes part of it."""
-        if not self._closed:
-            return self._box.replace(self._name, Interval(self._end, self._end))
-        if self._side is End.UPPER:
-            return self._box.replace(self._name, Interval(self._end, reach, lower_closed=False))
-        return self._box.replace(self._name, Interval(reach, self._end, upper_closed=False))
+        if not self.box[self.name].is_closed_at(self.side):
+            return self.box.replace(self.name, Interval(self.end, self.end))
+        if self.side is End.UPPER:
+            return self.box.replace(self.name, Interval(self.end, reach, lower_closed=False))
+        return self.box.replace(self.name, Interval(reach, self.end, upper_closed=False))
 
     def _nearest(
         self, constraints: list[LinearConstraint], names: list[str], beyond: Box
@@ -447,10 +431,10 @@ class _Face:
         inside = everything.some_point()
         if inside is None:
             return None
-        best = everything.maximize({self._name: Fraction(-self._side.sign)})
+        best = everything.maximize({self.name: Fraction(-self.side.sign)})
         if best is None or best.value is None:
             return None
-        return (inside, inside) if best.point[self._name] == inside[self._name] else (best.point, inside)
+        return (inside, inside) if best.point[self.name] == inside[self.name] else (best.point, inside)
 
     def _approach(
         self, reasons: Reasons, how: Model, beyond: Box
@@ -458,13 +442,13 @@ class _Face:
         sides = [
             side_of({**{n: Fraction(v) for n, v in s.factors}, "": Fraction(s.constant)}, s.strict) for s in how.sides
         ]
-        network = [side_of(reasons.formulas.slack(edge), False) for edge in self._ground.edges]
+        network = [side_of(reasons.formulas.slack(edge), False) for edge in self.ground.edges]
         network = [side for side in dict.fromkeys(network) if side.coefficients]
-        names = {name for side in (*sides, *network) for name, _ in side.coefficients} | self._box.intervals.keys()
+        names = {name for side in (*sides, *network) for name, _ in side.coefficients} | self.box.intervals.keys()
         return self._nearest([*sides, *network], sorted(names), beyond)
 
     def _segment(self, limit: tape.Point, inside: tape.Point) -> tuple[Line, list[Fact], dict[str, Linear]]:
-        names = list(self._box.intervals)
+        names = list(self.box.intervals)
         line = ["face", [str(limit[name]) for name in names], [str(inside[name]) for name in names]]
         region: list[Fact] = [({SEGMENT: Fraction(1)}, True), ({SEGMENT: Fraction(-1), "": Fraction(1)}, False)]
         return line, region, {name: _between(limit, inside, name) for name in names}
@@ -472,25 +456,25 @@ class _Face:
     def _circle(self, limit: tape.Point, inside: tape.Point) -> Iterator[Line]:
         step = Fraction(1)
         for _ in range(40):
-            near = {name: limit[name] + step * (inside[name] - limit[name]) for name in self._box.intervals}
+            near = {name: limit[name] + step * (inside[name] - limit[name]) for name in self.box.intervals}
             line, region, given = self._segment(limit, near)
-            circle = tape.positive_circle(self._ground, near)
+            circle = tape.positive_circle(self.ground, near)
             if circle is None:
                 break
             total: Linear = {}
             for number in circle:
-                total = plus(total, replaced(self._ground.edges[number][2], given))
+                total = plus(total, replaced(self.ground.edges[number][2], given))
             at_limit = total.get("", Fraction(0))
             if at_limit >= 0 and at_limit + total.get(SEGMENT, 0) > 0:
                 yield line
                 yield ["cycle", circle, tape.sums(implied(KnownFacts(region), total, strictly=True))]
                 return
             step /= 1024
-        raise UnsupportedError(f"no circle of constraints was found at the {self._side.value} end of {self._name}")
+        raise UnsupportedError(f"no circle of constraints was found at the {self.side.value} end of {self.name}")
 
     def _schedule(self, reasons: Reasons, number: int, limit: tape.Point, inside: tape.Point) -> Iterator[Line]:
         line, region, given = self._segment(limit, inside)
-        values = {name: _between(limit, inside, name) for name in limit if name not in self._box.intervals}
+        values = {name: _between(limit, inside, name) for name in limit if name not in self.box.intervals}
         values |= {name: Linear() for name in reasons.formulas.free() if name not in values}
         yield line
         yield from reasons.broken(number, values, region, given)

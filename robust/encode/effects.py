@@ -99,7 +99,7 @@ def _conflicts(plan: model.ParametrizedPlan) -> Iterator[tuple[model.TimePoint, 
     readers = defaultdict[model.Atom | model.Fluent, set[model.TimePoint]](set)
     flowing = defaultdict[model.Fluent, set[model.TimePoint]](set)
     for instance in plan.instances:
-        for name, points in _reads(instance):
+        for name, points in reads(instance):
             readers[name].update(points)
         for continuous in instance.continuous_effects:
             flowing[continuous.fluent].update(instance.time_points)
@@ -115,8 +115,8 @@ def _conflicts(plan: model.ParametrizedPlan) -> Iterator[tuple[model.TimePoint, 
         yield from product(touched, readers[fluent])
 
 
-def _reads(instance: model.ActionInstance) -> Iterator[tuple[model.Atom | model.Fluent, tuple[model.TimePoint, ...]]]:
-    """What the instance reads, and when."""
+def reads(instance: model.ActionInstance) -> Iterator[tuple[model.Atom | model.Fluent, tuple[model.TimePoint, ...]]]:
+    """The atoms and fluents that an instance reads, with the time points of the reads."""
     parts: tuple[model.TimedCondition | model.DurationConstraint | model.AtomEffect | model.NumericEffect, ...] = (
         *instance.conditions,
         *instance.durations,

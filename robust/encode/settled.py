@@ -23,7 +23,7 @@ from fractions import Fraction
 from itertools import groupby, pairwise, product
 from math import lcm
 
-from robust.encode.effects import names_in
+from robust.encode.effects import names_in, reads
 from robust.encode.interface import least, over_parameters
 from robust.network.differences import DifferenceNetwork
 from robust.plan import model
@@ -31,7 +31,7 @@ from robust.plan.polynomial import Polynomial
 
 Name = model.Atom | model.Fluent
 FINALLY = -1
-"""In place of a point: after all of them."""
+"""The point after all others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class Write:
 
 
 class Accesses:
-    """Who reads and writes what, by number of the time point; over-all conditions read nothing.
+    """The reads and writes of a plan, by number of the time point; over-all conditions read nothing.
 
     `starts` and `ends` are those of the instances, by their number. `moving` are the fluents that change continuously.
     """
@@ -59,40 +59,25 @@ class Accesses:
         self.ends = [self.index[instance.end] for instance in plan.instances]
         self.readers: dict[Name, set[int]] = defaultdict(set)
         self.writes: dict[Name, list[Write]] = defaultdict(list)
-        self.moving: dict[Name, set[int]] = defaultdict(set)
+        self.moving = {change.fluent for instance in plan.instances for change in instance.continuous_effects}
         for number, instance in enumerate(plan.instances):
-            self._enter(number, instance)
+            for name, points in reads(instance):
+                self.readers[name].update(self.index[point] for point in points)
+            self._write(number, instance)
         for literal in plan.timed_literals:
             value = literal.value
             amount = value if isinstance(value, bool) else Polynomial.constant(value)
-            self._write(Write(self.index[literal.point], literal.target, amount, True, model.Truth(True), None))
+            write = Write(self.index[literal.point], literal.target, amount, True, model.Truth(True), None)
+            self.writes[literal.target].append(write)
 
-    def _enter(self, number: int, instance: model.ActionInstance) -> None:
-        at = {model.Timing.AT_START: self.starts[number], model.Timing.AT_END: self.ends[number]}
-        parts: tuple[model.TimedCondition | model.DurationConstraint, ...] = (*instance.conditions, *instance.durations)
-        for part in parts:
-            if part.timing in at:
-                self._read(names_in(part.condition), at[part.timing])
+    def _write(self, number: int, instance: model.ActionInstance) -> None:
         for added in instance.atom_effects:
-            self._write(Write(at[added.timing], added.atom, added.value, True, added.condition, number))
+            point = self.index[instance.at(added.timing)]
+            self.writes[added.atom].append(Write(point, added.atom, added.value, True, added.condition, number))
         for effect in instance.numeric_effects:
-            assigns = effect.operator is model.AssignmentKind.ASSIGN
-            self._read(model.fluents_in(effect.expression), at[effect.timing])
-            self._write(Write(at[effect.timing], effect.fluent, effect.expression, assigns, effect.condition, number))
-        for continuous in instance.continuous_effects:
-            for point in at.values():
-                self._read(model.fluents_in(continuous.rate), point)
-            self.moving[continuous.fluent].update(at.values())
-        for name, where in instance.mentioned():
-            self._read((name,), self.index[where])
-
-    def _read(self, names: Iterable[Name], point: int) -> None:
-        for name in names:
-            self.readers[name].add(point)
-
-    def _write(self, write: Write) -> None:
-        self._read(names_in(write.condition), write.point)
-        self.writes[write.name].append(write)
+            point, assigns = self.index[instance.at(effect.timing)], effect.operator is model.AssignmentKind.ASSIGN
+            write = Write(point, effect.fluent, effect.expression, assigns, effect.condition, number)
+            self.writes[effect.fluent].append(write)
 
 
 class Settled:
@@ -123,12 +108,12 @@ class Settled:
 
     def _all_unsteady(self) -> set[Name]:
         accesses = self.accesses
-        found: set[Name] = set(accesses.moving)
-        found.update(
+        unsteady: set[Name] = set(accesses.moving)
+        unsteady.update(
             name for name in accesses.writes if isinstance(name, model.Fluent) and name not in self.plan.initial_fluents
         )
-        found.update(name for name in accesses.writes if not self._is_ordered(name))
-        found.update(fluent for fluent, value in self.plan.initial_fluents.items() if not value.is_constant)
+        unsteady.update(name for name in accesses.writes if not self._is_ordered(name))
+        unsteady.update(fluent for fluent, value in self.plan.initial_fluents.items() if not value.is_constant)
         readers: dict[Name, list[Name]] = defaultdict(list)
         for name, writes in accesses.writes.items():
             for write in writes:
@@ -136,14 +121,14 @@ class Settled:
                 for read in (*names_in(write.condition), *(model.fluents_in(expression) if expression else ())):
                     readers[read].append(name)
                 if not self._is_known(write.condition, write.instance, expression):
-                    found.add(name)
-        waiting = list(found)
+                    unsteady.add(name)
+        waiting = list(unsteady)
         while waiting:
             for name in readers[waiting.pop()]:
-                if name not in found:
-                    found.add(name)
+                if name not in unsteady:
+                    unsteady.add(name)
                     waiting.append(name)
-        return found
+        return unsteady
 
     def _is_ordered(self, name: Name) -> bool:
         """Whether all points that may not touch a name at the same time are apart, each pair in one order.

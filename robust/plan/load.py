@@ -1,6 +1,6 @@
 """From files to the parametrized planning problem: domain, problem, plan and parameter specifications put together.
 
-Other numbers in the text of a plan, with everything else left as it was written: comments, order, blanks.
+:func:`rewritten` is a way back: it changes numbers in the text of a plan, and leaves comments, order and blanks.
 """
 
 from __future__ import annotations
@@ -17,13 +17,7 @@ from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import format_number
 from robust.plan import model
 from robust.plan.parameters import ParameterSpec, Wiring, parse_specs, read_parameter_file, referenced_parameters, wire
-from robust.plan.pddl.grounding import (
-    fluents_in_goal,
-    fluents_read,
-    ground_action,
-    ground_goal,
-    initial_fluents,
-)
+from robust.plan.pddl.grounding import fluents_in_goal, fluents_read, ground_action, ground_goal, initial_fluents
 from robust.plan.pddl.reader import read_domain, read_problem
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.polynomial import Polynomial
@@ -49,8 +43,8 @@ def load_plan(
     """
     parsed_domain = read_domain(domain)
     parsed_problem = read_problem(problem, parsed_domain)
-    specs = () if parameter_file is None else read_parameter_file(parameter_file)
-    specs = (*specs, *parse_specs(parameters))
+    beside = () if parameter_file is None else read_parameter_file(parameter_file)
+    specs = (*beside, *parse_specs(parameters))
     return assemble(parsed_domain, parsed_problem, read_stn(plan), specs, nominal_needed=nominal_needed)
 
 
@@ -117,8 +111,7 @@ def _check_references(stn: STNPlan) -> None:
     for kind, declarations in declared.items():
         name, count = Counter(declarations).most_common(1)[0] if declarations else ("", 0)
         if count > 1:
-            message = f"found {count} declarations of {kind} {name!r}, expected one"
-            raise InputError(message, Location(stn.file))
+            raise InputError(f"found {count} declarations of {kind} {name!r}, expected one", Location(stn.file))
     points = {model.ZERO, *(point for instance in stn.instances for point in (instance.start, instance.end))}
     for parameter in stn.parameters:
         check_range(parameter)

@@ -25,33 +25,23 @@ from robust.presented import NoTruthValue
 class _Footprint:
     """What one time point reads and writes."""
 
-    atoms_read: set[model.Atom] = field(default_factory=set)
+    reads: set[model.Atom | model.Fluent] = field(default_factory=set)
     adds: set[model.Atom] = field(default_factory=set)
     deletes: set[model.Atom] = field(default_factory=set)
-    fluents_read: set[model.Fluent] = field(default_factory=set)
     assigns: set[model.Fluent] = field(default_factory=set)
     increases: set[model.Fluent] = field(default_factory=set)
 
     @property
     def names(self) -> set[model.Atom | model.Fluent]:
         """All that is touched."""
-        return self.atoms_read | self.adds | self.deletes | self.fluents_read | self.assigns | self.increases
-
-    def read_name(self, name: model.Atom | model.Fluent) -> None:
-        if isinstance(name, model.Atom):
-            self.atoms_read.add(name)
-        else:
-            self.fluents_read.add(name)
-
-    def read_expression(self, expression: model.Expression) -> None:
-        self.fluents_read.update(model.fluents_in(expression))
+        return self.reads | self.adds | self.deletes | self.assigns | self.increases
 
     def read(self, condition: model.Condition) -> None:
         for leaf in model.leaves(condition):
             if isinstance(leaf, model.Holds):
-                self.atoms_read.add(leaf.atom)
+                self.reads.add(leaf.atom)
             elif isinstance(leaf, model.NumericCondition):
-                self.read_expression(leaf.expression)
+                self.reads.update(model.fluents_in(leaf.expression))
 
 
 def mutex_pairs(plan: model.ParametrizedPlan) -> Iterator[tuple[model.TimePoint, model.TimePoint]]:
@@ -77,7 +67,11 @@ def _footprints(plan: model.ParametrizedPlan) -> dict[model.TimePoint, _Footprin
         for point in instance.time_points:
             _enter_instance(footprints[point], instance, point)
     for literal in plan.timed_literals:
-        _enter_timed_literal(footprints[literal.point], literal)
+        footprint = footprints[literal.point]
+        if isinstance(literal.target, model.Fluent):
+            footprint.assigns.add(literal.target)
+        else:
+            (footprint.adds if literal.value else footprint.deletes).add(literal.target)
     return footprints
 
 
@@ -99,30 +93,20 @@ def _enter_instance(footprint: _Footprint, instance: model.ActionInstance, point
     for effect in instance.numeric_effects:
         if instance.at(effect.timing) == point:
             footprint.read(effect.condition)
-            footprint.read_expression(effect.expression)
+            footprint.reads.update(model.fluents_in(effect.expression))
             assigns = effect.operator is model.AssignmentKind.ASSIGN
             (footprint.assigns if assigns else footprint.increases).add(effect.fluent)
     for continuous in instance.continuous_effects:
-        footprint.read_expression(continuous.rate)
+        footprint.reads.update(model.fluents_in(continuous.rate))
         footprint.increases.add(continuous.fluent)
-    for name, where in instance.mentioned():
-        if where == point:
-            footprint.read_name(name)
-
-
-def _enter_timed_literal(footprint: _Footprint, literal: model.TimedLiteral) -> None:
-    if isinstance(literal.target, model.Fluent):
-        footprint.assigns.add(literal.target)
-    else:
-        (footprint.adds if literal.value else footprint.deletes).add(literal.target)
+    footprint.reads.update(name for name, where in instance.mentioned() if where == point)
 
 
 def _disturbs(writer: _Footprint, other: _Footprint) -> bool:
     """Whether what `writer` writes touches what `other` reads or writes (the half of the rule seen from one side)."""
     return bool(
-        (writer.adds | writer.deletes) & other.atoms_read
+        (writer.adds | writer.deletes | writer.assigns | writer.increases) & other.reads
         or writer.adds & other.deletes
-        or (writer.assigns | writer.increases) & other.fluents_read
         or writer.assigns & (other.assigns | other.increases)
     )
 
@@ -137,7 +121,7 @@ _VIOLATED = {
 
 @dataclass(frozen=True, slots=True)
 class Violation:
-    """An obligation that the schedule breaks: its label, a time at which it is broken, and why, with actual values.
+    """A broken obligation of a schedule: its label, a time at which it is broken, and why, with actual values.
 
     `amount` is how far a number is from what is demanded; None where no single number decides.
     """

@@ -352,7 +352,9 @@ class _StnParser:
                 hint += " (a minus between time points needs blanks around it)"
             found = f"found time point {shorten(token.group())} of an instance that is not declared above"
             raise InputError(f"{found}, expected a declared instance{hint}", self.scanner.taken)
-        points = {"start": instance.start, "end": instance.end} if instance.durative else {None: instance.start}
+        points: dict[str | None, TimePoint] = {None: instance.start}
+        if instance.durative:
+            points = {"start": instance.start, "end": instance.end}
         if end in points:
             return points[end]
         expected = f"'{identifier}', since {identifier} is instantaneous"

@@ -249,9 +249,9 @@ def _is_dash(item: Item) -> bool:
 
 
 def _type_names(item: Item) -> tuple[Word, ...]:
-    is_either = isinstance(item, Form) and item.head == "either"
-    names = tuple(word for word in (item.rest if is_either else (item,)) if is_word(word, Kind.NAME))
-    if names and len(names) == (len(item.rest) if is_either else 1):
+    items = item.rest if isinstance(item, Form) and item.head == "either" else (item,)
+    names = tuple(word for word in items if is_word(word, Kind.NAME))
+    if names and len(names) == len(items):
         return names
     raise fault(item, "a type, as in '- truck' or '- (either truck ship)'")
 
