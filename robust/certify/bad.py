@@ -44,7 +44,7 @@ def _linear(half: LinearConstraint) -> Linear:
 
 def facts_of(polyhedron: Polyhedron) -> list[Fact]:
     """The sides of a polyhedron, equations as two of them."""
-    halves = (half for each in polyhedron.constraints for half in each.halves())
+    halves = (half for constraint in polyhedron.constraints for half in constraint.halves())
     return [(plus(constant(half.constant), _linear(half), -1), half.is_strict) for half in halves]
 
 
@@ -99,11 +99,11 @@ class Reasons:
                 self._literals[number] = self._obligations[number][1]()
             if self._literals[number] == FALSE:
                 continue
-            found = model(self.formulas, self._network, self._literals[number], self._deadline, assumed)
-            if found is not None:
+            how = model(self.formulas, self._network, self._literals[number], self._deadline, assumed)
+            if how is not None:
                 self._first.pop(number, None)
                 self._first[number] = None
-                return number, found
+                return number, how
         return None
 
     def piece(self, point: tape.Point, bounds: Sequence[Fact]) -> BadPiece:
@@ -124,10 +124,10 @@ class Reasons:
         pins = [
             LinearSide.of(plus({name: s}, constant(s * point[name]), -1), False) for name in self._names for s in _SIGNS
         ]
-        found = self.breaking(pins)
-        if found is None:
+        broken = self.breaking(pins)
+        if broken is None:
             raise UnsupportedError(f"nothing breaks at {dict(point)}, which is outside of the region")
-        number, how = found
+        number, how = broken
         values, around = self._critical(how, point)
         around = self._widened(number, values, around, bounds)
         region = [*facts_of(around), *bounds]
@@ -213,8 +213,8 @@ def _vertex(wanted: Sequence[Fact], unknowns: Sequence[str], point: tape.Point) 
             else:
                 level += factor * (point[name] if name else 1)
         row[-1] += strict
-        scale = lcm(level.denominator, *(each.denominator for each in row))
-        tableau.add([int(each * scale) for each in row], Sense.AT_MOST, int(level * scale))
+        scale = lcm(level.denominator, *(factor.denominator for factor in row))
+        tableau.add([int(factor * scale) for factor in row], Sense.AT_MOST, int(level * scale))
 
     for form, strict in wanted:
         add(form, strict)
@@ -227,11 +227,11 @@ def _vertex(wanted: Sequence[Fact], unknowns: Sequence[str], point: tape.Point) 
 
 def _solved(tight: Sequence[Fact | None], unknowns: Sequence[str]) -> dict[str, Linear]:
     """The unknowns, over the parameters, where constraints are tight; unknowns that these leave open are zero."""
-    rows = [plus({}, {MARGIN: Fraction(1), "": Fraction(-1)}) if each is None else _with_margin(each) for each in tight]
+    rows = [plus({}, {MARGIN: Fraction(1), "": Fraction(-1)}) if fact is None else _with_margin(fact) for fact in tight]
     names = {*unknowns, MARGIN}
     solved: dict[str, Linear] = {}
-    for each in rows:
-        row = replaced(each, solved)
+    for equation in rows:
+        row = replaced(equation, solved)
         pivot = next((name for name in row if name in names), None)
         if pivot is None:
             continue
@@ -336,7 +336,7 @@ def uncovered(everything: Polyhedron, cover: Sequence[Polyhedron]) -> Iterator[d
     """
     while (point := outside(everything, cover)) is not None:
         sides = [
-            next(half for each in other.constraints for half in each.negation() if half.evaluate(point))
+            next(half for constraint in other.constraints for half in constraint.negation() if half.evaluate(point))
             for other in cover
         ]
         around = Polyhedron(everything.parameters, (*everything.constraints, *sides))
@@ -367,10 +367,8 @@ def face_lines(ground: Ground, encoding: Encoding, box: Box, *, solver: str, dea
 def _reasons(ground: Ground, epsilon: Fraction, box: Box, deadline: Deadline) -> Reasons:
     """Of values in a box, and as far beyond its faces as bad ones are looked for."""
     wider = {
-        name: Interval(
-            None if each.lower is None else each.lower - REACH, None if each.upper is None else each.upper + REACH
-        )
-        for name, each in box.intervals.items()
+        name: Interval(None if low is None else low - REACH, None if high is None else high + REACH)
+        for name, (low, high) in box.ranges.items()
     }
     return Reasons(ground, epsilon, Box(wider), deadline)
 
@@ -391,15 +389,15 @@ class _Face:
     def lines(self) -> Iterator[Line]:
         reach = self.end + REACH * self.side.sign
         for _ in range(HALVINGS):
-            found = None
+            points = None
             beyond = self._beyond(reach)
             piece = self.bad.piece_in(beyond, self.deadline)
             if piece is None:
                 raise UnsupportedError(f"no bad values at the {self.side.value} end of {self.name}: it can be moved")
             if piece in self.bad.existence:
-                found = self._nearest(list(piece.constraints), list(piece.parameters), beyond)
-                if found is not None and found[0][self.name] == self.end:
-                    yield from self._circle(*found)
+                points = self._nearest(list(piece.constraints), list(piece.parameters), beyond)
+                if points is not None and points[0][self.name] == self.end:
+                    yield from self._circle(*points)
                     return
             else:
                 reasons = self.reasons()
@@ -407,11 +405,11 @@ class _Face:
                 broken = reasons.breaking(assumed, self.bad.reasons[piece])
                 if broken is not None:
                     number, how = broken
-                    found = self._approach(reasons, how, beyond)
-                    if found is not None and found[0][self.name] == self.end:
-                        yield from self._schedule(reasons, number, *found)
+                    points = self._approach(reasons, how, beyond)
+                    if points is not None and points[0][self.name] == self.end:
+                        yield from self._schedule(reasons, number, *points)
                         return
-            nearest = found[0][self.name] if found is not None else reach
+            nearest = points[0][self.name] if points is not None else reach
             reach = (self.end + nearest) / 2 if nearest != self.end else (self.end + reach) / 2
         raise UnsupportedError(f"no reason was found why the {self.side.value} end of {self.name} cannot be moved")
 

@@ -4,8 +4,6 @@
 ε-separation, then whether effects agree, then conditions and the goal. Each stage may assume the ones before it, which
 decides most orders.
 
-Over-all conditions in the relational encoding.
-
 An over-all condition must hold throughout the open interval between start and end of an instance. Between two
 happenings every fluent is linear in time, so a condition with at most one comparison of changing fluents needs a look
 at the breakpoints only: the happenings that touch what it mentions. Any other condition is examined at a free instant
@@ -203,7 +201,11 @@ class RelationalEncoding(Encoding):
         self._assumed[Stage.AGREEMENT] = [*self._assumed[Stage.SEPARATION], *self._learn_separations()]
         self._assumed[Stage.CONDITION] = self._assumed[Stage.AGREEMENT]
         agreements = list(self._by_instance(self._agreements_of))
-        self._agreed = [self.terms.negation(one.violation) for one in agreements if one.violation != self.terms.false]
+        self._agreed = [
+            self.terms.negation(agreement.violation)
+            for agreement in agreements
+            if agreement.violation != self.terms.false
+        ]
         conditions = (*self._by_instance(self._conditions_of), *self._goals())
         self.obligations: tuple[Obligation, ...] = (*durations, *separations, *agreements, *conditions)
         self._slices = cache(self._make_slices)
@@ -273,9 +275,9 @@ class RelationalEncoding(Encoding):
             yield self._condition(goal.label, goal.condition, FINALLY)
 
     def _agreements_of(self, instance: model.ActionInstance) -> Iterator[Obligation]:
-        for one in instance.agreements:
-            read = before(instance.at(one.timing))
-            yield self._condition(instance.label(one), one.condition, read, instance, Stage.AGREEMENT)
+        for agreement in instance.agreements:
+            read = before(instance.at(agreement.timing))
+            yield self._condition(instance.label(agreement), agreement.condition, read, instance, Stage.AGREEMENT)
 
     def _conditions_of(self, instance: model.ActionInstance) -> Iterator[Obligation]:
         unconditional = [rule.condition for rule in self._rules if rule.instance is instance]

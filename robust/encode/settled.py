@@ -139,7 +139,7 @@ class Settled:
         kinds = self._kinds(name)
         runs: list[list[int]] = []
         last = ""
-        for point in sorted(kinds, key=lambda one: (self._times[one], one)):
+        for point in sorted(kinds, key=lambda number: (self._times[number], number)):
             if kinds[point] != last or last == "assign":
                 runs.append([])
             last = kinds[point]
@@ -169,9 +169,11 @@ class Settled:
         if expression is not None:
             expressions.append(expression)
         variables = {
-            variable for one in expressions for variable in one.variables if not isinstance(variable, model.Fluent)
+            variable for part in expressions for variable in part.variables if not isinstance(variable, model.Fluent)
         }
-        return all(isinstance(one, model.Duration) and self._duration(instance) is not None for one in variables)
+        return all(
+            isinstance(variable, model.Duration) and self._duration(instance) is not None for variable in variables
+        )
 
     def _are_steady(self, names: Iterable[Name]) -> bool:
         known = self.plan.initial_fluents
@@ -321,7 +323,7 @@ class _History:
         """The times at which a name is written, and beside them what it is from then on."""
         self._truths_after: dict[model.Atom, list[bool]] = defaultdict(list)
         self._numbers_after: dict[model.Fluent, list[Fraction]] = defaultdict(list)
-        steady = (write for name, found in writes.items() if name not in unsteady for write in found)
+        steady = (write for name, written in writes.items() if name not in unsteady for write in written)
         # In the order of time, and at one point assignments before increases.
         ordered = sorted(steady, key=lambda write: (times[write.point], not write.assigns))
         for _, simultaneous in groupby(ordered, key=lambda write: times[write.point]):
@@ -412,11 +414,11 @@ def settle(plan: model.ParametrizedPlan, epsilon: Fraction) -> Settled | None:
         bounds.append((0, number, point.time or Fraction(0)))
         if point.time is not None:
             bounds.append((number, 0, -point.time))
-    for one in plan.constraints:
-        source, target = index[one.source], index[one.target]
-        if one.lower is not None and (low := least(over_parameters(one.lower), ranges)) is not None:
+    for constraint in plan.constraints:
+        source, target = index[constraint.source], index[constraint.target]
+        if constraint.lower is not None and (low := least(over_parameters(constraint.lower), ranges)) is not None:
             bounds.append((source, target, low))
-        if one.upper is not None and (high := least(-over_parameters(one.upper), ranges)) is not None:
+        if constraint.upper is not None and (high := least(-over_parameters(constraint.upper), ranges)) is not None:
             bounds.append((target, source, high))
     scale = lcm(epsilon.denominator, *(weight.denominator for _, _, weight in bounds))
     apart = int(epsilon * scale)

@@ -189,7 +189,11 @@ class Validity:
     def _edges(self) -> list[Difference]:
         """The network between free time points."""
         inequalities = self._network.inequalities
-        return [one.as_difference() for one in inequalities if not interface.is_over_parameters(one.expression)]
+        return [
+            inequality.as_difference()
+            for inequality in inequalities
+            if not interface.is_over_parameters(inequality.expression)
+        ]
 
     @cached_property
     def _cycles(self) -> Cycles:

@@ -74,15 +74,15 @@ def assemble(
         ground_action(
             domain,
             problem,
-            one.identifier,
-            one.action,
-            one.arguments,
-            one.durative,
-            one.location,
+            instance.identifier,
+            instance.action,
+            instance.arguments,
+            instance.durative,
+            instance.location,
             parametrized=varied,
-            duration=wiring.durations.get(one.identifier),
+            duration=wiring.durations.get(instance.identifier),
         )
-        for one in stn.instances
+        for instance in stn.instances
     ]
     goal = ground_goal(domain, problem, parametrized=varied)
     _check_used(stn, wiring, declared, fluents)
@@ -94,8 +94,10 @@ def assemble(
         parameters=parameters,
         instances=tuple(instances),
         constraints=tuple(
-            model.TemporalConstraint(one.source, one.target, _bound(one.lower), _bound(one.upper), one.location)
-            for one in wiring.constraints
+            model.TemporalConstraint(
+                bound.source, bound.target, _bound(bound.lower), _bound(bound.upper), bound.location
+            )
+            for bound in wiring.constraints
         ),
         initial_atoms=problem.atoms,
         initial_fluents=values,
@@ -250,7 +252,7 @@ def rewritten(text: str, file: str, numbers: Mapping[BoundNumber, Fraction]) -> 
         InputError: if a number does not stand in the file, because something else says it.
     """
     # Of the same length, so that positions stay what they are.
-    bare = _COMMENT.sub(lambda found: " " * len(found.group()), text)
+    bare = _COMMENT.sub(lambda comment: " " * len(comment.group()), text)
     spans = sorted(((_span(bare, file, number), value) for number, value in numbers.items()), reverse=True)
     for (start, end), value in spans:
         text = f"{text[:start]}{format_number(value)}{text[end:]}"
@@ -263,9 +265,9 @@ def _span(bare: str, file: str, number: BoundNumber) -> tuple[int, int]:
     pattern = _DEFAULT if number.part == "default" else _INTERVAL
     if place is not None and place.file == file and place.line is not None and place.column is not None:
         begin = sum(len(line) for line in bare.splitlines(keepends=True)[: place.line - 1]) + place.column - 1
-        found = pattern.match(bare, begin)
-        if found is not None:
-            return found.span(number.part)
+        match = pattern.match(bare, begin)
+        if match is not None:
+            return match.span(number.part)
     raise InputError(
         f"found no {number.part} value to replace in this file, expected it in a statement of the plan, not in options",
         Location(file),

@@ -1,10 +1,9 @@
-"""The encoding over positions: over-all conditions in the states, and all obligations by name [IRR §2].
+"""The encoding over positions: enc_valid, over-all conditions in the states, and all obligations by name [IRR §2].
 
-enc_valid of the positions encoding: ∃t. enc_tn by elimination of the times, one after the other [IRR §4, line 1].
-
-Fourier–Motzkin elimination of a variable of a difference network joins every lower bound with every upper bound, which
-are edges of a graph: `t_target − t_source ≥ weight`, weight over parameters. Between two nodes there may be many
-weights; those that never matter within the box in question are redundant. What remains on loops are the facets.
+enc_valid is ∃t. enc_tn, decided by elimination of the times, one after the other [IRR §4, line 1]. Fourier–Motzkin
+elimination of a variable of a difference network joins every lower bound with every upper bound, which are edges of a
+graph: `t_target − t_source ≥ weight`, weight over parameters. Between two nodes there may be many weights; those that
+never matter within the box in question are redundant. What remains on loops are the facets.
 """
 
 from __future__ import annotations
@@ -67,8 +66,8 @@ class Projection:
     def contradiction(self, values: Mapping[str, Fraction]) -> interface.Facet | None:
         """Statements of the network that cannot hold together at one point; None if it has a schedule there."""
         ranges = {name: (value, value) for name, value in values.items()}
-        found = self.broken_facet(interface.Grid(ranges), lambda: Session(self._terms), NEVER)
-        return found if isinstance(found, interface.Facet) else None
+        broken = self.broken_facet(interface.Grid(ranges), lambda: Session(self._terms), NEVER)
+        return broken if isinstance(broken, interface.Facet) else None
 
 
 class _Elimination:
@@ -147,15 +146,15 @@ class _Elimination:
     def _without_redundant(self, edges: list[Difference]) -> Iterator[Difference]:
         """Leave out every edge whose weight nowhere in the box exceeds all the others that are left."""
         session = self._session = self._session or self._open_session()
-        left = list(edges)
+        remaining = list(edges)
         for edge in edges:
-            others = [other for other in left if other is not edge]
+            others = [other for other in remaining if other is not edge]
             with session.frame(*(self._terms.greater(edge.weight - other.weight) for other in others)):
                 verdict = session.check("enc_valid: a redundant bound", self._deadline)
             if verdict is Satisfiability.UNKNOWN:
                 raise OutOfTimeError
             if verdict is Satisfiability.UNSATISFIABLE:
-                left = others
+                remaining = others
             else:
                 yield edge
 
@@ -349,12 +348,12 @@ class PositionsEncoding(interface.Encoding):
         if obligation.violation in self._parts:
             agreed = self._agreements if obligation.stage is interface.Stage.CONDITION else ()
             formulas += self._axioms
-            for one in (obligation, *agreed):
-                formulas += self._definition_of(one.violation)
+            for part in (obligation, *agreed):
+                formulas += self._definition_of(part.violation)
         return [formula for formula in formulas if formula is not self.terms.true]
 
     def full_query(self, obligation: interface.Obligation) -> list[Formula]:
-        """The same: every query is over the whole network."""
+        """The query itself: it is over the whole network already."""
         return self.query(obligation)
 
     def network_formulas(self) -> list[Formula]:
@@ -377,8 +376,10 @@ class PositionsEncoding(interface.Encoding):
 
     def _agreement_obligations(self) -> Iterator[interface.Obligation]:
         for instance in self.plan.instances:
-            for one in instance.agreements:
-                yield self._condition_obligation(instance.label(one), one, instance, interface.Stage.AGREEMENT)
+            for agreement in instance.agreements:
+                yield self._condition_obligation(
+                    instance.label(agreement), agreement, instance, interface.Stage.AGREEMENT
+                )
 
     def _condition_obligations(self) -> Iterator[interface.Obligation]:
         for instance in self.plan.instances:
