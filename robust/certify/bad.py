@@ -13,19 +13,10 @@ from fractions import Fraction
 from functools import cache
 from math import lcm
 
+from robust.certify import tape
 from robust.certify.checker.formulas import FALSE, Formulas, plus, replaced
 from robust.certify.checker.reader import Ground, Linear, constant
 from robust.certify.hints import Fact, KnownFacts, Line, LinearSide, Model, implied, model, refutation
-from robust.certify.tape import (
-    Multiples,
-    OrderLemmas,
-    Point,
-    obligation_lines,
-    positive_circle,
-    schedule_lines,
-    sums,
-    texts,
-)
 from robust.encode.interface import Encoding, Range
 from robust.errors import UnsupportedError
 from robust.irr.widen import DiscoveredBadSet
@@ -53,7 +44,7 @@ def _linear(half: LinearConstraint) -> Linear:
 
 def facts_of(polyhedron: Polyhedron) -> list[Fact]:
     """The sides of a polyhedron, equations as two of them."""
-    halves = (half for each in polyhedron.constraints for half in each.halves())
+    halves = (half for constraint in polyhedron.constraints for half in constraint.halves())
     return [(plus(constant(half.constant), _linear(half), -1), half.is_strict) for half in halves]
 
 
@@ -87,7 +78,7 @@ class Reasons:
         self._names = tuple(ground.parameters)
         self._deadline = deadline
         self.formulas = Formulas(ground, epsilon)
-        self.formulas.known = OrderLemmas(ground, bounds.ranges)  # type: ignore[assignment]
+        self.formulas.known = tape.OrderLemmas(ground, bounds.ranges)  # type: ignore[assignment]
         self._slacks = [self.formulas.slack(edge) for edge in ground.edges]
         self._network = KnownFacts([(slack, False) for slack in self._slacks])
         self._obligations = self.formulas.obligations()
@@ -108,35 +99,35 @@ class Reasons:
                 self._literals[number] = self._obligations[number][1]()
             if self._literals[number] == FALSE:
                 continue
-            found = model(self.formulas, self._network, self._literals[number], self._deadline, assumed)
-            if found is not None:
+            how = model(self.formulas, self._network, self._literals[number], self._deadline, assumed)
+            if how is not None:
                 self._first.pop(number, None)
                 self._first[number] = None
-                return number, found
+                return number, how
         return None
 
-    def piece(self, point: Point, bounds: Sequence[Fact]) -> BadPiece:
+    def piece(self, point: tape.Point, bounds: Sequence[Fact]) -> BadPiece:
         """A polyhedron of bad values around a point that is bad.
 
         Raises:
             UnsupportedError: if nothing is wrong there.
             OutOfTimeError: if the deadline passes.
         """
-        circle = positive_circle(self._ground, point)
+        circle = tape.positive_circle(self._ground, point)
         if circle is not None:
             total: Linear = {}
             for number in circle:
                 total = plus(total, self._ground.edges[number][2])
             around = Polyhedron(self._names, (side_of(total, True),))
             region = [*facts_of(around), *bounds]
-            return BadPiece(around, (["cycle", circle, sums(implied(KnownFacts(region), total, strictly=True))],))
+            return BadPiece(around, (["cycle", circle, tape.sums(implied(KnownFacts(region), total, strictly=True))],))
         pins = [
             LinearSide.of(plus({name: s}, constant(s * point[name]), -1), False) for name in self._names for s in _SIGNS
         ]
-        found = self.breaking(pins)
-        if found is None:
+        broken = self.breaking(pins)
+        if broken is None:
             raise UnsupportedError(f"nothing breaks at {dict(point)}, which is outside of the region")
-        number, how = found
+        number, how = broken
         values, around = self._critical(how, point)
         around = self._widened(number, values, around, bounds)
         region = [*facts_of(around), *bounds]
@@ -168,7 +159,7 @@ class Reasons:
         formulas = Formulas(self._ground, self._epsilon, {**parameters, **given})
         return formulas, formulas.obligations()[number][1]()
 
-    def _critical(self, how: Model, point: Point) -> tuple[dict[str, Linear], Polyhedron]:
+    def _critical(self, how: Model, point: tape.Point) -> tuple[dict[str, Linear], Polyhedron]:
         """Times and instants as functions of the parameters, and where they break the obligation in the same way."""
         forms = [({**dict(side.factors), "": side.constant}, side.strict) for side in how.sides]
         wanted = [({name: Fraction(v) for name, v in form.items() if v}, strict) for form, strict in forms]
@@ -190,12 +181,12 @@ class Reasons:
         their own."""
         formulas, literal = self._placed(number, values, parameters)
         known = KnownFacts(region)
-        times = [texts(formulas.ties[point]) for point in range(1, len(self._ground.points))]
-        finder = Multiples(region)
-        kept = [sums(finder.of(formulas.slack(edge))) for edge in self._ground.edges]
+        times = [tape.texts(formulas.ties[point]) for point in range(1, len(self._ground.points))]
+        finder = tape.Multiples(region)
+        kept = [tape.sums(finder.of(formulas.slack(edge))) for edge in self._ground.edges]
         instant = None
         if f"!{number}" in self.formulas.instants:
-            instant = texts(formulas.at(("instant", f"!{number}")))
+            instant = tape.texts(formulas.at(("instant", f"!{number}")))
         yield ["broken", number, times, kept, instant]
         yield refutation(formulas, known, -literal, self._deadline)
 
@@ -209,7 +200,7 @@ def _about(name: str) -> tuple[str, ...]:
 _SIGNS = (Fraction(1), Fraction(-1))
 
 
-def _vertex(wanted: Sequence[Fact], unknowns: Sequence[str], point: Point) -> list[int]:
+def _vertex(wanted: Sequence[Fact], unknowns: Sequence[str], point: tape.Point) -> list[int]:
     """The constraints that are tight at a vertex with the greatest margin of strict ones, and its bound."""
     place = {name: index for index, name in enumerate(unknowns)}
     tableau = Tableau(len(unknowns) + 1)
@@ -222,8 +213,8 @@ def _vertex(wanted: Sequence[Fact], unknowns: Sequence[str], point: Point) -> li
             else:
                 level += factor * (point[name] if name else 1)
         row[-1] += strict
-        scale = lcm(level.denominator, *(each.denominator for each in row))
-        tableau.add([int(each * scale) for each in row], Sense.AT_MOST, int(level * scale))
+        scale = lcm(level.denominator, *(factor.denominator for factor in row))
+        tableau.add([int(factor * scale) for factor in row], Sense.AT_MOST, int(level * scale))
 
     for form, strict in wanted:
         add(form, strict)
@@ -236,11 +227,11 @@ def _vertex(wanted: Sequence[Fact], unknowns: Sequence[str], point: Point) -> li
 
 def _solved(tight: Sequence[Fact | None], unknowns: Sequence[str]) -> dict[str, Linear]:
     """The unknowns, over the parameters, where constraints are tight; unknowns that these leave open are zero."""
-    rows = [plus({}, {MARGIN: Fraction(1), "": Fraction(-1)}) if each is None else _with_margin(each) for each in tight]
+    rows = [plus({}, {MARGIN: Fraction(1), "": Fraction(-1)}) if fact is None else _with_margin(fact) for fact in tight]
     names = {*unknowns, MARGIN}
     solved: dict[str, Linear] = {}
-    for each in rows:
-        row = replaced(each, solved)
+    for equation in rows:
+        row = replaced(equation, solved)
         pivot = next((name for name in row if name in names), None)
         if pivot is None:
             continue
@@ -306,7 +297,7 @@ def region_lines(ground: Ground, epsilon: Fraction, region: Region, *, deadline:
     ranges: dict[str, Range] = {
         name: (e.lower, e.upper) if e is not None else (None, None) for name, e in extents.items()
     }
-    lines += [["good"], *obligation_lines(formulas, good, ranges, outside_of, deadline=deadline)]
+    lines += [["good"], *tape.obligation_lines(formulas, good, ranges, outside_of, deadline=deadline)]
     pieces: list[Polyhedron] = []
     covered = list(walls)
     for point in uncovered(base, covered):
@@ -314,20 +305,20 @@ def region_lines(ground: Ground, epsilon: Fraction, region: Region, *, deadline:
         piece, times = _scheduled(formulas, point)
         pieces.append(piece)
         covered.append(piece)
-        lines += [["piece", _shown(piece)], *schedule_lines(formulas, [*facts_of(piece), *good], times)]
+        lines += [["piece", _shown(piece)], *tape.schedule_lines(formulas, [*facts_of(piece), *good], times)]
     outside_of += [-_inside(formulas, piece) for piece in pieces]
     return [*lines, ["rest"], refutation(formulas, KnownFacts(good), formulas.circuit.all(outside_of), deadline)]
 
 
 def _shown(polyhedron: Polyhedron) -> Line:
-    return [[texts(form), strict] for form, strict in facts_of(polyhedron)]
+    return [[tape.texts(form), strict] for form, strict in facts_of(polyhedron)]
 
 
 def _inside(formulas: Formulas, piece: Polyhedron) -> int:
     return formulas.circuit.all([formulas.circuit.compare(*side) for side in facts_of(piece)])
 
 
-def _scheduled(formulas: Formulas, point: Point) -> tuple[Polyhedron, dict[str, Linear]]:
+def _scheduled(formulas: Formulas, point: tape.Point) -> tuple[Polyhedron, dict[str, Linear]]:
     """Times as functions of the parameters that keep the network around a point, and where they do."""
     slacks = [(formulas.slack(edge), False) for edge in formulas.ground.edges]
     tight = _vertex(slacks, formulas.free(), point)
@@ -345,7 +336,7 @@ def uncovered(everything: Polyhedron, cover: Sequence[Polyhedron]) -> Iterator[d
     """
     while (point := outside(everything, cover)) is not None:
         sides = [
-            next(half for each in other.constraints for half in each.negation() if half.evaluate(point))
+            next(half for constraint in other.constraints for half in constraint.negation() if half.evaluate(point))
             for other in cover
         ]
         around = Polyhedron(everything.parameters, (*everything.constraints, *sides))
@@ -370,83 +361,65 @@ def face_lines(ground: Ground, encoding: Encoding, box: Box, *, solver: str, dea
             end = interval.end(side)
             if end is None or (interval.is_closed_at(side) and end == bounds[name].end(side)):
                 continue
-            face = _Face(
-                ground=ground,
-                reasons=reasons,
-                box=box,
-                bad=bad,
-                name=name,
-                side=side,
-                end=end,
-                deadline=deadline,
-            )
-            yield from face.lines()
+            yield from _Face(ground, reasons, box, bad, name, side, end, deadline).lines()
 
 
 def _reasons(ground: Ground, epsilon: Fraction, box: Box, deadline: Deadline) -> Reasons:
     """Of values in a box, and as far beyond its faces as bad ones are looked for."""
     wider = {
-        name: Interval(
-            None if each.lower is None else each.lower - REACH, None if each.upper is None else each.upper + REACH
-        )
-        for name, each in box.intervals.items()
+        name: Interval(None if low is None else low - REACH, None if high is None else high + REACH)
+        for name, (low, high) in box.ranges.items()
     }
     return Reasons(ground, epsilon, Box(wider), deadline)
 
 
+@dataclass(frozen=True, slots=True)
 class _Face:
-    """One face of a box; what can break beyond its faces is the same for all of them."""
+    """One face of a box; `reasons` are the same for all of them."""
 
-    def __init__(
-        self,
-        *,
-        ground: Ground,
-        reasons: Callable[[], Reasons],
-        box: Box,
-        bad: DiscoveredBadSet,
-        name: str,
-        side: End,
-        end: Fraction,
-        deadline: Deadline,
-    ) -> None:
-        self._ground, self._reasons, self._box, self._bad = ground, reasons, box, bad
-        self._name, self._side, self._end, self._deadline = name, side, end, deadline
-        self._closed = box[name].is_closed_at(side)
+    ground: Ground
+    reasons: Callable[[], Reasons]
+    box: Box
+    bad: DiscoveredBadSet
+    name: str
+    side: End
+    end: Fraction
+    deadline: Deadline
 
     def lines(self) -> Iterator[Line]:
-        reach = self._end + REACH * self._side.sign
+        reach = self.end + REACH * self.side.sign
         for _ in range(HALVINGS):
-            found = None
+            points = None
             beyond = self._beyond(reach)
-            piece = self._bad.piece_in(beyond, self._deadline)
+            piece = self.bad.piece_in(beyond, self.deadline)
             if piece is None:
-                raise UnsupportedError(f"no bad values at the {self._side.value} end of {self._name}: it can be moved")
-            if piece in self._bad.existence:
-                found = self._nearest(list(piece.constraints), list(piece.parameters), beyond)
-                if found is not None and found[0][self._name] == self._end:
-                    yield from self._circle(*found)
+                raise UnsupportedError(f"no bad values at the {self.side.value} end of {self.name}: it can be moved")
+            if piece in self.bad.existence:
+                points = self._nearest(list(piece.constraints), list(piece.parameters), beyond)
+                if points is not None and points[0][self.name] == self.end:
+                    yield from self._circle(*points)
                     return
             else:
-                reasons = self._reasons()
+                reasons = self.reasons()
                 assumed = [LinearSide.of(dict(form), strict) for form, strict in _box_facts(beyond)]
-                broken = reasons.breaking(assumed, self._bad.reasons[piece])
+                broken = reasons.breaking(assumed, self.bad.reasons[piece])
                 if broken is not None:
                     number, how = broken
-                    found = self._approach(reasons, how, beyond)
-                    if found is not None and found[0][self._name] == self._end:
-                        yield from self._schedule(reasons, number, *found)
+                    points = self._approach(reasons, how, beyond)
+                    if points is not None and points[0][self.name] == self.end:
+                        yield from self._schedule(reasons, number, *points)
                         return
-            nearest = found[0][self._name] if found is not None else reach
-            reach = (self._end + nearest) / 2 if nearest != self._end else (self._end + reach) / 2
-        raise UnsupportedError(f"no reason was found why the {self._side.value} end of {self._name} cannot be moved")
+            nearest = points[0][self.name] if points is not None else reach
+            reach = (self.end + nearest) / 2 if nearest != self.end else (self.end + reach) / 2
+        raise UnsupportedError(f"no reason was found why the {self.side.value} end of {self.name} cannot be moved")
 
     def _beyond(self, reach: Fraction) -> Box:
         """What the box grows by if the face moves as far as `reach`, or if its end becomes part of it."""
-        if not self._closed:
-            return self._box.replace(self._name, Interval(self._end, self._end))
-        if self._side is End.UPPER:
-            return self._box.replace(self._name, Interval(self._end, reach, lower_closed=False))
-        return self._box.replace(self._name, Interval(reach, self._end, upper_closed=False))
+        if not self.box[self.name].is_closed_at(self.side):
+            return self.box.replace(self.name, Interval(self.end, self.end))
+        if self.side is End.UPPER:
+            return self.box.replace(self.name, Interval(self.end, reach, lower_closed=False))
+        return self.box.replace(self.name, Interval(reach, self.end, upper_closed=False))
 
     def _nearest(
         self, constraints: list[LinearConstraint], names: list[str], beyond: Box
@@ -456,10 +429,10 @@ class _Face:
         inside = everything.some_point()
         if inside is None:
             return None
-        best = everything.maximize({self._name: Fraction(-self._side.sign)})
+        best = everything.maximize({self.name: Fraction(-self.side.sign)})
         if best is None or best.value is None:
             return None
-        return (inside, inside) if best.point[self._name] == inside[self._name] else (best.point, inside)
+        return (inside, inside) if best.point[self.name] == inside[self.name] else (best.point, inside)
 
     def _approach(
         self, reasons: Reasons, how: Model, beyond: Box
@@ -467,45 +440,45 @@ class _Face:
         sides = [
             side_of({**{n: Fraction(v) for n, v in s.factors}, "": Fraction(s.constant)}, s.strict) for s in how.sides
         ]
-        network = [side_of(reasons.formulas.slack(edge), False) for edge in self._ground.edges]
+        network = [side_of(reasons.formulas.slack(edge), False) for edge in self.ground.edges]
         network = [side for side in dict.fromkeys(network) if side.coefficients]
-        names = {name for side in (*sides, *network) for name, _ in side.coefficients} | self._box.intervals.keys()
+        names = {name for side in (*sides, *network) for name, _ in side.coefficients} | self.box.intervals.keys()
         return self._nearest([*sides, *network], sorted(names), beyond)
 
-    def _segment(self, limit: Point, inside: Point) -> tuple[Line, list[Fact], dict[str, Linear]]:
-        names = list(self._box.intervals)
+    def _segment(self, limit: tape.Point, inside: tape.Point) -> tuple[Line, list[Fact], dict[str, Linear]]:
+        names = list(self.box.intervals)
         line = ["face", [str(limit[name]) for name in names], [str(inside[name]) for name in names]]
         region: list[Fact] = [({SEGMENT: Fraction(1)}, True), ({SEGMENT: Fraction(-1), "": Fraction(1)}, False)]
         return line, region, {name: _between(limit, inside, name) for name in names}
 
-    def _circle(self, limit: Point, inside: Point) -> Iterator[Line]:
+    def _circle(self, limit: tape.Point, inside: tape.Point) -> Iterator[Line]:
         step = Fraction(1)
         for _ in range(40):
-            near = {name: limit[name] + step * (inside[name] - limit[name]) for name in self._box.intervals}
+            near = {name: limit[name] + step * (inside[name] - limit[name]) for name in self.box.intervals}
             line, region, given = self._segment(limit, near)
-            circle = positive_circle(self._ground, near)
+            circle = tape.positive_circle(self.ground, near)
             if circle is None:
                 break
             total: Linear = {}
             for number in circle:
-                total = plus(total, replaced(self._ground.edges[number][2], given))
+                total = plus(total, replaced(self.ground.edges[number][2], given))
             at_limit = total.get("", Fraction(0))
             if at_limit >= 0 and at_limit + total.get(SEGMENT, 0) > 0:
                 yield line
-                yield ["cycle", circle, sums(implied(KnownFacts(region), total, strictly=True))]
+                yield ["cycle", circle, tape.sums(implied(KnownFacts(region), total, strictly=True))]
                 return
             step /= 1024
-        raise UnsupportedError(f"no circle of constraints was found at the {self._side.value} end of {self._name}")
+        raise UnsupportedError(f"no circle of constraints was found at the {self.side.value} end of {self.name}")
 
-    def _schedule(self, reasons: Reasons, number: int, limit: Point, inside: Point) -> Iterator[Line]:
+    def _schedule(self, reasons: Reasons, number: int, limit: tape.Point, inside: tape.Point) -> Iterator[Line]:
         line, region, given = self._segment(limit, inside)
-        values = {name: _between(limit, inside, name) for name in limit if name not in self._box.intervals}
+        values = {name: _between(limit, inside, name) for name in limit if name not in self.box.intervals}
         values |= {name: Linear() for name in reasons.formulas.free() if name not in values}
         yield line
         yield from reasons.broken(number, values, region, given)
 
 
-def _between(limit: Point, inside: Point, name: str) -> Linear:
+def _between(limit: tape.Point, inside: tape.Point, name: str) -> Linear:
     return plus(constant(limit[name]), plus({}, {SEGMENT: inside[name] - limit[name]}))
 
 

@@ -1,10 +1,8 @@
 """Refutations of the checker's formulas, as lines of a certificate: clauses, with multiples of facts as lemmas.
 
-A propositional solver that records why: conflict-driven clause learning with a hint for every derived clause.
-
-Each derived clause comes with the clauses that unit propagation needs, in that order, so that checking a proof takes
-time linear in its size. First-UIP learning [Marques-Silva and Sakallah 1999; Moskewicz et al. 2001], hints as in LRAT
-[Cruz-Filipe et al. 2017].
+The propositional solver learns clauses from conflicts (first UIP) [Marques-Silva and Sakallah 1999; Moskewicz et al.
+2001] and records why: each derived clause comes with the clauses that unit propagation needs, in that order, so that
+a proof is checked in time linear in its size. Hints are as in LRAT [Cruz-Filipe et al. 2017].
 """
 
 from __future__ import annotations
@@ -230,10 +228,10 @@ class PropositionalSolver:
             pending -= 1
             if not pending:
                 break
-            found = self._reason[abs(self._trail[place])]
-            if found is None:
+            antecedent = self._reason[abs(self._trail[place])]
+            if antecedent is None:
                 raise RuntimeError("a decision cannot be resolved away")
-            reason = found
+            reason = antecedent
             used.append(reason)
         point = -self._trail[place]
         self._step *= DECAY
@@ -251,11 +249,11 @@ class PropositionalSolver:
     def _bump(self, variable: int) -> None:
         self._activity[variable] += self._step
         if self._activity[variable] > 1e100:
-            self._activity = {each: value * 1e-100 for each, value in self._activity.items()}
+            self._activity = {name: value * 1e-100 for name, value in self._activity.items()}
             self._step *= 1e-100
             self._queue = []
-            for each, value in self._activity.items():
-                heappush(self._queue, (-value, each))
+            for name, value in self._activity.items():
+                heappush(self._queue, (-value, name))
 
 
 class NotRefutedError(RobustError):
@@ -335,20 +333,15 @@ class KnownFacts:
         hold."""
         while True:
             active = list(self._active)
-            found = contradiction([*sides, *(self.sides[number] for number in active)])
-            if isinstance(found, Conflict):
-                own = {place: factor for place, factor in found.multiples.items() if place < len(sides)}
-                others = [
-                    (active[place - len(sides)], factor * self.sides[active[place - len(sides)]].scale)
-                    for place, factor in found.multiples.items()
-                    if place >= len(sides)
-                ]
-                return own, others
-            broken = [
-                number for number, side in enumerate(self.sides) if number not in self._active and not side.holds(found)
-            ]
+            answer = contradiction([*sides, *(self.sides[number] for number in active)])
+            if isinstance(answer, Conflict):
+                given = {place: factor for place, factor in answer.multiples.items() if place < len(sides)}
+                facts = ((active[p - len(sides)], f) for p, f in answer.multiples.items() if p >= len(sides))
+                return given, [(number, factor * self.sides[number].scale) for number, factor in facts]
+            unused = (number for number in range(len(self.sides)) if number not in self._active)
+            broken = [number for number in unused if not self.sides[number].holds(answer)]
             if not broken:
-                return found
+                return answer
             self._active.update(dict.fromkeys(broken[:40]))
 
 
@@ -423,9 +416,9 @@ class _Search:
         for number in nodes:
             if self._circuit.is_gate(number):
                 inputs = self._circuit.nodes[number]
-                self._add((number, *(-each for each in inputs)), (number, 0))
-                for index, each in enumerate(inputs, start=1):
-                    self._add((-number, each), (number, index))
+                self._add((number, *(-literal for literal in inputs)), (number, 0))
+                for index, literal in enumerate(inputs, start=1):
+                    self._add((-number, literal), (number, index))
         for lemma in self._orders(nodes):
             self._add(lemma.clause, lemma)
         for index, root in enumerate(roots):
@@ -437,13 +430,12 @@ class _Search:
             self._deadline.enforce()
             literals = self._justification(truths)
             sides = [self._side(literal) for literal in literals]
-            found = self._facts.contradiction([*sides, *self._assumed])
-            if isinstance(found, dict):
-                return Model(tuple(sides), found)
-            own, others = found
-            own = {place: factor for place, factor in own.items() if place < len(sides)}
-            clause = tuple(-literals[place] for place in own)
-            self._add(clause, _Lemma(clause, tuple(own.values()), tuple(others)))
+            answer = self._facts.contradiction([*sides, *self._assumed])
+            if isinstance(answer, dict):
+                return Model(tuple(sides), answer)
+            multiples = {place: factor for place, factor in answer[0].items() if place < len(sides)}
+            clause = tuple(-literals[place] for place in multiples)
+            self._add(clause, _Lemma(clause, tuple(multiples.values()), tuple(answer[1])))
         return None
 
     def _add(self, clause: Clause, origin: _Origin) -> None:
@@ -462,7 +454,7 @@ class _Search:
         queue = list(seen)
         for number in queue:
             if self._circuit.is_gate(number):
-                new = dict.fromkeys(abs(each) for each in self._circuit.nodes[number] if abs(each) not in seen)
+                new = dict.fromkeys(abs(literal) for literal in self._circuit.nodes[number] if abs(literal) not in seen)
                 seen.update(new)
                 queue += new
         return seen
@@ -490,10 +482,10 @@ class _Search:
                 continue
             inputs = self._circuit.nodes[abs(literal)]
             needed = inputs if literal > 0 else (self._false_input(inputs, model, seen),)
-            for each in needed:
-                if each not in seen:
-                    seen.add(each)
-                    queue.append(each)
+            for operand in needed:
+                if operand not in seen:
+                    seen.add(operand)
+                    queue.append(operand)
         return list(chosen)
 
     def _false_input(self, inputs: Sequence[int], model: dict[int, bool], seen: set[int]) -> int:
@@ -524,7 +516,7 @@ class _Search:
         for number in sorted(used):
             derivation, origin = solver.derivations.get(number), self._origins.get(number)
             if derivation is not None:
-                line.append([list(derivation.clause), [hint[each] for each in derivation.hints]])
+                line.append([list(derivation.clause), [hint[number] for number in derivation.hints]])
             elif isinstance(origin, int):
                 hint[number] = origin
                 continue
@@ -533,11 +525,11 @@ class _Search:
                 continue
             elif origin is not None:
                 multiples = _whole([*map(Fraction, origin.multipliers), *(factor for _, factor in origin.facts)])
-                own, others = multiples[: len(origin.clause)], multiples[len(origin.clause) :]
+                ours, others = multiples[: len(origin.clause)], multiples[len(origin.clause) :]
                 facts = [[fact, factor] for (fact, _), factor in zip(origin.facts, others, strict=True)]
-                line.append([list(origin.clause), own, facts])
+                line.append([list(origin.clause), ours, facts])
             hint[number] = len(self._roots) + len(line) - 2
-        line.append([[], [hint[each] for each in solver.refutation.hints]])
+        line.append([[], [hint[number] for number in solver.refutation.hints]])
         return line
 
 
@@ -558,8 +550,8 @@ def implied(facts: KnownFacts, form: Mapping[str, Fraction], *, strictly: bool =
     if not form.keys() - {""} and (form.get("", 0) > 0 or (form.get("", 0) == 0 and not strictly)):
         return []
     negated = LinearSide.of({name: -value for name, value in form.items()}, not strictly)
-    found = facts.contradiction([negated])
-    if isinstance(found, dict) or 0 not in found[0]:
+    answer = facts.contradiction([negated])
+    if isinstance(answer, dict) or 0 not in answer[0]:
         raise NotRefutedError(f"found {dict(form)} negative somewhere, expected it nowhere")
-    unit = found[0][0] * negated.scale
-    return [(number, factor / unit) for number, factor in found[1]]
+    unit = answer[0][0] * negated.scale
+    return [(number, factor / unit) for number, factor in answer[1]]

@@ -1,8 +1,7 @@
-"""Certificates of each kind: whatever the checker asks for, in its order.
+"""Certificates of each kind, made and checked: all that the checker asks for, in its order.
 
-Proofs by another solver: cvc5's, obligation by obligation, in the Alethe format.
-
-The checker as a process of its own, with limits of time and memory.
+The checker runs as a process of its own, with limits of time and memory. Proofs of another solver can be exported
+too: those of cvc5, obligation by obligation, in the Alethe format.
 """
 
 from __future__ import annotations
@@ -178,10 +177,8 @@ class PlanCertificate:
 
     def of_region(self, region: Region) -> list[Line]:
         """That a region is the whole envelope; errors as of :meth:`of_box`."""
-        return [
-            header("region"),
-            *supported(lambda: region_lines(self.ground, self._epsilon, region, deadline=self._deadline)),
-        ]
+        lines = supported(lambda: region_lines(self.ground, self._epsilon, region, deadline=self._deadline))
+        return [header("region"), *lines]
 
     def _good(self, box: Box) -> list[Line]:
         return supported(
@@ -216,7 +213,7 @@ def knowledge(
             "the plan has a correct execution, so that its knowledge base is not empty; expected a plan without any",
             Location(str(network)),
         ) from None
-    return [[FORMAT, "knowledge", [list(each) for each in assumed.items()]], line]
+    return [[FORMAT, "knowledge", [list(choice) for choice in assumed.items()]], line]
 
 
 def execution(
@@ -302,7 +299,7 @@ def verify(
     ended = Processes().run(words, deadline, memory_mb=MEMORY_MB)
     if ended.timed_out or ended.exit_code == OUT_OF_TIME:
         raise OutOfTimeError
-    if ended.exit_code not in {each.value for each in CheckerOutcome} or ended.stderr:
+    if ended.exit_code not in {outcome.value for outcome in CheckerOutcome} or ended.stderr:
         message = f"the checker failed with exit code {ended.exit_code} ({ended.last_line})"
         raise CheckerFailedError(f"{message}; please report this as a bug")
     return Verification(CheckerOutcome(ended.exit_code), json.loads(ended.stdout))

@@ -1,6 +1,7 @@
 """Certificates, made with the checker's own formulas: a tape of the hints that it asks for, in its order.
 
-Orders of time points that a network implies for all parameter values in a region, and schedules over regions.
+The first hints are orders of time points that a network implies for all parameter values of a region, and schedules
+that are functions of the parameters.
 """
 
 from __future__ import annotations
@@ -168,13 +169,13 @@ def affine_times(
         raise OutOfTimeError
     if verdict is Satisfiability.UNSATISFIABLE:
         return None
-    values = session.values([terms.real(each) for term in sought.values() for each in term.variables])
-    found: dict[str, Linear] = {point: {} for point in formulas.free()}
+    values = session.values([terms.real(unknown) for term in sought.values() for unknown in term.variables])
+    times: dict[str, Linear] = {point: {} for point in formulas.free()}
     for (point, column), term in sought.items():
         value = Fraction(values.get(str(next(iter(term.variables))), 0))
         if value:
-            found[point][column] = value
-    return found
+            times[point][column] = value
+    return times
 
 
 def placed(formulas: Formulas, times: Mapping[str, Linear]) -> list[Linear]:
@@ -213,21 +214,22 @@ def header(kind: str, box: Box | None = None) -> Line:
     if box is None:
         return [FORMAT, kind, None]
     ends = []
-    for each in box.intervals.values():
-        low, high = (None if end is None else str(end) for end in (each.lower, each.upper))
-        ends.append([low, each.lower_closed and low is not None, high, each.upper_closed and high is not None])
+    for interval in box.intervals.values():
+        low, high = (None if end is None else str(end) for end in (interval.lower, interval.upper))
+        ends.append([low, interval.lower_closed and low is not None, high, interval.upper_closed and high is not None])
     return [FORMAT, kind, ends]
 
 
 def box_facts(box: Box) -> list[Fact]:
     """The ends of a box, in the checker's order."""
-    found: list[Fact] = []
-    for name, each in box.intervals.items():
-        for end, closed, sign in ((each.lower, each.lower_closed, 1), (each.upper, each.upper_closed, -1)):
+    facts: list[Fact] = []
+    for name, interval in box.intervals.items():
+        lower, upper = (interval.lower, interval.lower_closed, 1), (interval.upper, interval.upper_closed, -1)
+        for end, closed, sign in (lower, upper):
             if end is not None:
                 form = {name: Fraction(sign), "": -sign * end}
-                found.append(({key: value for key, value in form.items() if value}, not closed))
-    return found
+                facts.append(({key: value for key, value in form.items() if value}, not closed))
+    return facts
 
 
 def write(lines: Sequence[Line], path: Path) -> int:
@@ -272,7 +274,8 @@ def good_lines(
 def _require_schedules(ground: Ground, box: Box) -> None:
     """RefutedError if a corner of the box leaves no schedule: the values that leave some are convex."""
     ends = [
-        [end for end in (each.lower, each.upper) if end is not None] or [Fraction(0)] for each in box.intervals.values()
+        [end for end in (interval.lower, interval.upper) if end is not None] or [Fraction(0)]
+        for interval in box.intervals.values()
     ]
     for corner in islice(product(*map(dict.fromkeys, ends)), CORNERS):
         values = dict(zip(box.intervals, corner, strict=True))
@@ -332,7 +335,7 @@ class Multiples:
         self._facts = KnownFacts(region)
         self._ends: dict[tuple[str, bool], int] = {}
         for number, (form, _) in enumerate(region):
-            names = [each for each in form if each]
+            names = [name for name in form if name]
             if len(names) == 1 and abs(form[names[0]]) == 1:
                 self._ends[names[0], form[names[0]] > 0] = number
         self._is_box = len(self._ends) == len(region)

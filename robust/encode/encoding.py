@@ -4,8 +4,6 @@
 ε-separation, then whether effects agree, then conditions and the goal. Each stage may assume the ones before it, which
 decides most orders.
 
-Over-all conditions in the relational encoding.
-
 An over-all condition must hold throughout the open interval between start and end of an instance. Between two
 happenings every fluent is linear in time, so a condition with at most one comparison of changing fluents needs a look
 at the breakpoints only: the happenings that touch what it mentions. Any other condition is examined at a free instant
@@ -25,28 +23,14 @@ from robust.encode.settled import proved
 from robust.encode.state import FINALLY, MomentOrder, MomentSide, StateMoment, States, after, before
 from robust.encode.validity import Validity
 from robust.errors import UnsupportedError
-from robust.plan.model import (
-    ZERO,
-    ActionInstance,
-    And,
-    Atom,
-    Condition,
-    Fluent,
-    NumericCondition,
-    Or,
-    ParametrizedPlan,
-    Relation,
-    TimePoint,
-    Timing,
-    comparisons,
-)
+from robust.plan import model
 from robust.smt.terms import Formula, Terms
 
 
 class OverAll:
     """Violations of over-all conditions."""
 
-    def __init__(self, plan: ParametrizedPlan, states: States) -> None:
+    def __init__(self, plan: model.ParametrizedPlan, states: States) -> None:
         self._states = states
         self._clock = states.clock
         self._writes = states.writes
@@ -54,12 +38,12 @@ class OverAll:
         self._rank = {point: index for index, point in enumerate(plan.time_points)}
         self._instants = 0
 
-    def violation(self, instance: ActionInstance, condition: Condition) -> Formula:
+    def violation(self, instance: model.ActionInstance, condition: model.Condition) -> Formula:
         """Some instant strictly between start and end at which the condition is false."""
-        changing = [leaf for leaf in comparisons(condition) if self._flows(leaf)]
+        changing = [leaf for leaf in model.comparisons(condition) if self._flows(leaf)]
         if not changing:
             cases = self._in_some_state(instance, condition)
-        elif len(changing) == 1 and changing[0].relation is not Relation.DIFFERENT:
+        elif len(changing) == 1 and changing[0].relation is not model.Relation.DIFFERENT:
             cases = self._at_breakpoints(instance, condition, changing[0])
         else:
             cases = self._at_some_instant(instance, condition)
@@ -68,14 +52,14 @@ class OverAll:
 
     # -- the three ways ------------------------------------------------------------------------------------------
 
-    def _in_some_state(self, instance: ActionInstance, condition: Condition) -> Iterator[Formula]:
+    def _in_some_state(self, instance: model.ActionInstance, condition: model.Condition) -> Iterator[Formula]:
         """Nothing in the condition changes between happenings: look at the state that each one leaves."""
         yield self._false(condition, after(instance.start), instance)
         for point in self._breakpoints(condition):
             yield self._inside(instance, point, lambda at: self._false(condition, after(at), instance))
 
     def _at_breakpoints(
-        self, instance: ActionInstance, condition: Condition, leaf: NumericCondition
+        self, instance: model.ActionInstance, condition: model.Condition, leaf: model.NumericCondition
     ) -> Iterator[Formula]:
         """One comparison bends: limits at both ends, values at the breakpoints inside.
 
@@ -96,7 +80,7 @@ class OverAll:
             ends = (self._false(condition, start, instance), self._false(condition, end, instance))
             yield self._terms.conjunction((*ends, *quiet))
 
-    def _at_some_instant(self, instance: ActionInstance, condition: Condition) -> Iterator[Formula]:
+    def _at_some_instant(self, instance: model.ActionInstance, condition: model.Condition) -> Iterator[Formula]:
         """The solver chooses the instant; what happenings inside leave behind is looked at as well."""
         self._instants += 1
         instant = Auxiliary(f"instant in {instance.identifier}", self._instants)
@@ -114,45 +98,50 @@ class OverAll:
 
     # -- parts ---------------------------------------------------------------------------------------------------
 
-    def _false(self, condition: Condition, moment: StateMoment, instance: ActionInstance) -> Formula:
+    def _false(self, condition: model.Condition, moment: StateMoment, instance: model.ActionInstance) -> Formula:
         return self._terms.negation(self._states.condition(condition, moment, instance))
 
-    def _is_inside(self, instance: ActionInstance, point: TimePoint) -> Formula:
+    def _is_inside(self, instance: model.ActionInstance, point: model.TimePoint) -> Formula:
         clock = self._clock
         return self._terms.conjunction((clock.earlier(instance.start, point), clock.earlier(point, instance.end)))
 
-    def _inside(self, instance: ActionInstance, point: TimePoint, false: Callable[[TimePoint], Formula]) -> Formula:
+    def _inside(
+        self, instance: model.ActionInstance, point: model.TimePoint, false: Callable[[model.TimePoint], Formula]
+    ) -> Formula:
         """`false(point)`, if the point lies strictly inside; not even built where the network excludes that."""
         inside = self._is_inside(instance, point)
         return inside if inside is self._terms.false else self._terms.conjunction((inside, false(point)))
 
-    def _breakpoints(self, condition: Condition) -> dict[TimePoint, bool]:
+    def _breakpoints(self, condition: model.Condition) -> dict[model.TimePoint, bool]:
         """The happenings that can change a condition's truth: whether it jumps there, or a fluent only bends."""
-        jumps: dict[TimePoint, bool] = {}
+        jumps: dict[model.TimePoint, bool] = {}
         for name in names_in(condition):
             match name:
-                case Atom():
+                case model.Atom():
                     jumps.update((write.point, True) for write in self._writes.of_atom.get(name, ()))
-                case Fluent():
+                case model.Fluent():
                     jumps.update((write.point, True) for write in self._writes.of_fluent.get(name, ()))
                     for flow in self._writes.flows.get(name, ()):
                         for point in flow.instance.time_points:
                             jumps.setdefault(point, False)
         return dict(sorted(jumps.items(), key=lambda item: self._rank[item[0]]))
 
-    def _flows(self, leaf: NumericCondition) -> list[Flow]:
+    def _flows(self, leaf: model.NumericCondition) -> list[Flow]:
         return [
-            flow for name in names_in(leaf) if isinstance(name, Fluent) for flow in self._writes.flows.get(name, ())
+            flow
+            for name in names_in(leaf)
+            if isinstance(name, model.Fluent)
+            for flow in self._writes.flows.get(name, ())
         ]
 
-    def _may_be_least(self, point: TimePoint, leaf: NumericCondition) -> bool:
+    def _may_be_least(self, point: model.TimePoint, leaf: model.NumericCondition) -> bool:
         """Whether the left side of `leaf` can have a local minimum where a flow starts or ends at `point`.
 
         Where the slope only drops it cannot: an inequality that holds around the point then holds there too.
         """
-        if leaf.relation is Relation.EQUAL or not leaf.expression.is_linear:
+        if leaf.relation is model.Relation.EQUAL or not leaf.expression.is_linear:
             return True
-        factors = {name: factor for name, factor in leaf.expression.coefficients() if isinstance(name, Fluent)}
+        factors = {name: factor for name, factor in leaf.expression.coefficients() if isinstance(name, model.Fluent)}
         for flow in self._flows(leaf):
             rate = flow.effect.rate
             if point in flow.instance.time_points:
@@ -164,15 +153,15 @@ class OverAll:
         return False
 
 
-def _weaken(condition: Condition, leaf: NumericCondition) -> Condition:
+def _weaken(condition: model.Condition, leaf: model.NumericCondition) -> model.Condition:
     """The condition with a strict inequality of `leaf` made non-strict."""
-    if condition == leaf and leaf.relation is Relation.GREATER:
-        return NumericCondition(leaf.expression, Relation.AT_LEAST)
+    if condition == leaf and leaf.relation is model.Relation.GREATER:
+        return model.NumericCondition(leaf.expression, model.Relation.AT_LEAST)
     match condition:
-        case And(operands):
-            return And(tuple(_weaken(operand, leaf) for operand in operands))
-        case Or(operands):
-            return Or(tuple(_weaken(operand, leaf) for operand in operands))
+        case model.And(operands):
+            return model.And(tuple(_weaken(operand, leaf) for operand in operands))
+        case model.Or(operands):
+            return model.Or(tuple(_weaken(operand, leaf) for operand in operands))
         case _:
             return condition
 
@@ -190,7 +179,7 @@ class RelationalEncoding(Encoding):
 
     name = "relational"
 
-    def __init__(self, plan: ParametrizedPlan, epsilon: Fraction = EPSILON) -> None:
+    def __init__(self, plan: model.ParametrizedPlan, epsilon: Fraction = EPSILON) -> None:
         self.plan = plan
         self.epsilon = epsilon
         self.terms = Terms()
@@ -212,7 +201,11 @@ class RelationalEncoding(Encoding):
         self._assumed[Stage.AGREEMENT] = [*self._assumed[Stage.SEPARATION], *self._learn_separations()]
         self._assumed[Stage.CONDITION] = self._assumed[Stage.AGREEMENT]
         agreements = list(self._by_instance(self._agreements_of))
-        self._agreed = [self.terms.negation(one.violation) for one in agreements if one.violation != self.terms.false]
+        self._agreed = [
+            self.terms.negation(agreement.violation)
+            for agreement in agreements
+            if agreement.violation != self.terms.false
+        ]
         conditions = (*self._by_instance(self._conditions_of), *self._goals())
         self.obligations: tuple[Obligation, ...] = (*durations, *separations, *agreements, *conditions)
         self._slices = cache(self._make_slices)
@@ -265,7 +258,9 @@ class RelationalEncoding(Encoding):
                 violation = self.terms.conjunction(near) if self.epsilon else self.terms.equal(gap)
             yield Obligation(name, Stage.SEPARATION, violation)
 
-    def _by_instance(self, obligations_of: Callable[[ActionInstance], Iterator[Obligation]]) -> Iterator[Obligation]:
+    def _by_instance(
+        self, obligations_of: Callable[[model.ActionInstance], Iterator[Obligation]]
+    ) -> Iterator[Obligation]:
         for instance in self.plan.instances:
             try:
                 yield from obligations_of(instance)
@@ -279,27 +274,27 @@ class RelationalEncoding(Encoding):
         for goal in self.plan.goal:
             yield self._condition(goal.label, goal.condition, FINALLY)
 
-    def _agreements_of(self, instance: ActionInstance) -> Iterator[Obligation]:
-        for one in instance.agreements:
-            read = before(instance.at(one.timing))
-            yield self._condition(instance.label(one), one.condition, read, instance, Stage.AGREEMENT)
+    def _agreements_of(self, instance: model.ActionInstance) -> Iterator[Obligation]:
+        for agreement in instance.agreements:
+            read = before(instance.at(agreement.timing))
+            yield self._condition(instance.label(agreement), agreement.condition, read, instance, Stage.AGREEMENT)
 
-    def _conditions_of(self, instance: ActionInstance) -> Iterator[Obligation]:
+    def _conditions_of(self, instance: model.ActionInstance) -> Iterator[Obligation]:
         unconditional = [rule.condition for rule in self._rules if rule.instance is instance]
         for duration in instance.durations:
             if duration.condition not in unconditional:
                 read = before(instance.at(duration.timing))
                 yield self._condition(instance.label(duration), duration.condition, read, instance)
         for timed in instance.conditions:
-            moment = None if timed.timing is Timing.OVER_ALL else before(instance.at(timed.timing))
+            moment = None if timed.timing is model.Timing.OVER_ALL else before(instance.at(timed.timing))
             yield self._condition(instance.label(timed), timed.condition, moment, instance)
 
     def _condition(
         self,
         name: str,
-        condition: Condition,
+        condition: model.Condition,
         moment: StateMoment | None,
-        instance: ActionInstance | None = None,
+        instance: model.ActionInstance | None = None,
         stage: Stage = Stage.CONDITION,
     ) -> Obligation:
         """That a condition holds at a moment, or throughout an instance."""
@@ -318,7 +313,7 @@ class RelationalEncoding(Encoding):
         bounds = self.network.bounds(self.network.differences)
         return Orders(self.plan.time_points, bounds, [self.epsilon, *learnt])
 
-    def _is_separated(self, first: TimePoint, second: TimePoint) -> bool:
+    def _is_separated(self, first: model.TimePoint, second: model.TimePoint) -> bool:
         bounds = (self._orders.least(first, second), self._orders.least(second, first))
         return any(bound is not None and bound >= self.epsilon and bound > 0 for bound in bounds)
 
@@ -342,7 +337,7 @@ class RelationalEncoding(Encoding):
         network = [i.expression for i in self.network.inequalities if i.not_before_zero not in supported]
         return IndependentParts(self.terms, [*network, *self._assumed[stage]])
 
-    def _supported_points(self) -> set[TimePoint]:
+    def _supported_points(self) -> set[model.TimePoint]:
         """Time points that follow another one, other than zero, in every schedule that respects durations.
 
         Ties are counted in the plan's order only, so that no two points support each other in a circle.
@@ -352,5 +347,5 @@ class RelationalEncoding(Encoding):
         return {
             target
             for source, target, weight in self.network.bounds(differences)
-            if source != ZERO and (weight > 0 or (weight == 0 and rank[source] < rank[target]))
+            if source != model.ZERO and (weight > 0 or (weight == 0 and rank[source] < rank[target]))
         }

@@ -1,10 +1,9 @@
-"""What an encoding is to those who ask: named obligations with queries, and a decision of enc_valid [IRR §2, §4].
+"""The interface of an encoding: named obligations with queries, and a decision of enc_valid [IRR §2, §4].
 
 Two encodings implement it: `relational` and `positions` [docs/semantics.md]. They share what is about times alone
-(:mod:`robust.encode.network`) and the list of effects. What holds when, mutex pairs, over-all conditions and the
-decision of enc_valid they say without code in common, so that each is a check of the other.
-
-The unknowns of the encodings' formulas, linear expressions over them, and symbols that formulas define.
+(:mod:`robust.encode.network`), the list of effects, and the unknowns of formulas, linear expressions over them and
+symbols that formulas define, which are here. States, mutex pairs, over-all conditions and the decision of enc_valid
+have no code in common, so that each encoding is a check of the other.
 """
 
 from __future__ import annotations

@@ -13,36 +13,14 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 
+from robust.encode import interface
 from robust.encode.effects import Writes
-from robust.encode.interface import (
-    Auxiliary,
-    Linear,
-    Range,
-    TimeVariable,
-    constant,
-    initial_value,
-    least,
-    over_parameters,
-    variable,
-)
 from robust.network.differences import DifferenceNetwork, Distances
-from robust.plan.model import (
-    ZERO,
-    ActionInstance,
-    Duration,
-    Fluent,
-    NumericCondition,
-    NumericVariable,
-    ParameterReference,
-    ParametrizedPlan,
-    Relation,
-    TimePoint,
-    fluents_in,
-)
+from robust.plan import model
 from robust.plan.polynomial import Polynomial
 from robust.smt.terms import Formula, Terms
 
-Bound = tuple[TimePoint, TimePoint, Fraction]
+Bound = tuple[model.TimePoint, model.TimePoint, Fraction]
 """(a, b, w): t_b − t_a ≥ w."""
 
 
@@ -53,9 +31,9 @@ class Difference:
     `is_default` marks `t_τ ≥ 0`, which holds for every time point unsaid.
     """
 
-    source: TimePoint
-    target: TimePoint
-    weight: Linear
+    source: model.TimePoint
+    target: model.TimePoint
+    weight: interface.Linear
     origins: tuple[str, ...]
     is_default: bool = False
 
@@ -64,17 +42,17 @@ class Difference:
 class Inequality:
     """`expression ≥ 0` with the statement that it comes from; for `t_τ ≥ 0`, which τ."""
 
-    expression: Linear
+    expression: interface.Linear
     origins: tuple[str, ...]
-    not_before_zero: TimePoint | None = None
+    not_before_zero: model.TimePoint | None = None
 
     def as_difference(self) -> Difference:
         """Between the free time points that it mentions, at most two and of opposite sign, or one of them and zero."""
-        source = target = ZERO
-        weight = constant(-self.expression.constant_term)
+        source = target = model.ZERO
+        weight = interface.constant(-self.expression.constant_term)
         for unknown, factor in self.expression.coefficients():
-            if not isinstance(unknown, TimeVariable):
-                weight -= variable(unknown).scaled(factor)
+            if not isinstance(unknown, interface.TimeVariable):
+                weight -= interface.variable(unknown).scaled(factor)
             elif factor < 0:
                 source = unknown.point
             else:
@@ -89,9 +67,9 @@ class TemporalNetwork:
     `inequalities` is what remains to be asserted: together with the definitions in `places` it is enc_tn.
     """
 
-    def __init__(self, plan: ParametrizedPlan) -> None:
+    def __init__(self, plan: model.ParametrizedPlan) -> None:
         self.plan = plan
-        self.ranges: dict[str, Range] = {p.name: (p.lower, p.upper) for p in plan.parameters}
+        self.ranges: dict[str, interface.Range] = {p.name: (p.lower, p.upper) for p in plan.parameters}
         self.differences = tuple(_differences(plan))
         self.places = _places(plan)
 
@@ -100,18 +78,18 @@ class TemporalNetwork:
         """What remains to be asserted of the network beside :attr:`places`."""
         return tuple(self._inequalities())
 
-    def distance(self, source: TimePoint, target: TimePoint) -> Linear:
+    def distance(self, source: model.TimePoint, target: model.TimePoint) -> interface.Linear:
         """t_target − t_source."""
         return self.places[target] - self.places[source]
 
-    def slack(self, difference: Difference) -> Linear:
+    def slack(self, difference: Difference) -> interface.Linear:
         """What must be at least zero for the difference to hold."""
         return self.distance(difference.source, difference.target) - difference.weight
 
     def bounds(self, differences: Iterable[Difference]) -> Iterator[Bound]:
         """What the differences say for all declared parameter values, where they say anything."""
         for difference in differences:
-            weight = least(difference.weight, self.ranges)
+            weight = interface.least(difference.weight, self.ranges)
             if weight is not None:
                 yield difference.source, difference.target, weight
 
@@ -119,7 +97,7 @@ class TemporalNetwork:
         # Said before unsaid: what is left out as implied must not be a statement of the plan.
         said = [Inequality(self.slack(d), d.origins) for d in self.differences if not d.is_default]
         unsaid = [Inequality(self.slack(d), d.origins, d.target) for d in self.differences if d.is_default]
-        seen: set[Linear] = set()
+        seen: set[interface.Linear] = set()
         for inequality in (*said, *unsaid, *self.bounds_of_parameters()):
             expression = inequality.expression
             trivial = expression.is_constant and expression.constant_term >= 0
@@ -130,42 +108,48 @@ class TemporalNetwork:
     def bounds_of_parameters(self) -> Iterator[Inequality]:
         """The declared bounds."""
         for parameter in self.plan.parameters:
-            value = variable(ParameterReference(parameter.name))
+            value = interface.variable(model.ParameterReference(parameter.name))
             if parameter.lower is not None:
                 yield Inequality(value - parameter.lower, (f"parameter {parameter.name} lb {parameter.lower}",))
             if parameter.upper is not None:
                 yield Inequality(-value + parameter.upper, (f"parameter {parameter.name} ub {parameter.upper}",))
 
 
-def _differences(plan: ParametrizedPlan) -> Iterator[Difference]:
+def _differences(plan: model.ParametrizedPlan) -> Iterator[Difference]:
     for point in plan.time_points[1:]:
-        yield Difference(ZERO, point, constant(0), (f"{point} ≥ 0",), is_default=True)
+        yield Difference(model.ZERO, point, interface.constant(0), (f"{point} ≥ 0",), is_default=True)
         if point.time is not None:
-            time, origins = constant(point.time), (f"timed initial literal {point}",)
-            yield Difference(ZERO, point, time, origins)
-            yield Difference(point, ZERO, -time, origins)
+            time, origins = interface.constant(point.time), (f"timed initial literal {point}",)
+            yield Difference(model.ZERO, point, time, origins)
+            yield Difference(point, model.ZERO, -time, origins)
     for item in plan.constraints:
         origins = (str(item),)
         if item.lower is not None:
-            yield Difference(item.source, item.target, over_parameters(item.lower), origins)
+            yield Difference(item.source, item.target, interface.over_parameters(item.lower), origins)
         if item.upper is not None:
-            yield Difference(item.target, item.source, -over_parameters(item.upper), origins)
+            yield Difference(item.target, item.source, -interface.over_parameters(item.upper), origins)
 
 
-def _places(plan: ParametrizedPlan) -> dict[TimePoint, Linear]:
+def _places(plan: model.ParametrizedPlan) -> dict[model.TimePoint, interface.Linear]:
     """Tie time points together along equalities, breadth first from zero, then from each point not reached yet."""
-    ties: dict[TimePoint, list[tuple[TimePoint, Linear]]] = {point: [] for point in plan.time_points}
-    equalities = [(ZERO, point, constant(point.time)) for point in plan.time_points if point.time is not None]
+    ties: dict[model.TimePoint, list[tuple[model.TimePoint, interface.Linear]]] = {
+        point: [] for point in plan.time_points
+    }
+    equalities = [
+        (model.ZERO, point, interface.constant(point.time)) for point in plan.time_points if point.time is not None
+    ]
     for item in plan.constraints:
         if item.lower is not None and item.lower == item.upper:
-            equalities.append((item.source, item.target, over_parameters(item.lower)))
+            equalities.append((item.source, item.target, interface.over_parameters(item.lower)))
     for source, target, length in equalities:
         ties[source].append((target, length))
         ties[target].append((source, -length))
-    places: dict[TimePoint, Linear] = {}
+    places: dict[model.TimePoint, interface.Linear] = {}
     for root in plan.time_points:
         if root not in places:
-            places[root] = constant(0) if root == ZERO else variable(TimeVariable(root))
+            places[root] = (
+                interface.constant(0) if root == model.ZERO else interface.variable(interface.TimeVariable(root))
+            )
             component = [root]
             for point in component:
                 for neighbour, length in ties[point]:
@@ -177,7 +161,7 @@ def _places(plan: ParametrizedPlan) -> dict[TimePoint, Linear]:
 
 # -- durations that depend on no state --------------------------------------------------------------------------------
 
-_LENGTH = Auxiliary("duration", 0)
+_LENGTH = interface.Auxiliary("duration", 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,50 +172,52 @@ class DurationRule:
     """
 
     name: str
-    instance: ActionInstance
-    condition: NumericCondition
+    instance: model.ActionInstance
+    condition: model.NumericCondition
     bounds: tuple[Difference, ...]
     exact: bool
 
 
-def duration_rules(plan: ParametrizedPlan, writes: Writes) -> Iterator[DurationRule]:
+def duration_rules(plan: model.ParametrizedPlan, writes: Writes) -> Iterator[DurationRule]:
     """The rules of all durative instances: not negative, and what the domain says of `?duration`."""
-    positive = NumericCondition(Polynomial.variable(Duration()), Relation.AT_LEAST)
+    positive = model.NumericCondition(Polynomial.variable(model.Duration()), model.Relation.AT_LEAST)
     for instance in plan.instances:
         if instance.durative:
             yield _rule(plan, f"{instance.identifier} {instance.action}: non-negative duration", instance, positive)
             for duration in instance.durations:
-                if not any(map(writes.changes, fluents_in(duration.condition.expression))):
+                if not any(map(writes.changes, model.fluents_in(duration.condition.expression))):
                     yield _rule(plan, instance.label(duration), instance, duration.condition)
 
 
-def _rule(plan: ParametrizedPlan, name: str, instance: ActionInstance, condition: NumericCondition) -> DurationRule:
-    def value(unknown: NumericVariable) -> Linear:
+def _rule(
+    plan: model.ParametrizedPlan, name: str, instance: model.ActionInstance, condition: model.NumericCondition
+) -> DurationRule:
+    def value(unknown: model.NumericVariable) -> interface.Linear:
         match unknown:
-            case Duration():
-                return variable(_LENGTH)
-            case ParameterReference():
-                return variable(unknown)
-            case Fluent():
-                return initial_value(plan, unknown)
+            case model.Duration():
+                return interface.variable(_LENGTH)
+            case model.ParameterReference():
+                return interface.variable(unknown)
+            case model.Fluent():
+                return interface.initial_value(plan, unknown)
 
     expression = condition.expression.substitute(value)
     factor, relation = expression.terms.get((_LENGTH,), Fraction(0)), condition.relation
-    if not factor or not expression.is_linear or relation is Relation.DIFFERENT:
+    if not factor or not expression.is_linear or relation is model.Relation.DIFFERENT:
         return DurationRule(name, instance, condition, (), False)
-    limit = variable(_LENGTH) - expression.scaled(1 / factor)
+    limit = interface.variable(_LENGTH) - expression.scaled(1 / factor)
     bounds = []
-    if factor > 0 or relation is Relation.EQUAL:
+    if factor > 0 or relation is model.Relation.EQUAL:
         bounds.append(Difference(instance.start, instance.end, limit, (name,)))
-    if factor < 0 or relation is Relation.EQUAL:
+    if factor < 0 or relation is model.Relation.EQUAL:
         bounds.append(Difference(instance.end, instance.start, -limit, (name,)))
-    return DurationRule(name, instance, condition, tuple(bounds), relation is not Relation.GREATER)
+    return DurationRule(name, instance, condition, tuple(bounds), relation is not model.Relation.GREATER)
 
 
 # -- what is known of the order ----------------------------------------------------------------------------------------
 
 
-class Orders(Distances[TimePoint]):
+class Orders(Distances[model.TimePoint]):
     """Greatest known lower bounds between time points; more bounds, of given weights, may be learnt."""
 
     @property
@@ -239,11 +225,11 @@ class Orders(Distances[TimePoint]):
         """False if the bounds contradict each other; they mean nothing then."""
         return self.network.schedule is not None
 
-    def least(self, source: TimePoint, target: TimePoint) -> Fraction | None:
+    def least(self, source: model.TimePoint, target: model.TimePoint) -> Fraction | None:
         """The greatest known w with t_target − t_source ≥ w; None if nothing is known."""
         return super().least(source, target) if self.consistent else None
 
-    def learn(self, source: TimePoint, target: TimePoint, weight: Fraction) -> bool:
+    def learn(self, source: model.TimePoint, target: model.TimePoint, weight: Fraction) -> bool:
         """Add t_target − t_source ≥ weight and its consequences.
 
         Returns False, and changes nothing, if that was known or contradicts what is known.
@@ -259,8 +245,8 @@ class Orders(Distances[TimePoint]):
         return True
 
     def separate(
-        self, pairs: Iterable[tuple[TimePoint, TimePoint]], epsilon: Fraction
-    ) -> Iterator[tuple[TimePoint, TimePoint]]:
+        self, pairs: Iterable[tuple[model.TimePoint, model.TimePoint]], epsilon: Fraction
+    ) -> Iterator[tuple[model.TimePoint, model.TimePoint]]:
         """Learn that pairs are `epsilon` apart where their order is known up to less; repeat until nothing is new.
 
         Yields the earlier and the later of such a pair.
@@ -275,11 +261,11 @@ class Orders(Distances[TimePoint]):
                     learning |= self.learn(first, second, epsilon)
                     yield first, second
 
-    def surely_before(self, first: TimePoint, second: TimePoint) -> bool:
+    def surely_before(self, first: model.TimePoint, second: model.TimePoint) -> bool:
         """Whether t_first < t_second in every schedule."""
         return self.consistent and self.network.at_least(self.index[first], self.index[second], 1)
 
-    def surely_not_after(self, first: TimePoint, second: TimePoint) -> bool:
+    def surely_not_after(self, first: model.TimePoint, second: model.TimePoint) -> bool:
         """Whether t_first ≤ t_second in every schedule."""
         return self.consistent and self.network.at_least(self.index[first], self.index[second], 0)
 
@@ -287,7 +273,7 @@ class Orders(Distances[TimePoint]):
 class IndependentParts:
     """A conjunction of `expression ≥ 0` split into parts that share no unknown."""
 
-    def __init__(self, terms: Terms, expressions: Iterable[Linear]) -> None:
+    def __init__(self, terms: Terms, expressions: Iterable[interface.Linear]) -> None:
         self._terms = terms
         self._leader: dict[str, str] = {}
         expressions = list(dict.fromkeys(expressions))

@@ -23,37 +23,15 @@ from fractions import Fraction
 from itertools import groupby, pairwise, product
 from math import lcm
 
-from robust.encode.effects import names_in
+from robust.encode.effects import names_in, reads
 from robust.encode.interface import least, over_parameters
 from robust.network.differences import DifferenceNetwork
-from robust.plan.model import (
-    ActionInstance,
-    And,
-    AssignmentKind,
-    Atom,
-    Condition,
-    Duration,
-    DurationConstraint,
-    Expression,
-    Fluent,
-    Holds,
-    NumericCondition,
-    NumericVariable,
-    Or,
-    ParametrizedPlan,
-    Relation,
-    TimedCondition,
-    TimePoint,
-    Timing,
-    Truth,
-    fluents_in,
-    leaves,
-)
+from robust.plan import model
 from robust.plan.polynomial import Polynomial
 
-Name = Atom | Fluent
+Name = model.Atom | model.Fluent
 FINALLY = -1
-"""In place of a point: after all of them."""
+"""The point after all others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,59 +40,44 @@ class Write:
 
     point: int
     name: Name
-    amount: bool | Expression
+    amount: bool | model.Expression
     assigns: bool
-    condition: Condition
+    condition: model.Condition
     instance: int | None
 
 
 class Accesses:
-    """Who reads and writes what, by number of the time point; over-all conditions read nothing.
+    """The reads and writes of a plan, by number of the time point; over-all conditions read nothing.
 
     `starts` and `ends` are those of the instances, by their number. `moving` are the fluents that change continuously.
     """
 
-    def __init__(self, plan: ParametrizedPlan) -> None:
+    def __init__(self, plan: model.ParametrizedPlan) -> None:
         self.plan = plan
         self.index = {point: number for number, point in enumerate(plan.time_points)}
         self.starts = [self.index[instance.start] for instance in plan.instances]
         self.ends = [self.index[instance.end] for instance in plan.instances]
         self.readers: dict[Name, set[int]] = defaultdict(set)
         self.writes: dict[Name, list[Write]] = defaultdict(list)
-        self.moving: dict[Name, set[int]] = defaultdict(set)
+        self.moving = {change.fluent for instance in plan.instances for change in instance.continuous_effects}
         for number, instance in enumerate(plan.instances):
-            self._enter(number, instance)
+            for name, points in reads(instance):
+                self.readers[name].update(self.index[point] for point in points)
+            self._write(number, instance)
         for literal in plan.timed_literals:
             value = literal.value
             amount = value if isinstance(value, bool) else Polynomial.constant(value)
-            self._write(Write(self.index[literal.point], literal.target, amount, True, Truth(True), None))
+            write = Write(self.index[literal.point], literal.target, amount, True, model.Truth(True), None)
+            self.writes[literal.target].append(write)
 
-    def _enter(self, number: int, instance: ActionInstance) -> None:
-        at = {Timing.AT_START: self.starts[number], Timing.AT_END: self.ends[number]}
-        parts: tuple[TimedCondition | DurationConstraint, ...] = (*instance.conditions, *instance.durations)
-        for part in parts:
-            if part.timing in at:
-                self._read(names_in(part.condition), at[part.timing])
+    def _write(self, number: int, instance: model.ActionInstance) -> None:
         for added in instance.atom_effects:
-            self._write(Write(at[added.timing], added.atom, added.value, True, added.condition, number))
+            point = self.index[instance.at(added.timing)]
+            self.writes[added.atom].append(Write(point, added.atom, added.value, True, added.condition, number))
         for effect in instance.numeric_effects:
-            assigns = effect.operator is AssignmentKind.ASSIGN
-            self._read(fluents_in(effect.expression), at[effect.timing])
-            self._write(Write(at[effect.timing], effect.fluent, effect.expression, assigns, effect.condition, number))
-        for continuous in instance.continuous_effects:
-            for point in at.values():
-                self._read(fluents_in(continuous.rate), point)
-            self.moving[continuous.fluent].update(at.values())
-        for name, where in instance.mentioned():
-            self._read((name,), self.index[where])
-
-    def _read(self, names: Iterable[Name], point: int) -> None:
-        for name in names:
-            self.readers[name].add(point)
-
-    def _write(self, write: Write) -> None:
-        self._read(names_in(write.condition), write.point)
-        self.writes[write.name].append(write)
+            point, assigns = self.index[instance.at(effect.timing)], effect.operator is model.AssignmentKind.ASSIGN
+            write = Write(point, effect.fluent, effect.expression, assigns, effect.condition, number)
+            self.writes[effect.fluent].append(write)
 
 
 class Settled:
@@ -127,7 +90,7 @@ class Settled:
         apart: the separation of mutex points in units of the network.
     """
 
-    def __init__(self, plan: ParametrizedPlan, paths: DifferenceNetwork, scale: int, apart: int) -> None:
+    def __init__(self, plan: model.ParametrizedPlan, paths: DifferenceNetwork, scale: int, apart: int) -> None:
         self.plan = plan
         self.paths = paths
         self._scale = scale
@@ -145,27 +108,27 @@ class Settled:
 
     def _all_unsteady(self) -> set[Name]:
         accesses = self.accesses
-        found: set[Name] = set(accesses.moving)
-        found.update(
-            name for name in accesses.writes if isinstance(name, Fluent) and name not in self.plan.initial_fluents
+        unsteady: set[Name] = set(accesses.moving)
+        unsteady.update(
+            name for name in accesses.writes if isinstance(name, model.Fluent) and name not in self.plan.initial_fluents
         )
-        found.update(name for name in accesses.writes if not self._is_ordered(name))
-        found.update(fluent for fluent, value in self.plan.initial_fluents.items() if not value.is_constant)
+        unsteady.update(name for name in accesses.writes if not self._is_ordered(name))
+        unsteady.update(fluent for fluent, value in self.plan.initial_fluents.items() if not value.is_constant)
         readers: dict[Name, list[Name]] = defaultdict(list)
         for name, writes in accesses.writes.items():
             for write in writes:
                 expression = None if isinstance(write.amount, bool) else write.amount
-                for read in (*names_in(write.condition), *(fluents_in(expression) if expression else ())):
+                for read in (*names_in(write.condition), *(model.fluents_in(expression) if expression else ())):
                     readers[read].append(name)
                 if not self._is_known(write.condition, write.instance, expression):
-                    found.add(name)
-        waiting = list(found)
+                    unsteady.add(name)
+        waiting = list(unsteady)
         while waiting:
             for name in readers[waiting.pop()]:
-                if name not in found:
-                    found.add(name)
+                if name not in unsteady:
+                    unsteady.add(name)
                     waiting.append(name)
-        return found
+        return unsteady
 
     def _is_ordered(self, name: Name) -> bool:
         """Whether all points that may not touch a name at the same time are apart, each pair in one order.
@@ -176,7 +139,7 @@ class Settled:
         kinds = self._kinds(name)
         runs: list[list[int]] = []
         last = ""
-        for point in sorted(kinds, key=lambda one: (self._times[one], one)):
+        for point in sorted(kinds, key=lambda number: (self._times[number], number)):
             if kinds[point] != last or last == "assign":
                 runs.append([])
             last = kinds[point]
@@ -198,17 +161,23 @@ class Settled:
             return True
         return self.paths.at_least(first, second, self._apart)
 
-    def _is_known(self, condition: Condition, instance: int | None, expression: Expression | None = None) -> bool:
+    def _is_known(
+        self, condition: model.Condition, instance: int | None, expression: model.Expression | None = None
+    ) -> bool:
         """Whether a condition and an expression mention nothing but fluents and durations that are fixed."""
-        expressions = [leaf.expression for leaf in leaves(condition) if isinstance(leaf, NumericCondition)]
+        expressions = [leaf.expression for leaf in model.leaves(condition) if isinstance(leaf, model.NumericCondition)]
         if expression is not None:
             expressions.append(expression)
-        variables = {variable for one in expressions for variable in one.variables if not isinstance(variable, Fluent)}
-        return all(isinstance(one, Duration) and self._duration(instance) is not None for one in variables)
+        variables = {
+            variable for part in expressions for variable in part.variables if not isinstance(variable, model.Fluent)
+        }
+        return all(
+            isinstance(variable, model.Duration) and self._duration(instance) is not None for variable in variables
+        )
 
     def _are_steady(self, names: Iterable[Name]) -> bool:
         known = self.plan.initial_fluents
-        return all(name not in self._unsteady and (isinstance(name, Atom) or name in known) for name in names)
+        return all(name not in self._unsteady and (isinstance(name, model.Atom) or name in known) for name in names)
 
     def _duration(self, instance: int | None) -> Fraction | None:
         """The duration of an instance if all schedules agree on it."""
@@ -225,45 +194,45 @@ class Settled:
         """Whether two points are ε apart, in one order in all schedules."""
         return any(self.paths.at_least(*pair, self._apart) for pair in ((first, second), (second, first)))
 
-    def holds_at(self, condition: Condition, point: int, instance: int | None = None) -> bool:
+    def holds_at(self, condition: model.Condition, point: int, instance: int | None = None) -> bool:
         """Whether a condition that is read at a point, or FINALLY, holds there in all schedules."""
         if not self._is_known(condition, instance) or not self._are_steady(names_in(condition)):
             return False
         return self._history.before(point).holds(condition, self._duration(instance))
 
-    def holds_duration(self, condition: NumericCondition, point: int, instance: int) -> bool:
+    def holds_duration(self, condition: model.NumericCondition, point: int, instance: int) -> bool:
         """Whether a constraint on the duration of an instance, whose fluents are read at a point, always holds."""
         expression = condition.expression
-        fluents = set(fluents_in(expression))
+        fluents = set(model.fluents_in(expression))
         if not self._are_steady(fluents) or not expression.is_linear:
             return False
-        if not all(isinstance(variable, Fluent | Duration) for variable in expression.variables):
+        if not all(isinstance(variable, model.Fluent | model.Duration) for variable in expression.variables):
             return False
         state = self._history.before(point)
         start, end = self.accesses.starts[instance], self.accesses.ends[instance]
         shortest, longest = self.paths.least(start, end), self.paths.least(end, start)
         first = None if shortest is None else state.value(expression, Fraction(shortest, self._scale))
         last = None if longest is None else state.value(expression, Fraction(-longest, self._scale))
-        return _holds_between(condition.relation, expression.terms.get((Duration(),), Fraction(0)), first, last)
+        return _holds_between(condition.relation, expression.terms.get((model.Duration(),), Fraction(0)), first, last)
 
-    def holds_throughout(self, condition: Condition, instance: int) -> bool:
+    def holds_throughout(self, condition: model.Condition, instance: int) -> bool:
         """Whether an over-all condition of an instance holds in all schedules."""
         start, end = self.accesses.starts[instance], self.accesses.ends[instance]
         if self.paths.at_least(end, start, 0):
             return True
         match condition:
-            case Truth(value):
+            case model.Truth(value):
                 return value
-            case And(operands):
+            case model.And(operands):
                 return all(self.holds_throughout(operand, instance) for operand in operands)
-            case Or(operands):
+            case model.Or(operands):
                 return any(self.holds_throughout(operand, instance) for operand in operands)
-            case Holds(atom, value):
+            case model.Holds(atom, value):
                 return atom not in self._unsteady and self._is_protected(atom, value, start, end)
-            case NumericCondition():
+            case model.NumericCondition():
                 return self._is_kept(condition, instance, start, end)
 
-    def _is_protected(self, atom: Atom, value: bool, start: int, end: int) -> bool:
+    def _is_protected(self, atom: model.Atom, value: bool, start: int, end: int) -> bool:
         after = self.paths.at_least
         times, writes = self._times, self._history.truths.get(atom, {})
         supporters = [point for point, given in writes.items() if given is value and after(point, start, 0)]
@@ -275,9 +244,9 @@ class Settled:
             for point, given in writes.items()
         )
 
-    def _is_kept(self, condition: NumericCondition, instance: int, start: int, end: int) -> bool:
+    def _is_kept(self, condition: model.NumericCondition, instance: int, start: int, end: int) -> bool:
         """A comparison, in all states between the writes that may come inside; each in order with each other."""
-        fluents = set(fluents_in(condition.expression))
+        fluents = set(model.fluents_in(condition.expression))
         if not self._is_known(condition, instance) or not self._are_steady(fluents):
             return False
         after = self.paths.at_least
@@ -305,29 +274,29 @@ class Settled:
 class _State:
     """What the names that are steady are at some moment of every schedule."""
 
-    truth: Callable[[Atom], bool]
-    number: Callable[[Fluent], Fraction]
+    truth: Callable[[model.Atom], bool]
+    number: Callable[[model.Fluent], Fraction]
 
-    def value(self, expression: Expression, duration: Fraction | None) -> Fraction:
-        values: dict[NumericVariable, Fraction] = {}
+    def value(self, expression: model.Expression, duration: Fraction | None) -> Fraction:
+        values: dict[model.NumericVariable, Fraction] = {}
         for variable in expression.variables:
-            if isinstance(variable, Fluent):
+            if isinstance(variable, model.Fluent):
                 values[variable] = self.number(variable)
-            elif isinstance(variable, Duration) and duration is not None:
+            elif isinstance(variable, model.Duration) and duration is not None:
                 values[variable] = duration
         return expression.evaluate(values)
 
-    def holds(self, condition: Condition, duration: Fraction | None) -> bool:
+    def holds(self, condition: model.Condition, duration: Fraction | None) -> bool:
         match condition:
-            case Truth(value):
+            case model.Truth(value):
                 return value
-            case Holds(atom, value):
+            case model.Holds(atom, value):
                 return self.truth(atom) is value
-            case NumericCondition(expression, relation):
+            case model.NumericCondition(expression, relation):
                 return relation.holds(self.value(expression, duration))
-            case And(operands):
+            case model.And(operands):
                 return all(self.holds(operand, duration) for operand in operands)
-            case Or(operands):
+            case model.Or(operands):
                 return any(self.holds(operand, duration) for operand in operands)
 
 
@@ -340,21 +309,21 @@ class _History:
 
     def __init__(
         self,
-        plan: ParametrizedPlan,
+        plan: model.ParametrizedPlan,
         writes: Mapping[Name, Sequence[Write]],
         unsteady: Set[Name],
         times: Sequence[int],
         durations: Sequence[Fraction | None],
     ) -> None:
-        self.truths: dict[Atom, dict[int, bool]] = defaultdict(dict)
+        self.truths: dict[model.Atom, dict[int, bool]] = defaultdict(dict)
         self._plan = plan
         self._times = times
-        self._amounts: dict[Fluent, list[tuple[int, bool, Fraction]]] = defaultdict(list)
+        self._amounts: dict[model.Fluent, list[tuple[int, bool, Fraction]]] = defaultdict(list)
         self._moments: dict[Name, list[int]] = defaultdict(list)
         """The times at which a name is written, and beside them what it is from then on."""
-        self._truths_after: dict[Atom, list[bool]] = defaultdict(list)
-        self._numbers_after: dict[Fluent, list[Fraction]] = defaultdict(list)
-        steady = (write for name, found in writes.items() if name not in unsteady for write in found)
+        self._truths_after: dict[model.Atom, list[bool]] = defaultdict(list)
+        self._numbers_after: dict[model.Fluent, list[Fraction]] = defaultdict(list)
+        steady = (write for name, written in writes.items() if name not in unsteady for write in written)
         # In the order of time, and at one point assignments before increases.
         ordered = sorted(steady, key=lambda write: (times[write.point], not write.assigns))
         for _, simultaneous in groupby(ordered, key=lambda write: times[write.point]):
@@ -366,11 +335,11 @@ class _History:
         done: list[tuple[Write, bool | Fraction]] = []
         for write in writes:
             duration = None if write.instance is None else durations[write.instance]
-            if write.condition == Truth(True) or state.holds(write.condition, duration):
+            if write.condition == model.Truth(True) or state.holds(write.condition, duration):
                 read = write.amount
                 done.append((write, read if isinstance(read, bool) else state.value(read, duration)))
         for write, amount in done:
-            if isinstance(write.name, Atom):
+            if isinstance(write.name, model.Atom):
                 given = self.truths[write.name]
                 given[write.point] = bool(amount) or given.get(write.point, False)
                 self._truths_after[write.name].append(given[write.point])
@@ -380,11 +349,11 @@ class _History:
                 self._numbers_after[write.name].append(old + amount)
             self._moments[write.name].append(self._times[write.point])
 
-    def _number(self, fluent: Fluent, count: int) -> Fraction:
+    def _number(self, fluent: model.Fluent, count: int) -> Fraction:
         """A fluent after its first writes, as many as are said."""
         return self._numbers_after[fluent][count - 1] if count else self._initially(fluent)
 
-    def _initially(self, fluent: Fluent) -> Fraction:
+    def _initially(self, fluent: model.Fluent) -> Fraction:
         return self._plan.initial_fluents[fluent].constant_term
 
     def before(self, point: int) -> _State:
@@ -394,7 +363,7 @@ class _History:
             moments = self._moments.get(name, ())
             return len(moments) if point == FINALLY else bisect_left(moments, self._times[point])
 
-        def truth(atom: Atom) -> bool:
+        def truth(atom: model.Atom) -> bool:
             past = count(atom)
             return self._truths_after[atom][past - 1] if past else atom in self._plan.initial_atoms
 
@@ -403,7 +372,7 @@ class _History:
     def among(self, points: Set[int]) -> _State:
         """The fluents when just the writes of these points have taken place; it says nothing of atoms."""
 
-        def number(fluent: Fluent) -> Fraction:
+        def number(fluent: model.Fluent) -> Fraction:
             value = self._initially(fluent)
             for point, assigns, amount in self._amounts.get(fluent, ()):
                 if point in points:
@@ -419,24 +388,24 @@ def _kind(write: Write) -> str:
     return "assign" if write.assigns else "increase"
 
 
-def _holds_between(relation: Relation, slope: Fraction, first: Fraction | None, last: Fraction | None) -> bool:
+def _holds_between(relation: model.Relation, slope: Fraction, first: Fraction | None, last: Fraction | None) -> bool:
     """Whether a linear function holds between two ends of its variable, where it is given; None is infinitely far."""
     if slope == 0:
         value = first if first is not None else last
         return value is not None and relation.holds(value)
     low, high = (first, last) if slope > 0 else (last, first)
     match relation:
-        case Relation.AT_LEAST:
+        case model.Relation.AT_LEAST:
             return low is not None and low >= 0
-        case Relation.GREATER:
+        case model.Relation.GREATER:
             return low is not None and low > 0
-        case Relation.EQUAL:
+        case model.Relation.EQUAL:
             return low == high == 0
-        case Relation.DIFFERENT:
+        case model.Relation.DIFFERENT:
             return (low is not None and low > 0) or (high is not None and high < 0)
 
 
-def settle(plan: ParametrizedPlan, epsilon: Fraction) -> Settled | None:
+def settle(plan: model.ParametrizedPlan, epsilon: Fraction) -> Settled | None:
     """What the network of a plan settles, for all values of its parameters; None if it has no schedule."""
     ranges = {parameter.name: (parameter.lower, parameter.upper) for parameter in plan.parameters}
     index = {point: number for number, point in enumerate(plan.time_points)}
@@ -445,11 +414,11 @@ def settle(plan: ParametrizedPlan, epsilon: Fraction) -> Settled | None:
         bounds.append((0, number, point.time or Fraction(0)))
         if point.time is not None:
             bounds.append((number, 0, -point.time))
-    for one in plan.constraints:
-        source, target = index[one.source], index[one.target]
-        if one.lower is not None and (low := least(over_parameters(one.lower), ranges)) is not None:
+    for constraint in plan.constraints:
+        source, target = index[constraint.source], index[constraint.target]
+        if constraint.lower is not None and (low := least(over_parameters(constraint.lower), ranges)) is not None:
             bounds.append((source, target, low))
-        if one.upper is not None and (high := least(-over_parameters(one.upper), ranges)) is not None:
+        if constraint.upper is not None and (high := least(-over_parameters(constraint.upper), ranges)) is not None:
             bounds.append((target, source, high))
     scale = lcm(epsilon.denominator, *(weight.denominator for _, _, weight in bounds))
     apart = int(epsilon * scale)
@@ -460,7 +429,9 @@ def settle(plan: ParametrizedPlan, epsilon: Fraction) -> Settled | None:
     return Settled(plan, paths, scale, apart)
 
 
-def proved(plan: ParametrizedPlan, epsilon: Fraction, pairs: Iterable[tuple[TimePoint, TimePoint]]) -> frozenset[str]:
+def proved(
+    plan: model.ParametrizedPlan, epsilon: Fraction, pairs: Iterable[tuple[model.TimePoint, model.TimePoint]]
+) -> frozenset[str]:
     """The names of the obligations that shortest paths prove for all schedules and all declared parameter values.
 
     `pairs` are the mutex pairs of the plan.
@@ -469,13 +440,15 @@ def proved(plan: ParametrizedPlan, epsilon: Fraction, pairs: Iterable[tuple[Time
     return frozenset() if settled is None else frozenset(name for name, holds in _verdicts(settled, pairs) if holds)
 
 
-def is_proved(plan: ParametrizedPlan, epsilon: Fraction, pairs: Iterable[tuple[TimePoint, TimePoint]]) -> bool:
+def is_proved(
+    plan: model.ParametrizedPlan, epsilon: Fraction, pairs: Iterable[tuple[model.TimePoint, model.TimePoint]]
+) -> bool:
     """Whether shortest paths prove all obligations."""
     settled = settle(plan, epsilon)
     return settled is not None and all(holds for _, holds in _verdicts(settled, pairs))
 
 
-def _verdicts(settled: Settled, pairs: Iterable[tuple[TimePoint, TimePoint]]) -> Iterator[tuple[str, bool]]:
+def _verdicts(settled: Settled, pairs: Iterable[tuple[model.TimePoint, model.TimePoint]]) -> Iterator[tuple[str, bool]]:
     plan, index = settled.plan, settled.accesses.index
     for first, second in pairs:
         yield f"separation: {first}, {second}", settled.is_separated(index[first], index[second])
@@ -485,13 +458,13 @@ def _verdicts(settled: Settled, pairs: Iterable[tuple[TimePoint, TimePoint]]) ->
             name = f"{instance.identifier} {instance.action}: non-negative duration"
             yield name, settled.paths.at_least(start, end, 0)
         for duration in instance.durations:
-            point = end if duration.timing is Timing.AT_END else start
+            point = end if duration.timing is model.Timing.AT_END else start
             yield instance.label(duration), settled.holds_duration(duration.condition, point, number)
         for timed in instance.demands:
-            if timed.timing is Timing.OVER_ALL:
+            if timed.timing is model.Timing.OVER_ALL:
                 yield instance.label(timed), settled.holds_throughout(timed.condition, number)
             else:
-                point = end if timed.timing is Timing.AT_END else start
+                point = end if timed.timing is model.Timing.AT_END else start
                 yield instance.label(timed), settled.holds_at(timed.condition, point, number)
     for goal in plan.goal:
         yield goal.label, settled.holds_at(goal.condition, FINALLY)

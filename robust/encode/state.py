@@ -13,24 +13,7 @@ from robust.encode.effects import AtomWrite, Flow, FluentWrite, Writes
 from robust.encode.interface import Auxiliary, Definitions, Linear, constant, initial_value, variable
 from robust.encode.network import Orders, TemporalNetwork
 from robust.errors import UnsupportedError
-from robust.plan.model import (
-    ActionInstance,
-    And,
-    Atom,
-    Condition,
-    Duration,
-    Expression,
-    Fluent,
-    Holds,
-    NumericCondition,
-    NumericVariable,
-    Or,
-    ParameterReference,
-    ParametrizedPlan,
-    TimePoint,
-    Truth,
-    fluents_in,
-)
+from robust.plan import model
 from robust.smt.terms import Formula, Terms
 
 
@@ -47,7 +30,7 @@ class StateMoment:
     """
 
     side: MomentSide
-    point: TimePoint | None = None
+    point: model.TimePoint | None = None
     instant: Auxiliary | None = None
 
     def __str__(self) -> str:
@@ -59,11 +42,11 @@ class StateMoment:
 FINALLY = StateMoment(MomentSide.AFTER)
 
 
-def before(point: TimePoint) -> StateMoment:
+def before(point: model.TimePoint) -> StateMoment:
     return StateMoment(MomentSide.BEFORE, point)
 
 
-def after(point: TimePoint) -> StateMoment:
+def after(point: model.TimePoint) -> StateMoment:
     return StateMoment(MomentSide.AFTER, point)
 
 
@@ -83,7 +66,7 @@ class MomentOrder:
             raise ValueError("the very end has no time")
         return self.network.places[moment.point]
 
-    def earlier(self, first: TimePoint, second: TimePoint) -> Formula:
+    def earlier(self, first: model.TimePoint, second: model.TimePoint) -> Formula:
         """t_first < t_second."""
         if self.orders.surely_before(first, second):
             return self.terms.true
@@ -91,11 +74,11 @@ class MomentOrder:
             return self.terms.false
         return self.terms.greater(self.network.distance(first, second))
 
-    def not_later(self, first: TimePoint, second: TimePoint) -> Formula:
+    def not_later(self, first: model.TimePoint, second: model.TimePoint) -> Formula:
         """t_first ≤ t_second."""
         return self.terms.negation(self.earlier(second, first))
 
-    def passed(self, point: TimePoint, moment: StateMoment) -> Formula:
+    def passed(self, point: model.TimePoint, moment: StateMoment) -> Formula:
         """Whether what happens at `point` belongs to the past of `moment`."""
         if moment.instant is not None:
             gap = variable(moment.instant) - self.network.places[point]
@@ -113,56 +96,60 @@ class States:
     Whoever asserts a formula from here must assert what it needs of `definitions` too.
     """
 
-    def __init__(self, plan: ParametrizedPlan, writes: Writes, clock: MomentOrder) -> None:
+    def __init__(self, plan: model.ParametrizedPlan, writes: Writes, clock: MomentOrder) -> None:
         self.plan = plan
         self.clock = clock
         self.terms = clock.terms
         self.writes = writes
         self.definitions = Definitions(self.terms)
-        self._values: dict[tuple[Fluent, StateMoment], Linear] = {}
-        self._truths: dict[tuple[Atom, StateMoment], Formula] = {}
-        self._open_values: dict[tuple[Fluent, StateMoment], Auxiliary | None] = {}
-        self._open_truths: dict[tuple[Atom, StateMoment], Formula | None] = {}
+        self._values: dict[tuple[model.Fluent, StateMoment], Linear] = {}
+        self._truths: dict[tuple[model.Atom, StateMoment], Formula] = {}
+        self._open_values: dict[tuple[model.Fluent, StateMoment], Auxiliary | None] = {}
+        self._open_truths: dict[tuple[model.Atom, StateMoment], Formula | None] = {}
 
     # -- conditions ----------------------------------------------------------------------------------------------
 
-    def condition(self, condition: Condition, moment: StateMoment, instance: ActionInstance | None = None) -> Formula:
+    def condition(
+        self, condition: model.Condition, moment: StateMoment, instance: model.ActionInstance | None = None
+    ) -> Formula:
         """The truth of a condition at a moment; `instance` is the one whose `?duration` it mentions."""
         match condition:
-            case Truth(value):
+            case model.Truth(value):
                 return self.terms.truth(value)
-            case Holds(atom, value):
+            case model.Holds(atom, value):
                 truth = self.atom(atom, moment)
                 return truth if value else self.terms.negation(truth)
-            case NumericCondition(expression, relation):
+            case model.NumericCondition(expression, relation):
                 return self.terms.compare(self.expression(expression, moment, instance), relation)
-            case And(operands):
+            case model.And(operands):
                 return self.terms.conjunction(self.condition(operand, moment, instance) for operand in operands)
-            case Or(operands):
+            case model.Or(operands):
                 return self.terms.disjunction(self.condition(operand, moment, instance) for operand in operands)
 
-    def expression(self, expression: Expression, moment: StateMoment, instance: ActionInstance | None) -> Linear:
+    def expression(
+        self, expression: model.Expression, moment: StateMoment, instance: model.ActionInstance | None
+    ) -> Linear:
         """The value of a numeric expression at a moment, over parameters and time variables."""
 
-        def value(name: NumericVariable) -> Linear:
+        def value(name: model.NumericVariable) -> Linear:
             match name:
-                case Fluent():
+                case model.Fluent():
                     return self.fluent(name, moment)
-                case ParameterReference():
+                case model.ParameterReference():
                     return variable(name)
-                case Duration():
+                case model.Duration():
                     return self.duration(instance)
 
         return expression.substitute(value)
 
-    def duration(self, instance: ActionInstance | None) -> Linear:
+    def duration(self, instance: model.ActionInstance | None) -> Linear:
         if instance is None:
             raise UnsupportedError("?duration has no meaning outside a durative action")
         return self.clock.network.distance(instance.start, instance.end)
 
     # -- atoms ---------------------------------------------------------------------------------------------------
 
-    def atom(self, atom: Atom, moment: StateMoment) -> Formula:
+    def atom(self, atom: model.Atom, moment: StateMoment) -> Formula:
         """The truth of an atom at a moment: its last writer decides, an add wins over a simultaneous delete."""
         key = (atom, moment)
         if key in self._truths:
@@ -181,7 +168,7 @@ class States:
         self._truths[key] = truth
         return truth
 
-    def _atom(self, atom: Atom, moment: StateMoment) -> Formula:
+    def _atom(self, atom: model.Atom, moment: StateMoment) -> Formula:
         writes = [(write, self._happened(write, moment)) for write in self.writes.of_atom.get(atom, ())]
         deletes = [(write.point, done) for write, done in writes if not write.value and done is not self.terms.false]
         cases = []
@@ -199,13 +186,13 @@ class States:
     def _happened(self, write: AtomWrite | FluentWrite, moment: StateMoment) -> Formula:
         """Whether a write lies in the past of a moment and took effect."""
         passed = self.clock.passed(write.point, moment)
-        if passed is self.terms.false or write.condition == Truth(True):
+        if passed is self.terms.false or write.condition == model.Truth(True):
             return passed
         return self.terms.conjunction((passed, self.condition(write.condition, before(write.point), write.instance)))
 
     # -- fluents -------------------------------------------------------------------------------------------------
 
-    def fluent(self, fluent: Fluent, moment: StateMoment) -> Linear:
+    def fluent(self, fluent: model.Fluent, moment: StateMoment) -> Linear:
         """The value of a fluent at a moment."""
         key = (fluent, moment)
         if key in self._values:
@@ -223,7 +210,7 @@ class States:
         self._values[key] = value
         return value
 
-    def _fluent(self, fluent: Fluent, moment: StateMoment) -> Linear:
+    def _fluent(self, fluent: model.Fluent, moment: StateMoment) -> Linear:
         initial = initial_value(self.plan, fluent)
         assignments = [
             (write, done)
@@ -249,7 +236,7 @@ class States:
                 cases.append((last, assigned + self._change(fluent, write, moment)))
         return self.definitions.choice(f"{fluent} {moment}", cases)
 
-    def _change(self, fluent: Fluent, since: FluentWrite | None, moment: StateMoment) -> Linear:
+    def _change(self, fluent: model.Fluent, since: FluentWrite | None, moment: StateMoment) -> Linear:
         """What increases and continuous effects add between an assignment (or the beginning) and a moment."""
         total = constant(0)
         for write in self.writes.of_fluent.get(fluent, ()):
@@ -286,7 +273,7 @@ class States:
         return self.definitions.choice(f"{instance.identifier} {flow.effect.fluent} {moment}", cases, constant(0))
 
     def _rate(self, flow: Flow) -> Linear:
-        changing = [name for name in fluents_in(flow.effect.rate) if self.writes.changes(name)]
+        changing = [name for name in model.fluents_in(flow.effect.rate) if self.writes.changes(name)]
         if changing:
             raise UnsupportedError(
                 f"{flow.instance.identifier} {flow.instance.action}: non-linear continuous effect on "

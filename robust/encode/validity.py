@@ -11,17 +11,7 @@ from fractions import Fraction
 from functools import cached_property
 from math import lcm
 
-from robust.encode.interface import (
-    Auxiliary,
-    Facet,
-    Grid,
-    IntegerForm,
-    Linear,
-    Range,
-    constant,
-    is_over_parameters,
-    variable,
-)
+from robust.encode import interface
 from robust.encode.network import Difference, DurationRule, TemporalNetwork
 from robust.network.differences import Cycle, delay
 from robust.plan.model import ZERO, ParameterReference, TimePoint
@@ -30,7 +20,7 @@ from robust.smt.session import Satisfiability, Session
 from robust.smt.terms import Formula, Terms
 
 
-def facet_of(cycle: Iterable[Difference]) -> Facet:
+def facet_of(cycle: Iterable[Difference]) -> interface.Facet:
     """The inequality that a cycle stands for, with what it says in the order of time from zero on."""
     following = {edge.source: edge for edge in cycle}
     place = ZERO if ZERO in following else next(iter(following))
@@ -39,7 +29,7 @@ def facet_of(cycle: Iterable[Difference]) -> Facet:
         edges.append(following[place])
         place = edges[-1].target
     origins = dict.fromkeys(origin for edge in edges for origin in edge.origins)
-    return Facet(-sum((edge.weight for edge in edges), constant(0)), tuple(origins))
+    return interface.Facet(-sum((edge.weight for edge in edges), interface.constant(0)), tuple(origins))
 
 
 class Cycles:
@@ -51,12 +41,12 @@ class Cycles:
         index = {node: number for number, node in enumerate(nodes)}
         self._ends = [(index[edge.source], index[edge.target]) for edge in edges]
         scale = lcm(*(factor.denominator for edge in edges for factor in edge.weight.terms.values()))
-        self._slopes = [IntegerForm(-edge.weight, scale) for edge in edges]
+        self._slopes = [interface.IntegerForm(-edge.weight, scale) for edge in edges]
         self._times = [0] * len(nodes)
         """Of the last proof; with these the next one begins."""
         self._unit = 1
 
-    def suspicious(self, grid: Grid) -> list[Difference] | None:
+    def suspicious(self, grid: interface.Grid) -> list[Difference] | None:
         """A cycle with a positive sum when every edge has its worst weight in the box; None if there is none.
 
         None proves that every point of the box has a schedule. A cycle need not be positive at any single point, since
@@ -145,21 +135,21 @@ class Validity:
     def __init__(self, network: TemporalNetwork, rules: Iterable[DurationRule], terms: Terms) -> None:
         self._network = network
         self._terms = terms
-        self.facets: list[Facet] = [
-            Facet(inequality.expression, inequality.origins)
+        self.facets: list[interface.Facet] = [
+            interface.Facet(inequality.expression, inequality.origins)
             for inequality in network.inequalities
-            if is_over_parameters(inequality.expression)
+            if interface.is_over_parameters(inequality.expression)
         ]
         for rule in rules:
             for bound in rule.bounds:
                 expression = network.slack(bound)
                 trivial = expression.is_constant and expression.constant_term >= 0
-                if is_over_parameters(expression) and not trivial:
-                    self.facets.append(Facet(expression, (rule.name,), rule.name))
+                if interface.is_over_parameters(expression) and not trivial:
+                    self.facets.append(interface.Facet(expression, (rule.name,), rule.name))
 
     def broken_facet(
-        self, box: Grid, make_session: Callable[[], Session], deadline: Deadline
-    ) -> Facet | Satisfiability | None:
+        self, box: interface.Grid, make_session: Callable[[], Session], deadline: Deadline
+    ) -> interface.Facet | Satisfiability | None:
         """A facet that some point of the box breaks; None if every point has a schedule; UNKNOWN out of time.
 
         `make_session` opens a solver session over the same terms, only if it comes to that.
@@ -176,15 +166,15 @@ class Validity:
             return facet
         return self._broken_by_some_circulation(box, make_session(), deadline)
 
-    def known_facet(self, box: Grid) -> Facet | None:
+    def known_facet(self, box: interface.Grid) -> interface.Facet | None:
         """A facet of the network alone that some point of the box breaks, of those that a search has met."""
         return next((facet for facet in self.facets if facet.obligation is None and facet.breaks_in(box)), None)
 
-    def contradiction(self, values: Mapping[str, Fraction]) -> Facet | None:
+    def contradiction(self, values: Mapping[str, Fraction]) -> interface.Facet | None:
         """Statements of the network that cannot hold together at one point; None if it has a schedule there."""
-        grid = Grid({name: (value, value) for name, value in values.items()})
+        grid = interface.Grid({name: (value, value) for name, value in values.items()})
         for bound in self._network.bounds_of_parameters():
-            facet = Facet(bound.expression, bound.origins)
+            facet = interface.Facet(bound.expression, bound.origins)
             if facet.breaks_in(grid):
                 return facet
         cycle = self._all_cycles.suspicious(grid)
@@ -199,17 +189,21 @@ class Validity:
     def _edges(self) -> list[Difference]:
         """The network between free time points."""
         inequalities = self._network.inequalities
-        return [one.as_difference() for one in inequalities if not is_over_parameters(one.expression)]
+        return [
+            inequality.as_difference()
+            for inequality in inequalities
+            if not interface.is_over_parameters(inequality.expression)
+        ]
 
     @cached_property
     def _cycles(self) -> Cycles:
         return Cycles(self._edges)
 
     def _broken_by_some_circulation(
-        self, box: Grid, session: Session, deadline: Deadline
-    ) -> Facet | Satisfiability | None:
-        flows = [variable(Auxiliary("flow", index)) for index in range(len(self._edges))]
-        symbols = [self._terms.real(Auxiliary("flow", index)) for index in range(len(self._edges))]
+        self, box: interface.Grid, session: Session, deadline: Deadline
+    ) -> interface.Facet | Satisfiability | None:
+        flows = [interface.variable(interface.Auxiliary("flow", index)) for index in range(len(self._edges))]
+        symbols = [self._terms.real(interface.Auxiliary("flow", index)) for index in range(len(self._edges))]
         session.add(self._circulation(flows, box.ranges))
         verdict = session.check("enc_valid: a cycle that the box breaks", deadline)
         if verdict is Satisfiability.UNSATISFIABLE:
@@ -224,15 +218,15 @@ class Validity:
         self.facets += broken
         return broken[0]
 
-    def _circulation(self, flows: list[Linear], ranges: Mapping[str, Range]) -> Formula:
+    def _circulation(self, flows: list[interface.Linear], ranges: Mapping[str, interface.Range]) -> Formula:
         """A non-negative circulation over the edges whose sum of slacks is negative at the worst point of the box.
 
         By Farkas' lemma one exists if and only if some point of the box has no schedule. The sum is linear in each
         parameter, so its worst point is known from the signs of its coefficients.
         """
         terms = self._terms
-        slack, balance = constant(0), defaultdict[TimePoint, Linear](lambda: constant(0))
-        slopes = defaultdict[str, Linear](lambda: constant(0))
+        slack, balance = interface.constant(0), defaultdict[TimePoint, interface.Linear](lambda: interface.constant(0))
+        slopes = defaultdict[str, interface.Linear](lambda: interface.constant(0))
         for candidate, flow in zip(self._edges, flows, strict=True):
             balance[candidate.source] += flow
             balance[candidate.target] -= flow
@@ -243,7 +237,7 @@ class Validity:
         conditions = [*map(terms.at_least, flows), *map(terms.equal, balance.values())]
         escapes = []
         for index, (name, slope) in enumerate(sorted(slopes.items(), key=lambda item: item[0])):
-            worst = variable(Auxiliary("worst", index))
+            worst = interface.variable(interface.Auxiliary("worst", index))
             slack += worst
             for side, extreme in zip((slope, -slope), ranges.get(name, (None, None)), strict=True):
                 if extreme is None:

@@ -1,6 +1,6 @@
 """From files to the parametrized planning problem: domain, problem, plan and parameter specifications put together.
 
-Other numbers in the text of a plan, with everything else left as it was written: comments, order, blanks.
+:func:`rewritten` is a way back: it changes numbers in the text of a plan, and leaves comments, order and blanks.
 """
 
 from __future__ import annotations
@@ -15,26 +15,9 @@ from os import PathLike
 
 from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import format_number
-from robust.plan.model import (
-    ZERO,
-    ActionInstance,
-    Bound,
-    Expression,
-    Fluent,
-    NumericVariable,
-    Parameter,
-    ParameterReference,
-    ParametrizedPlan,
-    TemporalConstraint,
-)
+from robust.plan import model
 from robust.plan.parameters import ParameterSpec, Wiring, parse_specs, read_parameter_file, referenced_parameters, wire
-from robust.plan.pddl.grounding import (
-    fluents_in_goal,
-    fluents_read,
-    ground_action,
-    ground_goal,
-    initial_fluents,
-)
+from robust.plan.pddl.grounding import fluents_in_goal, fluents_read, ground_action, ground_goal, initial_fluents
 from robust.plan.pddl.reader import read_domain, read_problem
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.polynomial import Polynomial
@@ -51,7 +34,7 @@ def load_plan(
     parameters: Sequence[str] = (),
     parameter_file: File | None = None,
     nominal_needed: bool = True,
-) -> ParametrizedPlan:
+) -> model.ParametrizedPlan:
     """Read a PDDL domain and problem and a `.stn` plan; InputError for anything wrong in them.
 
     `parameters` are specifications as :mod:`robust.plan.parameters` describes them, and `parameter_file` is a TOML
@@ -60,8 +43,8 @@ def load_plan(
     """
     parsed_domain = read_domain(domain)
     parsed_problem = read_problem(problem, parsed_domain)
-    specs = () if parameter_file is None else read_parameter_file(parameter_file)
-    specs = (*specs, *parse_specs(parameters))
+    beside = () if parameter_file is None else read_parameter_file(parameter_file)
+    specs = (*beside, *parse_specs(parameters))
     return assemble(parsed_domain, parsed_problem, read_stn(plan), specs, nominal_needed=nominal_needed)
 
 
@@ -73,7 +56,7 @@ def assemble(
     *,
     nominal_needed: bool = True,
     may_be_empty: bool = False,
-) -> ParametrizedPlan:
+) -> model.ParametrizedPlan:
     """Ground what the plan uses and make the specified quantities parameters; InputError if the parts do not fit.
 
     A duration that a specification makes a parameter γ replaces the instance's own constraint `(= ?duration e)` by
@@ -91,28 +74,30 @@ def assemble(
         ground_action(
             domain,
             problem,
-            one.identifier,
-            one.action,
-            one.arguments,
-            one.durative,
-            one.location,
+            instance.identifier,
+            instance.action,
+            instance.arguments,
+            instance.durative,
+            instance.location,
             parametrized=varied,
-            duration=wiring.durations.get(one.identifier),
+            duration=wiring.durations.get(instance.identifier),
         )
-        for one in stn.instances
+        for instance in stn.instances
     ]
     goal = ground_goal(domain, problem, parametrized=varied)
     _check_used(stn, wiring, declared, fluents)
     parameters = _parameters(stn, wiring, declared, nominal_needed=nominal_needed)
     values = {**fluents, **{fluent: _reference(name) for fluent, name in wiring.fluents.items()}}
     _check_initial_values(instances, fluents_in_goal(domain, problem), values, Location(stn.file))
-    return ParametrizedPlan(
+    return model.ParametrizedPlan(
         name=stn.name,
         parameters=parameters,
         instances=tuple(instances),
         constraints=tuple(
-            TemporalConstraint(one.source, one.target, _bound(one.lower), _bound(one.upper), one.location)
-            for one in wiring.constraints
+            model.TemporalConstraint(
+                bound.source, bound.target, _bound(bound.lower), _bound(bound.upper), bound.location
+            )
+            for bound in wiring.constraints
         ),
         initial_atoms=problem.atoms,
         initial_fluents=values,
@@ -128,9 +113,8 @@ def _check_references(stn: STNPlan) -> None:
     for kind, declarations in declared.items():
         name, count = Counter(declarations).most_common(1)[0] if declarations else ("", 0)
         if count > 1:
-            message = f"found {count} declarations of {kind} {name!r}, expected one"
-            raise InputError(message, Location(stn.file))
-    points = {ZERO, *(point for instance in stn.instances for point in (instance.start, instance.end))}
+            raise InputError(f"found {count} declarations of {kind} {name!r}, expected one", Location(stn.file))
+    points = {model.ZERO, *(point for instance in stn.instances for point in (instance.start, instance.end))}
     for parameter in stn.parameters:
         check_range(parameter)
     for constraint in stn.constraints:
@@ -158,7 +142,7 @@ def domain_parameters(domain: Domain, stn: STNPlan) -> dict[str, str]:
 
 
 def _check_used(
-    stn: STNPlan, wiring: Wiring, declared: Mapping[str, str], fluents: Mapping[Fluent, Expression]
+    stn: STNPlan, wiring: Wiring, declared: Mapping[str, str], fluents: Mapping[model.Fluent, model.Expression]
 ) -> None:
     used = referenced_parameters(wiring.constraints, fluents.values())
     used.update(declared, wiring.durations.values(), wiring.fluents.values())
@@ -172,7 +156,7 @@ def _check_used(
 
 def _parameters(
     stn: STNPlan, wiring: Wiring, declared: Mapping[str, str], *, nominal_needed: bool
-) -> tuple[Parameter, ...]:
+) -> tuple[model.Parameter, ...]:
     """All parameters with their nominal values."""
     declarations = {parameter.name: parameter for parameter in wiring.parameters}
     for name, origin in declared.items():
@@ -187,16 +171,16 @@ def _parameters(
     return parameters
 
 
-def _parameter(declaration: ParameterDeclaration) -> Parameter:
+def _parameter(declaration: ParameterDeclaration) -> model.Parameter:
     nominal, lower, upper = declaration.default, declaration.lower, declaration.upper
     if nominal is None:
         nominal = Fraction(0) if lower is None else max(lower, Fraction(0))
         nominal = nominal if upper is None else min(upper, nominal)
     given = declaration.default is not None
-    return Parameter(declaration.name, nominal, declaration.weight, lower, upper, declaration.location, given)
+    return model.Parameter(declaration.name, nominal, declaration.weight, lower, upper, declaration.location, given)
 
 
-def require_nominal_values(parameters: Iterable[Parameter]) -> None:
+def require_nominal_values(parameters: Iterable[model.Parameter]) -> None:
     """InputError for a parameter without a nominal value."""
     for parameter in parameters:
         if not parameter.has_nominal:
@@ -209,25 +193,25 @@ def _remedy(name: str) -> str:
     return f"'parameter {name} default VALUE;' in the plan or the option --parameter {option}"
 
 
-def _reference(name: str) -> Expression:
-    variable: NumericVariable = ParameterReference(name)
+def _reference(name: str) -> model.Expression:
+    variable: model.NumericVariable = model.ParameterReference(name)
     return Polynomial.variable(variable)
 
 
-def _bound(bound: STNBound) -> Bound | None:
+def _bound(bound: STNBound) -> model.Bound | None:
     match bound:
         case None:
             return None
-        case ParameterReference(name):
+        case model.ParameterReference(name):
             return _reference(name)
         case _:
             return Polynomial.constant(bound)
 
 
 def _check_initial_values(
-    instances: Iterable[ActionInstance],
-    goal: Iterable[tuple[str, frozenset[Fluent]]],
-    values: Mapping[Fluent, Expression],
+    instances: Iterable[model.ActionInstance],
+    goal: Iterable[tuple[str, frozenset[model.Fluent]]],
+    values: Mapping[model.Fluent, model.Expression],
     plan: Location,
 ) -> None:
     """InputError for a fluent that is evaluated and has no value at time zero: an unknown number is not zero."""
@@ -240,7 +224,9 @@ def _check_initial_values(
             raise _no_value(fluent, f"the goal {text} reads it", values, plan)
 
 
-def _no_value(fluent: Fluent, reader: str, values: Mapping[Fluent, Expression], place: Location) -> InputError:
+def _no_value(
+    fluent: model.Fluent, reader: str, values: Mapping[model.Fluent, model.Expression], place: Location
+) -> InputError:
     remedy = f"add (= {fluent} VALUE) to the problem's :init"
     message = f"found no initial value of {fluent}, expected one because {reader}: {remedy}"
     return InputError(message + did_you_mean(str(fluent), map(str, values)), place)
@@ -266,7 +252,7 @@ def rewritten(text: str, file: str, numbers: Mapping[BoundNumber, Fraction]) -> 
         InputError: if a number does not stand in the file, because something else says it.
     """
     # Of the same length, so that positions stay what they are.
-    bare = _COMMENT.sub(lambda found: " " * len(found.group()), text)
+    bare = _COMMENT.sub(lambda comment: " " * len(comment.group()), text)
     spans = sorted(((_span(bare, file, number), value) for number, value in numbers.items()), reverse=True)
     for (start, end), value in spans:
         text = f"{text[:start]}{format_number(value)}{text[end:]}"
@@ -279,9 +265,9 @@ def _span(bare: str, file: str, number: BoundNumber) -> tuple[int, int]:
     pattern = _DEFAULT if number.part == "default" else _INTERVAL
     if place is not None and place.file == file and place.line is not None and place.column is not None:
         begin = sum(len(line) for line in bare.splitlines(keepends=True)[: place.line - 1]) + place.column - 1
-        found = pattern.match(bare, begin)
-        if found is not None:
-            return found.span(number.part)
+        match = pattern.match(bare, begin)
+        if match is not None:
+            return match.span(number.part)
     raise InputError(
         f"found no {number.part} value to replace in this file, expected it in a statement of the plan, not in options",
         Location(file),

@@ -270,8 +270,8 @@ class Mention:
 def concerned(obligation: str) -> tuple[str, ...]:
     """What the obligation of that name is about: identifiers of instances, beside timed literals, or `goal:`."""
     points = re.fullmatch(r"separation: (\S+), (\S+)|effects of (\S+) agree|(\S+) .*", obligation, re.DOTALL)
-    found = points.groups() if points else ()
-    return tuple(dict.fromkeys(re.sub(r"\.(start|end)$", "", one) for one in found if one))
+    names = points.groups() if points else ()
+    return tuple(dict.fromkeys(re.sub(r"\.(start|end)$", "", name) for name in names if name))
 
 
 class NamedAction:
@@ -323,31 +323,25 @@ class ActionInstance(NamedAction):
     @property
     def fixing(self) -> tuple[DurationConstraint, ...]:
         """The constraints that leave one duration: equalities, and inequalities from both sides with the same bound."""
-        equal, above = Relation.EQUAL, Relation.AT_LEAST
-        known = {(one.timing, one.condition.expression) for one in self.durations if one.condition.relation is above}
-        return tuple(
-            one
-            for one in self.durations
-            if one.condition.relation is equal
-            or (one.condition.relation is above and (one.timing, -one.condition.expression) in known)
-        )
+        above = [bound for bound in self.durations if bound.condition.relation is Relation.AT_LEAST]
+        known = {(bound.timing, bound.condition.expression) for bound in above}
+        tight = {bound for bound in above if (bound.timing, -bound.condition.expression) in known}
+        return tuple(b for b in self.durations if b.condition.relation is Relation.EQUAL or b in tight)
 
     @property
     def agreements(self) -> tuple[Agreement, ...]:
         """What the numeric effects demand of the state before their time point, where conditions do not exclude it."""
         apart: dict[Timing, list[tuple[Fluent, Condition]]] = {}
-        for one, other in conflicts(self.numeric_effects):
-            kept = junction((negation(one.condition), negation(other.condition)), every=False)
-            if kept != Truth(True):
-                apart.setdefault(one.timing, []).append((one.fluent, kept))
-        return tuple(
-            Agreement(
-                timing,
-                junction((condition for _, condition in found), every=True),
-                f"one change only of {', '.join(map(str, dict.fromkeys(fluent for fluent, _ in found)))}",
-            )
-            for timing, found in apart.items()
-        )
+        for effect, other in conflicts(self.numeric_effects):
+            condition = junction((negation(effect.condition), negation(other.condition)), every=False)
+            if condition != Truth(True):
+                apart.setdefault(effect.timing, []).append((effect.fluent, condition))
+        agreements = []
+        for timing, demands in apart.items():
+            fluents = ", ".join(dict.fromkeys(str(fluent) for fluent, _ in demands))
+            together = junction((condition for _, condition in demands), every=True)
+            agreements.append(Agreement(timing, together, f"one change only of {fluents}"))
+        return tuple(agreements)
 
     @property
     def demands(self) -> tuple[TimedCondition, ...]:
@@ -526,9 +520,11 @@ def conflicts(effects: Iterable[NumericEffect]) -> Iterator[tuple[NumericEffect,
     for effect in effects:
         changes.setdefault((effect.timing, effect.fluent), []).append(effect)
     for together in changes.values():
-        for one, other in combinations(together, 2):
-            if AssignmentKind.ASSIGN in (one.operator, other.operator) and not _exclude(one.condition, other.condition):
-                yield one, other
+        for effect, other in combinations(together, 2):
+            if AssignmentKind.ASSIGN in (effect.operator, other.operator) and not _exclude(
+                effect.condition, other.condition
+            ):
+                yield effect, other
 
 
 def _exclude(one: Condition, other: Condition) -> bool:

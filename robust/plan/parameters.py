@@ -14,7 +14,7 @@ An option is `SPEC[,weight=W][,lb=L][,ub=U][,default=D]` with one of these SPECs
 Numbers are exact; `lb=-inf` and `ub=inf` remove a bound. An identifier of an instance goes before an action of the same
 name. A NAME that the plan declares and does not use yet is taken with its attributes; any other NAME must be new.
 
-The same as TOML, one table for each parameter (floats are read from their text, so they are exact too)::
+In TOML, the same is one table for each parameter (floats are read from their text, so they are exact too)::
 
     [parameters.endurance]
     fluent = "(charge auv)"      # or duration = "n3", or start = "n3", or none of them for an existing parameter
@@ -36,23 +36,13 @@ from enum import Enum
 from fractions import Fraction
 from os import PathLike
 from pathlib import Path
-from typing import assert_never
+from typing import Any, assert_never
 
 from robust.errors import InputError, InputWarning, Location, did_you_mean
 from robust.numbers import shorten
+from robust.plan import stn
 from robust.plan.model import ZERO, Expression, Fluent, ParameterReference, TimePoint
 from robust.plan.pddl.forms import read_text
-from robust.plan.stn import (
-    InstanceDeclaration,
-    ParameterDeclaration,
-    STNBound,
-    STNConstraint,
-    STNPlan,
-    attribute_value,
-    bad_parameter_name,
-    check_range,
-    is_parameter_name,
-)
 
 _SPEC = re.compile(r"\s*(?:(?P<name>[^=:]*)=)?\s*(?P<target>[^=:()\s]*)\s*:(?P<subject>.*)", re.DOTALL)
 _FLUENT = re.compile(r"\(\s*[A-Za-z0-9_-]+(?:\s+[A-Za-z0-9_-]+)*\s*\)")
@@ -137,10 +127,8 @@ def parse_parameter_file(text: str, file: str = "<parameters>") -> tuple[Paramet
     document = toml_document(text, file)
     for key in document:
         if key != "parameters":
-            message = (
-                f"found key {shorten(key)}, expected only tables [parameters.NAME]{did_you_mean(key, ['parameters'])}"
-            )
-            raise InputError(message, Location(file))
+            hint = did_you_mean(key, ["parameters"])
+            raise InputError(f"found key {shorten(key)}, expected only tables [parameters.NAME]{hint}", Location(file))
     tables = document.get("parameters", {})
     if not isinstance(tables, dict):
         raise InputError("found a value for 'parameters', expected tables [parameters.NAME]", Location(file))
@@ -175,8 +163,9 @@ def specifications(
             warnings.warn(message, InputWarning, stacklevel=2)
     if "parameters" not in document:
         return given, None
-    said = {(one.target, one.subject) for one in given}
-    return (*(one for one in read_parameter_file(beside) if (one.target, one.subject) not in said), *given), beside
+    varied = {(spec.target, spec.subject) for spec in given}
+    others = (spec for spec in read_parameter_file(beside) if (spec.target, spec.subject) not in varied)
+    return (*others, *given), beside
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,12 +258,12 @@ def set_attribute(attributes: dict[str, Fraction | None], word: str, text: str, 
     """Note the value of one of :data:`ATTRIBUTES`; InputError for a second value, or a wrong one."""
     if ATTRIBUTES[word] in attributes:
         raise InputError(f"found a second value for {word!r}, expected each attribute at most once", location)
-    attributes[ATTRIBUTES[word]] = attribute_value(word, text, location)
+    attributes[ATTRIBUTES[word]] = stn.attribute_value(word, text, location)
 
 
 def _checked_name(name: str, location: Location) -> str:
-    if not is_parameter_name(name):
-        raise InputError(bad_parameter_name(name), location)
+    if not stn.is_parameter_name(name):
+        raise InputError(stn.bad_parameter_name(name), location)
     return name
 
 
@@ -297,14 +286,14 @@ class Wiring:
     their initial value.
     """
 
-    parameters: tuple[ParameterDeclaration, ...]
-    constraints: tuple[STNConstraint, ...]
+    parameters: tuple[stn.ParameterDeclaration, ...]
+    constraints: tuple[stn.STNConstraint, ...]
     durations: Mapping[str, str]
     fluents: Mapping[Fluent, str]
 
 
 def wire(
-    plan: STNPlan,
+    plan: stn.STNPlan,
     specs: Iterable[ParameterSpec],
     initial_fluents: Mapping[Fluent, Expression],
     domain_parameters: Collection[str] = (),
@@ -328,7 +317,7 @@ def wire(
     return Wiring(tuple(work.parameters.values()), tuple(work.constraints), work.durations, work.fluents)
 
 
-def referenced_parameters(constraints: Iterable[STNConstraint], expressions: Iterable[Expression]) -> set[str]:
+def referenced_parameters(constraints: Iterable[stn.STNConstraint], expressions: Iterable[Expression]) -> set[str]:
     """The names of the parameters that constraints and expressions mention."""
     bounds = (bound for constraint in constraints for bound in (constraint.lower, constraint.upper))
     names = {bound.name for bound in bounds if isinstance(bound, ParameterReference)}
@@ -341,7 +330,7 @@ class _Work:
 
     def __init__(
         self,
-        plan: STNPlan,
+        plan: stn.STNPlan,
         initial_fluents: Mapping[Fluent, Expression],
         domain_parameters: Collection[str],
         *,
@@ -375,20 +364,21 @@ class _Work:
             case _:
                 assert_never(spec.target)
 
-    def instance(self, spec: ParameterSpec) -> InstanceDeclaration:
+    def instance(self, spec: ParameterSpec) -> stn.InstanceDeclaration:
         if spec.subject not in self.instances:
             hint = did_you_mean(spec.subject, self.instances)
             raise InputError(f"found {spec.subject!r}, expected an instance of the plan{hint}", spec.location)
         return self.instances[spec.subject]
 
-    def timed_instances(self, spec: ParameterSpec) -> list[InstanceDeclaration]:
+    def timed_instances(self, spec: ParameterSpec) -> list[stn.InstanceDeclaration]:
         """The instance of that identifier, else all instances of that action."""
         if spec.subject in self.instances:
             chosen = [self.instances[spec.subject]]
         else:
             chosen = [instance for instance in self.plan.instances if instance.action == spec.subject.lower()]
         if not chosen:
-            hint = did_you_mean(spec.subject, [*self.instances, *(one.action for one in self.plan.instances)])
+            actions = (instance.action for instance in self.plan.instances)
+            hint = did_you_mean(spec.subject, [*self.instances, *actions])
             message = f"found {spec.subject!r}, expected an instance of the plan or an action that it uses{hint}"
             raise InputError(message, spec.location)
         if spec.name is not None and len(chosen) > 1:
@@ -398,7 +388,7 @@ class _Work:
             raise InputError(f"found {found}, expected {expected}", spec.location)
         return chosen
 
-    def vary_duration(self, instance: InstanceDeclaration, spec: ParameterSpec) -> None:
+    def vary_duration(self, instance: stn.InstanceDeclaration, spec: ParameterSpec) -> None:
         identifier = instance.identifier
         if not instance.durative:
             found = f"{identifier!r}, which is instantaneous"
@@ -406,7 +396,7 @@ class _Work:
         name = self.vary_time(f"dur_{identifier}", f"the duration of {identifier}", instance.start, instance.end, spec)
         self.durations[identifier] = name
 
-    def vary_start(self, instance: InstanceDeclaration, spec: ParameterSpec) -> None:
+    def vary_start(self, instance: stn.InstanceDeclaration, spec: ParameterSpec) -> None:
         identifier = instance.identifier
         self.vary_time(f"start_{identifier}", f"the start of {identifier}", ZERO, instance.start, spec)
 
@@ -425,7 +415,7 @@ class _Work:
         fixed = _fixed([pair for _, pair in between])
         name = self.introduce(generated, what, fixed, spec, f"c: {target} - {source} in [D, D] in the plan")
         reference = ParameterReference(name)
-        constraint = STNConstraint(target, source, reference, reference, spec.location)
+        constraint = stn.STNConstraint(target, source, reference, reference, spec.location)
         position = between[0][0] if between else len(self.constraints)
         removed = {i for i, _ in between}
         before = [c for i, c in enumerate(self.constraints[:position]) if i not in removed]
@@ -452,8 +442,8 @@ class _Work:
     def introduce(self, generated: str, what: str, fixed: Fraction | None, spec: ParameterSpec, remedy: str) -> str:
         """Declare the parameter that a specification stands for; its name."""
         name = spec.name or generated
-        if not is_parameter_name(name):
-            raise InputError(bad_parameter_name(name), spec.location)
+        if not stn.is_parameter_name(name):
+            raise InputError(stn.bad_parameter_name(name), spec.location)
         if (name in self.parameters and (spec.name is None or name not in self.unused)) or (
             name in self.domain_parameters
         ):
@@ -461,7 +451,7 @@ class _Work:
             remedy = f"write NAME={spec.target.value}:{spec.subject} with another name"
             raise InputError(f"found {origin}name {name!r} twice, expected a new one: {remedy}", spec.location)
         self.unused.discard(name)
-        base = self.parameters.get(name, ParameterDeclaration(name, location=spec.location))
+        base = self.parameters.get(name, stn.ParameterDeclaration(name, location=spec.location))
         merged = _merged(replace(base, default=fixed if base.default is None else base.default), spec)
         if merged.default is None and self.nominal_needed:
             option = shlex.quote(f"{spec.name + '=' if spec.name else ''}{spec.target.value}:{spec.subject},default=D")
@@ -481,39 +471,33 @@ class _Work:
         if name in self.overridden:
             raise InputError(f"found parameter {name!r} twice, expected all its attributes in one place", spec.location)
         self.overridden.add(name)
-        base = self.parameters.get(name, ParameterDeclaration(name, location=spec.location))
+        base = self.parameters.get(name, stn.ParameterDeclaration(name, location=spec.location))
         self.parameters[name] = _merged(base, spec)
 
 
-def _merged(base: ParameterDeclaration, spec: ParameterSpec) -> ParameterDeclaration:
-    given = spec.attributes
-    merged = replace(
-        base,
-        weight=given.get("weight") or base.weight,
-        default=given.get("default", base.default),
-        lower=given.get("lower", base.lower),
-        upper=given.get("upper", base.upper),
-    )
-    check_range(merged, spec.location)
+def _merged(base: stn.ParameterDeclaration, spec: ParameterSpec) -> stn.ParameterDeclaration:
+    attributes: Mapping[str, Any] = spec.attributes
+    merged = replace(base, **attributes)
+    stn.check_range(merged, spec.location)
     return merged
 
 
-def _joins(constraint: STNConstraint, source: TimePoint, target: TimePoint) -> bool:
+def _joins(constraint: stn.STNConstraint, source: TimePoint, target: TimePoint) -> bool:
     return (constraint.source, constraint.target) in ((source, target), (target, source))
 
 
-def _oriented(constraint: STNConstraint, source: TimePoint) -> tuple[STNBound, STNBound]:
+def _oriented(constraint: stn.STNConstraint, source: TimePoint) -> tuple[stn.STNBound, stn.STNBound]:
     """The bounds of the constraint as seen from `source`."""
     if constraint.source == source:
         return constraint.lower, constraint.upper
     return _negated(constraint.upper), _negated(constraint.lower)
 
 
-def _negated(bound: STNBound) -> STNBound:
+def _negated(bound: stn.STNBound) -> stn.STNBound:
     return -bound if isinstance(bound, Fraction) else bound
 
 
-def _fixed(intervals: Iterable[tuple[STNBound, STNBound]]) -> Fraction | None:
+def _fixed(intervals: Iterable[tuple[stn.STNBound, stn.STNBound]]) -> Fraction | None:
     """The only value in the intersection of intervals, if there is exactly one."""
     pairs = list(intervals)
     lowers = [lower for lower, _ in pairs if isinstance(lower, Fraction)]

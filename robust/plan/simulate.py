@@ -15,31 +15,7 @@ from typing import assert_never
 
 from robust.errors import InputError, did_you_mean
 from robust.numbers import format_number
-from robust.plan.model import (
-    ZERO,
-    ActionInstance,
-    AssignmentKind,
-    Atom,
-    Condition,
-    Duration,
-    DurationConstraint,
-    Expression,
-    Fluent,
-    Holds,
-    Leaf,
-    NumericCondition,
-    ParametrizedPlan,
-    Relation,
-    TemporalConstraint,
-    TimedCondition,
-    TimedLiteral,
-    TimePoint,
-    TimePointKind,
-    Timing,
-    Truth,
-    fluents_in,
-    leaves,
-)
+from robust.plan import model
 from robust.plan.polynomial import Polynomial
 from robust.plan.timeline import Happening, Reading, State, TimedExecution, over_time
 from robust.presented import NoTruthValue
@@ -49,41 +25,31 @@ from robust.presented import NoTruthValue
 class _Footprint:
     """What one time point reads and writes."""
 
-    atoms_read: set[Atom] = field(default_factory=set)
-    adds: set[Atom] = field(default_factory=set)
-    deletes: set[Atom] = field(default_factory=set)
-    fluents_read: set[Fluent] = field(default_factory=set)
-    assigns: set[Fluent] = field(default_factory=set)
-    increases: set[Fluent] = field(default_factory=set)
+    reads: set[model.Atom | model.Fluent] = field(default_factory=set)
+    adds: set[model.Atom] = field(default_factory=set)
+    deletes: set[model.Atom] = field(default_factory=set)
+    assigns: set[model.Fluent] = field(default_factory=set)
+    increases: set[model.Fluent] = field(default_factory=set)
 
     @property
-    def names(self) -> set[Atom | Fluent]:
+    def names(self) -> set[model.Atom | model.Fluent]:
         """All that is touched."""
-        return self.atoms_read | self.adds | self.deletes | self.fluents_read | self.assigns | self.increases
+        return self.reads | self.adds | self.deletes | self.assigns | self.increases
 
-    def read_name(self, name: Atom | Fluent) -> None:
-        if isinstance(name, Atom):
-            self.atoms_read.add(name)
-        else:
-            self.fluents_read.add(name)
-
-    def read_expression(self, expression: Expression) -> None:
-        self.fluents_read.update(fluents_in(expression))
-
-    def read(self, condition: Condition) -> None:
-        for leaf in leaves(condition):
-            if isinstance(leaf, Holds):
-                self.atoms_read.add(leaf.atom)
-            elif isinstance(leaf, NumericCondition):
-                self.read_expression(leaf.expression)
+    def read(self, condition: model.Condition) -> None:
+        for leaf in model.leaves(condition):
+            if isinstance(leaf, model.Holds):
+                self.reads.add(leaf.atom)
+            elif isinstance(leaf, model.NumericCondition):
+                self.reads.update(model.fluents_in(leaf.expression))
 
 
-def mutex_pairs(plan: ParametrizedPlan) -> Iterator[tuple[TimePoint, TimePoint]]:
+def mutex_pairs(plan: model.ParametrizedPlan) -> Iterator[tuple[model.TimePoint, model.TimePoint]]:
     """The pairs of distinct time points that must be separated, each in the order of `plan.time_points`.
 
     Neither is zero, and timed literals are not mutex among themselves.
     """
-    touching: dict[Atom | Fluent, list[int]] = {}
+    touching: dict[model.Atom | model.Fluent, list[int]] = {}
     footprints = _footprints(plan)
     points = list(footprints)
     for number, footprint in enumerate(footprints.values()):
@@ -95,26 +61,30 @@ def mutex_pairs(plan: ParametrizedPlan) -> Iterator[tuple[TimePoint, TimePoint]]
             yield points[a], points[b]
 
 
-def _footprints(plan: ParametrizedPlan) -> dict[TimePoint, _Footprint]:
-    footprints = {point: _Footprint() for point in plan.time_points if point != ZERO}
+def _footprints(plan: model.ParametrizedPlan) -> dict[model.TimePoint, _Footprint]:
+    footprints = {point: _Footprint() for point in plan.time_points if point != model.ZERO}
     for instance in plan.instances:
         for point in instance.time_points:
             _enter_instance(footprints[point], instance, point)
     for literal in plan.timed_literals:
-        _enter_timed_literal(footprints[literal.point], literal)
+        footprint = footprints[literal.point]
+        if isinstance(literal.target, model.Fluent):
+            footprint.assigns.add(literal.target)
+        else:
+            (footprint.adds if literal.value else footprint.deletes).add(literal.target)
     return footprints
 
 
-def _is_mutex(a: tuple[TimePoint, _Footprint], b: tuple[TimePoint, _Footprint]) -> bool:
-    both_timed = a[0].kind is b[0].kind is TimePointKind.TIMED_LITERAL
+def _is_mutex(a: tuple[model.TimePoint, _Footprint], b: tuple[model.TimePoint, _Footprint]) -> bool:
+    both_timed = a[0].kind is b[0].kind is model.TimePointKind.TIMED_LITERAL
     return not both_timed and (_disturbs(a[1], b[1]) or _disturbs(b[1], a[1]))
 
 
-def _enter_instance(footprint: _Footprint, instance: ActionInstance, point: TimePoint) -> None:
+def _enter_instance(footprint: _Footprint, instance: model.ActionInstance, point: model.TimePoint) -> None:
     """Add what `instance` reads and writes at `point`, its start or its end."""
-    parts: tuple[DurationConstraint | TimedCondition, ...] = (*instance.durations, *instance.conditions)
+    parts: tuple[model.DurationConstraint | model.TimedCondition, ...] = (*instance.durations, *instance.conditions)
     for part in parts:
-        if part.timing is not Timing.OVER_ALL and instance.at(part.timing) == point:
+        if part.timing is not model.Timing.OVER_ALL and instance.at(part.timing) == point:
             footprint.read(part.condition)
     for atom_effect in instance.atom_effects:
         if instance.at(atom_effect.timing) == point:
@@ -123,40 +93,35 @@ def _enter_instance(footprint: _Footprint, instance: ActionInstance, point: Time
     for effect in instance.numeric_effects:
         if instance.at(effect.timing) == point:
             footprint.read(effect.condition)
-            footprint.read_expression(effect.expression)
-            assigns = effect.operator is AssignmentKind.ASSIGN
+            footprint.reads.update(model.fluents_in(effect.expression))
+            assigns = effect.operator is model.AssignmentKind.ASSIGN
             (footprint.assigns if assigns else footprint.increases).add(effect.fluent)
     for continuous in instance.continuous_effects:
-        footprint.read_expression(continuous.rate)
+        footprint.reads.update(model.fluents_in(continuous.rate))
         footprint.increases.add(continuous.fluent)
-    for name, where in instance.mentioned():
-        if where == point:
-            footprint.read_name(name)
-
-
-def _enter_timed_literal(footprint: _Footprint, literal: TimedLiteral) -> None:
-    if isinstance(literal.target, Fluent):
-        footprint.assigns.add(literal.target)
-    else:
-        (footprint.adds if literal.value else footprint.deletes).add(literal.target)
+    footprint.reads.update(name for name, where in instance.mentioned() if where == point)
 
 
 def _disturbs(writer: _Footprint, other: _Footprint) -> bool:
     """Whether what `writer` writes touches what `other` reads or writes (the half of the rule seen from one side)."""
     return bool(
-        (writer.adds | writer.deletes) & other.atoms_read
+        (writer.adds | writer.deletes | writer.assigns | writer.increases) & other.reads
         or writer.adds & other.deletes
-        or (writer.assigns | writer.increases) & other.fluents_read
         or writer.assigns & (other.assigns | other.increases)
     )
 
 
-_VIOLATED = {Relation.AT_LEAST: "<", Relation.GREATER: "<=", Relation.EQUAL: "!=", Relation.DIFFERENT: "="}
+_VIOLATED = {
+    model.Relation.AT_LEAST: "<",
+    model.Relation.GREATER: "<=",
+    model.Relation.EQUAL: "!=",
+    model.Relation.DIFFERENT: "=",
+}
 
 
 @dataclass(frozen=True, slots=True)
 class Violation:
-    """An obligation that the schedule breaks: its label, a time at which it is broken, and why, with actual values.
+    """A broken obligation of a schedule: its label, a time at which it is broken, and why, with actual values.
 
     `amount` is how far a number is from what is demanded; None where no single number decides.
     """
@@ -175,9 +140,9 @@ class TraceStep:
     """
 
     time: Fraction
-    points: tuple[TimePoint, ...]
-    atoms_changed: tuple[tuple[Atom, bool], ...]
-    fluents: Mapping[Fluent, Fraction]
+    points: tuple[model.TimePoint, ...]
+    atoms_changed: tuple[tuple[model.Atom, bool], ...]
+    fluents: Mapping[model.Fluent, Fraction]
 
 
 @dataclass(frozen=True)
@@ -193,7 +158,7 @@ class Simulation(NoTruthValue, ask="valid"):
     network_violations: tuple[str, ...]
 
     @property
-    def constants(self) -> frozenset[Fluent]:
+    def constants(self) -> frozenset[model.Fluent]:
         """Fluents that never change: distances and the like. What breaks is said with their values."""
         first, *later = self.trace
         changing = {fluent for step in later for fluent in step.fluents}
@@ -206,9 +171,9 @@ class Simulation(NoTruthValue, ask="valid"):
 
 
 def simulate(
-    plan: ParametrizedPlan,
+    plan: model.ParametrizedPlan,
     parameters: Mapping[str, Fraction],
-    schedule: Mapping[TimePoint, Fraction],
+    schedule: Mapping[model.TimePoint, Fraction],
     *,
     epsilon: Fraction = Fraction(1, 1000),
 ) -> Simulation:
@@ -231,8 +196,10 @@ def simulate(
     return Simulation(tuple(_trace(execution.happenings)), violations, tuple(_network_violations(execution)))
 
 
-def _times(plan: ParametrizedPlan, schedule: Mapping[TimePoint, Fraction]) -> dict[TimePoint, Fraction]:
-    times = {ZERO: Fraction(0)}
+def _times(
+    plan: model.ParametrizedPlan, schedule: Mapping[model.TimePoint, Fraction]
+) -> dict[model.TimePoint, Fraction]:
+    times = {model.ZERO: Fraction(0)}
     times.update({literal.point: literal.time for literal in plan.timed_literals})
     times.update(schedule)
     _check_names({str(point) for point in plan.time_points}, {str(point) for point in times}, "time point")
@@ -249,8 +216,8 @@ def _check_names(expected: set[str], found: set[str], kind: str) -> None:
 def _network_violations(execution: TimedExecution) -> Iterator[str]:
     """Why the schedule and the parameter values are not among those that the plan allows."""
     times = execution.times
-    if times[ZERO] != 0:
-        yield f"{ZERO} = {format_number(times[ZERO])}, expected 0"
+    if times[model.ZERO] != 0:
+        yield f"{model.ZERO} = {format_number(times[model.ZERO])}, expected 0"
     for point in execution.plan.time_points:
         if times[point] < 0:
             yield f"{point} = {format_number(times[point])} < 0"
@@ -269,7 +236,7 @@ def _network_violations(execution: TimedExecution) -> Iterator[str]:
 
 
 def _constraint_violations(
-    constraint: TemporalConstraint, times: Mapping[TimePoint, Fraction], reading: Reading
+    constraint: model.TemporalConstraint, times: Mapping[model.TimePoint, Fraction], reading: Reading
 ) -> Iterator[str]:
     distance = times[constraint.target] - times[constraint.source]
     found = f"{constraint.target} - {constraint.source} = {format_number(distance)}"
@@ -279,7 +246,7 @@ def _constraint_violations(
         yield f"{found} > {_side(constraint.upper, reading)}"
 
 
-def _instance_violations(execution: TimedExecution, instance: ActionInstance) -> Iterator[Violation]:
+def _instance_violations(execution: TimedExecution, instance: model.ActionInstance) -> Iterator[Violation]:
     """Duration constraints, non-negative duration, effects that disagree and all conditions of one instance."""
     duration = execution.duration(instance)
     if duration < 0:
@@ -293,7 +260,7 @@ def _instance_violations(execution: TimedExecution, instance: ActionInstance) ->
         if details:
             yield Violation(f"effects of {point} agree", execution.times[point], ", ".join(details))
     for part in instance.conditions:
-        if part.timing is Timing.OVER_ALL:
+        if part.timing is model.Timing.OVER_ALL:
             yield from _over_all_violation(execution, instance, part)
         else:
             point = instance.at(part.timing)
@@ -302,7 +269,7 @@ def _instance_violations(execution: TimedExecution, instance: ActionInstance) ->
 
 
 def _duration_violation(
-    execution: TimedExecution, instance: ActionInstance, part: DurationConstraint
+    execution: TimedExecution, instance: model.ActionInstance, part: model.DurationConstraint
 ) -> Iterator[Violation]:
     """The duration, and on the other side of the comparison what bounds it."""
     point = instance.at(part.timing)
@@ -310,8 +277,8 @@ def _duration_violation(
     expression, relation = part.condition.expression, part.condition.relation
     value = reading.expression(expression)
     if not relation.holds(value):
-        duration: Expression = Polynomial.variable(Duration())
-        factor = expression.terms[(Duration(),)]
+        duration: model.Expression = Polynomial.variable(model.Duration())
+        factor = expression.terms[(model.Duration(),)]
         bound, violated = duration - expression.scaled(1 / factor), _VIOLATED[relation]
         violated = violated if factor > 0 else violated.replace("<", ">")
         detail = f"{_side(duration, reading)} {violated} {_side(bound, reading)}"
@@ -319,7 +286,7 @@ def _duration_violation(
 
 
 def _over_all_violation(
-    execution: TimedExecution, instance: ActionInstance, part: TimedCondition
+    execution: TimedExecution, instance: model.ActionInstance, part: model.TimedCondition
 ) -> Iterator[Violation]:
     """The first tested instant of the open interval (start, end) at which the condition does not hold, if any."""
     label = instance.label(part)
@@ -332,7 +299,7 @@ def _over_all_violation(
 
 
 def _instants(
-    execution: TimedExecution, instance: ActionInstance, condition: Condition
+    execution: TimedExecution, instance: model.ActionInstance, condition: model.Condition
 ) -> Iterator[tuple[Fraction, State]]:
     """Instants of (start, end) that decide an over-all condition, with the state at each, in order of time.
 
@@ -341,7 +308,7 @@ def _instants(
     belong to it; the limits at start and at end do not.
     """
     start, end = execution.times[instance.start], execution.times[instance.end]
-    may_move = any(isinstance(leaf, NumericCondition) for leaf in leaves(condition))
+    may_move = any(isinstance(leaf, model.NumericCondition) for leaf in model.leaves(condition))
     for happening, following in execution.steps(start, end):
         if happening.time > start:
             yield happening.time, happening.after
@@ -354,12 +321,12 @@ def _instants(
 
 
 def _interior_instants(
-    reading: Reading, happening: Happening, following: Happening, condition: Condition
+    reading: Reading, happening: Happening, following: Happening, condition: model.Condition
 ) -> Iterator[Fraction]:
     """Between two happenings: every root of a comparison, and one instant in each of the intervals that they leave."""
     roots: set[Fraction] = set()
-    for leaf in leaves(condition):
-        if isinstance(leaf, NumericCondition):
+    for leaf in model.leaves(condition):
+        if isinstance(leaf, model.NumericCondition):
             value, slope = over_time(leaf.expression, reading, happening.slopes)
             if slope:
                 roots.add(happening.time - value / slope)
@@ -371,12 +338,12 @@ def _interior_instants(
 
 
 def _separation_violations(
-    plan: ParametrizedPlan, times: Mapping[TimePoint, Fraction], epsilon: Fraction
+    plan: model.ParametrizedPlan, times: Mapping[model.TimePoint, Fraction], epsilon: Fraction
 ) -> Iterator[Violation]:
     footprints = _footprints(plan)
     rank = {point: number for number, point in enumerate(footprints)}
     ordered = sorted(footprints, key=times.__getitem__)
-    near: list[tuple[int, int, TimePoint, TimePoint]] = []
+    near: list[tuple[int, int, model.TimePoint, model.TimePoint]] = []
     for index, early in enumerate(ordered):
         for late in ordered[index + 1 :]:
             if times[late] - times[early] >= epsilon and times[late] > times[early]:
@@ -399,7 +366,7 @@ def _goal_violations(execution: TimedExecution) -> Iterator[Violation]:
         yield from _violation(goal.label, final.time, goal.condition, execution.reading(final.after))
 
 
-def _violation(label: str, time: Fraction, condition: Condition, reading: Reading) -> Iterator[Violation]:
+def _violation(label: str, time: Fraction, condition: model.Condition, reading: Reading) -> Iterator[Violation]:
     """Why the condition does not hold, with actual values; nothing if it does."""
     failures = reading.failures(condition)
     if failures:
@@ -407,34 +374,34 @@ def _violation(label: str, time: Fraction, condition: Condition, reading: Readin
         yield Violation(label, time, detail, _amount(failures, reading))
 
 
-def _amount(failures: tuple[Leaf, ...], reading: Reading) -> Fraction | None:
+def _amount(failures: tuple[model.Leaf, ...], reading: Reading) -> Fraction | None:
     match failures:
-        case (NumericCondition(expression, relation),) if relation is not Relation.DIFFERENT:
+        case (model.NumericCondition(expression, relation),) if relation is not model.Relation.DIFFERENT:
             return abs(reading.expression(expression))
     return None
 
 
-def _reason(leaf: Leaf, reading: Reading) -> str:
+def _reason(leaf: model.Leaf, reading: Reading) -> str:
     match leaf:
-        case Truth():
+        case model.Truth():
             return "the condition is false"
-        case Holds(atom, value):
+        case model.Holds(atom, value):
             return f"{atom} is {'false' if value else 'true'}"
-        case NumericCondition(expression, relation):
+        case model.NumericCondition(expression, relation):
             left = {monomial: factor for monomial, factor in expression.terms.items() if factor > 0}
             right = {monomial: -factor for monomial, factor in expression.terms.items() if factor < 0}
             return f"{_side(Polynomial(left), reading)} {_VIOLATED[relation]} {_side(Polynomial(right), reading)}"
     assert_never(leaf)
 
 
-def _side(expression: Expression, reading: Reading) -> str:
+def _side(expression: model.Expression, reading: Reading) -> str:
     """One side of a comparison, with its value unless it is a number."""
     value = format_number(reading.expression(expression))
     return value if expression.is_constant else f"{expression} = {value}"
 
 
 def _trace(happenings: tuple[Happening, ...]) -> Iterator[TraceStep]:
-    known: Mapping[Fluent, Fraction] = {}
+    known: Mapping[model.Fluent, Fraction] = {}
     for happening in happenings:
         before, after = happening.before.atoms, happening.after
         changed = tuple((atom, atom in after.atoms) for atom in sorted(before ^ after.atoms))

@@ -22,7 +22,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from os import PathLike
 from pathlib import PurePath
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import format_number, is_number, parse_number, shorten
@@ -93,7 +93,7 @@ class STNPlan:
 def parse_stn(text: str, file: str = "<plan>") -> STNPlan:
     """The plan that a text describes; InputError with line and column for anything that is not a plan."""
     if len(text) > LARGEST:
-        raise InputError(too_large(LARGEST), Location(file))
+        raise too_large(LARGEST, Location(file))
     if not _TELLTALE.search(text) and (step := _STEP.search(text)):
         line = text.count("\n", 0, step.start() + len(step[0]) - len(step[0].lstrip())) + 1
         raise InputError(
@@ -105,7 +105,7 @@ def parse_stn(text: str, file: str = "<plan>") -> STNPlan:
 
 
 def is_network(text: str, file: str = "") -> bool:
-    """Whether a text is meant for such a plan: by the name of its file, or by a line that other plans do not have."""
+    """Whether a text is meant to be a plan with a network, by its file's name or by a line that only these have."""
     return file.lower().endswith(".stn") or _TELLTALE.search(text) is not None
 
 
@@ -267,16 +267,10 @@ class _StnParser:
         while not self.scanner.at_end:
             self.statement()
         if not self.instances:
-            message = (
-                "empty plan: found no action instance, expected at least one 'durative-action instance ID : (...);'"
-            )
-            raise InputError(message, self.scanner.location)
-        return STNPlan(
-            tuple(self.parameters.values()),
-            tuple(self.instances.values()),
-            tuple(self.constraints),
-            self.scanner.file,
-        )
+            expected = "expected at least one 'durative-action instance ID : (...);'"
+            raise InputError(f"empty plan: found no action instance, {expected}", self.scanner.location)
+        parameters, instances = tuple(self.parameters.values()), tuple(self.instances.values())
+        return STNPlan(parameters, instances, tuple(self.constraints), self.scanner.file)
 
     def statement(self) -> None:
         location = self.scanner.location
@@ -301,7 +295,7 @@ class _StnParser:
             raise InputError(bad_parameter_name(name), place)
         if name in self.parameters:
             raise _declared_twice("parameter", name, self.parameters[name].location, place)
-        values: dict[str, Fraction | None] = {}
+        values: dict[str, Any] = {}
         while word := self.scanner.peek(_WORD):
             attribute = _ATTRIBUTES.get(word)
             if attribute is None:
@@ -311,14 +305,7 @@ class _StnParser:
             self.scanner.keyword(word)
             text = self.scanner.take(_WORD, f"the value of {word!r}").group()
             values[attribute] = attribute_value(word, text, self.scanner.taken)
-        declaration = ParameterDeclaration(
-            name,
-            weight=values.get("weight") or Fraction(1),
-            default=values.get("default"),
-            lower=values.get("lower"),
-            upper=values.get("upper"),
-            location=place,
-        )
+        declaration = ParameterDeclaration(name, **values, location=place)
         check_range(declaration)
         self.parameters[name] = declaration
 
@@ -365,37 +352,33 @@ class _StnParser:
                 hint += " (a minus between time points needs blanks around it)"
             found = f"found time point {shorten(token.group())} of an instance that is not declared above"
             raise InputError(f"{found}, expected a declared instance{hint}", self.scanner.taken)
-        if instance.durative and end in ("start", "end"):
-            return instance.start if end == "start" else instance.end
-        if not instance.durative and end is None:
-            return instance.start
+        points: dict[str | None, TimePoint] = {None: instance.start}
+        if instance.durative:
+            points = {"start": instance.start, "end": instance.end}
+        if end in points:
+            return points[end]
+        expected = f"'{identifier}', since {identifier} is instantaneous"
         if instance.durative:
             expected = f"'{identifier}.start' or '{identifier}.end', since {identifier} is durative"
-        else:
-            expected = f"'{identifier}', since {identifier} is instantaneous"
         raise InputError(f"found time point {shorten(token.group())}, expected {expected}", self.scanner.taken)
 
     def bound(self, *, excluded: str) -> STNBound:
         text = self.scanner.take(_WORD, _EXPECTED_BOUND).group()
         if text in ("inf", "+inf", "-inf"):
-            side = "lower" if excluded == "inf" else "upper"
             if text.removeprefix("+") == excluded:
-                expected = (
-                    f"a {side} bound that some time can meet (use '{'-inf' if side == 'lower' else 'inf'}' for none)"
-                )
+                side, infinite = ("lower", "-inf") if excluded == "inf" else ("upper", "inf")
+                expected = f"a {side} bound that some time can meet (use '{infinite}' for none)"
                 raise InputError(f"found {side} bound {text!r}, expected {expected}", self.scanner.taken)
             return None
         if is_number(text):
             return parse_number(text, self.scanner.taken)
         if text in self.parameters:
             return ParameterReference(text)
+        expected = _EXPECTED_BOUND
         if _PARAMETER_NAME.fullmatch(text):
             hint = did_you_mean(text, [*self.parameters, "inf"])
-            raise InputError(
-                f"found {shorten(text)}, expected a bound: no such parameter is declared above{hint}",
-                self.scanner.taken,
-            )
-        raise InputError(f"found {shorten(text)}, expected {_EXPECTED_BOUND}", self.scanner.taken)
+            expected = f"a bound: no such parameter is declared above{hint}"
+        raise InputError(f"found {shorten(text)}, expected {expected}", self.scanner.taken)
 
 
 def attribute_value(word: str, text: str, location: Location | None) -> Fraction | None:

@@ -198,10 +198,10 @@ class _Log:
         return self.is_open or match["time"][0] in "-+."
 
     def _other(self, content: str, place: Location) -> None:
-        found = _HEADLINE.match(content)
-        self._headline = found["kind"] if found else ""
+        headline = _HEADLINE.match(content)
+        self._headline = headline["kind"] if headline else ""
         self._strange = None
-        if found is None:
+        if headline is None:
             if _DAMAGED.match(content) or (self.is_open and _SUSPICIOUS.match(content)):
                 raise _no_step(content, place)
             if _SUSPICIOUS.match(content):
@@ -244,7 +244,7 @@ def _step(match: re.Match[str], place: Location, index: int) -> TimedStep:
 
 
 def _objects(text: str) -> list[str]:
-    return [one.strip() for one in text.split(",")] if text.strip() else []
+    return [name.strip() for name in text.split(",")] if text.strip() else []
 
 
 def _at(place: Location, offset: int) -> Location:

@@ -15,27 +15,7 @@ from typing import assert_never
 
 from robust.errors import InputError, UnsupportedError, did_you_mean
 from robust.numbers import format_number
-from robust.plan.model import (
-    ActionInstance,
-    And,
-    AssignmentKind,
-    Atom,
-    Condition,
-    Duration,
-    Expression,
-    Fluent,
-    Holds,
-    Leaf,
-    NumericCondition,
-    NumericVariable,
-    Or,
-    ParameterReference,
-    ParametrizedPlan,
-    TimePoint,
-    TimePointKind,
-    Timing,
-    Truth,
-)
+from robust.plan import model
 from robust.plan.polynomial import Polynomial
 
 
@@ -43,8 +23,8 @@ from robust.plan.polynomial import Polynomial
 class State:
     """The true atoms and the values of the fluents that have one."""
 
-    atoms: frozenset[Atom]
-    fluents: Mapping[Fluent, Fraction]
+    atoms: frozenset[model.Atom]
+    fluents: Mapping[model.Fluent, Fraction]
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,10 +32,10 @@ class Happening:
     """All that happens at one time; `slopes` are the changes per unit of time until the next happening."""
 
     time: Fraction
-    points: tuple[TimePoint, ...]
+    points: tuple[model.TimePoint, ...]
     before: State
     after: State
-    slopes: Mapping[Fluent, Fraction]
+    slopes: Mapping[model.Fluent, Fraction]
 
     def just_before(self, time: Fraction) -> State:
         """The state at `time`, between this happening and the next, before any effect at `time`."""
@@ -79,16 +59,16 @@ class Reading:
     parameters: Mapping[str, Fraction]
     duration: Fraction | None = None
 
-    def variable(self, variable: NumericVariable) -> Fraction:
+    def variable(self, variable: model.NumericVariable) -> Fraction:
         match variable:
-            case Fluent():
+            case model.Fluent():
                 return self._known(
                     self.state.fluents.get(variable), f"numeric fluent {variable}", "give it one in :init"
                 )
-            case ParameterReference(name):
+            case model.ParameterReference(name):
                 hint = did_you_mean(name, self.parameters)
                 return self._known(self.parameters.get(name), f"parameter '{name}'", f"pass a value for it{hint}")
-            case Duration():
+            case model.Duration():
                 return self._known(self.duration, "?duration", "use it inside durative actions only")
         assert_never(variable)
 
@@ -98,26 +78,26 @@ class Reading:
             raise InputError(f"{what} is read but has no value here; {remedy}")
         return value
 
-    def expression(self, expression: Expression) -> Fraction:
+    def expression(self, expression: model.Expression) -> Fraction:
         return expression.evaluate({variable: self.variable(variable) for variable in expression.variables})
 
-    def leaf(self, leaf: Leaf) -> bool:
+    def leaf(self, leaf: model.Leaf) -> bool:
         match leaf:
-            case Truth(value):
+            case model.Truth(value):
                 return value
-            case Holds(atom, value):
+            case model.Holds(atom, value):
                 return (atom in self.state.atoms) is value
-            case NumericCondition(expression, relation):
+            case model.NumericCondition(expression, relation):
                 return relation.holds(self.expression(expression))
         assert_never(leaf)
 
-    def failures(self, condition: Condition) -> tuple[Leaf, ...]:
+    def failures(self, condition: model.Condition) -> tuple[model.Leaf, ...]:
         """The false leaves that make the condition false; empty if it holds. All of the condition is read."""
-        results: list[tuple[Leaf, ...]] = []
-        pending: list[tuple[Condition, bool]] = [(condition, False)]
+        results: list[tuple[model.Leaf, ...]] = []
+        pending: list[tuple[model.Condition, bool]] = [(condition, False)]
         while pending:
             node, operands_done = pending.pop()
-            if not isinstance(node, And | Or):
+            if not isinstance(node, model.And | model.Or):
                 results.append(() if self.leaf(node) else (node,))
             elif not operands_done:
                 pending.append((node, True))
@@ -128,16 +108,16 @@ class Reading:
                 results.append(_combined(node, parts))
         return results[0]
 
-    def holds(self, condition: Condition) -> bool:
+    def holds(self, condition: model.Condition) -> bool:
         return not self.failures(condition)
 
 
-def _combined(node: And | Or, parts: list[tuple[Leaf, ...]]) -> tuple[Leaf, ...]:
+def _combined(node: model.And | model.Or, parts: list[tuple[model.Leaf, ...]]) -> tuple[model.Leaf, ...]:
     joined = tuple(leaf for part in parts for leaf in part)
-    if isinstance(node, And):
+    if isinstance(node, model.And):
         return joined
     if not parts:
-        return (Truth(False),)
+        return (model.Truth(False),)
     return joined if all(parts) else ()
 
 
@@ -151,9 +131,9 @@ class TimedExecution:
 
     def __init__(
         self,
-        plan: ParametrizedPlan,
+        plan: model.ParametrizedPlan,
         parameters: Mapping[str, Fraction],
-        times: Mapping[TimePoint, Fraction],
+        times: Mapping[model.TimePoint, Fraction],
         durations: Mapping[str, Fraction] | None = None,
     ) -> None:
         self.plan = plan
@@ -161,15 +141,15 @@ class TimedExecution:
         self.times = times
         self._durations = durations or {}
         self._rates: dict[tuple[str, int], Fraction] = {}
-        self.disagreements: list[tuple[TimePoint, str]] = []
+        self.disagreements: list[tuple[model.TimePoint, str]] = []
         """The time points at which an assigned fluent is changed twice by one action, and how."""
         self.happenings = tuple(self._run())
 
     @cached_property
-    def _before(self) -> Mapping[TimePoint, State]:
+    def _before(self) -> Mapping[model.TimePoint, State]:
         return {point: happening.before for happening in self.happenings for point in happening.points}
 
-    def before(self, point: TimePoint) -> State:
+    def before(self, point: model.TimePoint) -> State:
         """The state that conditions at a time point read."""
         return self._before[point]
 
@@ -185,17 +165,17 @@ class TimedExecution:
                 break
             yield self.happenings[index], self.happenings[index + 1]
 
-    def duration(self, instance: ActionInstance) -> Fraction:
+    def duration(self, instance: model.ActionInstance) -> Fraction:
         """What the instance reads as `?duration`."""
         known = self._durations.get(instance.identifier)
         return self.times[instance.end] - self.times[instance.start] if known is None else known
 
-    def reading(self, state: State, instance: ActionInstance | None = None) -> Reading:
+    def reading(self, state: State, instance: model.ActionInstance | None = None) -> Reading:
         """How `instance`, or the goal, reads the state."""
         return Reading(state, self.parameters, self.duration(instance) if instance else None)
 
     def _run(self) -> Iterator[Happening]:
-        at: dict[Fraction, list[TimePoint]] = {}
+        at: dict[Fraction, list[model.TimePoint]] = {}
         for point in self.plan.time_points:
             at.setdefault(self.times[point], []).append(point)
         flowing = [instance for instance in self.plan.instances if instance.continuous_effects]
@@ -211,44 +191,46 @@ class TimedExecution:
         fluents = {fluent: reading.expression(value) for fluent, value in self.plan.initial_fluents.items()}
         return State(self.plan.initial_atoms, fluents)
 
-    def _after(self, points: list[TimePoint], before: State) -> State:
+    def _after(self, points: list[model.TimePoint], before: State) -> State:
         change = _Change(before)
         for point in points:
-            if point.kind is TimePointKind.TIMED_LITERAL:
+            if point.kind is model.TimePointKind.TIMED_LITERAL:
                 self._add_timed_literals(point, change)
             elif point.instance is not None:
                 self._add_effects(self.plan.instance[point.instance], point, change)
         return change.result()
 
-    def _add_timed_literals(self, point: TimePoint, change: _Change) -> None:
+    def _add_timed_literals(self, point: model.TimePoint, change: _Change) -> None:
         for literal in self.plan.timed_literals:
             if literal.time != point.time:
                 continue
-            if isinstance(literal.target, Atom):
+            if isinstance(literal.target, model.Atom):
                 change.write(literal.target, bool(literal.value))
             else:
                 change.assignments[literal.target] = Fraction(literal.value)
 
-    def _add_effects(self, instance: ActionInstance, point: TimePoint, change: _Change) -> None:
+    def _add_effects(self, instance: model.ActionInstance, point: model.TimePoint, change: _Change) -> None:
         reading = self.reading(change.before, instance)
-        timing = Timing.AT_END if point.kind is TimePointKind.END else Timing.AT_START
+        timing = model.Timing.AT_END if point.kind is model.TimePointKind.END else model.Timing.AT_START
         for added in instance.atom_effects:
             if added.timing is timing and reading.holds(added.condition):
                 change.write(added.atom, added.value)
-        changed: dict[Fluent, list[tuple[AssignmentKind, Fraction]]] = {}
+        changed: dict[model.Fluent, list[tuple[model.AssignmentKind, Fraction]]] = {}
         for effect in instance.numeric_effects:
             if effect.timing is timing and reading.holds(effect.condition):
                 amount = reading.expression(effect.expression)
                 changed.setdefault(effect.fluent, []).append((effect.operator, amount))
-                if effect.operator is AssignmentKind.ASSIGN:
+                if effect.operator is model.AssignmentKind.ASSIGN:
                     change.assignments[effect.fluent] = amount
                 else:
                     change.increases.append((effect.fluent, amount))
         self.disagreements += ((point, text) for text in _disagreements(changed))
 
-    def _slopes(self, time: Fraction, after: State, flowing: list[ActionInstance]) -> dict[Fluent, Fraction]:
+    def _slopes(
+        self, time: Fraction, after: State, flowing: list[model.ActionInstance]
+    ) -> dict[model.Fluent, Fraction]:
         """The changes per unit of time right after `time`."""
-        slopes: dict[Fluent, Fraction] = {}
+        slopes: dict[model.Fluent, Fraction] = {}
         acting = [i for i in flowing if self.times[i.start] <= time < self.times[i.end]]
         for instance in acting:
             reading = self.reading(after, instance)
@@ -260,23 +242,25 @@ class TimedExecution:
                 slopes[effect.fluent] = slopes.get(effect.fluent, Fraction(0)) + rate
         for instance in acting:
             for effect in instance.continuous_effects:
-                if any(isinstance(variable, Fluent) and slopes.get(variable) for variable in effect.rate.variables):
+                if any(
+                    isinstance(variable, model.Fluent) and slopes.get(variable) for variable in effect.rate.variables
+                ):
                     raise UnsupportedError(_moving_rate(instance, effect.fluent))
         return slopes
 
 
-def _disagreements(changed: Mapping[Fluent, list[tuple[AssignmentKind, Fraction]]]) -> Iterator[str]:
+def _disagreements(changed: Mapping[model.Fluent, list[tuple[model.AssignmentKind, Fraction]]]) -> Iterator[str]:
     """The fluents that do not have one value after changes by one action, in words."""
     for fluent, changes in changed.items():
-        if len(changes) > 1 and any(operator is AssignmentKind.ASSIGN for operator, _ in changes):
+        if len(changes) > 1 and any(operator is model.AssignmentKind.ASSIGN for operator, _ in changes):
             words = (f"{_CHANGED[operator]} {format_number(amount)}" for operator, amount in changes)
             yield f"{fluent} is {' and '.join(words)}"
 
 
-_CHANGED = {AssignmentKind.ASSIGN: "assigned", AssignmentKind.INCREASE: "increased by"}
+_CHANGED = {model.AssignmentKind.ASSIGN: "assigned", model.AssignmentKind.INCREASE: "increased by"}
 
 
-def _moving_rate(instance: ActionInstance, fluent: Fluent) -> str:
+def _moving_rate(instance: model.ActionInstance, fluent: model.Fluent) -> str:
     return (
         f"instance {instance.identifier} {instance}: the rate of its continuous effect on {fluent} changes while it "
         "acts; only rates that stay constant from start to end are supported"
@@ -288,12 +272,12 @@ class _Change:
 
     def __init__(self, before: State) -> None:
         self.before = before
-        self.adds: set[Atom] = set()
-        self.deletes: set[Atom] = set()
-        self.assignments: dict[Fluent, Fraction] = {}
-        self.increases: list[tuple[Fluent, Fraction]] = []
+        self.adds: set[model.Atom] = set()
+        self.deletes: set[model.Atom] = set()
+        self.assignments: dict[model.Fluent, Fraction] = {}
+        self.increases: list[tuple[model.Fluent, Fraction]] = []
 
-    def write(self, atom: Atom, value: bool) -> None:
+    def write(self, atom: model.Atom, value: bool) -> None:
         (self.adds if value else self.deletes).add(atom)
 
     def result(self) -> State:
@@ -313,14 +297,16 @@ class _Change:
         return State(atoms, fluents)
 
 
-def over_time(expression: Expression, reading: Reading, slopes: Mapping[Fluent, Fraction]) -> tuple[Fraction, Fraction]:
+def over_time(
+    expression: model.Expression, reading: Reading, slopes: Mapping[model.Fluent, Fraction]
+) -> tuple[Fraction, Fraction]:
     """Value now and change per unit of time of an expression between two happenings.
 
     Raises UnsupportedError where it is not linear in time (a product of several changing fluents).
     """
 
-    def moving(variable: NumericVariable) -> Polynomial[str]:
-        slope = slopes.get(variable, Fraction(0)) if isinstance(variable, Fluent) else Fraction(0)
+    def moving(variable: model.NumericVariable) -> Polynomial[str]:
+        slope = slopes.get(variable, Fraction(0)) if isinstance(variable, model.Fluent) else Fraction(0)
         return Polynomial({(): reading.variable(variable), ("#t",): slope})
 
     polynomial = expression.substitute(moving)

@@ -153,12 +153,12 @@ class Z3(Backend):
         if self._model is None:
             self._model = self._solver.z3.model()
         model, converter = self._model, self._solver.converter
-        found: dict[str, Value] = {}
+        values: dict[str, Value] = {}
         for symbol in symbols:
             value = model.eval(converter.convert(symbol), model_completion=True)
             numeral = not z3.is_bool(value)
-            found[symbol.symbol_name()] = Fraction(value.as_string()) if numeral else z3.is_true(value)
-        return found
+            values[symbol.symbol_name()] = Fraction(value.as_string()) if numeral else z3.is_true(value)
+        return values
 
     def _steps(self) -> int:
         """What this solver has spent by now, in the unit of an effort."""

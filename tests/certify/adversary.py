@@ -351,27 +351,8 @@ def _choices(instance: Instance, by: tools.Checker = tools.CHECKER) -> choices.C
 # -- tapes -------------------------------------------------------------------------------------------------------------
 
 NUMBERS: list[Any] = [
-    0,
-    1,
-    -1,
-    2,
-    3,
-    7,
-    -2,
-    10**20,
-    "0",
-    "1",
-    "-1",
-    "1/2",
-    "1000",
-    "2/4",
-    True,
-    False,
-    None,
-    1.5,
-    [],
-    {},
-]
+    0, 1, -1, 2, 3, 7, -2, 10**20, "0", "1", "-1", "1/2", "1000", "2/4", True, False, None, 1.5, [], {},
+]  # fmt: skip
 KINDS = ("orders", "schedule", "kept", "refute", "face", "cycle", "broken", "bad", "good", "piece", "rest")
 
 

@@ -375,17 +375,8 @@ def within() -> Iterator[tuple[str, Holds]]:
 def face_of(ground: Any, encoding: Any, box: Any, name: str, side: Side) -> list[Line]:
     end = box[name].end(side)
     assert end is not None
-    bad = DiscoveredBadSet(encoding)
-    face = _Face(
-        ground=ground,
-        reasons=lambda: _reasons(ground, encoding.epsilon, box, Deadline.after(60)),
-        box=box,
-        bad=bad,
-        name=name,
-        side=side,
-        end=end,
-        deadline=Deadline.after(60),
-    )
+    bad, deadline = DiscoveredBadSet(encoding), Deadline.after(60)
+    face = _Face(ground, lambda: _reasons(ground, encoding.epsilon, box, deadline), box, bad, name, side, end, deadline)
     return face.lines()
 
 

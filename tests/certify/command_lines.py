@@ -147,7 +147,8 @@ def of_boxes(place: Path) -> Iterator[tuple[Any, Words]]:
     for kind in ((), ("--kind", "maximal"), ("--kind", "box")):
         maximal = kind[-1:] == ("maximal",)
         for code, box in (
-            (0, ends), (0, {"parameters": ends}), (int(maximal), {"parameters": {}, **ends}),
+            (0, ends), (0, {"parameters": ends}), (1, {"parameters": ends, "verified": False}),
+            (0, {"parameters": ends, "verified": True}), (int(maximal), {"parameters": {}, **ends}),
             (1, {**ends, "other": ends["k"]}), (1, {"other": ends["k"]}),
             (int(maximal), {**ends, "k": {"lower": "1", "upper": "2"}}),
             (1, {**ends, "m": {"lower": "0", "upper": "2"}}), (1, {**ends, "m": {"lower": "-inf", "upper": "2"}}),

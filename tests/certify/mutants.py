@@ -1,6 +1,6 @@
 """How strong the tests of the checker are: small changes to its text, each of which has to be noticed.
 
-    python -m tests.certify.mutants [MODULE ...] [--only PATTERN] [--every N] [--seconds S]
+    python -m tests.certify.mutants [MODULE ...] [--only PATTERN] [--every N [--first M]] [--seconds S]
 
 Every comparison, operator, constant, operand, argument, condition and statement of `proofs/checker/` is changed or left
 out, one at a time. The changed checker runs in this process against the bank of `tests.certify.bank`: honest
@@ -360,6 +360,9 @@ def main() -> int:
     parser.add_argument("modules", nargs="*", choices=[[], *MODULES], metavar="MODULE", help=", ".join(MODULES))
     parser.add_argument("--only", default="", metavar="PATTERN", help="only changes whose function and line match this")
     parser.add_argument("--every", type=int, default=1, metavar="N", help="only each N-th of them (1)")
+    parser.add_argument(
+        "--first", type=int, default=0, metavar="M", help="the first of these, from 0 (0): pieces of a run"
+    )
     parser.add_argument("--seconds", type=float, default=SECONDS, metavar="S", help=f"for each ({SECONDS})")
     parser.add_argument("--processes", type=int, default=2, metavar="N", help="how many at a time (2)")
     parser.add_argument("--verbose", action="store_true", help="say of each change what noticed it")
@@ -374,7 +377,8 @@ def main() -> int:
         if wrong:
             sys.exit(f"the checker itself does not pass: {wrong}")
         step = 8 * arguments.every
-        shares = [(module, first, step, arguments.only, arguments.seconds) for first in range(0, step, arguments.every)]
+        firsts = range(arguments.first, step, arguments.every)
+        shares = [(module, first, step, arguments.only, arguments.seconds) for first in firsts]
         with multiprocessing.get_context("fork").Pool(arguments.processes) as pool:
             found = [each for share in pool.imap_unordered(measure, shares, chunksize=1) for each in share]
         missed = sorted({(key, before) for key, before, noticed, _ in found if noticed is None})

@@ -8,7 +8,7 @@ import pytest
 
 from tests.certify import tools
 from tests.certify.bank import leaf_changes, named, probes, within
-from tests.certify.mutants import ASKED, TEXTS, Probe, accepted, load, mutants, noticed_by
+from tests.certify.mutants import ASKED, MODULES, TEXTS, Probe, accepted, load, mutants, noticed_by
 
 BELIEVES_MORE = [
     ("proofs", "Facts.imply", "value > -1"),
@@ -72,5 +72,6 @@ def test_a_checker_that_believes_more_is_noticed(module, function, line):
             break
 
 
-def test_what_is_accepted_has_a_reason():
+def test_what_is_accepted_has_a_reason_and_is_a_change_of_the_present_text():
     assert all(reason for reason in accepted().values())
+    assert accepted().keys() <= {mutant.key for module in MODULES for mutant in mutants(module)}

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable, Sequence
 from fractions import Fraction
+from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple
 
@@ -282,40 +284,9 @@ def tangled_texts(seed: int) -> Texts:
 
 Forms = Any
 """Words, and lists of forms."""
-ODD = """5 -5 .5 1e2 1e999 1/2 ?duration ?y ? : :goal :init :and #t - -t1 + = >= and or not at start end all over when 0
-forall exists either define preference object number total-time a-b a--b a- _ 5a x.y k \u212a \u017f \u0130 \u0663 nan
-inf increase assign f q a t1 t0 (q) (f) () (and) (or) (at start (q)) (= (f) 1) (not (q)) (?v - t1) (p ?v) (* #t 1)
-(/ 1 0) (/ 1 (f)) (- 3) (:synth-parameters ?z) (* #t ?duration) (assign (f) ?duration) (:types) (when (q) (q))
-(either t1 t2)"""
-"""Words and forms that stand where they have no meaning, or another one."""
-SECTIONS = """(:types a - b b - a)|(:types t1 - t2)|(:goal (and))|(:init)|(:requirements :typing :magic)
-(:length (:serial 3))|(:requirements :typing)|(:metric minimize (f))|(:metric minimize (fuel))
-(:metric minimise (f))|(:metric maximize (/ 1 0))|(:constants)|(:objects)|(:objects a - t2)|(:constants b)
-(:functions (f))|(:predicates (p))|(:synth-parameters ?n - number)|(:constraints (and))|(:derived (q) (p a))
-(:action u :parameters (?x - t1) :precondition (p ?x) :effect (q))|(:domain d)
-(:action u :parameters (?x - t9) :effect ())|(:action u :precondition (p) :effect ())|(:action u :effect (p ?x))
-(:action u :effect (assign (f) (q)))|(:durative-action u :effect ())|(:action u :precondition (>= (f) (/ 1 0)))
-(:durative-action u :duration (= ?duration (g)) :effect ())|(:action u :effect (when (= a c) (zz)))
-(:types t1 t1 - t0)|(:action u :precondition (forall (?x - t9) (q)))
-(:action u :precondition (exists (?x - t1) (r ?x)))|(:action u)|(:action u :parameters (?x ?x) :effect ())
-(:action u :effect (assign (h) 2))|(:action u :effect (increase (f) (* #t 1)))"""
-STATEMENTS = """parameter z;|parameter k0 default 9 ub 1;|parameter z weight 0; c: i0 - .zero in [z, inf];
-c: i0 - i0 in [1, 2];|c: .zero - .zero in [0, 0];|c: .zero - .zero in [1, inf];|c: i0.start - .zero in [5, 2];
-action instance i0 : (act0);|durative-action instance i0 : (act0 a);
-parameter z lb 3 ub 1; c: .zero - .zero in [-inf, z];|c: .zero - .zero in [0, 1e999];
-parameter weight weight w default 1;|c: .zero - .zero in [-1e-400, 0];
-parameter z default 2; c: .zero - .zero in [0, z];"""
-BESIDE = """[parameters.k0]|duration = "i0"|duration = "act0"|fluent = "(f)"|fluent = "(F)"|fluent = "(h)"
-start = "i0"|other = 1|[parameters.z]|[parameters]|weight = 2|default = 3|fluent = "(p a)"|[other]|lower = 1
-k0 = "i0"|fluent = "(g a)"|duration = 1"""
-BOUNDS = """5 -5 1/2 1/0 -inf +inf inf +-inf 1e400 .zero k0 k1 i0 i0.start zero nan a c act0 + . , lb ub 0 01 \u212a
-weight default # @1"""
-LETTERS = {
-    "k": "\u212a", "s": "\u017f", "i": "\u0130\u0131", "a": "\u0430", "1": "\u0661\u00b9", "2": "\u00b2",
-    " ": "\u00a0\u2003\x1c\x85\x0b\u200b\ufeff", "\n": "\x0c\r\u2028",
-    "-": "\u2013\u2212", "(": "\uff08", ".": "\u2024", ";": "\u037e",
-}  # fmt: skip
-"""What looks or sorts like a character, or becomes it in lower case."""
+PARTS: dict[str, Any] = json.loads(Path(__file__).with_name("data").joinpath("texts.json").read_text(encoding="utf-8"))
+"""Words and forms that stand where they have no meaning, or another one (`odd`), sections, statements of plans, lines
+beside a plan, bounds; and what looks or sorts like a character, or becomes it in lower case (`letters`)."""
 
 
 def forms(text: str) -> Forms:
@@ -350,14 +321,17 @@ def _instead(texts: Sequence[str], place: int, text: str) -> list[str]:
 
 def _renamed(texts: Sequence[str], random: Random) -> list[str]:
     """Something is called by another name, everywhere."""
-    old, new = random.choice(re.findall(r"\??[A-Za-z]\w*", texts[random.randrange(3)])), random.choice(ODD.split())
+    old, new = (
+        random.choice(re.findall(r"\??[A-Za-z]\w*", texts[random.randrange(3)])),
+        random.choice(PARTS["odd"].split()),
+    )
     return [re.sub(rf"(?<![\w?:#-]){re.escape(old)}(?![\w-])", lambda _: new, text) for text in texts]
 
 
 def _lettered(texts: Sequence[str], random: Random) -> list[str]:
     """One character, or all of a kind in one file, are others."""
-    place, old = random.choice([0, 0, 1, 2]), random.choice([*LETTERS])
-    new, text = random.choice(LETTERS[old]), texts[place]
+    place, old = random.choice([0, 0, 1, 2]), random.choice([*PARTS["letters"]])
+    new, text = random.choice(PARTS["letters"][old]), texts[place]
     where = [match.start() for match in re.finditer(re.escape(old), text)]
     if not where or random.random() < 0.3:
         return _instead(texts, place, text.replace(old, new))
@@ -376,7 +350,7 @@ def _joined(texts: Sequence[str], random: Random) -> list[str]:
 
 def _cut(texts: Sequence[str], random: Random) -> list[str]:
     """Some characters are missing, or something is said after the end."""
-    place, text = random.choice([0, 0, 1, 2]), random.choice(ODD.split())
+    place, text = random.choice([0, 0, 1, 2]), random.choice(PARTS["odd"].split())
     at = random.randrange(len(texts[place]) + 1)
     more = texts[place][at + random.randint(1, 5) :] if random.random() < 0.8 else f"{texts[place][at:]} {text}"
     return _instead(texts, place, texts[place][:at] + more)
@@ -387,7 +361,7 @@ def _section(texts: Sequence[str], random: Random) -> list[str]:
     place = random.randrange(2)
     top = forms(texts[place]) or [[]]
     others = [form for form in forms(texts[random.randrange(2)]) if isinstance(form, list)] or [[[]]]
-    new = random.choice([forms(random.choice(SECTIONS.replace("\n", "|").split("|"))), random.choice(others)])
+    new = random.choice([forms(random.choice(PARTS["sections"])), random.choice(others)])
     if isinstance(top[0], list):
         top[0].insert(random.randint(2, max(2, len(top[0]))), random.choice(new or [[]]))
     return _instead(texts, place, "\n".join(map(printed, top)))
@@ -401,7 +375,7 @@ def _form(texts: Sequence[str], random: Random) -> list[str]:
     if not inner:
         return list(texts)
     at = random.randrange(len(inner))
-    new = random.choice(forms(ODD) if random.random() < 0.5 else random.choice(_parents(other)) or [[]])
+    new = random.choice(forms(PARTS["odd"]) if random.random() < 0.5 else random.choice(_parents(other)) or [[]])
     word = inner[at]
     if isinstance(word, str) and random.random() < 0.4:  # another word of its class
         words = [each for form in _parents(top) for each in form if isinstance(each, str)]
@@ -433,19 +407,19 @@ def _plan(texts: Sequence[str], random: Random) -> list[str]:
     """A word of the plan is missing, twice or another one, or a statement is, or there is another one."""
     if random.random() < 0.4:
         statements = [each for each in texts[2].split(";") if each.strip()] or [""]
-        more = random.choice("|".join(STATEMENTS.split("\n")).split("|")).rstrip(";")
+        more = random.choice(PARTS["statements"]).rstrip(";")
         at = random.randrange(len(statements))
         statements[at : at + random.randrange(2)] = [random.choice([more, random.choice(statements)])]
         return _instead(texts, 2, "".join(f"{each};\n" for each in statements))
     words = re.findall(r"\s+|[\w.-]+|[^\w.\s-]", texts[2]) or [""]
     at = random.randrange(len(words))
-    words[at : at + random.randrange(2)] = [random.choice([random.choice(BOUNDS.split()), random.choice(words), ""])]
+    words[at : at + random.randrange(2)] = [random.choice([random.choice(PARTS["bounds"]), random.choice(words), ""])]
     return _instead(texts, 2, "".join(words))
 
 
 def _beside(texts: Sequence[str], random: Random) -> list[str]:
     """Other parameters beside the plan."""
-    lines = BESIDE.replace("\n", "|").split("|")
+    lines = PARTS["beside"]
     return [
         *texts[:3],
         "\n".join([random.choice(lines[:1] * 3 + lines), *random.choices(lines, k=random.randint(0, 3))]),

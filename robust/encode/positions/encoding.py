@@ -1,10 +1,9 @@
-"""The encoding over positions: over-all conditions in the states, and all obligations by name [IRR §2].
+"""The encoding over positions: enc_valid, over-all conditions in the states, and all obligations by name [IRR §2].
 
-enc_valid of the positions encoding: ∃t. enc_tn by elimination of the times, one after the other [IRR §4, line 1].
-
-Fourier–Motzkin elimination of a variable of a difference network joins every lower bound with every upper bound, which
-are edges of a graph: `t_target − t_source ≥ weight`, weight over parameters. Between two nodes there may be many
-weights; those that never matter within the box in question are redundant. What remains on loops are the facets.
+enc_valid is ∃t. enc_tn, decided by elimination of the times, one after the other [IRR §4, line 1]. Fourier–Motzkin
+elimination of a variable of a difference network joins every lower bound with every upper bound, which are edges of a
+graph: `t_target − t_source ≥ weight`, weight over parameters. Between two nodes there may be many weights; those that
+never matter within the box in question are redundant. What remains on loops are the facets.
 """
 
 from __future__ import annotations
@@ -16,39 +15,11 @@ from functools import cached_property
 from itertools import permutations
 from typing import assert_never
 
+from robust.encode import interface
 from robust.encode.effects import Writes
-from robust.encode.interface import (
-    EPSILON,
-    Auxiliary,
-    Definitions,
-    Encoding,
-    Facet,
-    Grid,
-    Obligation,
-    Stage,
-    is_over_parameters,
-    least,
-    variable,
-)
 from robust.encode.network import Difference, Orders, TemporalNetwork, duration_rules
 from robust.encode.positions.formulas import Positions, PositionState, Reader, Setting, Trajectory
-from robust.plan.model import (
-    ZERO,
-    ActionInstance,
-    Condition,
-    DurationConstraint,
-    GoalCondition,
-    NumericCondition,
-    ParameterReference,
-    ParametrizedPlan,
-    Relation,
-    TimedCondition,
-    TimePoint,
-    Timing,
-    comparisons,
-    conjuncts,
-    fluents_in,
-)
+from robust.plan import model
 from robust.plan.simulate import mutex_pairs
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Satisfiability, Session
@@ -64,16 +35,16 @@ class Projection:
     def __init__(self, network: TemporalNetwork, terms: Terms) -> None:
         self._terms = terms
         self._edges: list[Difference] = []
-        self.facets: list[Facet] = []
+        self.facets: list[interface.Facet] = []
         for inequality in network.inequalities:
-            if is_over_parameters(inequality.expression):
-                self.facets.append(Facet(inequality.expression, inequality.origins))
+            if interface.is_over_parameters(inequality.expression):
+                self.facets.append(interface.Facet(inequality.expression, inequality.origins))
             else:
                 self._edges.append(inequality.as_difference())
 
     def broken_facet(
-        self, box: Grid, make_session: Callable[[], Session], deadline: Deadline
-    ) -> Facet | Satisfiability | None:
+        self, box: interface.Grid, make_session: Callable[[], Session], deadline: Deadline
+    ) -> interface.Facet | Satisfiability | None:
         """A facet that some point of the box breaks; None if every point has a schedule; UNKNOWN out of time.
 
         `make_session` opens a solver session over the same terms, only if it comes to that.
@@ -88,15 +59,15 @@ class Projection:
             self.facets.append(broken)
         return broken
 
-    def known_facet(self, box: Grid) -> Facet | None:
+    def known_facet(self, box: interface.Grid) -> interface.Facet | None:
         """A facet that some point of the box breaks, of those that a search has met."""
         return next((facet for facet in self.facets if facet.breaks_in(box)), None)
 
-    def contradiction(self, values: Mapping[str, Fraction]) -> Facet | None:
+    def contradiction(self, values: Mapping[str, Fraction]) -> interface.Facet | None:
         """Statements of the network that cannot hold together at one point; None if it has a schedule there."""
         ranges = {name: (value, value) for name, value in values.items()}
-        found = self.broken_facet(Grid(ranges), lambda: Session(self._terms), NEVER)
-        return found if isinstance(found, Facet) else None
+        broken = self.broken_facet(interface.Grid(ranges), lambda: Session(self._terms), NEVER)
+        return broken if isinstance(broken, interface.Facet) else None
 
 
 class _Elimination:
@@ -105,7 +76,7 @@ class _Elimination:
     def __init__(
         self,
         edges: list[Difference],
-        box: Grid,
+        box: interface.Grid,
         terms: Terms,
         make_session: Callable[[], Session],
         deadline: Deadline,
@@ -115,19 +86,19 @@ class _Elimination:
         self._make_session = make_session
         self._deadline = deadline
         self._session: Session | None = None
-        self._outgoing: dict[TimePoint, dict[TimePoint, list[Difference]]] = defaultdict(dict)
-        self._incoming: dict[TimePoint, set[TimePoint]] = defaultdict(set)
-        self._broken: Facet | None = None
+        self._outgoing: dict[model.TimePoint, dict[model.TimePoint, list[Difference]]] = defaultdict(dict)
+        self._incoming: dict[model.TimePoint, set[model.TimePoint]] = defaultdict(set)
+        self._broken: interface.Facet | None = None
         for edge in edges:
             self._join(edge.source, edge.target, [edge])
 
-    def broken_loop(self) -> Facet | None:
+    def broken_loop(self) -> interface.Facet | None:
         """The first facet that breaks in the box.
 
         Raises:
             OutOfTimeError: if the deadline passes.
         """
-        waiting = {node for node in (*self._outgoing, *self._incoming) if node != ZERO}
+        waiting = {node for node in (*self._outgoing, *self._incoming) if node != model.ZERO}
         while waiting and self._broken is None:
             # The variable with the fewest joins; by name among equals, so that runs repeat.
             node = min(waiting, key=lambda n: (len(self._outgoing[n]) * len(self._incoming[n]), n))
@@ -135,7 +106,7 @@ class _Elimination:
             self._eliminate(node)
         return self._broken
 
-    def _eliminate(self, node: TimePoint) -> None:
+    def _eliminate(self, node: model.TimePoint) -> None:
         after = self._outgoing.pop(node)
         before = {source: self._outgoing[source].pop(node) for source in self._incoming.pop(node)}
         for target in after:
@@ -153,9 +124,9 @@ class _Elimination:
                 origins = tuple(dict.fromkeys((*first.origins, *second.origins)))
                 yield Difference(first.source, second.target, first.weight + second.weight, origins)
 
-    def _join(self, source: TimePoint, target: TimePoint, edges: list[Difference]) -> None:
+    def _join(self, source: model.TimePoint, target: model.TimePoint, edges: list[Difference]) -> None:
         if source == target:
-            facets = (Facet(-edge.weight, edge.origins) for edge in edges)
+            facets = (interface.Facet(-edge.weight, edge.origins) for edge in edges)
             self._broken = self._broken or next((facet for facet in facets if facet.breaks_in(self._box)), None)
             return
         known = self._outgoing[source].setdefault(target, [])
@@ -169,28 +140,28 @@ class _Elimination:
 
     def _is_covered(self, edge: Difference, by: Difference) -> bool:
         """Whether the weight of `by` is at least as great all over the box."""
-        margin = least(by.weight - edge.weight, self._box.ranges)
+        margin = interface.least(by.weight - edge.weight, self._box.ranges)
         return margin is not None and margin >= 0
 
     def _without_redundant(self, edges: list[Difference]) -> Iterator[Difference]:
         """Leave out every edge whose weight nowhere in the box exceeds all the others that are left."""
         session = self._session = self._session or self._open_session()
-        left = list(edges)
+        remaining = list(edges)
         for edge in edges:
-            others = [other for other in left if other is not edge]
+            others = [other for other in remaining if other is not edge]
             with session.frame(*(self._terms.greater(edge.weight - other.weight) for other in others)):
                 verdict = session.check("enc_valid: a redundant bound", self._deadline)
             if verdict is Satisfiability.UNKNOWN:
                 raise OutOfTimeError
             if verdict is Satisfiability.UNSATISFIABLE:
-                left = others
+                remaining = others
             else:
                 yield edge
 
     def _open_session(self) -> Session:
         session = self._make_session()
         for name, (low, high) in self._box.ranges.items():
-            value = variable(ParameterReference(name))
+            value = interface.variable(model.ParameterReference(name))
             if low is not None:
                 session.add(self._terms.at_least(value - low))
             if high is not None:
@@ -198,7 +169,7 @@ class _Elimination:
         return session
 
 
-Part = TimedCondition | DurationConstraint | GoalCondition
+Part = model.TimedCondition | model.DurationConstraint | model.GoalCondition
 """What is proved: each is an obligation."""
 
 
@@ -216,13 +187,13 @@ class PositionedOverAll:
         self._trajectory = trajectory
         self._instants = 0
 
-    def violation(self, instance: ActionInstance, condition: Condition, deadline: Deadline) -> Formula:
+    def violation(self, instance: model.ActionInstance, condition: model.Condition, deadline: Deadline) -> Formula:
         """Some instant of the open interval at which the condition is false.
 
         Raises:
             OutOfTimeError: if the deadline passes.
         """
-        parts = list(conjuncts(condition))
+        parts = list(model.conjuncts(condition))
         return self._terms.disjunction(
             self._terms.conjunction((inside, case))
             for step, inside in self._steps(instance, deadline)
@@ -230,7 +201,7 @@ class PositionedOverAll:
             for case in self._in_step(instance, part, step)
         )
 
-    def _steps(self, instance: ActionInstance, deadline: Deadline) -> Iterator[tuple[int, Formula]]:
+    def _steps(self, instance: model.ActionInstance, deadline: Deadline) -> Iterator[tuple[int, Formula]]:
         """The steps that may lie inside and take time."""
         for step in range(1, self._positions.last):
             deadline.enforce()
@@ -239,28 +210,28 @@ class PositionedOverAll:
             if inside is not self._terms.false:
                 yield step, inside
 
-    def _in_step(self, instance: ActionInstance, condition: Condition, step: int) -> Iterator[Formula]:
-        moving = [leaf for leaf in dict.fromkeys(comparisons(condition)) if self._moves(leaf)]
+    def _in_step(self, instance: model.ActionInstance, condition: model.Condition, step: int) -> Iterator[Formula]:
+        moving = [leaf for leaf in dict.fromkeys(model.comparisons(condition)) if self._moves(leaf)]
         left = self._trajectory.after[step]
         if not moving:
             # Happenings inside leave no state that does not last through a step inside.
             yield self._false(condition, left, instance)
         elif len(moving) == 1:
             yield self._false_in_interior(instance, condition, moving[0], step)
-            if moving[0].relation in (Relation.GREATER, Relation.DIFFERENT):
+            if moving[0].relation in (model.Relation.GREATER, model.Relation.DIFFERENT):
                 yield from self._false_at_ends(instance, condition, step)
         else:
             yield self._false_at_instant(instance, condition, step)
             yield from self._false_at_ends(instance, condition, step)
 
-    def _moves(self, leaf: NumericCondition) -> bool:
-        return any(self._writes.flows.get(fluent) for fluent in fluents_in(leaf.expression))
+    def _moves(self, leaf: model.NumericCondition) -> bool:
+        return any(self._writes.flows.get(fluent) for fluent in model.fluents_in(leaf.expression))
 
-    def _false(self, condition: Condition, state: PositionState, instance: ActionInstance) -> Formula:
+    def _false(self, condition: model.Condition, state: PositionState, instance: model.ActionInstance) -> Formula:
         return self._terms.negation(self._reader.holds(condition, state, instance))
 
     def _false_in_interior(
-        self, instance: ActionInstance, condition: Condition, moving: NumericCondition, step: int
+        self, instance: model.ActionInstance, condition: model.Condition, moving: model.NumericCondition, step: int
     ) -> Formula:
         """All else is constant in the interior, so the condition is false there where its only moving part is."""
         broken = self._broken_in_interior(instance, moving, step)
@@ -270,26 +241,28 @@ class PositionedOverAll:
         )
         return self._terms.negation(holds)
 
-    def _broken_in_interior(self, instance: ActionInstance, moving: NumericCondition, step: int) -> Formula:
+    def _broken_in_interior(self, instance: model.ActionInstance, moving: model.NumericCondition, step: int) -> Formula:
         """Whether a linear function leaves a relation to zero somewhere between its limits `left` and `right`."""
         terms = self._terms
         left = self._reader.value(moving.expression, self._trajectory.after[step], instance)
         right = self._reader.value(moving.expression, self._trajectory.before[step + 1], instance)
         both_zero = terms.conjunction((terms.equal(left), terms.equal(right)))
         match moving.relation:
-            case Relation.AT_LEAST:
+            case model.Relation.AT_LEAST:
                 return terms.disjunction((terms.greater(-left), terms.greater(-right)))
-            case Relation.GREATER:
+            case model.Relation.GREATER:
                 return terms.disjunction((terms.greater(-left), terms.greater(-right), both_zero))
-            case Relation.EQUAL:
+            case model.Relation.EQUAL:
                 return terms.negation(both_zero)
-            case Relation.DIFFERENT:
+            case model.Relation.DIFFERENT:
                 falls = terms.conjunction((terms.greater(left), terms.greater(-right)))
                 rises = terms.conjunction((terms.greater(-left), terms.greater(right)))
                 return terms.disjunction((falls, rises, both_zero))
         assert_never(moving.relation)
 
-    def _false_at_ends(self, instance: ActionInstance, condition: Condition, step: int) -> Iterator[Formula]:
+    def _false_at_ends(
+        self, instance: model.ActionInstance, condition: model.Condition, step: int
+    ) -> Iterator[Formula]:
         """At a happening inside the interval the values themselves count: just after it, and just before it."""
         terms, positions, places = self._terms, self._positions, self._network.places
         after_start = terms.greater(positions.time(step) - places[instance.start])
@@ -297,12 +270,14 @@ class PositionedOverAll:
         before_end = terms.greater(places[instance.end] - positions.time(step + 1))
         yield terms.conjunction((before_end, self._false(condition, self._trajectory.before[step + 1], instance)))
 
-    def _false_at_instant(self, instance: ActionInstance, condition: Condition, step: int) -> Formula:
+    def _false_at_instant(self, instance: model.ActionInstance, condition: model.Condition, step: int) -> Formula:
         self._instants += 1
-        instant = variable(Auxiliary(f"instant in {instance.identifier}", self._instants))
+        instant = interface.variable(interface.Auxiliary(f"instant in {instance.identifier}", self._instants))
         left = self._trajectory.after[step]
         moved = dict(left.fluents)
-        for fluent in {f for leaf in comparisons(condition) for f in fluents_in(leaf.expression)} & moved.keys():
+        for fluent in {
+            f for leaf in model.comparisons(condition) for f in model.fluents_in(leaf.expression)
+        } & moved.keys():
             moved[fluent] += self._flows.until(fluent, step, instant)
         inside = (
             self._terms.greater(instant - self._positions.time(step)),
@@ -311,7 +286,7 @@ class PositionedOverAll:
         return self._terms.conjunction((*inside, self._false(condition, PositionState(left.atoms, moved), instance)))
 
 
-class PositionsEncoding(Encoding):
+class PositionsEncoding(interface.Encoding):
     """enc_tn, enc_eff and enc_proofs of a plan over positions.
 
     States are built with the first query that needs them. The violation of a condition is a symbol, which its query
@@ -330,8 +305,8 @@ class PositionsEncoding(Encoding):
 
     def __init__(
         self,
-        plan: ParametrizedPlan,
-        epsilon: Fraction = EPSILON,
+        plan: model.ParametrizedPlan,
+        epsilon: Fraction = interface.EPSILON,
         *,
         deadline: Deadline = NEVER,
     ) -> None:
@@ -339,7 +314,7 @@ class PositionsEncoding(Encoding):
         self.epsilon = epsilon
         self._deadline = deadline
         self.terms = Terms()
-        self._definitions = Definitions(self.terms)
+        self._definitions = interface.Definitions(self.terms)
         self.network = TemporalNetwork(plan)
         self.places = self.network.places
         self.validity = Projection(self.network, self.terms)
@@ -347,23 +322,23 @@ class PositionsEncoding(Encoding):
         self._writes = Writes(plan)
         self._mutex = tuple(mutex_pairs(plan))
         self._rules = tuple(duration_rules(plan, self._writes))
-        self._parts: dict[Formula, tuple[Part, ActionInstance | None]] = {}
+        self._parts: dict[Formula, tuple[Part, model.ActionInstance | None]] = {}
         self._defined: dict[Formula, list[Formula]] = {}
-        self._assumed: dict[Stage, list[Formula]] = {Stage.DURATION: []}
+        self._assumed: dict[interface.Stage, list[Formula]] = {interface.Stage.DURATION: []}
         durations = list(self._duration_obligations())
-        self._assumed[Stage.SEPARATION] = [self.terms.negation(o.violation) for o in durations]
+        self._assumed[interface.Stage.SEPARATION] = [self.terms.negation(o.violation) for o in durations]
         separations = list(self._separation_obligations())
         respected = [self.terms.negation(o.violation) for o in separations]
-        self._assumed[Stage.AGREEMENT] = [*self._assumed[Stage.SEPARATION], *respected]
+        self._assumed[interface.Stage.AGREEMENT] = [*self._assumed[interface.Stage.SEPARATION], *respected]
         self._agreements = list(self._agreement_obligations())
         agreed = [self.terms.negation(o.violation) for o in self._agreements]
-        self._assumed[Stage.CONDITION] = [*self._assumed[Stage.AGREEMENT], *agreed]
+        self._assumed[interface.Stage.CONDITION] = [*self._assumed[interface.Stage.AGREEMENT], *agreed]
         conditions = self._condition_obligations()
-        self.obligations: tuple[Obligation, ...] = (*durations, *separations, *self._agreements, *conditions)
+        self.obligations: tuple[interface.Obligation, ...] = (*durations, *separations, *self._agreements, *conditions)
 
     # -- queries -------------------------------------------------------------------------------------------------
 
-    def query(self, obligation: Obligation) -> list[Formula]:
+    def query(self, obligation: interface.Obligation) -> list[Formula]:
         """enc_tn ∧ enc_eff ∧ ¬P and the earlier stages: satisfiable if some schedule breaks the obligation.
 
         Raises:
@@ -371,14 +346,14 @@ class PositionsEncoding(Encoding):
         """
         formulas = [*self.network_formulas(), *self._assumed[obligation.stage], obligation.violation]
         if obligation.violation in self._parts:
-            agreed = self._agreements if obligation.stage is Stage.CONDITION else ()
+            agreed = self._agreements if obligation.stage is interface.Stage.CONDITION else ()
             formulas += self._axioms
-            for one in (obligation, *agreed):
-                formulas += self._definition_of(one.violation)
+            for part in (obligation, *agreed):
+                formulas += self._definition_of(part.violation)
         return [formula for formula in formulas if formula is not self.terms.true]
 
-    def full_query(self, obligation: Obligation) -> list[Formula]:
-        """The same: every query is over the whole network."""
+    def full_query(self, obligation: interface.Obligation) -> list[Formula]:
+        """The query itself: it is over the whole network already."""
         return self.query(obligation)
 
     def network_formulas(self) -> list[Formula]:
@@ -387,27 +362,29 @@ class PositionsEncoding(Encoding):
 
     # -- obligations, stage by stage -----------------------------------------------------------------------------
 
-    def _duration_obligations(self) -> Iterator[Obligation]:
+    def _duration_obligations(self) -> Iterator[interface.Obligation]:
         for rule in self._rules:
             holds = self._reader.holds(rule.condition, PositionState({}, {}), rule.instance)
-            yield Obligation(rule.name, Stage.DURATION, self.terms.negation(holds))
+            yield interface.Obligation(rule.name, interface.Stage.DURATION, self.terms.negation(holds))
 
-    def _separation_obligations(self) -> Iterator[Obligation]:
+    def _separation_obligations(self) -> Iterator[interface.Obligation]:
         for first, second in self._mutex:
             gap = self.network.distance(first, second)
             near = (self.terms.greater(gap + self.epsilon), self.terms.greater(-gap + self.epsilon))
             together = self.terms.conjunction(near) if self.epsilon else self.terms.equal(gap)
-            yield Obligation(f"separation: {first}, {second}", Stage.SEPARATION, together)
+            yield interface.Obligation(f"separation: {first}, {second}", interface.Stage.SEPARATION, together)
 
-    def _agreement_obligations(self) -> Iterator[Obligation]:
+    def _agreement_obligations(self) -> Iterator[interface.Obligation]:
         for instance in self.plan.instances:
-            for one in instance.agreements:
-                yield self._condition_obligation(instance.label(one), one, instance, Stage.AGREEMENT)
+            for agreement in instance.agreements:
+                yield self._condition_obligation(
+                    instance.label(agreement), agreement, instance, interface.Stage.AGREEMENT
+                )
 
-    def _condition_obligations(self) -> Iterator[Obligation]:
+    def _condition_obligations(self) -> Iterator[interface.Obligation]:
         for instance in self.plan.instances:
             for duration in instance.durations:
-                if any(map(self._writes.changes, fluents_in(duration.condition.expression))):
+                if any(map(self._writes.changes, model.fluents_in(duration.condition.expression))):
                     yield self._condition_obligation(instance.label(duration), duration, instance)
             for timed in instance.conditions:
                 yield self._condition_obligation(instance.label(timed), timed, instance)
@@ -415,11 +392,15 @@ class PositionsEncoding(Encoding):
             yield self._condition_obligation(goal.label, goal, None)
 
     def _condition_obligation(
-        self, name: str, part: Part, instance: ActionInstance | None, stage: Stage = Stage.CONDITION
-    ) -> Obligation:
+        self,
+        name: str,
+        part: Part,
+        instance: model.ActionInstance | None,
+        stage: interface.Stage = interface.Stage.CONDITION,
+    ) -> interface.Obligation:
         violation = self.terms.fresh_boolean(f"violated: {name} ")
         self._parts[violation] = (part, instance)
-        return Obligation(name, stage, violation)
+        return interface.Obligation(name, stage, violation)
 
     # -- states, with the first query that needs them -------------------------------------------------------------
 
@@ -464,11 +445,11 @@ class PositionsEncoding(Encoding):
             self._defined[violation] = [self.terms.equivalence(violation, formula), *needed]
         return self._defined[violation]
 
-    def _violation(self, part: Part, instance: ActionInstance | None) -> Formula:
+    def _violation(self, part: Part, instance: model.ActionInstance | None) -> Formula:
         """The negation of one obligation; `instance` is the part's, a goal has none."""
-        if instance is None or isinstance(part, GoalCondition):
+        if instance is None or isinstance(part, model.GoalCondition):
             return self.terms.negation(self._reader.holds(part.condition, self._trajectory.final))
-        if isinstance(part, TimedCondition) and part.timing is Timing.OVER_ALL:
+        if isinstance(part, model.TimedCondition) and part.timing is model.Timing.OVER_ALL:
             return self._overall.violation(instance, part.condition, self._deadline)
         point, positions = instance.at(part.timing), self._positions
         return self.terms.disjunction(

@@ -16,25 +16,7 @@ from robust.encode.effects import AtomWrite, Flow, FluentWrite, Writes
 from robust.encode.interface import Auxiliary, Case, Definitions, Linear, constant, initial_value, variable
 from robust.encode.network import Orders, TemporalNetwork
 from robust.errors import UnsupportedError
-from robust.plan.model import (
-    ActionInstance,
-    And,
-    Atom,
-    Condition,
-    Duration,
-    Expression,
-    Fluent,
-    Holds,
-    NumericCondition,
-    NumericVariable,
-    Or,
-    ParameterReference,
-    ParametrizedPlan,
-    TimePoint,
-    Truth,
-    comparisons,
-    fluents_in,
-)
+from robust.plan import model
 from robust.smt.limits import Deadline
 from robust.smt.terms import Formula, Terms
 
@@ -65,12 +47,12 @@ class Positions:
 
     # -- the order -----------------------------------------------------------------------------------------------
 
-    def _surely_precedes(self, first: TimePoint, second: TimePoint) -> bool:
+    def _surely_precedes(self, first: model.TimePoint, second: model.TimePoint) -> bool:
         if self._rank[first] < self._rank[second]:
             return self._known.surely_not_after(first, second)
         return self._known.surely_before(first, second)
 
-    def precedes(self, first: TimePoint, second: TimePoint) -> Formula:
+    def precedes(self, first: model.TimePoint, second: model.TimePoint) -> Formula:
         """Whether `first` has the earlier position: the order of times, and among equal times the plan's order."""
         if self._rank[first] > self._rank[second]:
             return self._terms.negation(self.precedes(second, first))
@@ -80,7 +62,7 @@ class Positions:
             return self._terms.false
         return self._terms.at_least(self._network.distance(first, second))
 
-    def _by(self, point: TimePoint, position: int) -> Formula:
+    def _by(self, point: model.TimePoint, position: int) -> Formula:
         """Whether the time point has this position or an earlier one."""
         if position < self._first[point]:
             return self._terms.false
@@ -88,11 +70,11 @@ class Positions:
             return self._terms.true
         return self._terms.fresh_boolean(f"[{point} by {position}]")
 
-    def _at(self, point: TimePoint, position: int) -> Formula:
+    def _at(self, point: model.TimePoint, position: int) -> Formula:
         """Whether the time point has this position."""
         return self._terms.conjunction((self.by(point, position), self._terms.negation(self.by(point, position - 1))))
 
-    def _candidates(self, position: int) -> tuple[TimePoint, ...]:
+    def _candidates(self, position: int) -> tuple[model.TimePoint, ...]:
         """The time points that may have a position."""
         return tuple(point for point in self.points if self._first[point] <= position <= self._final[point])
 
@@ -134,13 +116,13 @@ class Positions:
             deadline.enforce()
             yield self._terms.conjunction(self._timing(position))
 
-    def _monotone(self, point: TimePoint) -> Formula:
+    def _monotone(self, point: model.TimePoint) -> Formula:
         positions = range(self._first[point], self._final[point])
         return self._terms.conjunction(
             self._terms.implication(self.by(point, k), self.by(point, k + 1)) for k in positions
         )
 
-    def _strictly(self, earlier: TimePoint, later: TimePoint) -> Formula:
+    def _strictly(self, earlier: model.TimePoint, later: model.TimePoint) -> Formula:
         """The position of one time point is less than the other's."""
         positions = range(self._first[later], self._final[later] + 1)
         return self._terms.conjunction(
@@ -160,31 +142,33 @@ class Positions:
 class PositionState:
     """The written atoms and fluents that matter at one moment; the others keep their initial values."""
 
-    atoms: Mapping[Atom, Formula]
-    fluents: Mapping[Fluent, Linear]
+    atoms: Mapping[model.Atom, Formula]
+    fluents: Mapping[model.Fluent, Linear]
 
 
 class Reader:
     """Evaluates conditions and expressions of a plan in states."""
 
-    def __init__(self, plan: ParametrizedPlan, network: TemporalNetwork, terms: Terms) -> None:
+    def __init__(self, plan: model.ParametrizedPlan, network: TemporalNetwork, terms: Terms) -> None:
         self._plan = plan
         self._network = network
         self._terms = terms
 
-    def value(self, expression: Expression, state: PositionState, instance: ActionInstance | None) -> Linear:
+    def value(
+        self, expression: model.Expression, state: PositionState, instance: model.ActionInstance | None
+    ) -> Linear:
         """The value of an expression; `instance` is the one whose `?duration` it mentions."""
 
-        def value(name: NumericVariable) -> Linear:
+        def value(name: model.NumericVariable) -> Linear:
             match name:
-                case Fluent():
+                case model.Fluent():
                     known = state.fluents.get(name)
                     return initial_value(self._plan, name) if known is None else known
-                case ParameterReference():
+                case model.ParameterReference():
                     return variable(name)
-                case Duration() if instance is None:
+                case model.Duration() if instance is None:
                     raise UnsupportedError("?duration has no meaning outside a durative action")
-                case Duration():
+                case model.Duration():
                     return self._network.distance(instance.start, instance.end)
             assert_never(name)
 
@@ -192,55 +176,55 @@ class Reader:
 
     def holds(
         self,
-        condition: Condition,
+        condition: model.Condition,
         state: PositionState,
-        instance: ActionInstance | None = None,
-        leaf: Callable[[NumericCondition], Formula | None] = lambda _: None,
+        instance: model.ActionInstance | None = None,
+        leaf: Callable[[model.NumericCondition], Formula | None] = lambda _: None,
     ) -> Formula:
         """The truth of a condition; where `leaf` returns a formula, it stands for that comparison's truth."""
         match condition:
-            case Truth(value):
+            case model.Truth(value):
                 return self._terms.truth(value)
-            case Holds(atom, value):
+            case model.Holds(atom, value):
                 truth = state.atoms.get(atom, self._terms.truth(atom in self._plan.initial_atoms))
                 return truth if value else self._terms.negation(truth)
-            case NumericCondition(expression, relation):
+            case model.NumericCondition(expression, relation):
                 replaced = leaf(condition)
                 if replaced is not None:
                     return replaced
                 return self._terms.compare(self.value(expression, state, instance), relation)
-            case And(operands):
+            case model.And(operands):
                 return self._terms.conjunction(self.holds(part, state, instance, leaf) for part in operands)
-            case Or(operands):
+            case model.Or(operands):
                 return self._terms.disjunction(self.holds(part, state, instance, leaf) for part in operands)
         assert_never(condition)
 
 
-def relevant_fluents(plan: ParametrizedPlan, writes: Writes) -> tuple[Fluent, ...]:
+def relevant_fluents(plan: model.ParametrizedPlan, writes: Writes) -> tuple[model.Fluent, ...]:
     """Those that are both written and read anywhere: nothing depends on the values of others."""
     read = set(_fluents_read(plan))
     return tuple(f for f in dict.fromkeys((*writes.of_fluent, *writes.flows)) if f in read)
 
 
-def _fluents_read(plan: ParametrizedPlan) -> Iterator[Fluent]:
-    conditions: list[Condition] = [goal.condition for goal in plan.goal]
+def _fluents_read(plan: model.ParametrizedPlan) -> Iterator[model.Fluent]:
+    conditions: list[model.Condition] = [goal.condition for goal in plan.goal]
     for instance in plan.instances:
         conditions += [part.condition for part in instance.conditions]
         conditions += [part.condition for part in instance.durations]
         conditions += [effect.condition for effect in instance.atom_effects]
         conditions += [numeric.condition for numeric in instance.numeric_effects]
         for numeric in instance.numeric_effects:
-            yield from fluents_in(numeric.expression)
+            yield from model.fluents_in(numeric.expression)
     for condition in conditions:
-        for comparison in comparisons(condition):
-            yield from fluents_in(comparison.expression)
+        for comparison in model.comparisons(condition):
+            yield from model.fluents_in(comparison.expression)
 
 
 @dataclass(frozen=True)
 class Setting:
     """What formulas about states are made of."""
 
-    plan: ParametrizedPlan
+    plan: model.ParametrizedPlan
     network: TemporalNetwork
     known: Orders
     positions: Positions
@@ -264,12 +248,12 @@ class Flows:
         self._rate = cache(self._rate_of)
         self._sofar = cache(self._sofar_at)
 
-    def acts(self, instance: ActionInstance, step: int) -> Formula:
+    def acts(self, instance: model.ActionInstance, step: int) -> Formula:
         """Whether a step lies between start and end of an instance."""
         ended = self._positions.by(instance.end, step)
         return self._terms.conjunction((self._positions.by(instance.start, step), self._terms.negation(ended)))
 
-    def over_step(self, fluent: Fluent, step: int) -> Linear:
+    def over_step(self, fluent: model.Fluent, step: int) -> Linear:
         """By how much a fluent changes in a step."""
         total = constant(0)
         for flow in self._setting.writes.flows.get(fluent, ()):
@@ -279,7 +263,7 @@ class Flows:
                 total += self._definitions.choice(name, [(acts, self._contribution(flow, step))], constant(0))
         return total
 
-    def until(self, fluent: Fluent, step: int, instant: Linear) -> Linear:
+    def until(self, fluent: model.Fluent, step: int, instant: Linear) -> Linear:
         """By how much a fluent changes from the beginning of a step until an instant inside it."""
         total = constant(0)
         for flow in self._setting.writes.flows.get(fluent, ()):
@@ -318,7 +302,7 @@ class Flows:
         return amount
 
     def _rate_of(self, flow: Flow) -> Linear:
-        for fluent in fluents_in(flow.effect.rate):
+        for fluent in model.fluents_in(flow.effect.rate):
             if self._setting.writes.changes(fluent):
                 raise UnsupportedError(
                     f"{flow.instance.identifier} {flow.instance.action}: non-linear continuous effect on "
@@ -331,11 +315,11 @@ class Flows:
 class _Happening:
     """What the happening so far has done to one position: its effects before they are applied."""
 
-    added: dict[Atom, Formula] = field(default_factory=dict)
-    deleted: dict[Atom, Formula] = field(default_factory=dict)
-    base: dict[Fluent, Linear] = field(default_factory=dict)
+    added: dict[model.Atom, Formula] = field(default_factory=dict)
+    deleted: dict[model.Atom, Formula] = field(default_factory=dict)
+    base: dict[model.Fluent, Linear] = field(default_factory=dict)
     """The last value assigned, or the value before."""
-    increase: dict[Fluent, Linear] = field(default_factory=dict)
+    increase: dict[model.Fluent, Linear] = field(default_factory=dict)
 
 
 class Trajectory:
@@ -437,7 +421,9 @@ class Trajectory:
         condition = self._reader.holds(write.condition, self.before[position], write.instance)
         return self._terms.conjunction((here, condition))
 
-    def _assigned(self, fluent: Fluent, assignments: list[FluentWrite], position: int, otherwise: Linear) -> Linear:
+    def _assigned(
+        self, fluent: model.Fluent, assignments: list[FluentWrite], position: int, otherwise: Linear
+    ) -> Linear:
         """The value of the last assignment of a position that takes place; `otherwise` if none does."""
         cases: list[Case] = []
         later: Formula = self._terms.false
@@ -450,7 +436,7 @@ class Trajectory:
         cases.append((self._terms.negation(later), otherwise))
         return self._definitions.choice(f"{fluent} assigned at position {position}", cases)
 
-    def _increased(self, fluent: Fluent, increases: list[FluentWrite], position: int) -> Linear:
+    def _increased(self, fluent: model.Fluent, increases: list[FluentWrite], position: int) -> Linear:
         total = constant(0)
         for write in increases:
             fired = self._fired(write, position)

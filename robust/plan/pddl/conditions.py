@@ -1,25 +1,15 @@
-"""Forms to conditions, numeric expressions, durations and effects, with every name checked."""
+"""Conditions, numeric expressions, durations and effects from their forms, with every name checked."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from fractions import Fraction
-from typing import TypeGuard
 
 from robust.errors import did_you_mean
 from robust.plan.model import Timing
 from robust.plan.pddl import declarations, syntax
-from robust.plan.pddl.declarations import (
-    Scope,
-    bare_function,
-    count,
-    function,
-    proposition,
-    term,
-    unknown_variable,
-    unsupported,
-)
-from robust.plan.pddl.forms import Form, Item, Kind, Word, fault, number, quote
+from robust.plan.pddl.declarations import Scope, count, function, proposition, term
+from robust.plan.pddl.forms import Form, Item, Kind, Word, fault, is_word, number, quote, walk
 
 _TIMED_CONDITION = "a timed condition: (at start ...), (over all ...) or (at end ...)"
 
@@ -30,7 +20,7 @@ def expression(item: Item, scope: Scope) -> syntax.NumericExpression:
         return _numeric_word(item, scope)
     if not item.items:
         raise fault(item, "a numeric expression")
-    if isinstance(item.items[0], Word) and item.items[0].kind is Kind.OPERATOR:
+    if is_word(item.items[0], Kind.OPERATOR):
         return _arithmetic(item, scope)
     return function(item, scope)
 
@@ -42,7 +32,7 @@ def _numeric_word(word: Word, scope: Scope) -> syntax.NumericExpression:
         case Kind.VARIABLE:
             return _numeric_variable(word, scope)
         case Kind.NAME:
-            return bare_function(word, scope)
+            return function(word, scope)
         case Kind.TIME:
             raise fault(word, "a numeric expression; #t belongs into continuous effects, as in (increase (f) (* #t 2))")
         case _:
@@ -57,7 +47,7 @@ def _numeric_variable(word: Word, scope: Scope) -> syntax.NumericExpression:
         raise fault(word, "a number; it is a variable for objects")
     if name in scope.parameters:
         return syntax.ParameterTerm(name, scope.parameters[name], word.location)
-    raise unknown_variable(word, scope)
+    raise declarations.unknown_variable(word, scope)
 
 
 def _arithmetic(form: Form, scope: Scope) -> syntax.Arithmetic:
@@ -87,16 +77,14 @@ def condition(item: Item, scope: Scope) -> syntax.LiftedCondition:  # noqa: PLR0
         raise fault(item, "a condition in parentheses")
     if not item.items:
         return syntax.Conjunction((), item.location)
-    head = item.items[0]
-    if isinstance(head, Word) and head.kind is Kind.OPERATOR:
+    if is_word(item.items[0], Kind.OPERATOR):
         return _comparison(item, scope)
     if specified_time(item) is not None:
         raise fault(item, "a condition without a time specifier here")
     match item.head:
-        case "and":
-            return syntax.Conjunction(tuple([condition(inner, scope) for inner in item.rest]), item.location)
-        case "or":
-            return syntax.Disjunction(tuple([condition(inner, scope) for inner in item.rest]), item.location)
+        case "and" | "or":
+            junction = syntax.Conjunction if item.head == "and" else syntax.Disjunction
+            return junction(tuple([condition(inner, scope) for inner in item.rest]), item.location)
         case "not":
             check_operands(item, 1, "one condition")
             return syntax.Negation(condition(item.items[1], scope), item.location)
@@ -114,7 +102,7 @@ def condition(item: Item, scope: Scope) -> syntax.LiftedCondition:  # noqa: PLR0
 
 
 def preference(form: Form) -> Exception:
-    return unsupported(form, "a preference", "remove it, or state it as a condition that must hold")
+    return declarations.unsupported(form, "a preference", "remove it, or state it as a condition that must hold")
 
 
 def check_operands(form: Form, number: int, expected: str) -> None:
@@ -139,12 +127,14 @@ def _comparison(form: Form, scope: Scope) -> syntax.LiftedCondition:
     left, right = form.rest
     if form.head == "=":
         _check_known(left, scope)
-        if _is_object_equality(left, right, scope):
+        is_function = isinstance(left, Word) and left.text in scope.vocabulary.functions
+        # The left side decides what is compared, unless it is both an object and a function.
+        if scope.knows_object(left) and (scope.knows_object(right) or not is_function):
             return syntax.Equality(term(left, scope), term(right, scope), form.location)
     numbers = syntax.NumericComparison(
         syntax.Comparator(form.head), expression(left, scope), expression(right, scope), form.location
     )
-    if form.head == "=" and _is_name(left) and _is_name(right):
+    if form.head == "=" and is_word(left, Kind.NAME) and is_word(right, Kind.NAME):
         first, second = (syntax.Term(word.text, variable=False, location=word.location) for word in (left, right))
         return syntax.NameEquality(syntax.Equality(first, second, form.location), numbers)
     return numbers
@@ -152,28 +142,10 @@ def _comparison(form: Form, scope: Scope) -> syntax.LiftedCondition:
 
 def _check_known(item: Item, scope: Scope) -> None:
     """A name on the left of `=` decides what is compared, so it is known."""
-    vocabulary = scope.vocabulary
-    if (
-        isinstance(item, Word)
-        and item.kind is Kind.NAME
-        and item.text not in {*vocabulary.objects, *vocabulary.functions}
-    ):
-        hint = did_you_mean(item.text, [*vocabulary.objects, *vocabulary.functions])
+    known = {*scope.vocabulary.objects, *scope.vocabulary.functions}
+    if is_word(item, Kind.NAME) and item.text not in known:
+        hint = did_you_mean(item.text, known)
         raise fault(item, "the name of a declared object or numeric function", hint=hint)
-
-
-def _is_object_equality(left: Item, right: Item, scope: Scope) -> bool:
-    """Whether `=` compares objects: the left side decides, unless it is both an object and a function."""
-    return scope.knows_object(left) and (scope.knows_object(right) or not _is_bare_function(left, scope))
-
-
-def _is_name(item: Item) -> TypeGuard[Word]:
-    """Whether `item` may name an object of some problem."""
-    return isinstance(item, Word) and item.kind is Kind.NAME
-
-
-def _is_bare_function(item: Item, scope: Scope) -> bool:
-    return isinstance(item, Word) and item.text in scope.vocabulary.functions
 
 
 def specified_time(form: Form) -> Timing | None:
@@ -241,20 +213,11 @@ def duration_bounds(item: Item, scope: Scope, specified: Timing = Timing.AT_STAR
         return [bound for inner in item.rest for bound in duration_bounds(inner, scope, specified)]
     if item.head not in ("<=", "=", ">=", "<", ">") or len(item.items) != 3:
         raise fault(item, expected)
-    return [_duration_bound(item, scope, specified)]
-
-
-def _duration_bound(form: Form, scope: Scope, specified: Timing) -> syntax.DurationBound:
-    left = form.items[1]
+    left = item.items[1]
     if not isinstance(left, Word) or left.text != "?duration":
-        raise fault(left, f"'?duration' as the left side of '{form.head}'")
-    return syntax.DurationBound(
-        specified, syntax.Comparator(form.head), expression(form.items[2], scope), form.location
-    )
-
-
-def conjunction(items: Sequence[syntax.LiftedCondition], form: Form) -> syntax.LiftedCondition:
-    return items[0] if len(items) == 1 else syntax.Conjunction(tuple(items), form.location)
+        raise fault(left, f"'?duration' as the left side of '{item.head}'")
+    bound = expression(item.items[2], scope)
+    return [syntax.DurationBound(specified, syntax.Comparator(item.head), bound, item.location)]
 
 
 _UPDATES = frozenset(update.value for update in syntax.Update)
@@ -320,8 +283,10 @@ def negated(form: Form, scope: Scope) -> syntax.Proposition:
 def _update(form: Form, scope: Scope, when: Timing | None) -> syntax.NumericUpdate | syntax.ContinuousUpdate:
     check_operands(form, 2, "a numeric function and an expression")
     update = syntax.Update(form.head)
-    target = _target(form.items[1], scope)
-    right = form.items[2]
+    _, changed, right = form.items
+    if not isinstance(changed, Form) and changed.kind is not Kind.NAME:
+        raise fault(changed, "a numeric function to change, as in (increase (f) 1)")
+    target = function(changed, scope)
     if not _mentions_time(right):
         if when is None:
             raise fault(form, f"{_TIMED_EFFECT}, or a continuous one that mentions #t")
@@ -334,38 +299,18 @@ def _update(form: Form, scope: Scope, when: Timing | None) -> syntax.NumericUpda
     if update not in (syntax.Update.INCREASE, syntax.Update.DECREASE):
         raise fault(form, "increase or decrease for a continuous effect")
     rate = _rate(right, scope)
-    for used in _walk(rate):
+    for used in syntax.subexpressions(rate):
         if isinstance(used, syntax.DurationTerm):
             raise fault(used.location, "a rate of change that does not depend on the duration", found="'?duration'")
     return syntax.ContinuousUpdate(update, target, rate, form.location)
 
 
-def _target(item: Item, scope: Scope) -> syntax.FunctionTerm:
-    if isinstance(item, Form):
-        return function(item, scope)
-    if item.kind is Kind.NAME:
-        return bare_function(item, scope)
-    raise fault(item, "a numeric function to change, as in (increase (f) 1)")
-
-
 def _mentions_time(item: Item) -> bool:
-    if isinstance(item, Word):
-        return item.kind is Kind.TIME
-    return any(_mentions_time(inner) for inner in item.items)
-
-
-def _walk(of: syntax.NumericExpression) -> Iterator[syntax.NumericExpression]:
-    todo = [of]
-    while todo:
-        node = todo.pop()
-        yield node
-        if isinstance(node, syntax.Arithmetic):
-            todo.extend(node.operands)
+    return any(is_word(inner, Kind.TIME) for inner in walk(item))
 
 
 def _rate(item: Item, scope: Scope) -> syntax.NumericExpression:
     """The factor of #t in an expression that is linear in it and zero without it."""
-    expected = "a rate times #t, as in (* #t 2)"
     if isinstance(item, Word):
         return syntax.Number(Fraction(1), "1", item.location)
     timed = [_mentions_time(inner) for inner in item.rest]
@@ -380,18 +325,17 @@ def _rate(item: Item, scope: Scope) -> syntax.NumericExpression:
         case "+" | "-" if timed and all(timed) and (item.head == "+" or len(timed) <= 2):
             return arithmetic(syntax.Operator(item.head), rates, item)
         case _:
-            raise fault(item, expected)
+            raise fault(item, "a rate times #t, as in (* #t 2)")
 
 
 def _product(factors: list[syntax.NumericExpression], timed: list[bool], form: Form) -> syntax.NumericExpression:
-    one = Fraction(1)
     kept = [
         factor
         for factor, has in zip(factors, timed, strict=True)
-        if not (has and isinstance(factor, syntax.Number) and factor.value == one)
+        if not (has and isinstance(factor, syntax.Number) and factor.value == 1)
     ]
     if not kept:
-        return syntax.Number(one, "1", form.location)
+        return syntax.Number(Fraction(1), "1", form.location)
     return kept[0] if len(kept) == 1 else arithmetic(syntax.Operator.TIMES, kept, form)
 
 
@@ -401,10 +345,9 @@ def _conditional(form: Form, scope: Scope, when: Timing | None) -> syntax.WhenEf
     for effect in syntax.primitive(inside):
         if isinstance(effect, syntax.ContinuousUpdate):
             remedy = "split the action in two, each with its own continuous effect"
-            raise unsupported(form, "a conditional continuous effect", remedy)
-    if when is not None:
-        return syntax.WhenEffect(condition(form.items[1], scope), tuple(inside), form.location)
-    return syntax.WhenEffect(_condition_at(form, inside, scope), tuple(inside), form.location)
+            raise declarations.unsupported(form, "a conditional continuous effect", remedy)
+    guard = _condition_at(form, inside, scope) if when is None else condition(form.items[1], scope)
+    return syntax.WhenEffect(guard, tuple(inside), form.location)
 
 
 def _condition_at(form: Form, inside: list[syntax.LiftedEffect], scope: Scope) -> syntax.LiftedCondition:
@@ -415,5 +358,9 @@ def _condition_at(form: Form, inside: list[syntax.LiftedEffect], scope: Scope) -
     if len(timings) > 1 or Timing.OVER_ALL in timings:
         names = " and ".join(sorted(quote(part.value) for part in timings))
         remedy = "give condition and effects one timing, and remember an earlier condition in a predicate of its own"
-        raise unsupported(form, f"a conditional effect that mixes {names}", remedy)
-    return conjunction([part.condition for part in timed], form)
+        raise declarations.unsupported(form, f"a conditional effect that mixes {names}", remedy)
+    return (
+        timed[0].condition
+        if len(timed) == 1
+        else syntax.Conjunction(tuple(part.condition for part in timed), form.location)
+    )

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from robust.errors import InputError, InputWarning, Location, UnsupportedError, did_you_mean
-from robust.plan.pddl.forms import Form, Item, Kind, Word, fault, quote
+from robust.plan.pddl.forms import Form, Item, Kind, Word, fault, is_word, quote
 from robust.plan.pddl.syntax import OBJECT, FunctionTerm, Proposition, Signature, Term, TypedName
 from robust.plan.pddl.write import type_text
 
@@ -100,37 +100,28 @@ def _of_one_type(head: Word, vocabulary: Vocabulary) -> Signature | None:
     """`in_crate` for `(in ?x - (either crate area) …)`: so some problems of the competitions split predicates."""
     name, _, type_name = head.text.rpartition("_")
     signature = vocabulary.predicates.get(name)
-    if signature is None or not any(len(one.types) > 1 and type_name in one.types for one in signature.parameters):
+    if signature is None or not any(type_name in p.types and len(p.types) > 1 for p in signature.parameters):
         return None
     place = Location(head.location.file)  # once for a file: warnings of equal texts are shown once
     warn(f"found undeclared predicate '{head.text}', took it for '{name}' of type '{type_name}'", place)
     return signature
 
 
-def function(form: Form, scope: Scope) -> FunctionTerm:
-    """The use of a numeric function."""
+def function(item: Item, scope: Scope) -> FunctionTerm:
+    """The use of a numeric function; one without arguments may be written without parentheses."""
+    form = Form((item,), item.location) if isinstance(item, Word) else item
     head = _name(form, "a numeric function")
     signature = scope.vocabulary.functions.get(head.text)
     if signature is None:
+        if item is head and head.text in ("nan", "inf", "infinity"):
+            raise fault(head, "a finite number")
         raise _unknown_function(head, scope)
     return FunctionTerm(signature.name, _arguments(form, signature, scope), form.location)
 
 
-def bare_function(word: Word, scope: Scope) -> FunctionTerm:
-    """A function without arguments may be written without parentheses."""
-    signature = scope.vocabulary.functions.get(word.text)
-    if signature is None:
-        if word.text in ("nan", "inf", "infinity"):
-            raise fault(word, "a finite number")
-        raise _unknown_function(word, scope)
-    return FunctionTerm(signature.name, _arguments(Form((word,), word.location), signature, scope), word.location)
-
-
 def _name(form: Form, kind: str) -> Word:
-    if not form.items:
-        raise fault(form, f"{kind} after '('")
-    head = form.items[0]
-    if not isinstance(head, Word) or head.kind is not Kind.NAME:
+    head = form.items[0] if form.items else form
+    if not is_word(head, Kind.NAME):
         raise fault(head, f"{kind} after '('")
     return head
 
@@ -211,9 +202,9 @@ REQUIREMENTS = frozenset(f":{name}" for name in _REQUIREMENTS.split())
 
 
 def check_requirements(items: Iterable[Item]) -> None:
-    """Known requirements only; which of them a domain uses is not held against it."""
+    """InputError for an unknown requirement; a domain may use more than it requires."""
     for item in items:
-        if not isinstance(item, Word) or item.kind is not Kind.KEYWORD:
+        if not is_word(item, Kind.KEYWORD):
             raise fault(item, "a requirement such as :durative-actions")
         if item.text not in REQUIREMENTS:
             raise fault(item, "a requirement of PDDL", hint=did_you_mean(item.text, REQUIREMENTS))
@@ -234,7 +225,7 @@ def typed_list(items: Sequence[Item], kind: Kind, what: str) -> list[tuple[Word,
             types = _type_names(following)
             result.extend((word, types) for word in pending)
             pending = []
-        elif isinstance(item, Word) and item.kind is kind:
+        elif is_word(item, kind):
             pending.append(item)
         else:
             raise fault(item, f"{what}{' (a name that begins with ?)' if kind is Kind.VARIABLE else ''}")
@@ -244,7 +235,7 @@ def typed_list(items: Sequence[Item], kind: Kind, what: str) -> list[tuple[Word,
 def _with_blanks(items: Iterable[Item]) -> Iterator[Item]:
     """The items, with `- t` for every `-t`."""
     for item in items:
-        if isinstance(item, Word) and item.kind is Kind.DASHED:
+        if is_word(item, Kind.DASHED):
             name = item.text[1:]
             warn(f"found '{item.text}', took it for '- {name}'", item.location)
             yield Word(Kind.OPERATOR, "-", item.location)
@@ -254,16 +245,14 @@ def _with_blanks(items: Iterable[Item]) -> Iterator[Item]:
 
 
 def _is_dash(item: Item) -> bool:
-    return isinstance(item, Word) and item.kind is Kind.OPERATOR and item.text == "-"
+    return is_word(item, Kind.OPERATOR) and item.text == "-"
 
 
 def _type_names(item: Item) -> tuple[Word, ...]:
-    if isinstance(item, Word) and item.kind is Kind.NAME:
-        return (item,)
-    if isinstance(item, Form) and item.head == "either" and len(item.items) > 1:
-        names = [word for word in item.rest if isinstance(word, Word) and word.kind is Kind.NAME]
-        if len(names) == len(item.rest):
-            return tuple(names)
+    items = item.rest if isinstance(item, Form) and item.head == "either" else (item,)
+    names = tuple(word for word in items if is_word(word, Kind.NAME))
+    if names and len(names) == len(items):
+        return names
     raise fault(item, "a type, as in '- truck' or '- (either truck ship)'")
 
 
@@ -274,10 +263,8 @@ def types(items: Sequence[Item]) -> dict[str, frozenset[str]]:
     for word, above in typed_list(items, Kind.NAME, "the name of a type"):
         names = {parent.text for parent in above} or {OBJECT}
         if (first := places.get(word.text)) is not None and parents[word.text] != names:
-            warn(
-                f"found a second, different type '{word.text}', took both; the first is at {first.location}",
-                word.location,
-            )
+            found = f"found a second, different type '{word.text}', took both; the first is at {first.location}"
+            warn(found, word.location)
             names |= parents[word.text]
         if word.text == OBJECT and above and names != {OBJECT}:
             raise fault(word, "no type above it: every type is below 'object'")
@@ -345,12 +332,8 @@ def objects(
 
 
 def warn(message: str, place: Location | None) -> None:
-    """Say what was found that others read, though PDDL does not say what it means."""
+    """Warn of input that other tools accept, though PDDL does not define its meaning."""
     warnings.warn(f"{place}: {message}", InputWarning, stacklevel=2)
-
-
-def predicates(items: Sequence[Item], hierarchy: Mapping[str, frozenset[str]]) -> dict[str, Signature]:
-    return _signatures(items, "predicate", hierarchy)
 
 
 def functions(
@@ -370,7 +353,7 @@ def functions(
             raise fault(kind, "'number' after '-'")
         if not isinstance(kind, Word) or kind.text != "number":
             raise unsupported(kind, "a function that returns objects", "use a predicate with one more argument")
-    result = _signatures(forms, "function", hierarchy)
+    result = signatures(forms, "function", hierarchy)
     for name, signature in result.items():
         if name in predicates:
             expected = f"another name; it is a predicate at {predicates[name].location}"
@@ -378,7 +361,8 @@ def functions(
     return result
 
 
-def _signatures(items: Sequence[Item], what: str, hierarchy: Mapping[str, frozenset[str]]) -> dict[str, Signature]:
+def signatures(items: Sequence[Item], what: str, hierarchy: Mapping[str, frozenset[str]]) -> dict[str, Signature]:
+    """The declarations of a kind of name, `what`, each name once."""
     known: dict[str, Signature] = {}
     for signature in (_signature(item, what, hierarchy) for item in items):
         other = known.setdefault(signature.name, signature)
@@ -392,7 +376,7 @@ def _signature(item: Item, what: str, hierarchy: Mapping[str, frozenset[str]]) -
     if not isinstance(item, Form):
         raise fault(item, f"a {what} with its parameters, as in (name ?x - type)")
     head = item.items[0] if item.items else item
-    if not isinstance(head, Word) or head.kind is not Kind.NAME:
+    if not is_word(head, Kind.NAME):
         raise fault(head, f"the name of a {what}")
     if head.text in RESERVED:
         raise fault(head, f"the name of a {what}; this word has a meaning of its own")

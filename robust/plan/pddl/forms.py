@@ -1,8 +1,8 @@
 """Input files as text, and the text of PDDL as nested parenthesised forms.
 
-Whatever can go wrong with a file is an error that names it, with line and column. What a form means is decided by the
-typed builders (:mod:`robust.plan.pddl.reader`), because only they can say what was expected at a place; here it is
-decided what a word is and which parentheses belong together.
+Whatever can go wrong with a file is an error that names it, with line and column. This module decides what a word is
+and which parentheses belong together; the typed builders (:mod:`robust.plan.pddl.reader`) decide what a form means,
+because only they know what is expected at a place.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TypeGuard
 
 from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import shorten
@@ -34,8 +34,7 @@ def read_text(path: str | os.PathLike[str]) -> str:
     Raises:
         InputError: if the file cannot be read, is too large or is no text.
     """
-    data = read_bytes(path)
-    return _decode(data, Location(os.fspath(path)))
+    return _decode(read_bytes(path), Location(os.fspath(path)))
 
 
 def read_plan_text(path: str | os.PathLike[str]) -> tuple[str, str]:
@@ -80,31 +79,32 @@ def read_bytes(path: str | os.PathLike[str], expected: str = "a readable text fi
     try:
         with open(path, "rb") as file:
             if os.fstat(file.fileno()).st_size > most:
-                raise InputError(too_large(most), where)
+                raise too_large(most, where)
             return _limited(file, most, where)
     except FileNotFoundError:
         found = "a link to a file that does not exist" if Path(path).is_symlink() else "no such file"
-        raise InputError(f"found {found}, expected {expected}{_similar(Path(path))}", where) from None
+        expected += _similar(Path(path))
     except IsADirectoryError:
-        raise InputError(f"found a directory, expected {expected}", where) from None
+        found = "a directory"
     except PermissionError:
-        raise InputError(f"found a file that you may not read, expected {expected}", where) from None
+        found = "a file that you may not read"
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(f"cannot read ({reason.lower()}), expected {expected}", where) from None
+    raise InputError(f"found {found}, expected {expected}", where)
 
 
 def _limited(file: BinaryIO, most: int, where: Location) -> bytes:
     """What is in a file that may have no end; InputError if that is too much."""
     data = file.read(most + 1)
     if len(data) > most:
-        raise InputError(too_large(most), where)
+        raise too_large(most, where)
     return data
 
 
-def too_large(most: int) -> str:
-    """What is said of an input of more bytes than that."""
-    return f"found more than {most >> 20} MB, expected a smaller file"
+def too_large(most: int, where: Location) -> InputError:
+    """The error for an input of more than `most` bytes."""
+    return InputError(f"found more than {most >> 20} MB, expected a smaller file", where)
 
 
 def _refuse_long_lines(data: bytes, where: Location) -> None:
@@ -190,6 +190,21 @@ class Form:
 Item = Word | Form
 
 
+def is_word(item: Item | None, *kinds: Kind) -> TypeGuard[Word]:
+    """Whether an item is a word of one of these kinds."""
+    return isinstance(item, Word) and item.kind in kinds
+
+
+def walk(item: Item) -> Iterator[Item]:
+    """An item and all items inside it."""
+    pending = [item]
+    while pending:
+        current = pending.pop()
+        yield current
+        if isinstance(current, Form):
+            pending.extend(current.items)
+
+
 def fault(item: Item | Location, expected: str, *, found: str | None = None, hint: str = "") -> InputError:
     """The error at `item` that something else was expected; `hint` is appended as it is."""
     location = item if isinstance(item, Location) else item.location
@@ -202,10 +217,8 @@ def describe(item: Item) -> str:
     """A short quotation of `item`, for messages."""
     if isinstance(item, Word):
         return quote(item.text)
-    text = " ".join(_quotable(inner) for inner in item.items[:3])
-    if len(item.items) > 3:
-        text += " …"
-    return quote(f"({text})")
+    more = " …" if len(item.items) > 3 else ""
+    return quote(f"({' '.join(map(_quotable, item.items[:3]))}{more})")
 
 
 def quote(text: str) -> str:
@@ -285,9 +298,8 @@ def _tokens(text: str, file: str) -> Iterator[tuple[re.Match[str], Location]]:
 
 
 def _bad_word(word: str, where: Location) -> InputError:
-    hint = ""
-    if re.fullmatch(r"[+-]?[\d.]+/[\d.]+", word):
-        hint = f"; write a fraction as (/ {' '.join(word.split('/'))})"
+    is_fraction = re.fullmatch(r"[+-]?[\d.]+/[\d.]+", word)
+    hint = f"; write a fraction as (/ {' '.join(word.split('/'))})" if is_fraction else ""
     expected = "a name (of letters, digits, '-' and '_'), a ?variable, a :keyword, a number or an operator"
     return fault(where, expected, found=quote(word.lower()), hint=hint)
 

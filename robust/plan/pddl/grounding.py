@@ -10,41 +10,14 @@ from operator import add, mul
 from typing import TypeVar, assert_never
 
 from robust.errors import InputError, Location, UnsupportedError, did_you_mean
-from robust.plan.model import (
-    ActionInstance,
-    AssignmentKind,
-    Atom,
-    AtomEffect,
-    Condition,
-    ContinuousEffect,
-    Duration,
-    DurationConstraint,
-    Expression,
-    Fluent,
-    GoalCondition,
-    Holds,
-    Mention,
-    NumericCondition,
-    NumericEffect,
-    NumericVariable,
-    ParameterReference,
-    Relation,
-    TimedCondition,
-    Timing,
-    Truth,
-    conflicts,
-    fluents_in,
-    junction,
-    leaves,
-    negation,
-)
+from robust.plan import model
 from robust.plan.pddl import syntax
 from robust.plan.pddl.declarations import count, fits
 from robust.plan.pddl.write import condition_text, duration_text, expression_text, type_text
 from robust.plan.polynomial import Polynomial
 
-Name = Atom | Fluent
-_AT_BOTH_ENDS = (Timing.AT_START, Timing.AT_END)
+Name = model.Atom | model.Fluent
+_AT_BOTH_ENDS = (model.Timing.AT_START, model.Timing.AT_END)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +31,7 @@ class Context:
     problem: syntax.Problem
     identifier: str
     bindings: Mapping[str, str]
-    parametrized: Collection[Fluent] = frozenset()
+    parametrized: Collection[model.Fluent] = frozenset()
 
     def instances(self, variables: tuple[syntax.TypedName, ...]) -> Iterator[Context]:
         """One context for every choice of objects for quantified variables."""
@@ -72,12 +45,12 @@ class Context:
             yield replace(self, bindings={**self.bindings, **dict(zip(names, chosen, strict=True))})
 
 
-def atom(proposition: syntax.Proposition, context: Context) -> Atom:
-    return Atom(proposition.predicate, _objects(proposition.arguments, context))
+def atom(proposition: syntax.Proposition, context: Context) -> model.Atom:
+    return model.Atom(proposition.predicate, _objects(proposition.arguments, context))
 
 
-def fluent(term: syntax.FunctionTerm, context: Context) -> Fluent:
-    return Fluent(term.function, _objects(term.arguments, context))
+def fluent(term: syntax.FunctionTerm, context: Context) -> model.Fluent:
+    return model.Fluent(term.function, _objects(term.arguments, context))
 
 
 def _objects(terms: Iterable[syntax.Term], context: Context) -> tuple[str, ...]:
@@ -88,63 +61,65 @@ def _object(term: syntax.Term, context: Context) -> str:
     return context.bindings[term.name] if term.variable else term.name
 
 
-def condition(  # noqa: PLR0911 (one return for each kind of condition)
-    lifted: syntax.LiftedCondition, context: Context, *, positive: bool = True
-) -> Condition:
+def condition(lifted: syntax.LiftedCondition, context: Context, *, positive: bool = True) -> model.Condition:
     """The ground condition, or its negation, in negation normal form."""
     match lifted:
         case syntax.Proposition():
-            return Holds(atom(lifted, context), positive)
+            return model.Holds(atom(lifted, context), positive)
         case syntax.Equality(left, right):
-            return Truth((_object(left, context) == _object(right, context)) == positive)
+            return model.Truth((_object(left, context) == _object(right, context)) == positive)
         case syntax.NumericComparison(comparator, left, right):
             return _comparison(comparator, expression(left, context) - expression(right, context), positive)
         case syntax.NameEquality():
             return condition(lifted.meant(context.problem.objects), context, positive=positive)
         case syntax.Negation(operand):
             return condition(operand, context, positive=not positive)
-        case syntax.Conjunction(operands):
-            return junction([condition(operand, context, positive=positive) for operand in operands], every=positive)
-        case syntax.Disjunction(operands):
-            return junction(
-                [condition(operand, context, positive=positive) for operand in operands], every=not positive
-            )
-        case syntax.Implication(premise, conclusion):
-            parts = [
-                condition(premise, context, positive=not positive),
-                condition(conclusion, context, positive=positive),
-            ]
-            return junction(parts, every=not positive)
-        case syntax.Quantification(universal, variables, operand):
-            parts = [condition(operand, inner, positive=positive) for inner in context.instances(variables)]
-            return junction(parts, every=universal == positive)
+        case syntax.Conjunction() | syntax.Disjunction() | syntax.Implication() | syntax.Quantification():
+            every, operands = _operands(lifted, context)
+            parts = [condition(operand, inner, positive=positive) for operand, inner in operands]
+            return model.junction(parts, every=every == positive)
         case _:
             assert_never(lifted)
 
 
-def _comparison(comparator: syntax.Comparator, difference: Expression, positive: bool) -> Condition:
+def _operands(
+    lifted: syntax.Conjunction | syntax.Disjunction | syntax.Implication | syntax.Quantification, context: Context
+) -> tuple[bool, list[tuple[syntax.LiftedCondition, Context]]]:
+    """Whether all of the operands have to hold, or one of them; and the operands."""
+    match lifted:
+        case syntax.Conjunction(operands) | syntax.Disjunction(operands):
+            return isinstance(lifted, syntax.Conjunction), [(operand, context) for operand in operands]
+        case syntax.Implication(premise, conclusion, location):
+            return False, [(syntax.Negation(premise, location), context), (conclusion, context)]
+        case syntax.Quantification(universal, variables, operand):
+            return universal, [(operand, inner) for inner in context.instances(variables)]
+        case _:
+            assert_never(lifted)
+
+
+def _comparison(comparator: syntax.Comparator, difference: model.Expression, positive: bool) -> model.Condition:
     compared = comparison(comparator, difference)
     known = compared.expression.is_constant
-    ground = Truth(compared.relation.holds(compared.expression.constant_term)) if known else compared
-    return ground if positive else negation(ground)
+    ground = model.Truth(compared.relation.holds(compared.expression.constant_term)) if known else compared
+    return ground if positive else model.negation(ground)
 
 
-def comparison(comparator: syntax.Comparator, difference: Expression) -> NumericCondition:
+def comparison(comparator: syntax.Comparator, difference: model.Expression) -> model.NumericCondition:
     """`difference comparator 0`."""
-    match comparator:
-        case syntax.Comparator.AT_LEAST:
-            return NumericCondition(difference, Relation.AT_LEAST)
-        case syntax.Comparator.GREATER:
-            return NumericCondition(difference, Relation.GREATER)
-        case syntax.Comparator.AT_MOST:
-            return NumericCondition(-difference, Relation.AT_LEAST)
-        case syntax.Comparator.LESS:
-            return NumericCondition(-difference, Relation.GREATER)
-        case syntax.Comparator.EQUAL:
-            return NumericCondition(difference, Relation.EQUAL)
+    positive, relation = _COMPARED[comparator]
+    return model.NumericCondition(difference if positive else -difference, relation)
 
 
-def expression(lifted: syntax.NumericExpression, context: Context) -> Expression:
+_COMPARED = {
+    syntax.Comparator.AT_LEAST: (True, model.Relation.AT_LEAST),
+    syntax.Comparator.GREATER: (True, model.Relation.GREATER),
+    syntax.Comparator.AT_MOST: (False, model.Relation.AT_LEAST),
+    syntax.Comparator.LESS: (False, model.Relation.GREATER),
+    syntax.Comparator.EQUAL: (True, model.Relation.EQUAL),
+}
+
+
+def expression(lifted: syntax.NumericExpression, context: Context) -> model.Expression:
     """The ground expression."""
     match lifted:
         case syntax.Number(value):
@@ -152,22 +127,22 @@ def expression(lifted: syntax.NumericExpression, context: Context) -> Expression
         case syntax.FunctionTerm():
             return _variable(fluent(lifted, context))
         case syntax.DurationTerm():
-            return _variable(Duration())
+            return _variable(model.Duration())
         case syntax.ParameterTerm(name, local):
-            return _variable(ParameterReference(f"{context.identifier}.{name}" if local else name))
+            return _variable(model.ParameterReference(f"{context.identifier}.{name}" if local else name))
         case syntax.Arithmetic(operator, operands):
             return _arithmetic(operator, [expression(operand, context) for operand in operands], lifted, context)
         case _:
             assert_never(lifted)
 
 
-def _variable(variable: NumericVariable) -> Expression:
+def _variable(variable: model.NumericVariable) -> model.Expression:
     return Polynomial.variable(variable)
 
 
 def _arithmetic(
-    operator: syntax.Operator, values: list[Expression], lifted: syntax.Arithmetic, context: Context
-) -> Expression:
+    operator: syntax.Operator, values: list[model.Expression], lifted: syntax.Arithmetic, context: Context
+) -> model.Expression:
     match operator:
         case syntax.Operator.PLUS:
             return reduce(add, values)
@@ -180,8 +155,8 @@ def _arithmetic(
 
 
 def quotient(
-    dividend: Expression, divisor: Expression, lifted: syntax.NumericExpression, context: Context
-) -> Expression:
+    dividend: model.Expression, divisor: model.Expression, lifted: syntax.NumericExpression, context: Context
+) -> model.Expression:
     """A division by an expression that is constant, at least once fluents that never change have their value."""
     value = divisor.substitute(lambda variable: _never_changing(variable, lifted, context))
     if value.is_constant:
@@ -195,9 +170,11 @@ def quotient(
     raise UnsupportedError(f"{message} {remedy}", lifted.location)
 
 
-def _never_changing(variable: NumericVariable, lifted: syntax.NumericExpression, context: Context) -> Expression:
+def _never_changing(
+    variable: model.NumericVariable, lifted: syntax.NumericExpression, context: Context
+) -> model.Expression:
     """The initial value of a fluent that nothing changes; anything else as it is."""
-    if not isinstance(variable, Fluent) or variable.function in context.domain.written:
+    if not isinstance(variable, model.Fluent) or variable.function in context.domain.written:
         return _variable(variable)
     if variable in context.parametrized or any(timed.target == variable for timed in context.problem.timed_literals):
         return _variable(variable)
@@ -219,9 +196,9 @@ def ground_action(  # noqa: PLR0917 (all that a line of a plan says)
     durative: bool,
     location: Location | None,
     *,
-    parametrized: Collection[Fluent] = frozenset(),
+    parametrized: Collection[model.Fluent] = frozenset(),
     duration: str | None = None,
-) -> ActionInstance:
+) -> model.ActionInstance:
     """The instance `identifier` of an action; InputError at `location` if name, kind or arguments do not fit.
 
     A fluent that nothing changes may be a divisor, and then its initial value is used, unless it is `parametrized`.
@@ -233,15 +210,15 @@ def ground_action(  # noqa: PLR0917 (all that a line of a plan says)
     bindings = {parameter.name: name for parameter, name in zip(schema.parameters, names, strict=True)}
     context = Context(domain, problem, identifier, bindings, parametrized)
     effects = _Effects()
-    effects.add(schema.effects, context, Truth(True))
-    instance = ActionInstance(
+    effects.add(schema.effects, context, model.Truth(True))
+    instance = model.ActionInstance(
         identifier=identifier,
         action=schema.name,
         arguments=names,
         durative=durative,
         durations=tuple([_duration(bound, context) for bound in schema.durations]),
         conditions=_distinct(
-            TimedCondition(timed.timing, ground, text)
+            model.TimedCondition(timed.timing, ground, text)
             for timed in schema.conditions
             for ground, text in _ground_conjuncts(timed.condition, context)
         ),
@@ -258,46 +235,48 @@ def ground_action(  # noqa: PLR0917 (all that a line of a plan says)
     return replace(instance, mentions=_mentions(_texts(schema, kept, context), instance))
 
 
-def _with_duration(instance: ActionInstance, parameter: str) -> ActionInstance:
+def _with_duration(instance: model.ActionInstance, parameter: str) -> model.ActionInstance:
     """The instance with `(= ?duration parameter)` in place of what fixes its duration."""
     first, *others = instance.fixing
-    condition = NumericCondition(_variable(Duration()) - _variable(ParameterReference(parameter)), Relation.EQUAL)
+    condition = model.NumericCondition(
+        _variable(model.Duration()) - _variable(model.ParameterReference(parameter)), model.Relation.EQUAL
+    )
     varied = replace(first, condition=condition, text=f"(= ?duration {parameter})")
-    kept = (varied if one is first else one for one in instance.durations if one not in others)
-    return replace(instance, durations=tuple(kept))
+    kept = tuple(varied if bound is first else bound for bound in instance.durations if bound not in others)
+    return replace(instance, durations=kept)
 
 
 def ground_goal(
-    domain: syntax.Domain, problem: syntax.Problem, *, parametrized: Collection[Fluent] = frozenset()
-) -> tuple[GoalCondition, ...]:
+    domain: syntax.Domain, problem: syntax.Problem, *, parametrized: Collection[model.Fluent] = frozenset()
+) -> tuple[model.GoalCondition, ...]:
     """The conjuncts of the goal; `parametrized` as for :func:`ground_action`."""
     context = Context(domain, problem, "", {}, parametrized)
-    return _distinct(GoalCondition(ground, text) for ground, text in _ground_conjuncts(problem.goal, context))
+    return _distinct(model.GoalCondition(ground, text) for ground, text in _ground_conjuncts(problem.goal, context))
 
 
 def _distinct(items: Iterable[T]) -> tuple[T, ...]:
-    """Without repetitions: a condition that is written twice is one obligation."""
+    """Items without repetitions: a condition that is written twice is one obligation."""
     return tuple(dict.fromkeys(items))
 
 
-def initial_fluents(problem: syntax.Problem) -> dict[Fluent, Expression]:
+def initial_fluents(problem: syntax.Problem) -> dict[model.Fluent, model.Expression]:
     """The numeric fluents that have a value at time zero, with that constant."""
     return {name: Polynomial.constant(value) for name, value in problem.fluents.items()}
 
 
-def fluents_read(instance: ActionInstance) -> frozenset[Fluent]:
+def fluents_read(instance: model.ActionInstance) -> frozenset[model.Fluent]:
     """The fluents that the instance evaluates: all that its text mentions but the targets of assignments.
 
     What the equality of objects decides is not evaluated.
     """
-    read = {name for _, name in _reads(instance) if isinstance(name, Fluent)}
-    read |= {one.name for one in instance.mentions if one.needs_value and isinstance(one.name, Fluent)}
+    read = {name for _, name in _reads(instance) if isinstance(name, model.Fluent)}
+    read |= {use.name for use in instance.mentions if use.needs_value and isinstance(use.name, model.Fluent)}
     read |= {effect.fluent for effect in instance.continuous_effects}
-    increased = (effect.fluent for effect in instance.numeric_effects if effect.operator is AssignmentKind.INCREASE)
-    return frozenset(read.union(increased))
+    numeric = instance.numeric_effects
+    return frozenset(read) | {e.fluent for e in numeric if e.operator is model.AssignmentKind.INCREASE}
 
 
-def fluents_in_goal(domain: syntax.Domain, problem: syntax.Problem) -> Iterator[tuple[str, frozenset[Fluent]]]:
+def fluents_in_goal(domain: syntax.Domain, problem: syntax.Problem) -> Iterator[tuple[str, frozenset[model.Fluent]]]:
     """The conjuncts of the goal, in PDDL, with the fluents that each evaluates, as :func:`fluents_read` says."""
     for lifted, context in _conjuncts(problem.goal, Context(domain, problem, "", {})):
         yield condition_text(lifted, context.bindings), _text(lifted, context).evaluated
@@ -306,24 +285,24 @@ def fluents_in_goal(domain: syntax.Domain, problem: syntax.Problem) -> Iterator[
 # -- what is read ------------------------------------------------------------------------------------------------------
 
 
-def _reads(instance: ActionInstance) -> Iterator[tuple[Timing, Name]]:
+def _reads(instance: model.ActionInstance) -> Iterator[tuple[model.Timing, Name]]:
     """What the ground conditions and effects of an instance mention, and when."""
-    parts: tuple[TimedCondition | DurationConstraint | AtomEffect | NumericEffect, ...] = (
+    parts: tuple[model.TimedCondition | model.DurationConstraint | model.AtomEffect | model.NumericEffect, ...] = (
         *instance.durations,
         *instance.conditions,
         *instance.atom_effects,
         *instance.numeric_effects,
     )
     for part in parts:
-        for leaf in leaves(part.condition):
-            if isinstance(leaf, Holds):
+        for leaf in model.leaves(part.condition):
+            if isinstance(leaf, model.Holds):
                 yield part.timing, leaf.atom
-            elif isinstance(leaf, NumericCondition):
-                yield from ((part.timing, fluent) for fluent in fluents_in(leaf.expression))
+            elif isinstance(leaf, model.NumericCondition):
+                yield from ((part.timing, fluent) for fluent in model.fluents_in(leaf.expression))
     for effect in instance.numeric_effects:
-        yield from ((effect.timing, fluent) for fluent in fluents_in(effect.expression))
+        yield from ((effect.timing, fluent) for fluent in model.fluents_in(effect.expression))
     for continuous in instance.continuous_effects:
-        yield from ((timing, fluent) for timing in _AT_BOTH_ENDS for fluent in fluents_in(continuous.rate))
+        yield from ((timing, fluent) for timing in _AT_BOTH_ENDS for fluent in model.fluents_in(continuous.rate))
 
 
 @dataclass(frozen=True, slots=True)
@@ -331,23 +310,23 @@ class _Text:
     """What a text mentions, which fluents are evaluated, and its truth where the equality of objects decides it."""
 
     names: frozenset[Name] = frozenset()
-    evaluated: frozenset[Fluent] = frozenset()
+    evaluated: frozenset[model.Fluent] = frozenset()
     decided: bool | None = None
 
 
-def _mentions(texts: Iterable[tuple[Timing, _Text]], instance: ActionInstance) -> frozenset[Mention]:
+def _mentions(texts: Iterable[tuple[model.Timing, _Text]], instance: model.ActionInstance) -> frozenset[model.Mention]:
     """What is mentioned by texts, each with the time that it belongs to, and not by the ground instance."""
-    found: dict[tuple[Timing, Name], bool] = {}
+    evaluated: dict[tuple[model.Timing, Name], bool] = {}
     for timing, text in texts:
         for name in text.names:
-            found[timing, name] = found.get((timing, name), False) or name in text.evaluated
-    kept = found.keys() - set(_reads(instance))
-    return frozenset(Mention(timing, name, found[timing, name]) for timing, name in kept)
+            evaluated[timing, name] = evaluated.get((timing, name), False) or name in text.evaluated
+    lost = evaluated.keys() - set(_reads(instance))
+    return frozenset(model.Mention(timing, name, evaluated[timing, name]) for timing, name in lost)
 
 
 def _texts(
     schema: syntax.ActionSchema, durations: Iterable[syntax.DurationBound], context: Context
-) -> Iterator[tuple[Timing, _Text]]:
+) -> Iterator[tuple[model.Timing, _Text]]:
     """All that an action reads, if these of its durations count."""
     for bound in durations:
         yield bound.timing, _numeric_text(context, bound.bound)
@@ -358,7 +337,7 @@ def _texts(
 
 def _texts_of_effects(
     effects: Iterable[syntax.LiftedEffect], context: Context, guard: _Text
-) -> Iterator[tuple[Timing, _Text]]:
+) -> Iterator[tuple[model.Timing, _Text]]:
     """What effects read that happen if `guard` holds; those that the equality of objects excludes read nothing."""
     for effect in effects:
         match effect:
@@ -380,7 +359,7 @@ def _texts_of_effects(
                 assert_never(effect)
 
 
-def _text(lifted: syntax.LiftedCondition, context: Context) -> _Text:  # noqa: PLR0911 (as in `condition`)
+def _text(lifted: syntax.LiftedCondition, context: Context) -> _Text:
     match lifted:
         case syntax.Proposition():
             return _Text(frozenset((atom(lifted, context),)))
@@ -391,33 +370,19 @@ def _text(lifted: syntax.LiftedCondition, context: Context) -> _Text:  # noqa: P
         case syntax.NameEquality():
             return _text(lifted.meant(context.problem.objects), context)
         case syntax.Negation(operand):
-            return _negated(_text(operand, context))
-        case syntax.Conjunction(operands):
-            return _joined([_text(operand, context) for operand in operands], every=True)
-        case syntax.Disjunction(operands):
-            return _joined([_text(operand, context) for operand in operands], every=False)
-        case syntax.Implication(premise, conclusion):
-            return _joined([_negated(_text(premise, context)), _text(conclusion, context)], every=False)
-        case syntax.Quantification(universal, variables, operand):
-            return _joined([_text(operand, inner) for inner in context.instances(variables)], every=universal)
+            text = _text(operand, context)
+            return text if text.decided is None else replace(text, decided=not text.decided)
+        case syntax.Conjunction() | syntax.Disjunction() | syntax.Implication() | syntax.Quantification():
+            every, operands = _operands(lifted, context)
+            return _joined([_text(operand, inner) for operand, inner in operands], every=every)
         case _:
             assert_never(lifted)
 
 
 def _numeric_text(context: Context, *lifted: syntax.NumericExpression) -> _Text:
-    found: set[Fluent] = set()
-    pending = list(lifted)
-    while pending:
-        match pending.pop():
-            case syntax.FunctionTerm() as term:
-                found.add(fluent(term, context))
-            case syntax.Arithmetic(_, operands):
-                pending.extend(operands)
-    return _Text(frozenset(found), frozenset(found))
-
-
-def _negated(text: _Text) -> _Text:
-    return text if text.decided is None else replace(text, decided=not text.decided)
+    terms = (part for expression in lifted for part in syntax.subexpressions(expression))
+    fluents = frozenset(fluent(term, context) for term in terms if isinstance(term, syntax.FunctionTerm))
+    return _Text(frozenset[Name](fluents), fluents)
 
 
 def _joined(texts: Sequence[_Text], *, every: bool) -> _Text:
@@ -427,7 +392,7 @@ def _joined(texts: Sequence[_Text], *, every: bool) -> _Text:
     names = frozenset[Name]().union(*(text.names for text in texts))
     if decided is not None:
         return _Text(names, decided=decided)
-    return _Text(names, frozenset[Fluent]().union(*(text.evaluated for text in texts)))
+    return _Text(names, frozenset[model.Fluent]().union(*(text.evaluated for text in texts)))
 
 
 # -- parts of an instance ----------------------------------------------------------------------------------------------
@@ -452,7 +417,7 @@ def _check_arguments(
     names: tuple[str, ...],
     location: Location | None,
 ) -> None:
-    usage = f"({' '.join((schema.name, *(f'?{parameter.name}' for parameter in schema.parameters)))})"
+    usage = syntax.Signature(schema.name, schema.parameters, schema.location)
     if len(names) != len(schema.parameters):
         found = f"'{schema.name}' with {count(len(names), 'argument')}"
         expected = f"{count(len(schema.parameters), 'argument')} as in {usage}"
@@ -468,11 +433,11 @@ def _check_arguments(
             raise InputError(f"found {found}, expected {expected}", location)
 
 
-def _ground_conjuncts(lifted: syntax.LiftedCondition, context: Context) -> Iterator[tuple[Condition, str]]:
+def _ground_conjuncts(lifted: syntax.LiftedCondition, context: Context) -> Iterator[tuple[model.Condition, str]]:
     """The conjuncts of a condition with their text; what is always true is left out."""
     for conjunct, inner in _conjuncts(lifted, context):
         ground = condition(conjunct, inner)
-        if ground != Truth(True):
+        if ground != model.Truth(True):
             yield ground, condition_text(conjunct, inner.bindings)
 
 
@@ -489,9 +454,9 @@ def _conjuncts(lifted: syntax.LiftedCondition, context: Context) -> Iterator[tup
             yield lifted, context
 
 
-def _duration(bound: syntax.DurationBound, context: Context) -> DurationConstraint:
-    difference = _variable(Duration()) - expression(bound.bound, context)
-    return DurationConstraint(
+def _duration(bound: syntax.DurationBound, context: Context) -> model.DurationConstraint:
+    difference = _variable(model.Duration()) - expression(bound.bound, context)
+    return model.DurationConstraint(
         bound.timing, comparison(bound.comparator, difference), duration_text(bound, context.bindings)
     )
 
@@ -500,55 +465,55 @@ def _duration(bound: syntax.DurationBound, context: Context) -> DurationConstrai
 class _Effects:
     """Collects the ground effects of one instance."""
 
-    atoms: list[AtomEffect] = field(default_factory=list)
-    numeric: list[NumericEffect] = field(default_factory=list)
-    continuous: list[ContinuousEffect] = field(default_factory=list)
+    atoms: list[model.AtomEffect] = field(default_factory=list)
+    numeric: list[model.NumericEffect] = field(default_factory=list)
+    continuous: list[model.ContinuousEffect] = field(default_factory=list)
 
-    def add(self, effects: Iterable[syntax.LiftedEffect], context: Context, when: Condition) -> None:
+    def add(self, effects: Iterable[syntax.LiftedEffect], context: Context, when: model.Condition) -> None:
         """Add effects that happen if `when` holds."""
         for effect in effects:
             match effect:
                 case syntax.LiteralEffect(timing, proposition, value):
-                    self.atoms.append(AtomEffect(timing, atom(proposition, context), value, when))
+                    self.atoms.append(model.AtomEffect(timing, atom(proposition, context), value, when))
                 case syntax.NumericUpdate():
                     self._add_numeric(_numeric(effect, context, when), effect.location)
                 case syntax.ContinuousUpdate(update, target, rate):
                     change = expression(rate, context)
                     signed = change if update is syntax.Update.INCREASE else -change
-                    self.continuous.append(ContinuousEffect(fluent(target, context), signed))
+                    self.continuous.append(model.ContinuousEffect(fluent(target, context), signed))
                 case syntax.ForallEffect(variables, inside):
                     for inner in context.instances(variables):
                         self.add(inside, inner, when)
                 case syntax.WhenEffect(guard, inside):
-                    both = junction([when, condition(guard, context)], every=True)
-                    if both != Truth(False):
+                    both = model.junction([when, condition(guard, context)], every=True)
+                    if both != model.Truth(False):
                         self.add(inside, context, both)
                 case _:
                     assert_never(effect)
 
-    def _add_numeric(self, effect: NumericEffect, location: Location) -> None:
+    def _add_numeric(self, effect: model.NumericEffect, location: Location) -> None:
         """Equal increases add up; unconditional changes that cannot take place together are refused."""
         for other in self.numeric:
-            if other.condition == effect.condition == Truth(True) and any(conflicts((other, effect))):
+            if other.condition == effect.condition == model.Truth(True) and any(model.conflicts((other, effect))):
                 message = f"found an assignment and another change of {effect.fluent} {effect.timing.value}"
                 remedy = "expected at most one of them; remove one, or give both conditions that exclude each other"
                 raise InputError(f"{message} in one action, {remedy}", location)
         self.numeric.append(effect)
 
 
-def _numeric(effect: syntax.NumericUpdate, context: Context, when: Condition) -> NumericEffect:
+def _numeric(effect: syntax.NumericUpdate, context: Context, when: model.Condition) -> model.NumericEffect:
     target = fluent(effect.target, context)
     value = expression(effect.expression, context)
-    operator = AssignmentKind.ASSIGN
+    operator = model.AssignmentKind.ASSIGN
     match effect.update:
         case syntax.Update.ASSIGN:
             pass
         case syntax.Update.INCREASE:
-            operator = AssignmentKind.INCREASE
+            operator = model.AssignmentKind.INCREASE
         case syntax.Update.DECREASE:
-            operator, value = AssignmentKind.INCREASE, -value
+            operator, value = model.AssignmentKind.INCREASE, -value
         case syntax.Update.SCALE_UP:
             value = _variable(target) * value
         case syntax.Update.SCALE_DOWN:
             value = quotient(_variable(target), value, effect.expression, context)
-    return NumericEffect(effect.timing, target, operator, value, when)
+    return model.NumericEffect(effect.timing, target, operator, value, when)

@@ -1,29 +1,21 @@
 """PDDL domains and problems from their text: sections, actions and the initial state.
 
-Forms become checked data (:mod:`robust.plan.pddl.syntax`); conditions, durations and effects are read by
+Forms become checked data (:mod:`robust.plan.pddl.syntax`). Conditions, durations and effects are read by
 :mod:`robust.plan.pddl.conditions`, declarations by :mod:`robust.plan.pddl.declarations`.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from fractions import Fraction
 from typing import TypeVar
 
 from robust.errors import Location, did_you_mean
 from robust.plan.model import Atom, Fluent, TimedLiteral, Timing
-from robust.plan.pddl import declarations, syntax
-from robust.plan.pddl.conditions import (
-    condition,
-    duration_bounds,
-    effects,
-    expression,
-    negated,
-    timed_conditions,
-)
+from robust.plan.pddl import conditions, declarations, syntax
 from robust.plan.pddl.declarations import Scope, Vocabulary, function, proposition, unsupported
-from robust.plan.pddl.forms import Form, Item, Kind, Word, fault, number, read_forms, read_text
+from robust.plan.pddl.forms import Form, Item, Kind, Word, fault, is_word, number, read_forms, read_text, walk
 
 T = TypeVar("T")
 
@@ -37,7 +29,7 @@ def action(form: Form, vocabulary: Vocabulary, parameters: tuple[str, ...]) -> s
     """An action; `parameters` are the synthesis parameters of the domain, which its own ones and variables hide."""
     durative = form.head == ":durative-action"
     name = form.items[1] if len(form.items) > 1 else None
-    if not isinstance(name, Word) or name.kind is not Kind.NAME:
+    if not is_word(name, Kind.NAME):
         raise fault(name or form, f"the name of an action after '{form.head}'")
     parts = _parts(form, durative)
     variables = declarations.variables(_list(parts, ":parameters"), vocabulary.types)
@@ -51,10 +43,10 @@ def action(form: Form, vocabulary: Vocabulary, parameters: tuple[str, ...]) -> s
         durative=durative,
         parameters=variables,
         synth_parameters=own,
-        durations=tuple(_read(parts, ":duration", lambda item: duration_bounds(item, scope))),
+        durations=tuple(_read(parts, ":duration", lambda item: conditions.duration_bounds(item, scope))),
         conditions=tuple(_conditions(parts, scope)),
         effects=tuple(
-            _read(parts, ":effect", lambda item: effects(item, scope, None if durative else Timing.AT_START))
+            _read(parts, ":effect", lambda item: conditions.effects(item, scope, None if durative else Timing.AT_START))
         ),
         location=form.location,
     )
@@ -71,7 +63,7 @@ def _parts(form: Form, durative: bool) -> dict[str, tuple[Item, ...]]:
             _check_keyword(section, allowed, parts)
             parts[section.text] = item.rest if isinstance(item, Form) else ()
             keyword = None
-        elif isinstance(item, Word) and item.kind is Kind.KEYWORD:
+        elif is_word(item, Kind.KEYWORD):
             _check_complete(keyword, parts, item)
             _check_keyword(item, allowed, parts)
             keyword, parts[item.text] = item, ()
@@ -108,35 +100,24 @@ def _check_complete(keyword: Word | None, parts: Mapping[str, tuple[Item, ...]],
 
 def _list(parts: Mapping[str, tuple[Item, ...]], keyword: str) -> tuple[Item, ...]:
     """The items of a list in parentheses; parameters to synthesise may stand without."""
-    found = parts.get(keyword, ())
-    if keyword == ":synth-parameters" or not found:
-        return found
-    if not isinstance(found[0], Form):
-        raise fault(found[0], f"a list in parentheses after '{keyword}'")
-    return found[0].items
+    items = parts.get(keyword, ())
+    if keyword == ":synth-parameters" or not items:
+        return items
+    if not isinstance(items[0], Form):
+        raise fault(items[0], f"a list in parentheses after '{keyword}'")
+    return items[0].items
 
 
 def _read(parts: Mapping[str, tuple[Item, ...]], keyword: str, read: Callable[[Item], list[T]]) -> list[T]:
-    found = parts.get(keyword)
-    return read(found[0]) if found else []
+    items = parts.get(keyword)
+    return read(items[0]) if items else []
 
 
 def _conditions(parts: Mapping[str, tuple[Item, ...]], scope: Scope) -> list[syntax.TimedLiftedCondition]:
     if scope.durative:
-        return _read(parts, ":condition", lambda item: timed_conditions(item, scope))
-    untimed = _read(parts, ":precondition", lambda item: [condition(item, scope)])
+        return _read(parts, ":condition", lambda item: conditions.timed_conditions(item, scope))
+    untimed = _read(parts, ":precondition", lambda item: [conditions.condition(item, scope)])
     return [syntax.TimedLiftedCondition(Timing.AT_START, part) for part in untimed]
-
-
-def written_functions(actions: Mapping[str, syntax.ActionSchema]) -> Iterator[str]:
-    """The functions that some action changes."""
-    todo: list[syntax.LiftedEffect] = [effect for schema in actions.values() for effect in schema.effects]
-    while todo:
-        effect = todo.pop()
-        if isinstance(effect, (syntax.ForallEffect, syntax.WhenEffect)):
-            todo.extend(effect.effects)
-        elif not isinstance(effect, syntax.LiteralEffect):
-            yield effect.target.function
 
 
 class InitialState:
@@ -144,67 +125,76 @@ class InitialState:
 
     def __init__(self, scope: Scope) -> None:
         self._scope = scope
-        self._atoms: dict[Atom, bool] = {}
-        self.fluents: dict[Fluent, Fraction] = {}
-        self._timed: dict[tuple[Fraction, Atom | Fluent], bool | Fraction] = {}
+        self._values: dict[tuple[Fraction | None, Atom | Fluent], bool | Fraction] = {}
+        """What is said of an atom or fluent, initially (None) or at a time."""
 
-    def true_atoms(self) -> frozenset[Atom]:
-        return frozenset(atom for atom, value in self._atoms.items() if value)
+    @property
+    def atoms(self) -> frozenset[Atom]:
+        """The atoms that are true initially."""
+        return frozenset(
+            name for (time, name), value in self._values.items() if time is None and isinstance(name, Atom) and value
+        )
 
+    @property
+    def fluents(self) -> dict[Fluent, Fraction]:
+        """The initial values of fluents."""
+        return {
+            name: Fraction(value)
+            for (time, name), value in self._values.items()
+            if time is None and isinstance(name, Fluent)
+        }
+
+    @property
     def timed_literals(self) -> tuple[TimedLiteral, ...]:
-        """By time; at one time in the order of the file."""
-        literals = [TimedLiteral(time, target, value) for (time, target), value in self._timed.items()]
-        return tuple(sorted(literals, key=lambda literal: literal.time))
+        """Timed initial literals by time; at one time in the order of the file."""
+        timed = [TimedLiteral(time, name, value) for (time, name), value in self._values.items() if time is not None]
+        return tuple(sorted(timed, key=lambda literal: literal.time))
 
     def add(self, item: Item) -> None:
         """Add one element: `(p a)`, `(not (p a))`, `(= (f a) 3)` or `(at 5 element)`."""
         if not isinstance(item, Form):
             raise fault(item, "an initial fact in parentheses")
-        if item.head == "at" and len(item.items) > 1 and _is_number(item.items[1]):
-            self._add_timed(item)
-            return
-        target, value = self._fact(item)
-        if isinstance(target, Fluent) and not isinstance(value, bool):
-            before: bool | Fraction = self.fluents.setdefault(target, value)
-        elif isinstance(target, Atom) and isinstance(value, bool):
-            before = self._atoms.setdefault(target, value)
-        _check_same(item, target, value, before)
-
-    def _add_timed(self, form: Form) -> None:
-        moment, *inside = form.rest
-        time = _value(moment)
-        if time < 0:
-            raise fault(moment, "a time of at least zero")
-        if len(inside) != 1 or not isinstance(inside[0], Form):
-            raise fault(form, "one fact in parentheses after the time, as in (at 5 (open door))")
-        target, value = self._fact(inside[0])
-        _check_same(form, target, value, self._timed.setdefault((time, target), value))
+        is_timed = item.head == "at" and len(item.items) > 1 and is_word(item.items[1], Kind.NUMBER)
+        fact, time = _timed(item) if is_timed else (item, None)
+        target, value = self._fact(fact)
+        before = self._values.setdefault((time, target), value)
+        if value != before:
+            expected = f"the value given before, {str(before).lower()}"
+            raise fault(item, expected, found=f"{target} = {str(value).lower()}")
 
     def _fact(self, form: Form) -> tuple[Atom | Fluent, bool | Fraction]:
         if form.head == "=":
             return self._number(form)
-        if form.head != "not":
-            return _atom(proposition(form, self._scope)), True
-        return _atom(negated(form, self._scope)), False
+        value = form.head != "not"
+        used = proposition(form, self._scope) if value else conditions.negated(form, self._scope)
+        return Atom(used.predicate, _names(used.arguments)), value
 
     def _number(self, form: Form) -> tuple[Fluent, Fraction]:
         if len(form.rest) != 2:
             raise fault(form, "a numeric function and its value, as in (= (f) 3)")
         left, right = form.rest
-        if isinstance(left, Word) and left.kind is Kind.NAME:
+        if isinstance(left, Word):
+            if left.kind is not Kind.NAME:
+                raise fault(left, "a numeric function, as in (= (f) 3)")
             left = Form((left,), left.location)
-        if not isinstance(left, Form):
-            raise fault(left, "a numeric function, as in (= (f) 3)")
-        return _fluent(function(left, self._scope)), _value(right)
+        used = function(left, self._scope)
+        return Fluent(used.function, _names(used.arguments)), _value(right)
 
 
-def _is_number(item: Item) -> bool:
-    return isinstance(item, Word) and item.kind is Kind.NUMBER
+def _timed(form: Form) -> tuple[Form, Fraction]:
+    """The fact of a timed initial literal, and its time."""
+    moment, *inside = form.rest
+    time = _value(moment)
+    if time < 0:
+        raise fault(moment, "a time of at least zero")
+    if len(inside) != 1 or not isinstance(inside[0], Form):
+        raise fault(form, "one fact in parentheses after the time, as in (at 5 (open door))")
+    return inside[0], time
 
 
 def _value(item: Item) -> Fraction:
     """A number, possibly written `(- 3)`."""
-    if isinstance(item, Word) and item.kind is Kind.NUMBER:
+    if is_word(item, Kind.NUMBER):
         return number(item)
     if isinstance(item, Form) and item.head == "-" and len(item.rest) == 1:
         return -_value(item.rest[0])
@@ -212,18 +202,8 @@ def _value(item: Item) -> Fraction:
     raise fault(item, expected)
 
 
-def _check_same(form: Form, target: Atom | Fluent, value: bool | Fraction, before: bool | Fraction) -> None:
-    if value != before:
-        expected = f"the value given before, {str(before).lower()}"
-        raise fault(form, expected, found=f"{target} = {str(value).lower()}")
-
-
-def _atom(used: syntax.Proposition) -> Atom:
-    return Atom(used.predicate, tuple(term.name for term in used.arguments))
-
-
-def _fluent(used: syntax.FunctionTerm) -> Fluent:
-    return Fluent(used.function, tuple(term.name for term in used.arguments))
+def _names(terms: Iterable[syntax.Term]) -> tuple[str, ...]:
+    return tuple(term.name for term in terms)
 
 
 _REPEATABLE = frozenset((":action", ":durative-action"))
@@ -260,7 +240,7 @@ def parse_domain(text: str, file: str = "<domain>") -> syntax.Domain:
     declarations.check_requirements(_items(sections, ":requirements"))
     hierarchy = declarations.types(_items(sections, ":types"))
     constants = declarations.objects(_items(sections, ":constants"), hierarchy, {})
-    predicates = declarations.predicates(_items(sections, ":predicates"), hierarchy)
+    predicates = declarations.signatures(_items(sections, ":predicates"), "predicate", hierarchy)
     functions = declarations.functions(_items(sections, ":functions"), hierarchy, predicates)
     parameters = declarations.synth_parameters(_items(sections, ":synth-parameters"), ())
     vocabulary = Vocabulary(hierarchy, constants, predicates, functions)
@@ -280,7 +260,12 @@ def parse_domain(text: str, file: str = "<domain>") -> syntax.Domain:
         predicates=predicates,
         functions=functions,
         actions=actions,
-        written=frozenset(written_functions(actions)),
+        written=frozenset(
+            effect.target.function
+            for schema in actions.values()
+            for effect in syntax.primitive(schema.effects)
+            if not isinstance(effect, syntax.LiteralEffect)
+        ),
         location=name.location,
     )
 
@@ -306,9 +291,9 @@ def parse_problem(text: str, domain: syntax.Domain, file: str = "<problem>") -> 
         name=name.text,
         domain=domain.name,
         objects=objects,
-        atoms=initial.true_atoms(),
+        atoms=initial.atoms,
         fluents=initial.fluents,
-        timed_literals=initial.timed_literals(),
+        timed_literals=initial.timed_literals,
         goal=_goal(sections[":goal"], scope),
         location=name.location,
     )
@@ -331,13 +316,13 @@ def _definition(text: str, file: str, kind: str) -> tuple[Word, list[Form]]:
     if header.head != kind:
         raise fault(header, f"a {kind}; are the files in the right order?", found=f"a {header.head}")
     name = header.items[1] if len(header.items) == 2 else None
-    if not isinstance(name, Word) or name.kind not in (Kind.NAME, Kind.NUMBER):
+    if not is_word(name, Kind.NAME, Kind.NUMBER):
         raise fault(header, f"({kind} NAME)")
     return name, [_section(item) for item in define.items[2:]]
 
 
 def _section(item: Item) -> Form:
-    if isinstance(item, Form) and item.items and isinstance(item.items[0], Word) and item.items[0].kind is Kind.KEYWORD:
+    if isinstance(item, Form) and item.items and is_word(item.items[0], Kind.KEYWORD):
         return item
     raise fault(item, "a section such as (:requirements ...) or (:init ...)")
 
@@ -374,7 +359,7 @@ def _check_domain_name(form: Form, domain: syntax.Domain) -> None:
 def _goal(form: Form, scope: Scope) -> syntax.LiftedCondition:
     if len(form.items) != 2:
         raise fault(form.items[2] if len(form.items) > 2 else form, "one condition in (:goal ...)")
-    return condition(form.items[1], scope)
+    return conditions.condition(form.items[1], scope)
 
 
 def _check_metric(form: Form, vocabulary: Vocabulary) -> None:
@@ -386,16 +371,7 @@ def _check_metric(form: Form, vocabulary: Vocabulary) -> None:
         raise fault(form, "(:metric minimize EXPRESSION)")
     functions = {"total-time": syntax.Signature("total-time", (), form.location), **vocabulary.functions}
     scope = Scope(Vocabulary(vocabulary.types, vocabulary.objects, vocabulary.predicates, functions), {}, {})
-    for item in _all_forms(form.items[2]):
-        if item.head == "is-violated":
+    for item in walk(form.items[2]):
+        if isinstance(item, Form) and item.head == "is-violated":
             raise unsupported(item, "a preference", "leave it out of the metric")
-    expression(form.items[2], scope)
-
-
-def _all_forms(item: Item) -> Iterable[Form]:
-    todo = [item]
-    while todo:
-        current = todo.pop()
-        if isinstance(current, Form):
-            yield current
-            todo.extend(current.items)
+    conditions.expression(form.items[2], scope)

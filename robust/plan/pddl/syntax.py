@@ -100,6 +100,16 @@ class Arithmetic:
 NumericExpression = Number | FunctionTerm | DurationTerm | ParameterTerm | Arithmetic
 
 
+def subexpressions(expression: NumericExpression) -> Iterator[NumericExpression]:
+    """An expression and all expressions inside it."""
+    pending = [expression]
+    while pending:
+        current = pending.pop()
+        yield current
+        if isinstance(current, Arithmetic):
+            pending.extend(current.operands)
+
+
 class Comparator(Enum):
     LESS = "<"
     AT_MOST = "<="

@@ -1,9 +1,9 @@
-"""PDDL as text: conditions for names of obligations, domains and problems for planners, and for generators of plans.
+"""PDDL as text: conditions for names of obligations, domains and problems for planners and for generators of plans.
 
-The way back from :mod:`robust.plan.pddl.reader`: reading the text of a domain gives an equal domain. Numbers of a
-problem are decimals. One without a finite decimal, as 1/3, or with more than `_PLACES` places, is rounded: times of
-timed literals so that what holds for a shorter time is not made to hold for longer, other numbers to the nearest. A
-planner may then miss a plan; one that is not valid for the exact numbers is found out by the check of its plan.
+Reading the text of a domain gives an equal domain (:mod:`robust.plan.pddl.reader`). Numbers of a problem are decimals.
+A number without a finite decimal, such as 1/3, or with more than `_PLACES` places is rounded: times of timed literals
+so that no condition holds for longer than it does, other numbers to the nearest. A planner may then miss a plan; a plan
+that is not valid for the exact numbers is refuted when it is checked.
 """
 
 from __future__ import annotations
@@ -145,11 +145,11 @@ def domain_text(domain: syntax.Domain) -> str:
         UnsupportedError: for synthesis parameters, which no planner reads.
     """
     actions = domain.actions.values()
-    parameters = [*domain.parameters, *(name for one in actions for name in one.synth_parameters)]
+    parameters = [*domain.parameters, *(name for schema in actions for name in schema.synth_parameters)]
     if parameters:
         expected = "a domain without: write their values in"
         raise UnsupportedError(f"found synthesis parameter {parameters[0]!r}, expected {expected}", domain.location)
-    continuous = any(isinstance(one, syntax.ContinuousUpdate) for schema in actions for one in schema.effects)
+    continuous = any(isinstance(effect, syntax.ContinuousUpdate) for schema in actions for effect in schema.effects)
     sections = [
         section(":requirements", [_REQUIREMENTS, _CONTINUOUS if continuous else ""]),
         section(":types", _types(domain.types)),
@@ -162,7 +162,7 @@ def domain_text(domain: syntax.Domain) -> str:
 
 
 def problem_text(problem: syntax.Problem, domain: syntax.Domain) -> str:
-    """The problem in PDDL, with a time to be short as its metric: planners need one to prefer one plan to another."""
+    """The problem in PDDL; it asks for a short makespan, since planners need a metric to prefer one plan to another."""
     facts = [
         *(str(atom) for atom in sorted(problem.atoms)),
         *(f"(= {fluent} {decimal(value, _PLACES)})" for fluent, value in problem.fluents.items()),
@@ -170,7 +170,7 @@ def problem_text(problem: syntax.Problem, domain: syntax.Domain) -> str:
     ]
     sections = [
         f"(:domain {problem.domain})",
-        section(":objects", [_typed(one for name, one in problem.objects.items() if name not in domain.constants)]),
+        section(":objects", [_typed(item for name, item in problem.objects.items() if name not in domain.constants)]),
         f"(:init {' '.join(facts)})",
         f"(:goal {condition_text(problem.goal)})",
         "(:metric minimize (total-time))",
@@ -179,7 +179,7 @@ def problem_text(problem: syntax.Problem, domain: syntax.Domain) -> str:
 
 
 def decimal(value: Fraction, places: int, *, up: bool | None = None) -> str:
-    """The value with at most so many decimals; rounded up, down, or (None) to the nearest where it has more."""
+    """The value with at most `places` decimals; rounded up, down, or (None) to the nearest where it has more."""
     scaled = value * 10**places
     whole = round(scaled) if up is None else -(-scaled // 1) if up else scaled // 1
     return format_number(Fraction(whole, 10**places))
@@ -198,14 +198,14 @@ def _timed_literal(literal: TimedLiteral) -> str:
 
 def _types(types: Mapping[str, frozenset[str]]) -> Iterable[str]:
     """Each type with its direct ancestors: those that are no ancestors of another one."""
-    for name in (one for one in types if one != syntax.OBJECT):
+    for name in filter(syntax.OBJECT.__ne__, types):
         above = types[name] - {name}
-        direct = sorted(one for one in above if not any(one in types[other] for other in above - {one}))
+        direct = sorted(parent for parent in above if not any(parent in types[other] for other in above - {parent}))
         yield f"{name} - {type_text(direct or (syntax.OBJECT,))}"
 
 
 def _typed(names: Iterable[syntax.TypedName], mark: str = "") -> str:
-    return " ".join(f"{mark}{one.name} - {type_text(one.types)}" for one in names)
+    return " ".join(f"{mark}{item.name} - {type_text(item.types)}" for item in names)
 
 
 def _signature(signature: syntax.Signature) -> str:
@@ -214,12 +214,12 @@ def _signature(signature: syntax.Signature) -> str:
 
 def _action(schema: syntax.ActionSchema) -> str:
     parameters = _typed(schema.parameters, "?")
-    effects = [_effect(one, schema.durative) for one in schema.effects]
+    effects = [_effect(effect, schema.durative) for effect in schema.effects]
     if not schema.durative:
-        condition = _together([condition_text(one.condition) for one in schema.conditions])
+        condition = _together([condition_text(part.condition) for part in schema.conditions])
         return action_text(schema.name, condition, effects, parameters=parameters)
-    conditions = conjunction_text(timed(one.timing, condition_text(one.condition)) for one in schema.conditions)
-    bounds = [_when(one.timing, duration_text(one), one.timing is Timing.AT_END) for one in schema.durations]
+    conditions = conjunction_text(timed(part.timing, condition_text(part.condition)) for part in schema.conditions)
+    bounds = [_when(bound.timing, duration_text(bound), bound.timing is Timing.AT_END) for bound in schema.durations]
     return action_text(schema.name, conditions, effects, parameters=parameters, duration=_together(bounds))
 
 
@@ -240,7 +240,8 @@ def _effect(effect: syntax.LiftedEffect, durative: bool) -> str:
         case syntax.ForallEffect(variables, effects):
             return f"(forall ({_typed(variables, '?')}) {_all(effects, durative)})"
         case syntax.WhenEffect(condition, effects):
-            timings = (one.timing for one in syntax.primitive(effects) if not isinstance(one, syntax.ContinuousUpdate))
+            simple = syntax.primitive(effects)
+            timings = (part.timing for part in simple if not isinstance(part, syntax.ContinuousUpdate))
             guard = _when(next(timings, Timing.AT_START), condition_text(condition), durative)
             return f"(when {guard} {_all(effects, durative)})"
         case _:
@@ -248,7 +249,7 @@ def _effect(effect: syntax.LiftedEffect, durative: bool) -> str:
 
 
 def _all(effects: Iterable[syntax.LiftedEffect], durative: bool) -> str:
-    return conjunction_text(_effect(one, durative) for one in effects)
+    return conjunction_text(_effect(effect, durative) for effect in effects)
 
 
 def _when(timing: Timing, text: str, durative: bool) -> str:
@@ -276,19 +277,14 @@ class ActionText:
     """As PDDL writes them: `?who - agent`."""
 
     def __str__(self) -> str:
-        conditions = [
-            *(timed(Timing.AT_START, literal) for literal in self.at_start),
-            *(timed(Timing.OVER_ALL, literal) for literal in self.over_all),
-            *(timed(Timing.AT_END, literal) for literal in self.at_end),
-        ]
-        effects = [
-            *(timed(Timing.AT_START, literal) for literal in self.start_effects),
-            *(timed(Timing.AT_END, literal) for literal in self.end_effects),
-        ]
-        duration = "(>= ?duration 0)"
-        return action_text(
-            self.name, conjunction_text(conditions), effects, parameters=self.parameters, duration=duration
+        conditions = zip(Timing, (self.at_start, self.over_all, self.at_end), strict=True)
+        effects = ((Timing.AT_START, self.start_effects), (Timing.AT_END, self.end_effects))
+        demanded, caused = (
+            [timed(timing, literal) for timing, literals in parts for literal in literals]
+            for parts in (conditions, effects)
         )
+        condition = conjunction_text(demanded)
+        return action_text(self.name, condition, caused, parameters=self.parameters, duration="(>= ?duration 0)")
 
 
 def sketched_domain(

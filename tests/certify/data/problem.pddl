@@ -1,0 +1,7 @@
+(define (problem one) (:domain RICH) (:requirements :typing)
+ (:objects t1 - truck s1 - ship b1 - box c1 - crate hall - place)
+ (:init (at t1 depot) (in_vehicle B1 t1) (not (busy)) (= (fuel t1) 5) (= (fuel s1) (- 2)) (= level 1e1) (= (cost) .5)
+  (= (rate) +2) (at 4 (not (busy))) (at 2.5 (= (rate) 3)) (at 2.5 (busy)) (at 4 (at t1 hall)) (at 0 (z)) (z)
+  (in_place c1) (= (toll t1) 1))
+ (:goal (and (at t1 hall) (forall (?c - crate) (or (big ?c) (>= (fuel t1) ?limit)))))
+ (:metric minimize (total-time)))
