@@ -29,8 +29,6 @@ from robust.records import atomic_write
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from rich.console import Console
-
     from robust.api import AnytimeSearch
     from robust.cli.guard import Run
     from robust.execute.controllability import ControllabilityReport
@@ -43,6 +41,7 @@ if TYPE_CHECKING:
     from robust.probability.measure import Bounds
     from robust.probability.risk import RiskResult
     from robust.qe.compute import RegionResult, RegionSearch
+    from robust.show.console import Console
 
 HINT_SECONDS = 1
 """Of a processor, for the repair that a refutation ends with."""
@@ -123,11 +122,11 @@ def _repair(
 def envelope(options: EnvelopeCommand, run: Run) -> int:
     """How far may parameters deviate, all at once, before the plan can fail? Ctrl-C prints the best box so far."""
     from robust.api import searching_envelope
-    from robust.show import documents
-    from robust.show.regions import print_envelope
+    from robust.show import plan_documents
+    from robust.show.regions import NOTHING_BESIDE, print_envelope
 
     plan: ParametrizedPlan | None = None
-    beside = documents.NOTHING_BESIDE
+    beside = NOTHING_BESIDE
     wanted = options.controllability is not None
     exported: str | None = None
 
@@ -148,7 +147,7 @@ def envelope(options: EnvelopeCommand, run: Run) -> int:
         whole = beside
         if plan is not None and found.verified:
             whole = replace(beside, probability=_probability(options, plan, found))
-        run.answer(lambda: documents.envelope(found, whole, controllability=wanted), tell)
+        run.answer(lambda: plan_documents.envelope(found, whole, controllability=wanted), tell)
 
     result = run.best(begin, show)
     if plan is not None and result.status.value == "invalid":
@@ -231,7 +230,7 @@ def _controllability(
 def region(options: RegionCommand, run: Run) -> int:
     """For exactly which parameter values is the plan valid? Out of time, an outer and an inner bound are printed."""
     from robust.api import searching_region
-    from robust.show import region_documents, regions
+    from robust.show import plan_documents, regions
 
     search: RegionSearch | None = None
     found = {"bad": 0, "good": 0}
@@ -261,7 +260,7 @@ def region(options: RegionCommand, run: Run) -> int:
             else:
                 regions.print_region(out, result, quiet=options.quiet)
 
-        run.answer(lambda: region_documents.region(result), tell)
+        run.answer(lambda: plan_documents.region(result), tell)
 
     whole = run.best(begin, show)
     result = whole

@@ -22,7 +22,7 @@ from benchmarks.generators.sizes import unordered_instance
 from robust.draw.interactive import batch_page
 from robust.errors import InputError, UnsupportedError
 from robust.qe.box import Box, Interval
-from robust.show.batch import batch as document
+from robust.show.batch import batch_document as document
 from robust.show.batch import csv_text, exact_box, print_batch
 from robust.show.console import console
 from robust.show.schemas import schema

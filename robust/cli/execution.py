@@ -29,8 +29,6 @@ from robust.options.verbs import ValidateCommand
 from robust.records import atomic_write
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from robust.cli.guard import Run
     from robust.execute import replan
     from robust.execute.convert import Conversion, Converting
@@ -38,7 +36,8 @@ if TYPE_CHECKING:
     from robust.plan.model import ParametrizedPlan
     from robust.plan.pddl.syntax import Domain, Problem
     from robust.plan.timed import TimedPlan
-    from robust.show.validation import Judged
+    from robust.show.console import Console
+    from robust.show.validation import JudgedPlan
     from robust.stnu.network import Network
 
 log = logging.getLogger(__name__)
@@ -53,7 +52,7 @@ def validate(options: ValidateCommand, run: Run) -> int:
     """
     from robust.show import validation
 
-    judged: list[Judged] = []
+    judged: list[JudgedPlan] = []
     cause: Cause | None = None
     try:
         run.only(lambda: _judge_all(options, run, judged))
@@ -71,8 +70,8 @@ def validate(options: ValidateCommand, run: Run) -> int:
     return max([*(one.exit_code for one in judged), 0 if cause is None else UNDECIDED])
 
 
-def _judge_all(options: ValidateCommand, run: Run, judged: list[Judged]) -> None:
-    from robust.show.validation import Judged
+def _judge_all(options: ValidateCommand, run: Run, judged: list[JudgedPlan]) -> None:
+    from robust.show.validation import JudgedPlan
     from robust.sweeps.suites import listed_files
 
     problems = _Problems()
@@ -91,9 +90,9 @@ def _judge_all(options: ValidateCommand, run: Run, judged: list[Judged]) -> None
         except RobustError as error:
             if len(every) == 1:
                 raise
-            judged.append(Judged(domain, problem, plan, error=error))
+            judged.append(JudgedPlan(domain, problem, plan, error=error))
         else:
-            judged.append(Judged(domain, problem, plan, verdict))
+            judged.append(JudgedPlan(domain, problem, plan, verdict))
             if verdict.note:
                 run.note(f"{verdict.plan}: {verdict.note}")
 
@@ -129,7 +128,7 @@ class _Problems:
 @action(ConvertCommand)
 def convert(options: ConvertCommand, run: Run) -> int:
     """Make a plan with a temporal network of a time-triggered plan, and prove it; steps are called n0, n1, ..."""
-    from robust.show import made
+    from robust.show import execution as show
 
     if options.stnu is not None and (network := _network_text(options)) is not None:
         return _export(options, run, network)
@@ -140,20 +139,20 @@ def convert(options: ConvertCommand, run: Run) -> int:
         timed, converting = _converting(options, run)
         return converting
 
-    def show(found: Conversion) -> None:
+    def tell(found: Conversion) -> None:
         _show(options, run, found, () if timed is None else found.notes(timed))
 
     try:
-        found = run.best(begin, show)
+        found = run.best(begin, tell)
     except RefutedError as error:
         if not options.json:
             raise
         violations = getattr(error, "violations", ())
-        print_json(made.unconverted(options, violations))
+        print_json(show.unconverted(options, violations))
         return error.exit_code
     if options.stnu is not None:
         _write_stnu(options, run, found.plan)
-    show(found)
+    tell(found)
     if options.output is not None:
         run.write(lambda: _write(options, found))
     return UNDECIDED if found.cut_short else 0
@@ -216,7 +215,7 @@ def _write_stnu(options: ConvertCommand, run: Run, plan: ParametrizedPlan) -> Ne
 def _show(options: ConvertCommand, run: Run, found: Conversion, notes: Sequence[str]) -> None:
     """Say what was done; without a file for the plan, print it."""
     from robust.plan.stn import write_stn
-    from robust.show import made
+    from robust.show import execution as show
 
     if notes:
         run.note(f"{found.stn.file}: {'; '.join(notes)}")
@@ -230,13 +229,13 @@ def _show(options: ConvertCommand, run: Run, found: Conversion, notes: Sequence[
         if options.output is None:
             sys.stdout.write(write_stn(found.stn))
             sys.stdout.flush()
-        for line in () if options.quiet else made.conversion_lines(found, written):
+        for line in () if options.quiet else show.conversion_lines(found, written):
             if options.output is None:
                 print(line, file=sys.stderr)
             else:
                 out.print(line, soft_wrap=True)
 
-    run.answer(lambda: made.converted(found, written), tell)
+    run.answer(lambda: show.converted(found, written), tell)
 
 
 def _converting(options: ConvertCommand, run: Run) -> tuple[TimedPlan, Converting]:
@@ -295,7 +294,7 @@ def execute(options: ExecuteCommand, run: Run) -> int:
         if not runs:
             raise
         cause = run.guard.why(error)
-    from robust.show import made
+    from robust.show import execution as show
 
     if (picture := options.plot) is not None:
         from robust.draw.gantt import plot_run
@@ -304,13 +303,13 @@ def execute(options: ExecuteCommand, run: Run) -> int:
 
     def tell(out: Console) -> None:
         if options.runs == 1 and runs:
-            made.print_run(out, runs[0], options.executor, quiet=options.quiet)
+            show.print_run(out, runs[0], options.executor, quiet=options.quiet)
         else:
-            made.print_runs(out, runs, options.executor, quiet=options.quiet)
+            show.print_runs(out, runs, options.executor, quiet=options.quiet)
         if cause is not None:
             out.print(f"{cause.message} after {len(runs)} of {options.runs} runs")
 
-    run.answer(lambda: made.execute(options, runs, "complete" if cause is None else cause.value), tell)
+    run.answer(lambda: show.execute(options, runs, "complete" if cause is None else cause.value), tell)
     if cause is not None:
         return UNDECIDED
     return 0 if all(not one.reason for one in runs) else 1
@@ -451,7 +450,7 @@ def demo(options: DemoCommand, run: Run) -> int:
 
 
 def _take_tour(out: Console, run: Run, color: str) -> int:
-    from rich.text import Text
+    from robust.show.console import Text
 
     def show_command(*words: str) -> None:
         out.print(Text.assemble(("$ ", "dim"), (shlex.join(words), "cyan")), soft_wrap=True)
