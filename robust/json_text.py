@@ -3,8 +3,8 @@
 Numbers stay text, to be read exactly; a key occurs once in an object; parsing does not recurse. What other programs
 send and people write becomes values of types by :class:`JsonTypes`, and these become JSON by it.
 
-What is printed or kept is declared once, as a class: a result itself where JSON says the same (:func:`plain`), or else
-a record (:class:`JsonObject`). Exact numbers are strings (`"1/3"`), infinite ends of intervals are `"inf"` or `"-inf"`,
+What is printed or kept is declared once, as a class: a result itself where JSON says the same (:func:`printed`), or
+else a record (:class:`JsonObject`). Exact numbers are strings (`"1/3"`), infinite ends of intervals are `"inf"` or `"-inf"`,
 seconds are JSON numbers. The schema of a class is generated from it; fields that it does not have are errors.
 """
 
@@ -519,8 +519,23 @@ def _rounded(value: Any) -> Any:
     return round(value, 6) if isinstance(value, float) else value
 
 
-def plain(value: object) -> Any:  # noqa: PLR0911 - one for each kind of value
-    """A record, a result, or anything made of some, as dictionaries, lists, texts and numbers.
+def plain(value: object) -> Any:
+    """A record, or anything made of some, as dictionaries, lists, texts and numbers that can be read again."""
+    return msgspec.to_builtins(value, enc_hook=_plain)
+
+
+def _plain(value: object) -> Any:
+    match value:
+        case Fraction() | Path():
+            return str(value)
+        case Mapping():
+            return dict(value)
+        case _:
+            raise NotImplementedError(f"{type(value).__name__} has no JSON")
+
+
+def printed(value: object) -> Any:  # noqa: PLR0911 - one for each kind of value
+    """A record, a result, or anything made of some, as dictionaries, lists, texts and numbers: what `--json` prints.
 
     Results are their fields, see :func:`on_wire`, with seconds to the microsecond.
     """
@@ -532,16 +547,16 @@ def plain(value: object) -> Any:  # noqa: PLR0911 - one for each kind of value
         case Enum():
             return value.value
         case Mapping():
-            return {name if isinstance(name, str) else str(name): plain(each) for name, each in value.items()}
+            return {name if isinstance(name, str) else str(name): printed(each) for name, each in value.items()}
         case Struct():
             tag = value.__struct_config__.tag
             members = ((name, getattr(value, name)) for name in value.__struct_fields__)
-            given = {name: plain(each) for name, each in members if each is not UNSET}
+            given = {name: printed(each) for name, each in members if each is not UNSET}
             return {value.__struct_config__.tag_field: tag, **given} if tag else given
         case _ if _is_result(type(value)):
-            return {shown: plain(_rounded(getattr(value, name))) for name, shown in _members_of(type(value))}
+            return {shown: printed(_rounded(getattr(value, name))) for name, shown in _members_of(type(value))}
         case list() | tuple() | set() | frozenset():
-            return [plain(each) for each in value]
+            return [printed(each) for each in value]
         case _:
             raise NotImplementedError(f"{type(value).__name__} has no JSON")
 

@@ -1,4 +1,4 @@
-"""Options of what is asked about plans: what the functions take, and what their commands take beside it."""
+"""Options of questions about plans: those of the functions, and those that only their commands have."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def distributions_option(needs: tuple[str, tuple[str, ...]] | None = None) -> An
 
 
 def world_file(needs: tuple[str, tuple[str, ...]] | None = None) -> Any:
-    """The same by a file."""
+    """Distributions in a file."""
     return option(
         None,
         "the distributions of parameters and durations, in a TOML file; without a rule, parameters are as planned",
@@ -127,7 +127,7 @@ class EnvelopeCommand(EnvelopeOptions, Plot, AskCommand):
     )
     output: Path | None = option(
         None,
-        "for --export: write it here, and print the answer as usual",
+        "for --export: write the export to FILE, and print the answer as usual",
         "--output",
         "-o",
         metavar="FILE",
@@ -138,19 +138,19 @@ class EnvelopeCommand(EnvelopeOptions, Plot, AskCommand):
 
     controllability: str | None = option(
         None,
-        "also tell whether values may be unknown until they are observed (dynamic), or for ever (strong), "
-        "shrink the box to the part where they may, and find the widest box where they may",
+        "decide whether a dispatcher can execute the plan when values are seen only on observation (dynamic) or never "
+        "(strong); report the controllable part of the box, and the widest controllable box",
         choices=("weak", "dynamic", "strong"),
     )
 
     def check_combinations(self, given: Collection[str]) -> None:
         if self.output is not None and self.export is None:
-            raise InputError(f"found no --export, expected one of {', '.join(EXPORTS)}", place_of("output"))
+            raise InputError(f"needs --export {', '.join(EXPORTS[:-1])} or {EXPORTS[-1]}", place_of("output"))
         if self.export is not None and self.output is None and self.json:
-            raise InputError("found it with --json, expected --output FILE, or one of the two", place_of("export"))
+            raise InputError("needs --output FILE when combined with --json", place_of("export"))
         if self.export == "plansys2" and not self.from_nominal:
-            expected = "--contain-nominal as well, or another method: percentages are of planned durations"
-            raise InputError(f"found it with --method optimal, expected {expected}", place_of("export"))
+            needed = "--contain-nominal, or another method than optimal: percentages are of planned durations"
+            raise InputError(f"plansys2 needs {needed}", place_of("export"))
 
 
 class EliminationOptions(Options):
@@ -158,15 +158,16 @@ class EliminationOptions(Options):
 
     backend: str = option(
         "project",
-        "who eliminates time points",
+        "quantifier-elimination back end",
         choices=OFFERED,
     )
     splitting: str = option(
         "full",
-        "one problem for all, for the plan and its network, or for each part",
+        "elimination problems: monolithic: one; partial: one for the network and one for all obligations; full: one "
+        "for each obligation",
         choices=SPLITTINGS,
     )
-    learning: bool = option(True, "tell later problems what earlier ones have excluded")
+    learning: bool = option(True, "let later elimination problems use what earlier ones have excluded")
 
 
 class RegionOptions(EliminationOptions, SearchOptions):
@@ -185,14 +186,14 @@ class RegionCommand(RegionOptions, SliceOptions, AskCommand):
 
     form: str | None = option(
         None,
-        "as a union of polyhedra or as one without others; if not given, a union unless very many are cut out",
+        "a union of polyhedra, or the difference of one polyhedron and others; default: a union, unless it is long",
         choices=("union", "difference"),
     )
-    latex: bool = option(False, "print a formula for LaTeX's mathematical mode")
+    latex: bool = option(False, "print a formula for LaTeX's math mode")
 
     def check_combinations(self, given: Collection[str]) -> None:
         if self.latex and self.json:
-            raise InputError("found it with --json, expected one of the two", Location("--latex"))
+            raise InputError("cannot be combined with --json; choose one", Location("--latex"))
 
 
 class CompareOptions(SearchOptions):
@@ -221,10 +222,10 @@ class RiskOptions(SearchOptions):
 
     distributions: Mapping[str, str | Distribution] | Sequence[str] = distributions_option()
     world: str | Path | None = world_file()
-    within: Number = option("0.001", "how close the bounds of the probability are to be", metavar="W", read=positive)
+    within: Number = option("0.001", "how close the bounds of the probability must be", metavar="W", read=positive)
     draws: int | None = option(
         None,
-        "also estimate by so many random points; with more than 6 parameters 10000 if bounds are not close",
+        "also estimate from N random samples; default with more than 6 parameters: 10000 if the bounds are not close",
         metavar="N",
         read=ordinal,
     )
@@ -237,7 +238,7 @@ class RiskCommand(RiskOptions, Plot, AskCommand):
 
     def check_combinations(self, given: Collection[str]) -> None:
         if not self.distributions and self.world is None:
-            raise InputError("found neither --distribution nor --world, expected how parameters are distributed")
+            raise InputError("say by --distribution or --world how the parameters are distributed")
 
 
 class RepairOptions(Separation, Solving):
@@ -245,8 +246,8 @@ class RepairOptions(Separation, Solving):
 
     require: Settings | Box | EnvelopeResult = option(
         (),
-        "values of a parameter for all of which the plan is to be valid, NAME=LOW:HIGH, or NAME=VALUE; others have "
-        "their nominal values; may be repeated",
+        "values of a parameter for all of which the plan must be valid, NAME=LOW:HIGH or NAME=VALUE; other parameters "
+        "have their nominal values; may be repeated",
         metavar="NAME=LOW:HIGH",
         many=True,
     )
@@ -256,9 +257,9 @@ class RepairOptions(Separation, Solving):
         choices=("bounds", "nominal", "both"),
     )
     count: bool = option(
-        False, "as few changes as possible, and of equally many the least sum; else the least sum of weighted amounts"
+        False, "minimize the number of changes first, then the sum of weighted amounts; default: the sum alone"
     )
-    reorder: bool = option(False, "let bounds that say what comes first say the opposite, too")
+    reorder: bool = option(False, "allow changes that reverse the order of two time points")
     on_repair: Callable[[Cost], None] | None = option(None, "called with the cost of each better repair", shown=False)
 
 
@@ -267,7 +268,7 @@ class RepairCommand(RepairOptions, AskCommand):
 
     output: Path | None = option(
         None,
-        "write the repaired plan here; PLAN must be a network (.stn) in a file then",
+        "write the repaired plan to this file; PLAN must then be the file of a network (.stn)",
         "--output",
         "-o",
         metavar="PLAN.stn",
@@ -277,7 +278,7 @@ class RepairCommand(RepairOptions, AskCommand):
 
     def check_combinations(self, given: Collection[str]) -> None:
         if self.output is not None and str(self.plan) == "-":
-            raise InputError("found a plan on standard input, expected a file to take over", place_of("output"))
+            raise InputError("needs PLAN in a file, not on standard input", place_of("output"))
 
 
 class ValidateOptions(Separation, PlanningOutput):
@@ -294,7 +295,7 @@ class ValidateCommand(ValidateOptions, Output):
     )
     suite: Path | None = option(
         None,
-        "judge the plans of a file instead: DOMAIN PROBLEM PLAN on each line, relative to the file, # before comments",
+        "judge the plans listed in FILE: DOMAIN PROBLEM PLAN on each line, relative to FILE; # begins a comment",
         "--list",
         metavar="FILE",
         path=True,

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 from msgspec import UNSET, UnsetType
 
-from robust.json_text import Count, JsonObject, Rational, Seconds, like, one_of, wire
+from robust.json_text import Count, JsonObject, Rational, Seconds, like, one_of
 from robust.numbers import duration, plural
 from robust.qe.box import Box, interval_text
 from robust.qe.region import Region
@@ -193,7 +193,7 @@ class BatchPlan(JsonObject):
     domain: str
     problem: str
     plan: str
-    answer: PlanRun
+    answer: Answered
 
 
 class Ran(JsonObject, kw_only=True):
@@ -243,9 +243,9 @@ class ComparedPlan(JsonObject, kw_only=True):
     domain: str
     problem: str
     plan: str
-    irr: PlanRun | None
-    ccmmz: PlanRun | None
-    region: PlanRun | UnsetType | None = UNSET
+    irr: Answered | None
+    ccmmz: Answered | None
+    region: Answered | UnsetType | None = UNSET
     volume_ratio: Rational | None
     width_ratio: Rational | None
 
@@ -282,7 +282,7 @@ def batch_document(batch: Batch) -> Document:
     if batch.verb != "compare":
         runs = [(row, run) for row in batch.plans for run in row.runs.values()]
         counts = Counter(run.status for _, run in runs)
-        plans = [like(BatchPlan, row.instance, instance=row.instance.name, answer=run) for row, run in runs]
+        plans = [like(BatchPlan, row.instance, instance=row.instance.name, answer=_answered(run)) for row, run in runs]
         return document(like(BatchDocument, batch, **common, counts=dict(counts), plans=plans))
     shares = volume_shares(batch)
     return document(
@@ -305,20 +305,19 @@ def batch_document(batch: Batch) -> Document:
 has_table(Batch, "plans", numbers=(*ENDS, "volume_ratio", "width_ratio"))
 
 
-@wire.register(PlanRun)
-def _(run: PlanRun) -> Answered:
+def _answered(run: PlanRun) -> Answered:
     return like(Answered, run, box=None if run.box is None else box_of(run.box))
 
 
 def _compared(batch: Batch, row: BatchRow) -> ComparedPlan:
-    wanted = any(asked.name == REGION for asked in batch.asked)
+    answers = {asked.name: None for asked in batch.asked} | {name: _answered(run) for name, run in row.runs.items()}
     return like(
         ComparedPlan,
         row.instance,
         instance=row.instance.name,
-        irr=row.runs.get(IRR),
-        ccmmz=row.runs.get(CCMMZ),
-        region=row.runs.get(REGION) if wanted else UNSET,
+        irr=answers[IRR],
+        ccmmz=answers[CCMMZ],
+        region=answers.get(REGION, UNSET),
         volume_ratio=row.volume_ratio,
         width_ratio=row.width_ratio,
     )

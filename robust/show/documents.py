@@ -17,7 +17,7 @@ from msgspec import UNSET, Meta, UnsetType
 
 from robust.backends import ENCODINGS, SOLVERS
 from robust.errors import InputError, RobustError
-from robust.json_text import End, JsonObject, Rational, like, on_wire, one_of, plain, wire
+from robust.json_text import End, JsonObject, Rational, like, on_wire, one_of, printed, wire
 from robust.numbers import exact_end
 from robust.qe.box import Box, Interval
 
@@ -79,8 +79,8 @@ Rationals = dict[str, Rational]
 
 def document(record: JsonObject) -> Document:
     """What is printed."""
-    printed: Document = plain(record)
-    return printed
+    answer: Document = printed(record)
+    return answer
 
 
 @singledispatch

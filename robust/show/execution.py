@@ -122,6 +122,7 @@ def converted(conversion: Conversion, written: Mapping[str, str] = MappingProxyT
             constraints=len(conversion.stn.constraints),
             obligations=len(conversion.check.obligations),
             violations=[],
+            notes=UNSET,
         )
     )
 
