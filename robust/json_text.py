@@ -4,8 +4,8 @@ Numbers stay text, to be read exactly; a key occurs once in an object; parsing d
 send and people write becomes values of types by :class:`JsonTypes`, and these become JSON by it.
 
 What is printed or kept is declared once, as a class: a result itself where JSON says the same (:func:`printed`), or
-else a record (:class:`JsonObject`). Exact numbers are strings (`"1/3"`), infinite ends of intervals are `"inf"` or `"-inf"`,
-seconds are JSON numbers. The schema of a class is generated from it; fields that it does not have are errors.
+else a record (:class:`JsonObject`). Exact numbers are strings (`"1/3"`), infinite ends of intervals are `"inf"` or
+`"-inf"`, seconds are JSON numbers. The schema of a class is generated from it; fields that it does not have are errors.
 """
 
 from __future__ import annotations

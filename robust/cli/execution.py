@@ -1,7 +1,4 @@
-"""`robust convert`, `execute` and `demo`: plans made of planners' output, carried out in simulated worlds; a tour.
-
-`robust validate`: schedules as they stand, one plan after the other.
-"""
+"""`robust validate`, `convert`, `execute` and `demo`: plans as planners print them, judged, converted and executed."""
 
 from __future__ import annotations
 
@@ -130,8 +127,8 @@ def convert(options: ConvertCommand, run: Run) -> int:
     """Make a plan with a temporal network of a time-triggered plan, and prove it; steps are called n0, n1, ..."""
     from robust.show import execution as show
 
-    if options.stnu is not None and (network := _network_text(options)) is not None:
-        return _export(options, run, network)
+    if options.stnu is not None and _is_network(options.plan):
+        return _export(options, run)
     timed: TimedPlan | None = None
 
     def begin() -> Converting:
@@ -158,32 +155,18 @@ def convert(options: ConvertCommand, run: Run) -> int:
     return UNDECIDED if found.cut_short else 0
 
 
-def _network_text(options: ConvertCommand) -> Path | None:
-    """The plan, if it is a network already."""
+def _is_network(plan: Path) -> bool:
     from robust.plan.pddl.forms import read_plan_text
     from robust.plan.stn import is_network
 
-    if str(options.plan) == "-" or not is_network(*read_plan_text(options.plan)):
-        return None
-    return options.plan
+    return str(plan) != "-" and is_network(*read_plan_text(plan))
 
 
-def _export(options: ConvertCommand, run: Run, plan: Path) -> int:
+def _export(options: ConvertCommand, run: Run) -> int:
     """Write the network with uncertainty of a plan that needs no conversion."""
-    from robust.reading import load_plan
-
     if options.output is not None:
-        raise InputError("found a network, which is not converted; expected --stnu only", place_of("output"))
-    loaded = run.only(
-        lambda: load_plan(
-            options.domain,
-            options.problem,
-            plan,
-            parameters=options.parameter,
-            parameter_file=options.parameters,
-        )
-    )
-    network = _write_stnu(options, run, loaded)
+        raise InputError("is for converted plans; PLAN is a network already, expected --stnu only", place_of("output"))
+    network = _write_stnu(options, run, run.only(lambda: plans.load(options, run)))
 
     from robust.show import stnu
 

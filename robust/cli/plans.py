@@ -1,9 +1,4 @@
-"""`robust check`, `envelope`, `region` and `compare`: questions about a plan, and what is shown of the answers.
-
-`robust risk`: how likely a plan succeeds.
-
-`robust repair`: the least change after which a plan is valid, and its text with that change.
-"""
+"""`robust check`, `envelope`, `region`, `compare`, `risk` and `repair`: questions about a plan, and their answers."""
 
 from __future__ import annotations
 
@@ -37,6 +32,7 @@ if TYPE_CHECKING:
     from robust.irr.quantities import Cost, QuantityChange
     from robust.irr.repair import Repair, RepairSearch
     from robust.irr.search import EnvelopeResult
+    from robust.options.batch import ConvertCommand
     from robust.plan.model import ParametrizedPlan
     from robust.probability.measure import Bounds
     from robust.probability.risk import RiskResult
@@ -49,7 +45,7 @@ HINT_PATIENCE = 10.0
 """Seconds on the clock for the same, where other processes take turns."""
 
 
-def load(options: AskCommand, run: Run, *, nominal_needed: bool = True) -> ParametrizedPlan:
+def load(options: AskCommand | ConvertCommand, run: Run, *, nominal_needed: bool = True) -> ParametrizedPlan:
     """The plan that a command is about; making a network of steps may take half of the time."""
     from robust.reading import load_plan
 

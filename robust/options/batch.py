@@ -17,6 +17,8 @@ from robust.options.declare import (
     not_negative,
     option,
     ordinal,
+    output_option,
+    path_option,
     place_of,
     plan_file,
     positive,
@@ -24,6 +26,7 @@ from robust.options.declare import (
     spelled,
     typed,
     writable,
+    written_to,
 )
 from robust.options.shared import (
     DRAWING,
@@ -61,34 +64,21 @@ class ConvertCommand(PlanFiles, PlanningOutput, PlanParameters, Separation, Solv
     """Of `robust convert`."""
 
     plan: Path = argument(..., "time-triggered plan or log of a planner; - is standard input", "TIMED_PLAN")
-    output: Path | None = option(
-        None,
-        "write the plan to this file instead of stdout",
-        "--output",
-        "-o",
-        metavar="PLAN.stn",
-        path=True,
-        read=plan_file,
-        also=beside,
+    output: Path | None = output_option(
+        "write the plan to this file instead of stdout", metavar="PLAN.stn", read=plan_file, also=beside
     )
     mode: str = option(
         "causal",
         "causal: the least constrained network that is proved valid; esterel: the network of the Esterel transformer",
         choices=("causal", "esterel"),
     )
-    stnu: Path | None = option(
-        None,
+    stnu: Path | None = path_option(
         "also write the network with uncertainty for the values in the box: .stnu or .json by suffix; TIMED_PLAN may "
         "then be a network (.stn), which is not converted",
-        metavar="FILE",
-        path=True,
         read=stnu_file,
     )
-    box: Path | None = option(
-        None,
-        "for --stnu: the values of parameters, as printed by robust envelope --json; default: nominal values",
-        metavar="FILE",
-        path=True,
+    box: Path | None = path_option(
+        "for --stnu: the values of parameters, as printed by robust envelope --json; default: nominal values"
     )
 
     def check_combinations(self, given: Collection[str]) -> None:
@@ -113,7 +103,7 @@ class ExecuteCommand(PlanningOutput, PlanParameters, Separation, Solving, BoxOpt
     planner: str | None = option(
         None, "planner for plans and re-plans: aries, kairos or command:TEMPLATE", metavar="NAME"
     )
-    world: Path | None = option(None, "distributions that nature draws from, in a TOML file", metavar="FILE", path=True)
+    world: Path | None = path_option("distributions that nature draws from, in a TOML file")
     seed: int = option(0, "random seed of the first run; later runs count up", metavar="N")
     runs: int = option(1, "number of runs", metavar="N")
     controllability: str | None = option(
@@ -147,14 +137,8 @@ class CertifyCommand(PlanningOutput, PlanParameters, SearchOptions, Force, Outpu
     """Of `robust certify`; one file is a plan with choices, three are a domain, a problem and a plan."""
 
     files: tuple[Path, ...] = argument(..., "DOMAIN PROBLEM PLAN, or NETWORK (.tpnu.json)", "FILES", many=True)
-    output: Path = option(
-        ...,
-        "file of the certificate",
-        "--output",
-        "-o",
-        metavar="CERT",
-        path=True,
-        read=lambda path, place: writable(path, place, "the certificate"),
+    output: Path = output_option(
+        "file of the certificate", default=..., metavar="CERT", read=written_to("the certificate")
     )
     kind: str | None = option(
         None,
@@ -163,18 +147,11 @@ class CertifyCommand(PlanningOutput, PlanParameters, SearchOptions, Force, Outpu
         "is correct; default: whichever holds",
         choices=CERTIFICATES,
     )
-    box: Path | None = option(
-        None,
-        "the box, as printed by robust envelope --json; default: widening finds one",
-        metavar="FILE",
-        path=True,
-    )
+    box: Path | None = path_option("the box, as printed by robust envelope --json; default: widening finds one")
     assume: tuple[str, ...] = option((), ASSUMED, metavar="NAME=VALUE", many=True)
-    alethe: Path | None = option(
-        None,
+    alethe: Path | None = path_option(
         "also write cvc5's proofs to DIR, in the Alethe format",
         metavar="DIR",
-        path=True,
         also=lambda folder: (*folder.glob("*.smt2"), *folder.glob("*.alethe")),
     )
 
@@ -200,11 +177,7 @@ class VerifyCommand(Separation, Limited, Json):
 
     certificate: Path = argument(..., "a certificate", "CERT")
     files: tuple[Path, ...] = argument(..., "DOMAIN PROBLEM PLAN, or NETWORK (.tpnu.json)", "FILES", many=True)
-    kind: str | None = option(
-        None,
-        "fail unless at least this is established",
-        choices=CERTIFICATES,
-    )
+    kind: str | None = option(None, "fail unless at least this is established", choices=CERTIFICATES)
     box: tuple[str, ...] = option(
         (),
         "fail unless all of this box is established: FILE as printed by robust envelope --json; or NAME=LOW:HIGH or "
@@ -278,14 +251,8 @@ class StnuRepairCommand(StnuFiles):
         many=True,
         read=_link_weights,
     )
-    output: Path | None = option(
-        None,
-        "write the repaired network to this file: .stnu or .json by suffix",
-        "--output",
-        "-o",
-        metavar="FILE",
-        path=True,
-        read=stnu_file,
+    output: Path | None = output_option(
+        "write the repaired network to this file: .stnu or .json by suffix", read=stnu_file
     )
 
     def check_combinations(self, given: Collection[str]) -> None:
@@ -301,14 +268,6 @@ Question = tuple[str, str, tuple[str, ...]]
 """Its name, and what is typed: the verb, and options."""
 PLACES = SOLVING
 """Rank of where and how many at a time."""
-
-
-def _table_file(path: Path, place: Location) -> Path:
-    return writable(Path(path), place, "the table")
-
-
-def _file(path: str | Path, _: Location) -> Path:
-    return Path(path)
 
 
 class BatchOptions(Separation, PlanningOutput, PlanParameters, Encoded, Solver):
@@ -327,12 +286,9 @@ class BatchOptions(Separation, PlanningOutput, PlanParameters, Encoded, Solver):
         metavar="ADDRESS",
         rank=PLACES,
     )
-    store: Path | None = option(
-        None,
+    store: Path | None = path_option(
         "keep answers as they arrive; the same command with the same FILE asks only what is missing",
-        metavar="FILE",
-        path=True,
-        read=_file,
+        read=lambda path, _: Path(path),
         rank=PLACES,
     )
     limit: Number | None = option(
@@ -426,16 +382,11 @@ class BatchCommand(BatchOptions, Output):
     suite: Path = argument(
         ..., "folder of plans with their problems and domains, or a list of them (lines, .json, .csv)", "SUITE"
     )
-    csv: Path | None = option(
-        None, "write a CSV file with a line for each plan", metavar="FILE", path=True, read=_table_file, rank=DRAWING
+    csv: Path | None = path_option(
+        "write a CSV file with a line for each plan", read=written_to("the table"), rank=DRAWING
     )
-    html: Path | None = option(
-        None,
-        "write the table as a self-contained HTML page",
-        metavar="FILE",
-        path=True,
-        read=_table_file,
-        rank=DRAWING,
+    html: Path | None = path_option(
+        "write the table as a self-contained HTML page", read=written_to("the table"), rank=DRAWING
     )
 
 

@@ -17,6 +17,7 @@ from robust.options.declare import (
     not_negative,
     option,
     ordinal,
+    path_option,
     plot_file,
     positive,
     seconds,
@@ -170,13 +171,8 @@ class Force(Options):
 class Export(Force):
     """Queries as files."""
 
-    smt2: str | Path | None = option(
-        None,
-        "write every query to DIR as SMT-LIB",
-        metavar="DIR",
-        path=True,
-        also=lambda folder: folder.glob("*.smt2"),
-        rank=EXPORT,
+    smt2: str | Path | None = path_option(
+        "write every query to DIR as SMT-LIB", metavar="DIR", also=lambda folder: folder.glob("*.smt2"), rank=EXPORT
     )
 
 
@@ -207,14 +203,7 @@ class Output(Json):
 class Plot(Options):
     """A picture."""
 
-    plot: Path | None = option(
-        None,
-        "draw the result: .svg, .png or .pdf by suffix",
-        metavar="FILE",
-        path=True,
-        read=plot_file,
-        rank=DRAWING,
-    )
+    plot: Path | None = path_option("draw the result: .svg, .png or .pdf by suffix", read=plot_file, rank=DRAWING)
 
 
 class SliceOptions(Plot):
@@ -255,12 +244,8 @@ class PlanParameters(Options):
         many=True,
         rank=PARAMETERS,
     )
-    parameters: Path | None = option(
-        None,
-        "more parameters, in a TOML file; default: PLAN.toml beside PLAN.stn",
-        metavar="FILE",
-        path=True,
-        rank=PARAMETERS,
+    parameters: Path | None = path_option(
+        "more parameters, in a TOML file; default: PLAN.toml beside PLAN.stn", rank=PARAMETERS
     )
 
 

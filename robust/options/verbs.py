@@ -23,10 +23,12 @@ from robust.options.declare import (
     argument,
     option,
     ordinal,
+    output_option,
+    path_option,
     place_of,
     plan_file,
     positive,
-    writable,
+    written_to,
 )
 from robust.options.shared import (
     DRAWING,
@@ -80,11 +82,8 @@ def distributions_option(needs: tuple[str, tuple[str, ...]] | None = None) -> An
 
 def world_file(needs: tuple[str, tuple[str, ...]] | None = None) -> Any:
     """Distributions in a file."""
-    return option(
-        None,
+    return path_option(
         "the distributions of parameters and durations, in a TOML file; without a rule, parameters are as planned",
-        metavar="FILE",
-        path=True,
         needs=needs,
     )
 
@@ -125,14 +124,9 @@ class EnvelopeCommand(EnvelopeOptions, Plot, AskCommand):
         choices=EXPORTS,
         rank=DRAWING,
     )
-    output: Path | None = option(
-        None,
+    output: Path | None = output_option(
         "for --export: write the export to FILE, and print the answer as usual",
-        "--output",
-        "-o",
-        metavar="FILE",
-        path=True,
-        read=lambda path, place: writable(path, place, "the export"),
+        read=written_to("the export"),
         rank=DRAWING,
     )
 
@@ -156,11 +150,7 @@ class EnvelopeCommand(EnvelopeOptions, Plot, AskCommand):
 class EliminationOptions(Options):
     """How an exact region is computed."""
 
-    backend: str = option(
-        "project",
-        "quantifier-elimination back end",
-        choices=OFFERED,
-    )
+    backend: str = option("project", "quantifier-elimination back end", choices=OFFERED)
     splitting: str = option(
         "full",
         "elimination problems: monolithic: one; partial: one for the network and one for all obligations; full: one "
@@ -207,12 +197,9 @@ class CompareOptions(SearchOptions):
 class CompareCommand(CompareOptions, SliceOptions, AskCommand):
     """Of `robust compare`."""
 
-    html: Path | None = option(
-        None,
+    html: Path | None = path_option(
         "write an interactive page as one HTML file: sliders for the parameters, what breaks where, boxes, schedule",
-        metavar="FILE",
-        path=True,
-        read=lambda path, place: writable(path, place, "the page"),
+        read=written_to("the page"),
         rank=DRAWING,
     )
 
@@ -266,13 +253,9 @@ class RepairOptions(Separation, Solving):
 class RepairCommand(RepairOptions, AskCommand):
     """Of `robust repair`."""
 
-    output: Path | None = option(
-        None,
+    output: Path | None = output_option(
         "write the repaired plan to this file; PLAN must then be the file of a network (.stn)",
-        "--output",
-        "-o",
         metavar="PLAN.stn",
-        path=True,
         read=plan_file,
     )
 
@@ -293,12 +276,9 @@ class ValidateCommand(ValidateOptions, Output):
     plans: tuple[Path, ...] = argument(
         (), "time-triggered plans or logs of planners; - is standard input", "PLAN", many=True
     )
-    suite: Path | None = option(
-        None,
+    suite: Path | None = path_option(
         "judge the plans listed in FILE: DOMAIN PROBLEM PLAN on each line, relative to FILE; # begins a comment",
         "--list",
-        metavar="FILE",
-        path=True,
     )
 
     def check_combinations(self, given: Collection[str]) -> None:

@@ -180,7 +180,7 @@ def test_a_converted_plan_and_its_network(tmp_path):
     assert_one_line(command("convert", *example(), "--box", "box.json"))
     ended = command("convert", *example(), "--stnu", target, "-o", tmp_path / "other.stn")
     assert_one_line(ended)
-    assert "found a network, which is not converted" in ended.err
+    assert "PLAN is a network already" in ended.err
 
 
 # -- untimely ends -----------------------------------------------------------------------------------------------------
