@@ -3,22 +3,22 @@
 Numbers stay text, to be read exactly; a key occurs once in an object; parsing does not recurse. What other programs
 send and people write becomes values of types by :class:`JsonTypes`, and these become JSON by it.
 
-JSON from types, and back: what is printed, kept or sent is declared once, as a class.
-
-Exact numbers are strings (`"1/3"`), an end of an interval that is none is `"inf"` or `"-inf"`, seconds are JSON
-numbers. The schema of a class is generated from it; fields that it does not have are errors.
+What is printed or kept is declared once, as a class: a result itself where JSON says the same (:func:`printed`), or
+else a record (:class:`JsonObject`). Exact numbers are strings (`"1/3"`), infinite ends of intervals are `"inf"` or
+`"-inf"`, seconds are JSON numbers. The schema of a class is generated from it; fields that it does not have are errors.
 """
 
 from __future__ import annotations
 
 import json
 import re
+import sys
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from enum import Enum
 from fractions import Fraction
-from functools import cache
+from functools import cache, singledispatch
 from pathlib import Path
 from textwrap import dedent
 from types import NoneType, UnionType
@@ -36,7 +36,7 @@ from typing import (
 )
 
 import msgspec
-from msgspec import Meta, Struct
+from msgspec import UNSET, Meta, Struct, UnsetType, defstruct
 
 from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import EXPECTED_NUMBER, is_number, parse_number, shorten
@@ -458,6 +458,8 @@ def _close(name: str, known: Sequence[str]) -> str:
     return suggestion if "did you mean" in suggestion else ""
 
 
+# -- records -------------------------------------------------------------------------------------------------------
+
 Rational = Annotated[Fraction, Meta(description="a rational: an integer or a reduced fraction")]
 End = Annotated[str, Meta(pattern="^(-?inf|-?[0-9]+(/[1-9][0-9]*)?)$", description="a rational, inf or -inf")]
 Seconds = Annotated[float, Meta(ge=0, description="seconds")]
@@ -468,8 +470,8 @@ class JsonObject(Struct, kw_only=True, forbid_unknown_fields=True):
     """An object of JSON; other fields than its own are errors."""
 
 
-Made = TypeVar("Made")
-MadeObject = TypeVar("MadeObject", bound=JsonObject)
+Decoded = TypeVar("Decoded")
+Record = TypeVar("Record", bound=JsonObject)
 
 
 def one_of(*values: str | int) -> Meta:
@@ -477,16 +479,48 @@ def one_of(*values: str | int) -> Meta:
     return Meta(extra_json_schema={"enum": list(values)})
 
 
-def like(kind: type[MadeObject], source: object, /, **others: Any) -> MadeObject:
+@singledispatch
+def wire(value: Any) -> Any:
+    """What stands for a value in JSON: itself, unless a function is registered for its type.
+
+    The annotation of what that function returns is what the schema says of the type.
+    """
+    return value
+
+
+_NAMES: dict[str, Mapping[str, str | None]] = {}
+
+
+def on_wire(kind: str, /, **names: str | None) -> None:
+    """Give fields of the results of a class other names in JSON; None leaves one out."""
+    _NAMES[kind] = names
+
+
+def _is_result(kind: type) -> bool:
+    """Whether values of the class are objects of their fields: dataclasses, and named tuples that are declared so."""
+    return is_dataclass(kind) or kind.__name__ in _NAMES
+
+
+def _members_of(kind: type) -> Iterator[tuple[str, str]]:
+    """The fields of a result that are in JSON, with their names there."""
+    names = _NAMES.get(kind.__name__, {})
+    for name in getattr(kind, "_fields", None) or [each.name for each in fields(kind)]:
+        if (shown := names.get(name, name)) is not None:
+            yield name, shown
+
+
+def like(kind: type[Record], source: object, /, **others: Any) -> Record:
     """A record with what an object holds under the same names, and with the others; seconds to the microsecond."""
     wanted = [name for name in kind.__struct_fields__ if name not in others and hasattr(source, name)]
-    held = {name: getattr(source, name) for name in wanted}
-    rounded = {name: round(value, 6) if isinstance(value, float) else value for name, value in held.items()}
-    return kind(**rounded, **others)
+    return kind(**{name: _rounded(getattr(source, name)) for name in wanted}, **others)
+
+
+def _rounded(value: Any) -> Any:
+    return round(value, 6) if isinstance(value, float) else value
 
 
 def plain(value: object) -> Any:
-    """A record, or anything made of some, as dictionaries, lists, texts and numbers."""
+    """A record, or anything made of some, as dictionaries, lists, texts and numbers that can be read again."""
     return msgspec.to_builtins(value, enc_hook=_plain)
 
 
@@ -494,15 +528,40 @@ def _plain(value: object) -> Any:
     match value:
         case Fraction() | Path():
             return str(value)
-        case Enum():
-            return value.value
         case Mapping():
             return dict(value)
         case _:
             raise NotImplementedError(f"{type(value).__name__} has no JSON")
 
 
-def from_json(kind: type[Made], text: str | bytes, place: Location) -> Made:
+def printed(value: object) -> Any:  # noqa: PLR0911 - one for each kind of value
+    """A record, a result, or anything made of some, as dictionaries, lists, texts and numbers: what `--json` prints.
+
+    Results are their fields, see :func:`on_wire`, with seconds to the microsecond.
+    """
+    match value := wire(value):
+        case None | bool() | int() | float() | str():
+            return value
+        case Fraction() | Path():
+            return str(value)
+        case Enum():
+            return value.value
+        case Mapping():
+            return {name if isinstance(name, str) else str(name): printed(each) for name, each in value.items()}
+        case Struct():
+            tag = value.__struct_config__.tag
+            members = ((name, getattr(value, name)) for name in value.__struct_fields__)
+            given = {name: printed(each) for name, each in members if each is not UNSET}
+            return {value.__struct_config__.tag_field: tag, **given} if tag else given
+        case _ if _is_result(type(value)):
+            return {shown: printed(_rounded(getattr(value, name))) for name, shown in _members_of(type(value))}
+        case list() | tuple() | set() | frozenset():
+            return [printed(each) for each in value]
+        case _:
+            raise NotImplementedError(f"{type(value).__name__} has no JSON")
+
+
+def from_json(kind: type[Decoded], text: str | bytes, place: Location) -> Decoded:
     """Read a record, and Fractions exactly.
 
     Raises:
@@ -520,26 +579,85 @@ def _exact(kind: type, value: Any) -> Any:
     raise ValueError(f"found {value!r}, expected {'a rational' if kind is Fraction else kind.__name__}")
 
 
+# -- schemas -----------------------------------------------------------------------------------------------------------
+
+
 def schema_of(kind: type[JsonObject], title: str) -> dict[str, Any]:
     """The JSON Schema (draft 2020-12) of a class; its `RULES` are what types cannot say.
 
     Descriptions are those of docstrings: of an object the text, of its fields what stands below `Attributes:`.
     """
-    (found,), parts = msgspec.json.schema_components([kind], schema_hook=_schema, ref_template="#/$defs/{name}")
+    (top,), parts = msgspec.json.schema_components(
+        [_wire_type(kind)], schema_hook=_schema, ref_template="#/$defs/{name}"
+    )
     for part in parts.values():
         del part["title"]
-        text, _, said = part.pop("description", "").partition("Attributes:\n")
+        text, _, attributes = part.pop("description", "").partition("Attributes:\n")
         if text.strip():
-            part["description"] = text.strip()
-        for name, words in _FIELD.findall(dedent(said)):
-            part["properties"][name]["description"] = " ".join(words.split())
-    top = parts.pop(found["$ref"].rsplit("/", 1)[1]) | getattr(kind, "RULES", {})
+            part["description"] = " ".join(text.split())
+        for name, words in _FIELD.findall(dedent(attributes)):
+            if name in part["properties"]:
+                part["properties"][name]["description"] = " ".join(words.split())
+    body = parts.pop(top["$ref"].rsplit("/", 1)[1]) | getattr(kind, "RULES", {})
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": title}
-    whole: dict[str, Any] = head | top | ({"$defs": parts} if parts else {})
+    whole: dict[str, Any] = head | body | ({"$defs": parts} if parts else {})
     return whole
 
 
 _FIELD = re.compile(r"^(\w+): (.*(?:\n .*)*)", re.MULTILINE)
+
+
+@cache
+def _wire_type(kind: Any) -> Any:
+    """A type as msgspec knows it: results are records of what they are in JSON."""
+    if (arguments := get_args(kind)) and get_origin(kind) is Annotated:
+        return Annotated[(_wire_type(arguments[0]), *arguments[1:])]
+    if arguments or not isinstance(kind, type):
+        return _generic(kind, tuple(map(_wire_type, arguments))) if arguments else kind
+    if (show := wire.dispatch(kind)) is not wire.dispatch(object):
+        return _wire_type(get_type_hints(show, localns=_names_for(show), include_extras=True)["return"])
+    return _record_type(kind) if issubclass(kind, Struct) or _is_result(kind) else kind
+
+
+def _record_type(kind: Any) -> type[Struct]:
+    """What a record or a result is in JSON."""
+    is_record = issubclass(kind, Struct)
+    hints = get_type_hints(kind, localns=_names_for(kind), include_extras=True)
+    names = [(name, name) for name in kind.__struct_fields__] if is_record else _members_of(kind)
+    members: list[Any] = [
+        (shown, _wire_type(hints[name]), *((UNSET,) if UnsetType in get_args(hints[name]) else ()))
+        for name, shown in names
+    ]
+    config = kind.__struct_config__ if is_record else JsonObject.__struct_config__
+    return defstruct(
+        kind.__name__,
+        members,
+        bases=(JsonObject,),
+        namespace={"__doc__": kind.__doc__},
+        kw_only=True,
+        tag=config.tag,
+        tag_field=config.tag_field,
+    )
+
+
+def _generic(kind: Any, arguments: tuple[Any, ...]) -> Any:
+    """A type with other arguments."""
+    origin: Any = get_origin(kind)
+    if origin in {Union, UnionType}:
+        return Union[arguments]  # noqa: UP007 - of as many as there are
+    if origin in {dict, Mapping}:
+        return dict[str, arguments[1]]  # type: ignore[valid-type]
+    if origin is tuple and arguments[-1] is not ...:
+        return origin[arguments]
+    return list[arguments[0]]  # type: ignore[valid-type]
+
+
+def _names_for(kind: Any) -> dict[str, Any]:
+    """What the module of a class or function knows, and all classes of the package by name, which are unique: results
+    may import their types for type checkers only."""
+    modules = [module for name, module in sys.modules.items() if name.startswith("robust.")]
+    known = {name: each for module in modules for name, each in vars(module).items() if isinstance(each, type)}
+    return known | vars(sys.modules[kind.__module__])
 
 
 def _schema(kind: type) -> dict[str, Any]:

@@ -127,12 +127,12 @@ ORDER = "expected LOW:HIGH with LOW not above HIGH"
             "beta: found no directory 'none', expected one to write the plan to",
         ),
         (lambda: writable(Path("/"), PLACE, "it"), "beta: cannot write '/', expected a file that can be written"),
-        (lambda: region(latex=True, json=True), "--latex: found it with --json, expected one of the two"),
+        (lambda: region(latex=True, json=True), "--latex: cannot be combined with --json; choose one"),
         (lambda: execute(plan=Path(), runs=0), "runs: found 0, expected at least 1 run"),
         (lambda: execute(plan=Path(), replans=-1), "replans: found -1, expected at least 0 re-plans"),
         (
             execute,
-            "found neither PLAN nor --planner, expected one of them: where is the plan to come from?",
+            "give PLAN or --planner: without either there is no plan to execute",
         ),
         (
             lambda: certify(1, alethe=Path()),

@@ -27,9 +27,8 @@ from robust.options.declare import place_of
 from robust.records import atomic_write
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from robust.cli.guard import Run
+    from robust.show.console import Console
 
 EPILOG = (
     "Exit codes: 1 if a plan is refuted; else 2 if one cannot be read; else 4 if one is not supported; else 3 if one "
@@ -58,7 +57,7 @@ def _carry_out(verb: str, options: BatchCommand, run: Run) -> int:
     run.display.say("asking")
     with run.guard.handed_over():
         found = run_batch(verb, options.suite, options.changed(on_result=run.display.batch))
-    run.answer(lambda: shown.batch(found), lambda out: shown.print_batch(out, found, quiet=options.quiet))
+    run.answer(lambda: shown.batch_document(found), lambda out: shown.print_batch(out, found, quiet=options.quiet))
     if (table := options.csv) is not None:
         run.write(lambda: atomic_write(table, shown.csv_text(found), place_of("csv")))
     if (page := options.html) is not None:

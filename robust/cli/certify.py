@@ -22,14 +22,13 @@ from robust.records import atomic_write
 from robust.smt.limits import Deadline, OutOfTimeError
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from robust.certify.produce import Verification
     from robust.cli.guard import Run
     from robust.execute.convert import Conversion
     from robust.plan.model import ParametrizedPlan
     from robust.plan.parameters import ParameterSpec
     from robust.qe.region import Region
+    from robust.show.console import Console
 
 CERTIFICATE = "a certificate as `robust certify` writes it"
 GZIP = b"\x1f\x8b"
@@ -77,9 +76,9 @@ def certify(options: CertifyCommand, run: Run) -> int:
         reason = found.answer["reason"]
         raise InputError(f"the checker does not accept the certificate: {reason}; please report this as a bug")
 
-    from robust.show import documents, made
+    from robust.show import documents, execution
 
-    answer = made.Certify(
+    answer = execution.Certify(
         certificate=str(options.output),
         bytes=size,
         seconds=round(seconds, 6),
@@ -130,7 +129,7 @@ def verify(options: VerifyCommand, run: Run) -> int:
     found, seconds = run.only(work)
 
     from robust.certify.produce import CheckerOutcome
-    from robust.show import documents, made
+    from robust.show import documents, execution
 
     if found.outcome is CheckerOutcome.UNREADABLE:
         raise InputError(f"cannot read ({found.answer['reason']}), expected {CERTIFICATE}", place)
@@ -138,7 +137,7 @@ def verify(options: VerifyCommand, run: Run) -> int:
         names = ", ".join(map(quoted, options.files))
         raise UnsupportedError(f"the checker of certificates does not read one of {names}: {found.answer['reason']}")
     said = ("kind", "claim", "epsilon", "box", "obligations", "refuted", "reason")
-    answer = made.Verify(
+    answer = execution.Verify(
         verdict=found.answer["verdict"],
         files=found.answer["files"],
         seconds=round(seconds, 6),

@@ -30,9 +30,8 @@ from robust.options.declare import WRITTEN, Options, as_typed
 from robust.smt.limits import OutOfTimeError
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from robust.api import AnytimeSearch, SearchResult
+    from robust.show.console import Console
 
 STOPS = frozenset({signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
 _NUDGE = signal.SIGALRM

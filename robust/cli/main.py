@@ -27,12 +27,12 @@ COMMANDS: dict[str, Command | Group] = {
     "compare": Command("The exact region beside all boxes: IRR, CCMMZ and exact ones.", "robust.cli.plans:compare"),
     "risk": Command("How likely does a plan succeed?", "robust.cli.plans:risk"),
     "repair": Command("The least change after which a plan is valid, or robust enough.", "robust.cli.plans:repair"),
-    "validate": Command("Is a plan valid as it stands, at the times that it says?", "robust.cli.making:validate"),
-    "convert": Command("Make a flexible plan of a planner's output.", "robust.cli.making:convert"),
-    "execute": Command("Execute in simulated worlds, and plan anew when needed.", "robust.cli.making:execute"),
+    "validate": Command("Is a plan valid as it stands, at the times that it says?", "robust.cli.execution:validate"),
+    "convert": Command("Make a flexible plan of a planner's output.", "robust.cli.execution:convert"),
+    "execute": Command("Execute in simulated worlds, and plan anew when needed.", "robust.cli.execution:execute"),
     "certify": Command("Write down why a plan is valid, for a checker without solver.", "robust.cli.certify:certify"),
     "verify": Command("Check a certificate, in a process of its own.", "robust.cli.certify:verify"),
-    "demo": Command("Take a tour on shipped examples.", "robust.cli.making:demo"),
+    "demo": Command("Take a tour on shipped examples.", "robust.cli.execution:demo"),
     "pike": Group(
         "Plans with choices: which still lead to a correct execution?",
         {

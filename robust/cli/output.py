@@ -148,7 +148,7 @@ class Display:
 
         from robust.show.console import console
 
-        out = console(sys.stderr, self._color)
+        out = console(sys.stderr, self._color).rich
         self._live = Live(get_renderable=self._render, console=out, transient=True, refresh_per_second=8)
         self._live.start()
 

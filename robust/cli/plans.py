@@ -1,9 +1,4 @@
-"""`robust check`, `envelope`, `region` and `compare`: questions about a plan, and what is shown of the answers.
-
-`robust risk`: how likely a plan succeeds.
-
-`robust repair`: the least change after which a plan is valid, and its text with that change.
-"""
+"""`robust check`, `envelope`, `region`, `compare`, `risk` and `repair`: questions about a plan, and their answers."""
 
 from __future__ import annotations
 
@@ -29,8 +24,6 @@ from robust.records import atomic_write
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from rich.console import Console
-
     from robust.api import AnytimeSearch
     from robust.cli.guard import Run
     from robust.execute.controllability import ControllabilityReport
@@ -39,10 +32,12 @@ if TYPE_CHECKING:
     from robust.irr.quantities import Cost, QuantityChange
     from robust.irr.repair import Repair, RepairSearch
     from robust.irr.search import EnvelopeResult
+    from robust.options.batch import ConvertCommand
     from robust.plan.model import ParametrizedPlan
     from robust.probability.measure import Bounds
     from robust.probability.risk import RiskResult
     from robust.qe.compute import RegionResult, RegionSearch
+    from robust.show.console import Console
 
 HINT_SECONDS = 1
 """Of a processor, for the repair that a refutation ends with."""
@@ -50,7 +45,7 @@ HINT_PATIENCE = 10.0
 """Seconds on the clock for the same, where other processes take turns."""
 
 
-def load(options: AskCommand, run: Run, *, nominal_needed: bool = True) -> ParametrizedPlan:
+def load(options: AskCommand | ConvertCommand, run: Run, *, nominal_needed: bool = True) -> ParametrizedPlan:
     """The plan that a command is about; making a network of steps may take half of the time."""
     from robust.reading import load_plan
 
@@ -123,11 +118,11 @@ def _repair(
 def envelope(options: EnvelopeCommand, run: Run) -> int:
     """How far may parameters deviate, all at once, before the plan can fail? Ctrl-C prints the best box so far."""
     from robust.api import searching_envelope
-    from robust.show import documents
-    from robust.show.regions import print_envelope
+    from robust.show import plan_documents
+    from robust.show.regions import NOTHING_BESIDE, print_envelope
 
     plan: ParametrizedPlan | None = None
-    beside = documents.NOTHING_BESIDE
+    beside = NOTHING_BESIDE
     wanted = options.controllability is not None
     exported: str | None = None
 
@@ -148,7 +143,7 @@ def envelope(options: EnvelopeCommand, run: Run) -> int:
         whole = beside
         if plan is not None and found.verified:
             whole = replace(beside, probability=_probability(options, plan, found))
-        run.answer(lambda: documents.envelope(found, whole, controllability=wanted), tell)
+        run.answer(lambda: plan_documents.envelope(found, whole, controllability=wanted), tell)
 
     result = run.best(begin, show)
     if plan is not None and result.status.value == "invalid":
@@ -231,7 +226,7 @@ def _controllability(
 def region(options: RegionCommand, run: Run) -> int:
     """For exactly which parameter values is the plan valid? Out of time, an outer and an inner bound are printed."""
     from robust.api import searching_region
-    from robust.show import region_documents, regions
+    from robust.show import plan_documents, regions
 
     search: RegionSearch | None = None
     found = {"bad": 0, "good": 0}
@@ -261,7 +256,7 @@ def region(options: RegionCommand, run: Run) -> int:
             else:
                 regions.print_region(out, result, quiet=options.quiet)
 
-        run.answer(lambda: region_documents.region(result), tell)
+        run.answer(lambda: plan_documents.region(result), tell)
 
     whole = run.best(begin, show)
     result = whole

@@ -16,10 +16,9 @@ from robust.options.declare import place_of
 from robust.records import atomic_write
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from robust.api import AnytimeSearch
-    from robust.show.stnu import Judged
+    from robust.show.console import Console
+    from robust.show.stnu import JudgedNetwork
     from robust.stnu.network import Network
     from robust.stnu.repairs import NetworkRepair
     from robust.stnu.verdicts import NetworkCheck
@@ -50,11 +49,11 @@ def dispatch(options: StnuDispatchCommand, run: Run) -> int:
     from robust import stnu
     from robust.show import stnu as show
 
-    def judge(network: Network) -> show.Dispatched:
-        def work() -> show.Dispatched:
-            judged = stnu.dispatch(network, timeout=run.remaining)
-            runs = range(options.runs if judged.tables is not None else 0)
-            return show.Dispatched(judged, tuple(judged.execute(options.seed + number) for number in runs))
+    def judge(network: Network) -> show.SimulatedDispatch:
+        def work() -> show.SimulatedDispatch:
+            found = stnu.dispatch(network, timeout=run.remaining)
+            runs = range(options.runs if found.tables is not None else 0)
+            return show.SimulatedDispatch(found, tuple(found.execute(options.seed + number) for number in runs))
 
         return run.only(work)
 
@@ -80,16 +79,16 @@ def repair(options: StnuRepairCommand, run: Run) -> int:
         return run.best(begin, lambda last: tell(last, network))
 
     def tell(last: NetworkRepair, network: Network) -> None:
-        whole = [*judged, show.Judged(Path(network.name), last)]
+        whole = [*found, show.JudgedNetwork(Path(network.name), last)]
         run.answer(lambda: document(whole), lambda out: text(out, whole))
 
-    def document(whole: list[Judged[NetworkRepair]]) -> Any:
+    def document(whole: list[JudgedNetwork[NetworkRepair]]) -> Any:
         return show.repair_document(whole, _status(whole, cause), written)
 
-    def text(out: Console, whole: list[Judged[NetworkRepair]]) -> None:
+    def text(out: Console, whole: list[JudgedNetwork[NetworkRepair]]) -> None:
         show.print_repairs(out, whole, written, quiet=options.quiet)
 
-    judged: list[Judged[NetworkRepair]] = []
+    found: list[JudgedNetwork[NetworkRepair]] = []
     written: str | None = None
     cause: Cause | None = None
     _, cause = _each(options, run, judge, judged)
@@ -106,15 +105,18 @@ def repair(options: StnuRepairCommand, run: Run) -> int:
 
 
 def _each(
-    options: StnuFiles, run: Run, judge: Callable[[Network], Result], judged: list[Judged[Result]] | None = None
-) -> tuple[list[Judged[Result]], Cause | None]:
+    options: StnuFiles,
+    run: Run,
+    judge: Callable[[Network], Result],
+    found: list[JudgedNetwork[Result]] | None = None,
+) -> tuple[list[JudgedNetwork[Result]], Cause | None]:
     """What is found of each file, and why the last ones are missing; one that cannot be read is no obstacle to others.
 
     Raises:
         RobustError: if the only file cannot be read.
         GivenUpError: if nothing was found.
     """
-    from robust.show.stnu import Judged
+    from robust.show.stnu import JudgedNetwork
     from robust.stnu.files import load
 
     judged = [] if judged is None else judged
@@ -122,7 +124,7 @@ def _each(
         run.display.say(f"network {number} of {len(options.files)}: {file}")
         try:
             network = run.only(lambda path=file: load(path))  # type: ignore[misc]
-            judged.append(Judged(file, judge(network)))
+            found.append(JudgedNetwork(file, judge(network)))
         except GivenUpError as error:
             if not judged:
                 raise
@@ -130,11 +132,11 @@ def _each(
         except RobustError as error:
             if len(options.files) == 1:
                 raise
-            judged.append(Judged(file, None, error))
-    return judged, None
+            found.append(JudgedNetwork(file, None, error))
+    return found, None
 
 
-def _status(judged: list[Judged[Any]], cause: Cause | None) -> str:
+def _status(found: list[JudgedNetwork[Any]], cause: Cause | None) -> str:
     """How it ended."""
     if cause is not None:
         return cause.value
@@ -143,7 +145,7 @@ def _status(judged: list[Judged[Any]], cause: Cause | None) -> str:
     return ended(judged)
 
 
-def _code(judged: list[Judged[Any]], cause: Cause | None) -> int:
+def _code(found: list[JudgedNetwork[Any]], cause: Cause | None) -> int:
     """Bad input first, then what is refuted, then what is unknown."""
     codes = {row.code for row in judged} | ({UNDECIDED} if cause is not None else set())
     return next((code for code in (2, UNSUPPORTED, 1, UNDECIDED) if code in codes), 0)

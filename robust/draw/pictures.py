@@ -38,7 +38,6 @@ from robust.qe.compute import RegionResult
 from robust.qe.region import Region
 from robust.searching import Status
 from robust.show.documents import bounds_text, places_for
-from robust.show.presenting import noun
 from robust.show.text import Words
 
 _TALLEST = 4.5
@@ -346,9 +345,8 @@ def picture(result: object, path: Path | None, axes: Sequence[str]) -> Figure:
     Raises:
         InputError: if there is nothing to draw, or the file cannot be written.
     """
-    drawn = sorted({noun(kind) for kind in picture.registry if kind is not object})
-    what = noun(type(result))
-    raise InputError(f"found {what}, expected something to draw: {', '.join(drawn)}", place_of("plot"))
+    drawn = sorted(kind.__name__ for kind in picture.registry if kind is not object)
+    raise InputError(f"found {type(result).__name__}, expected one of {', '.join(drawn)} to draw", place_of("plot"))
 
 
 picture.register(EnvelopeResult, lambda result, path, _: plot_envelope(result, path))

@@ -1,7 +1,4 @@
-"""Options of what is asked about many plans at once: of :func:`robust.batch`, and of the commands of `robust batch`.
-
-Options of commands that make, execute and certify plans, and of those about networks with uncertainty.
-"""
+"""Options of commands that convert, execute and certify plans, of those about networks, and of batches."""
 
 from __future__ import annotations
 
@@ -20,12 +17,16 @@ from robust.options.declare import (
     not_negative,
     option,
     ordinal,
+    output_option,
+    path_option,
     place_of,
     plan_file,
     positive,
     seconds,
+    spelled,
     typed,
     writable,
+    written_to,
 )
 from robust.options.shared import (
     DRAWING,
@@ -63,39 +64,26 @@ class ConvertCommand(PlanFiles, PlanningOutput, PlanParameters, Separation, Solv
     """Of `robust convert`."""
 
     plan: Path = argument(..., "time-triggered plan or log of a planner; - is standard input", "TIMED_PLAN")
-    output: Path | None = option(
-        None,
-        "write the plan here instead of on stdout",
-        "--output",
-        "-o",
-        metavar="PLAN.stn",
-        path=True,
-        read=plan_file,
-        also=beside,
+    output: Path | None = output_option(
+        "write the plan to this file instead of stdout", metavar="PLAN.stn", read=plan_file, also=beside
     )
     mode: str = option(
         "causal",
         "causal: the least constrained network that is proved valid; esterel: the network of the Esterel transformer",
         choices=("causal", "esterel"),
     )
-    stnu: Path | None = option(
-        None,
-        "also write the network with uncertainty under the box: .stnu or .json by suffix; TIMED_PLAN may be a network "
-        "(.stn) then, which is not converted",
-        metavar="FILE",
-        path=True,
+    stnu: Path | None = path_option(
+        "also write the network with uncertainty for the values in the box: .stnu or .json by suffix; TIMED_PLAN may "
+        "then be a network (.stn), which is not converted",
         read=stnu_file,
     )
-    box: Path | None = option(
-        None,
-        "for --stnu: the values that parameters may have, an answer of robust envelope in JSON; else nominal ones",
-        metavar="FILE",
-        path=True,
+    box: Path | None = path_option(
+        "for --stnu: the values of parameters, as printed by robust envelope --json; default: nominal values"
     )
 
     def check_combinations(self, given: Collection[str]) -> None:
         if self.box is not None and self.stnu is None:
-            raise InputError("found it without --stnu, expected it only together", place_of("box"))
+            raise InputError("needs --stnu FILE", place_of("box"))
 
 
 class ExecuteCommand(PlanningOutput, PlanParameters, Separation, Solving, BoxOptions, Plot, Planning, Output):
@@ -103,26 +91,31 @@ class ExecuteCommand(PlanningOutput, PlanParameters, Separation, Solving, BoxOpt
 
     plan: Path | None = argument(
         None,
-        "network (.stn), time-triggered plan or log of a planner, - is standard input; left out, the planner is asked",
+        "network (.stn), time-triggered plan or log of a planner; - is standard input; default: ask the planner",
         "PLAN",
     )
     executor: str = option(
         "dreex",
-        "dreex: go on while observations are in the box; slice: while something is left of the envelope, with "
-        "slice:S up to S seconds to find out; blex:X: while observations are within X per cent",
+        "when to give a plan up: dreex: when an observation leaves the box; slice: when nothing of the envelope "
+        "remains, with slice:S up to S seconds to decide; blex:X: when an observation is off by more than X per cent",
         metavar="NAME",
     )
-    planner: str | None = option(None, "who plans and re-plans: aries, kairos or command:TEMPLATE", metavar="NAME")
-    world: Path | None = option(None, "what nature draws, in a TOML file", metavar="FILE", path=True)
-    seed: int = option(0, "of the first run; the next ones count up", metavar="N")
-    runs: int = option(1, "how many runs", metavar="N")
-    controllability: str | None = option(
-        None, "use the part of the box that is controllable so", choices=("dynamic", "strong")
+    planner: str | None = option(
+        None, "planner for plans and re-plans: aries, kairos or command:TEMPLATE", metavar="NAME"
     )
-    replans: int = option(10, "re-plans after which a run fails", metavar="N")
-    planner_limit: Number = option("7", "seconds that the planner has each time", metavar="S", read=seconds)
+    world: Path | None = path_option("distributions that nature draws from, in a TOML file")
+    seed: int = option(0, "random seed of the first run; later runs count up", metavar="N")
+    runs: int = option(1, "number of runs", metavar="N")
+    controllability: str | None = option(
+        None, "use only the part of the box with this kind of controllability", choices=("dynamic", "strong")
+    )
+    replans: int = option(10, "number of re-plans after which a run fails", metavar="N")
+    planner_limit: Number = option("7", "time limit of each call of the planner, in seconds", metavar="S", read=seconds)
     planning_time: Number = option(
-        "0", "how long re-planning takes in the simulated world", metavar="T", read=not_negative
+        "0",
+        "how long re-planning takes in the simulated world, in the plan's unit of time",
+        metavar="T",
+        read=not_negative,
     )
     stop_running: bool = option(False, "stop running actions to re-plan, instead of waiting for them")
 
@@ -132,46 +125,33 @@ class ExecuteCommand(PlanningOutput, PlanParameters, Separation, Solving, BoxOpt
         if self.replans < 0:
             raise InputError(f"found {self.replans}, expected at least 0 re-plans", place_of("replans"))
         if self.plan is None and self.planner is None:
-            raise InputError("found neither PLAN nor --planner, expected one of them: where is the plan to come from?")
+            raise InputError("give PLAN or --planner: without either there is no plan to execute")
 
 
 WITH_CHOICES = ("execution", "knowledge")
 CERTIFICATES = ("plan", "box", "maximal", "region", *WITH_CHOICES)
-ASSUMED = "a choice that is made already; may be repeated"
+ASSUMED = "a choice that has already been made; may be repeated"
 
 
 class CertifyCommand(PlanningOutput, PlanParameters, SearchOptions, Force, Output):
     """Of `robust certify`; one file is a plan with choices, three are a domain, a problem and a plan."""
 
     files: tuple[Path, ...] = argument(..., "DOMAIN PROBLEM PLAN, or NETWORK (.tpnu.json)", "FILES", many=True)
-    output: Path = option(
-        ...,
-        "where to write the certificate",
-        "--output",
-        "-o",
-        metavar="CERT",
-        path=True,
-        read=lambda path, place: writable(path, place, "the certificate"),
+    output: Path = output_option(
+        "file of the certificate", default=..., metavar="CERT", read=written_to("the certificate")
     )
     kind: str | None = option(
         None,
-        "plan (default): valid at the nominal values; box: all over a box; maximal: and no valid box contains it; "
-        "region: all over the robustness envelope; of a NETWORK execution: this one is correct; knowledge: none is; "
-        "if not given, whichever is true",
+        "plan (default): valid at the nominal values; box: everywhere in a box; maximal: and no larger box is valid; "
+        "region: everywhere in the robustness envelope; of a NETWORK: execution: one that is correct; knowledge: none "
+        "is correct; default: whichever holds",
         choices=CERTIFICATES,
     )
-    box: Path | None = option(
-        None,
-        "the box, an answer of robust envelope in JSON; else widening finds it",
-        metavar="FILE",
-        path=True,
-    )
+    box: Path | None = path_option("the box, as printed by robust envelope --json; default: widening finds one")
     assume: tuple[str, ...] = option((), ASSUMED, metavar="NAME=VALUE", many=True)
-    alethe: Path | None = option(
-        None,
+    alethe: Path | None = path_option(
         "also write cvc5's proofs to DIR, in the Alethe format",
         metavar="DIR",
-        path=True,
         also=lambda folder: (*folder.glob("*.smt2"), *folder.glob("*.alethe")),
     )
 
@@ -197,28 +177,23 @@ class VerifyCommand(Separation, Limited, Json):
 
     certificate: Path = argument(..., "a certificate", "CERT")
     files: tuple[Path, ...] = argument(..., "DOMAIN PROBLEM PLAN, or NETWORK (.tpnu.json)", "FILES", many=True)
-    kind: str | None = option(
-        None,
-        "fail unless this, or more, is established",
-        choices=CERTIFICATES,
-    )
+    kind: str | None = option(None, "fail unless at least this is established", choices=CERTIFICATES)
     box: tuple[str, ...] = option(
         (),
-        "fail unless all of this box is established: an answer of robust envelope in JSON; or the values of one "
-        "parameter, NAME=LOW:HIGH or NAME=VALUE: others have their nominal values; may be repeated then",
+        "fail unless all of this box is established: FILE as printed by robust envelope --json; or NAME=LOW:HIGH or "
+        "NAME=VALUE for one parameter, which may be repeated: others have their nominal values",
         metavar="FILE|NAME=LOW:HIGH",
         many=True,
     )
     assume: tuple[str, ...] = option(
         (),
-        "fail unless an execution with this choice is established, or, if it is made already, that there is none",
+        "fail unless an execution with this choice is established, or that there is none with it; may be repeated",
         metavar="NAME=VALUE",
         many=True,
     )
     timeout: Number | None = option(
         None,
-        "seconds after which the check is given up; if not given 4 seconds of processor time, and 1 for every 10 kB "
-        "that the files have beyond 120 kB",
+        "time limit in seconds; default: 4 seconds of processor time, and 1 for every 10 kB of the files beyond 120 kB",
         metavar="S",
         read=seconds,
         rank=LIMIT,
@@ -243,8 +218,10 @@ class StnuCheckCommand(StnuFiles):
 class StnuDispatchCommand(StnuFiles):
     """Of `robust stnu dispatch`."""
 
-    runs: int = option(1, "how many executions are simulated, as early as possible", metavar="N")
-    seed: int = option(0, "which durations the first one draws, uniformly; the next ones count up", metavar="N")
+    runs: int = option(1, "number of simulated executions, each as early as possible", metavar="N")
+    seed: int = option(
+        0, "random seed of the first execution, whose durations are drawn uniformly; later ones count up", metavar="N"
+    )
 
     def check_combinations(self, given: Collection[str]) -> None:
         if self.runs < 0:
@@ -268,25 +245,19 @@ class StnuRepairCommand(StnuFiles):
 
     weight: tuple[Any, ...] = option(
         (),
-        "what a unit of change costs, above 0 or inf: of all links as requirement=W or contingent=W, of one as "
-        "SOURCE:TARGET=W; 1 if not given; may be repeated",
+        "cost of a unit of change, above 0 or inf: of all links as requirement=W or contingent=W, of one link as "
+        "SOURCE:TARGET=W; default: 1; may be repeated",
         metavar="LINK=W",
         many=True,
         read=_link_weights,
     )
-    output: Path | None = option(
-        None,
-        "write the repaired network here: .stnu or .json by suffix",
-        "--output",
-        "-o",
-        metavar="FILE",
-        path=True,
-        read=stnu_file,
+    output: Path | None = output_option(
+        "write the repaired network to this file: .stnu or .json by suffix", read=stnu_file
     )
 
     def check_combinations(self, given: Collection[str]) -> None:
         if self.output is not None and len(self.files) > 1:
-            raise InputError("found several networks, expected one to write", place_of("output"))
+            raise InputError("needs exactly one network", place_of("output"))
 
 
 class DemoCommand(Colored):
@@ -299,44 +270,37 @@ PLACES = SOLVING
 """Rank of where and how many at a time."""
 
 
-def _table_file(path: Path, place: Location) -> Path:
-    return writable(Path(path), place, "the table")
-
-
-def _file(path: str | Path, _: Location) -> Path:
-    return Path(path)
-
-
 class BatchOptions(Separation, PlanningOutput, PlanParameters, Encoded, Solver):
     """What all questions about many plans have in common; those of single plans have the same meaning there."""
 
     jobs: int = option(
-        1, "processes at a time on this machine; more than 1 disturbs timings", metavar="N", read=ordinal, rank=PLACES
+        1,
+        "number of processes at a time on this machine; more than 1 disturbs timings",
+        metavar="N",
+        read=ordinal,
+        rank=PLACES,
     )
     cluster: str | None = option(
         None,
-        "run on the workers of this Dask scheduler instead, which get the texts of the files (extra cluster)",
+        "run on the workers of this Dask scheduler instead, which are sent the texts of the files (extra cluster)",
         metavar="ADDRESS",
         rank=PLACES,
     )
-    store: Path | None = option(
-        None,
-        "keep answers as they arrive; the same command with the same FILE asks only what is not there",
-        metavar="FILE",
-        path=True,
-        read=_file,
+    store: Path | None = path_option(
+        "keep answers as they arrive; the same command with the same FILE asks only what is missing",
+        read=lambda path, _: Path(path),
         rank=PLACES,
     )
     limit: Number | None = option(
         None,
-        "seconds for each plan, after which what is known of it is its answer",
+        "time limit of each plan in seconds; its result so far is its answer then",
         metavar="S",
         read=seconds,
         rank=LIMIT,
     )
     timeout: Number | None = option(
         None,
-        "seconds for all plans, after which those that are answered are shown",
+        "time limit of all plans in seconds; the plans answered by then are shown",
         metavar="S",
         read=seconds,
         rank=LIMIT,
@@ -347,7 +311,7 @@ class BatchOptions(Separation, PlanningOutput, PlanParameters, Encoded, Solver):
 
     def check_combinations(self, given: Collection[str]) -> None:
         if self.cluster is not None and self.jobs != 1:
-            raise InputError("found it with a cluster, expected one of the two", place_of("jobs"))
+            raise InputError(f"cannot be combined with {spelled('cluster')}; choose one", place_of("jobs"))
 
     @property
     def asked(self) -> tuple[Question, ...]:
@@ -382,10 +346,10 @@ class BatchCompareOptions(BatchOptions):
     """Of `robust.batch("compare", ...)`."""
 
     beta: Number | None = option("1", "the precision of IRR", metavar="B", read=positive)
-    doubling: bool = option(True, "whether steps of IRR double until the first failure, as in its published runs")
+    doubling: bool = option(True, "double the steps of IRR until the first failure, as in its published runs")
     region: str | None = option(
         None,
-        "also compute the exact region of each plan, with which CCMMZ begins: the quantifier-elimination back end",
+        "also compute the exact region of each plan, with which CCMMZ begins, by this quantifier-elimination back end",
         choices=OFFERED,
     )
 
@@ -418,16 +382,11 @@ class BatchCommand(BatchOptions, Output):
     suite: Path = argument(
         ..., "folder of plans with their problems and domains, or a list of them (lines, .json, .csv)", "SUITE"
     )
-    csv: Path | None = option(
-        None, "write a line for each plan as CSV", metavar="FILE", path=True, read=_table_file, rank=DRAWING
+    csv: Path | None = path_option(
+        "write a CSV file with a line for each plan", read=written_to("the table"), rank=DRAWING
     )
-    html: Path | None = option(
-        None,
-        "write the table as one HTML page that needs no network",
-        metavar="FILE",
-        path=True,
-        read=_table_file,
-        rank=DRAWING,
+    html: Path | None = path_option(
+        "write the table as a self-contained HTML page", read=written_to("the table"), rank=DRAWING
     )
 
 

@@ -115,6 +115,16 @@ def argument(default: Any, help: str, metavar: str, *, many: bool = False) -> An
     return option(default, help, metavar=metavar, argument=True, many=many, path=True)
 
 
+def path_option(help: str, *names: str, default: Any = None, metavar: str = "FILE", **more: Any) -> Any:
+    """A file or a directory; `more` as for :func:`option`."""
+    return option(default, help, *names, metavar=metavar, path=True, **more)
+
+
+def output_option(help: str, *, metavar: str = "FILE", **more: Any) -> Any:
+    """The file that an answer is written to."""
+    return path_option(help, "--output", "-o", metavar=metavar, **more)
+
+
 def declared(options: type[Options]) -> dict[str, Option]:
     """The options that can be typed, in the order in which help shows them."""
     found = sorted(options.declarations.items(), key=lambda each: each[1].rank)
@@ -407,8 +417,9 @@ def writable(path: Path, place: Location, what: str) -> Path:
     return path
 
 
-WRITTEN = ("output", "plot", "html", "csv", "stnu")
-"""Options that name a file for the answer."""
+def written_to(what: str) -> Callable[[str | Path, Location], Path]:
+    """What checks that a file can be written to a path."""
+    return lambda path, place: writable(Path(path), place, what)
 
 
 def refuse_replacing(files: Iterable[Path], place: Location, *, force: bool) -> None:

@@ -17,6 +17,7 @@ from robust.options.declare import (
     not_negative,
     option,
     ordinal,
+    path_option,
     plot_file,
     positive,
     seconds,
@@ -44,18 +45,18 @@ class Separation(Options):
 
 
 class PlanningOutput(Options):
-    """What of a planner's output is the plan, and how exact its numbers are."""
+    """Which plan of a planner's output is meant, and how exact its numbers are."""
 
     plan_number: int | None = option(
         None,
-        "which plan of a log that holds several, from 1; the last one if not given",
+        "number of the plan in a log that holds several, from 1; default: the last",
         metavar="N",
         read=ordinal,
         rank=EPSILON,
     )
     tolerance: Number | None = option(
         None,
-        "how far exact times and durations may be from printed ones, 0 for exactness; if not given, one unit of the "
+        "how far exact times and durations may differ from printed ones, 0 for exactness; default: one unit of the "
         "last printed digit, and at most epsilon",
         metavar="T",
         read=not_negative,
@@ -69,10 +70,10 @@ class PlanningOutput(Options):
 
 
 class Limited(Options):
-    """For how long."""
+    """A time limit."""
 
     timeout: Number | None = option(
-        None, "seconds after which what is known by then is printed", metavar="S", read=seconds, rank=LIMIT
+        None, "time limit in seconds; the result so far is printed then", metavar="S", read=seconds, rank=LIMIT
     )
 
     @property
@@ -82,22 +83,22 @@ class Limited(Options):
 
 
 class Solver(Options):
-    """Which solver."""
+    """The solver."""
 
-    solver: str = option("z3", "the solver that is asked", choices=SOLVERS, rank=SOLVING)
+    solver: str = option("z3", "SMT solver", choices=SOLVERS, rank=SOLVING)
 
 
 class Solving(Solver, Limited):
-    """Which solver, and for how long."""
+    """The solver and the time limit."""
 
 
 def encoding_option(rank: int = ENCODING) -> Any:
-    """How the plan becomes formulas."""
-    return option("relational", "how the plan becomes formulas", choices=ENCODINGS, rank=rank)
+    """How the plan is encoded as formulas."""
+    return option("relational", "how the plan is encoded as formulas", choices=ENCODINGS, rank=rank)
 
 
 class Encoded(Options):
-    """Which encoding."""
+    """The encoding."""
 
     encoding: str = encoding_option()
 
@@ -145,7 +146,7 @@ class AnyBoxOptions(BoxOptions):
     )
     order: str | Sequence[str] | None = option(
         None,
-        "parameters in the order in which they take turns (irr), or are widened one after the other (widen)",
+        "the order in which parameters take turns (irr), or are widened one after the other (widen)",
         metavar="A,B,C",
         read=names,
         needs=("method", ("widen", "irr")),
@@ -162,21 +163,16 @@ class SearchOptions(Separation, Encoded, Solving):
 
 
 class Force(Options):
-    """Whether files are replaced that options do not name, but only the folder or the file beside them."""
+    """Whether files that no option names are overwritten: those in a folder, or beside a file, that one names."""
 
-    force: bool = option(False, "replace files that are there and that no option names", rank=EXPORT)
+    force: bool = option(False, "overwrite existing files that no option names", rank=EXPORT)
 
 
 class Export(Force):
     """Queries as files."""
 
-    smt2: str | Path | None = option(
-        None,
-        "write every query to DIR as SMT-LIB",
-        metavar="DIR",
-        path=True,
-        also=lambda folder: folder.glob("*.smt2"),
-        rank=EXPORT,
+    smt2: str | Path | None = path_option(
+        "write every query to DIR as SMT-LIB", metavar="DIR", also=lambda folder: folder.glob("*.smt2"), rank=EXPORT
     )
 
 
@@ -185,7 +181,7 @@ class Colored(Options):
 
     color: str = option(
         "auto",
-        "auto: on a terminal, and as NO_COLOR and FORCE_COLOR say; else whatever they say, and wherever it goes",
+        "auto: on a terminal, respecting NO_COLOR and FORCE_COLOR; always and never: regardless of both",
         choices=("auto", "always", "never"),
         rank=OUTPUT,
     )
@@ -201,20 +197,13 @@ class Output(Json):
     """How a command answers."""
 
     quiet: bool = option(False, "only the answer: no progress, no notes, no warnings", "--quiet", "-q", rank=OUTPUT)
-    verbose: bool = option(False, "log what is done on stderr", "--verbose", "-v", rank=OUTPUT)
+    verbose: bool = option(False, "log each step on stderr", "--verbose", "-v", rank=OUTPUT)
 
 
 class Plot(Options):
     """A picture."""
 
-    plot: Path | None = option(
-        None,
-        "draw the result: .svg, .png or .pdf by suffix",
-        metavar="FILE",
-        path=True,
-        read=plot_file,
-        rank=DRAWING,
-    )
+    plot: Path | None = path_option("draw the result: .svg, .png or .pdf by suffix", read=plot_file, rank=DRAWING)
 
 
 class SliceOptions(Plot):
@@ -222,7 +211,7 @@ class SliceOptions(Plot):
 
     axes: str | Sequence[str] | None = option(
         None,
-        "the one or two parameters to draw, others are at their nominal values",
+        "the one or two parameters to draw; the others have their nominal values",
         metavar="A,B",
         read=names,
         rank=DRAWING,
@@ -243,7 +232,7 @@ class PlanFiles(Planning):
 
 
 class PlanParameters(Options):
-    """What of a plan are parameters, beside those that it declares."""
+    """Parameters in addition to those that the plan declares."""
 
     parameter: tuple[str, ...] = option(
         (),
@@ -255,12 +244,8 @@ class PlanParameters(Options):
         many=True,
         rank=PARAMETERS,
     )
-    parameters: Path | None = option(
-        None,
-        "more parameters, in a TOML file; if not given, PLAN.toml beside PLAN.stn",
-        metavar="FILE",
-        path=True,
-        rank=PARAMETERS,
+    parameters: Path | None = path_option(
+        "more parameters, in a TOML file; default: PLAN.toml beside PLAN.stn", rank=PARAMETERS
     )
 
 

@@ -1,4 +1,4 @@
-"""Options of what is asked about plans: what the functions take, and what their commands take beside it."""
+"""Options of questions about plans: those of the functions, and those that only their commands have."""
 
 from __future__ import annotations
 
@@ -23,10 +23,12 @@ from robust.options.declare import (
     argument,
     option,
     ordinal,
+    output_option,
+    path_option,
     place_of,
     plan_file,
     positive,
-    writable,
+    written_to,
 )
 from robust.options.shared import (
     DRAWING,
@@ -79,12 +81,9 @@ def distributions_option(needs: tuple[str, tuple[str, ...]] | None = None) -> An
 
 
 def world_file(needs: tuple[str, tuple[str, ...]] | None = None) -> Any:
-    """The same by a file."""
-    return option(
-        None,
+    """Distributions in a file."""
+    return path_option(
         "the distributions of parameters and durations, in a TOML file; without a rule, parameters are as planned",
-        metavar="FILE",
-        path=True,
         needs=needs,
     )
 
@@ -125,48 +124,40 @@ class EnvelopeCommand(EnvelopeOptions, Plot, AskCommand):
         choices=EXPORTS,
         rank=DRAWING,
     )
-    output: Path | None = option(
-        None,
-        "for --export: write it here, and print the answer as usual",
-        "--output",
-        "-o",
-        metavar="FILE",
-        path=True,
-        read=lambda path, place: writable(path, place, "the export"),
+    output: Path | None = output_option(
+        "for --export: write the export to FILE, and print the answer as usual",
+        read=written_to("the export"),
         rank=DRAWING,
     )
 
     controllability: str | None = option(
         None,
-        "also tell whether values may be unknown until they are observed (dynamic), or for ever (strong), "
-        "shrink the box to the part where they may, and find the widest box where they may",
+        "decide whether a dispatcher can execute the plan when values are seen only on observation (dynamic) or never "
+        "(strong); report the controllable part of the box, and the widest controllable box",
         choices=("weak", "dynamic", "strong"),
     )
 
     def check_combinations(self, given: Collection[str]) -> None:
         if self.output is not None and self.export is None:
-            raise InputError(f"found no --export, expected one of {', '.join(EXPORTS)}", place_of("output"))
+            raise InputError(f"needs --export {', '.join(EXPORTS[:-1])} or {EXPORTS[-1]}", place_of("output"))
         if self.export is not None and self.output is None and self.json:
-            raise InputError("found it with --json, expected --output FILE, or one of the two", place_of("export"))
+            raise InputError("needs --output FILE when combined with --json", place_of("export"))
         if self.export == "plansys2" and not self.from_nominal:
-            expected = "--contain-nominal as well, or another method: percentages are of planned durations"
-            raise InputError(f"found it with --method optimal, expected {expected}", place_of("export"))
+            needed = "--contain-nominal, or another method than optimal: percentages are of planned durations"
+            raise InputError(f"plansys2 needs {needed}", place_of("export"))
 
 
 class EliminationOptions(Options):
     """How an exact region is computed."""
 
-    backend: str = option(
-        "project",
-        "who eliminates time points",
-        choices=OFFERED,
-    )
+    backend: str = option("project", "quantifier-elimination back end", choices=OFFERED)
     splitting: str = option(
         "full",
-        "one problem for all, for the plan and its network, or for each part",
+        "elimination problems: monolithic: one; partial: one for the network and one for all obligations; full: one "
+        "for each obligation",
         choices=SPLITTINGS,
     )
-    learning: bool = option(True, "tell later problems what earlier ones have excluded")
+    learning: bool = option(True, "let later elimination problems use what earlier ones have excluded")
 
 
 class RegionOptions(EliminationOptions, SearchOptions):
@@ -185,14 +176,14 @@ class RegionCommand(RegionOptions, SliceOptions, AskCommand):
 
     form: str | None = option(
         None,
-        "as a union of polyhedra or as one without others; if not given, a union unless very many are cut out",
+        "a union of polyhedra, or the difference of one polyhedron and others; default: a union, unless it is long",
         choices=("union", "difference"),
     )
-    latex: bool = option(False, "print a formula for LaTeX's mathematical mode")
+    latex: bool = option(False, "print a formula for LaTeX's math mode")
 
     def check_combinations(self, given: Collection[str]) -> None:
         if self.latex and self.json:
-            raise InputError("found it with --json, expected one of the two", Location("--latex"))
+            raise InputError("cannot be combined with --json; choose one", Location("--latex"))
 
 
 class CompareOptions(SearchOptions):
@@ -206,12 +197,9 @@ class CompareOptions(SearchOptions):
 class CompareCommand(CompareOptions, SliceOptions, AskCommand):
     """Of `robust compare`."""
 
-    html: Path | None = option(
-        None,
+    html: Path | None = path_option(
         "write an interactive page as one HTML file: sliders for the parameters, what breaks where, boxes, schedule",
-        metavar="FILE",
-        path=True,
-        read=lambda path, place: writable(path, place, "the page"),
+        read=written_to("the page"),
         rank=DRAWING,
     )
 
@@ -221,10 +209,10 @@ class RiskOptions(SearchOptions):
 
     distributions: Mapping[str, str | Distribution] | Sequence[str] = distributions_option()
     world: str | Path | None = world_file()
-    within: Number = option("0.001", "how close the bounds of the probability are to be", metavar="W", read=positive)
+    within: Number = option("0.001", "how close the bounds of the probability must be", metavar="W", read=positive)
     draws: int | None = option(
         None,
-        "also estimate by so many random points; with more than 6 parameters 10000 if bounds are not close",
+        "also estimate from N random samples; default with more than 6 parameters: 10000 if the bounds are not close",
         metavar="N",
         read=ordinal,
     )
@@ -237,7 +225,7 @@ class RiskCommand(RiskOptions, Plot, AskCommand):
 
     def check_combinations(self, given: Collection[str]) -> None:
         if not self.distributions and self.world is None:
-            raise InputError("found neither --distribution nor --world, expected how parameters are distributed")
+            raise InputError("say by --distribution or --world how the parameters are distributed")
 
 
 class RepairOptions(Separation, Solving):
@@ -245,8 +233,8 @@ class RepairOptions(Separation, Solving):
 
     require: Settings | Box | EnvelopeResult = option(
         (),
-        "values of a parameter for all of which the plan is to be valid, NAME=LOW:HIGH, or NAME=VALUE; others have "
-        "their nominal values; may be repeated",
+        "values of a parameter for all of which the plan must be valid, NAME=LOW:HIGH or NAME=VALUE; other parameters "
+        "have their nominal values; may be repeated",
         metavar="NAME=LOW:HIGH",
         many=True,
     )
@@ -256,28 +244,24 @@ class RepairOptions(Separation, Solving):
         choices=("bounds", "nominal", "both"),
     )
     count: bool = option(
-        False, "as few changes as possible, and of equally many the least sum; else the least sum of weighted amounts"
+        False, "minimize the number of changes first, then the sum of weighted amounts; default: the sum alone"
     )
-    reorder: bool = option(False, "let bounds that say what comes first say the opposite, too")
+    reorder: bool = option(False, "allow changes that reverse the order of two time points")
     on_repair: Callable[[Cost], None] | None = option(None, "called with the cost of each better repair", shown=False)
 
 
 class RepairCommand(RepairOptions, AskCommand):
     """Of `robust repair`."""
 
-    output: Path | None = option(
-        None,
-        "write the repaired plan here; PLAN must be a network (.stn) in a file then",
-        "--output",
-        "-o",
+    output: Path | None = output_option(
+        "write the repaired plan to this file; PLAN must then be the file of a network (.stn)",
         metavar="PLAN.stn",
-        path=True,
         read=plan_file,
     )
 
     def check_combinations(self, given: Collection[str]) -> None:
         if self.output is not None and str(self.plan) == "-":
-            raise InputError("found a plan on standard input, expected a file to take over", place_of("output"))
+            raise InputError("needs PLAN in a file, not on standard input", place_of("output"))
 
 
 class ValidateOptions(Separation, PlanningOutput):
@@ -292,12 +276,9 @@ class ValidateCommand(ValidateOptions, Output):
     plans: tuple[Path, ...] = argument(
         (), "time-triggered plans or logs of planners; - is standard input", "PLAN", many=True
     )
-    suite: Path | None = option(
-        None,
-        "judge the plans of a file instead: DOMAIN PROBLEM PLAN on each line, relative to the file, # before comments",
+    suite: Path | None = path_option(
+        "judge the plans listed in FILE: DOMAIN PROBLEM PLAN on each line, relative to FILE; # begins a comment",
         "--list",
-        metavar="FILE",
-        path=True,
     )
 
     def check_combinations(self, given: Collection[str]) -> None:

@@ -11,18 +11,16 @@ from statistics import median
 from typing import Annotated, Any
 
 from msgspec import UNSET, UnsetType
-from rich.console import Console
-from rich.text import Text
 
 from robust.json_text import Count, JsonObject, Rational, Seconds, like, one_of
 from robust.numbers import duration, plural
-from robust.qe.box import interval_text
+from robust.qe.box import Box, interval_text
 from robust.qe.region import Region
-from robust.show.console import colour_of, show_table, table
-from robust.show.documents import Document, Ends, box_of, document
+from robust.show.console import Console, Text, colour_of, printing
+from robust.show.documents import ENDS, Document, document, documenting, has_table
 from robust.show.regions import in_form, region_lines
-from robust.sweeps.batch import CCMMZ, IRR, REGION, Batch, BatchRow, PlanRun, Solved
-from robust.sweeps.batch import box_of as measured_box
+from robust.show.tables import show_table, table
+from robust.sweeps.batch import CCMMZ, IRR, REGION, Batch, BatchRow, PlanRun, Solved, box_of
 
 NAMES = {IRR: "IRR", CCMMZ: "CCMMZ", REGION: "region"}
 """What is compared, as people call it."""
@@ -47,7 +45,7 @@ def answer_lines(run: PlanRun) -> list[str]:
 
 def box_texts(run: PlanRun) -> dict[str, str]:
     """Intervals for people, by parameter."""
-    intervals = measured_box(run.box or {}).intervals
+    intervals = box_of(run.box or {}).intervals
     return {name: interval_text(interval) for name, interval in intervals.items()}
 
 
@@ -63,79 +61,75 @@ def ratio(value: Fraction | None) -> str:
     return _NOTHING if value is None else f"{float(value) * 100:.3g} %"
 
 
-def _time(run: PlanRun | None) -> str:
-    return _NOTHING if run is None else duration(run.seconds)
-
-
 # -- for people --------------------------------------------------------------------------------------------------------
 
 
-def print_batch(out: Console, found: Batch, *, quiet: bool) -> None:
+@printing.register(Batch)
+def print_batch(out: Console, batch: Batch, *, quiet: bool) -> None:
     """A line for each plan, and unless `quiet` what they come to."""
-    compared = found.verb == "compare"
-    (_print_compared if compared else _print_answers)(out, found)
+    compared = batch.verb == "compare"
+    (_print_compared if compared else _print_answers)(out, batch)
     if not quiet:
         out.print()
-        for line in summary_lines(found):
+        for line in summary_lines(batch):
             out.print(Text(line), soft_wrap=True)
 
 
-def _print_answers(out: Console, found: Batch) -> None:
-    columns = ("plan", "answer", "time", "what it says")
-    rows: list[Sequence[str | Text]] = []
-    for row in found.plans:
-        (run,) = row.runs.values()
-        rows.append((row.instance.name, _word(run), _time(run), first_lines(run)))
-    show_table(out, table(columns, rows, right=("time",)))
+def _print_answers(out: Console, batch: Batch) -> None:
+    rows = [(row.instance.name, *_outcome(run), first_lines(run)) for row in batch.plans for run in row.runs.values()]
+    show_table(out, table(("plan", "answer", "time", "what it says"), rows, right=("time",)))
 
 
-def _print_compared(out: Console, found: Batch) -> None:
-    names = [one.name for one in found.asked]
+def _print_compared(out: Console, batch: Batch) -> None:
+    names = [asked.name for asked in batch.asked]
     head = ("plan", *(word for name in names for word in (NAMES[name], "time")), "volume", "width")
     rows: list[Sequence[str | Text]] = []
-    for row in found.plans:
-        cells = [cell for name in names for cell in (_word(row.runs.get(name)), _time(row.runs.get(name)))]
+    for row in batch.plans:
+        cells = [cell for name in names for cell in _outcome(row.runs.get(name))]
         rows.append((row.instance.name, *cells, ratio(row.volume_ratio), ratio(row.width_ratio)))
     show_table(out, table(head, rows, right=("time", "volume", "width")))
-    for row in found.plans:
+    for row in batch.plans:
         for message in dict.fromkeys(run.message for run in row.runs.values() if run.message is not None):
             out.print(Text(f"{row.instance.name}: {message}"), soft_wrap=True)
 
 
-def _word(run: PlanRun | None) -> Text:
-    return Text(_NOTHING) if run is None else Text(run.status, style=colour_of(run.status))
+def _outcome(run: PlanRun | None) -> tuple[Text, str]:
+    """The status and the time of an answer."""
+    if run is None:
+        return Text(_NOTHING), _NOTHING
+    return Text(run.status, style=colour_of(run.status)), duration(run.seconds)
 
 
-def summary_lines(found: Batch) -> list[str]:
+def summary_lines(batch: Batch) -> list[str]:
     """How many ended how, what is compared, and what is missing."""
     lines = []
-    if found.verb == "compare":
-        lines += [_solved_line(found, one.name) for one in found.asked]
-        lines += _both_lines(found)
+    if batch.verb == "compare":
+        lines += [_solved_line(batch, asked.name) for asked in batch.asked]
+        lines += _both_lines(batch)
     else:
-        counts = Counter(run.status for row in found.plans for run in row.runs.values())
+        counts = Counter(run.status for row in batch.plans for run in row.runs.values())
         said = ", ".join(f"{count} {word}" for word, count in counts.most_common())
         lines.append(
-            f"{len(found.plans)} of {plural(found.total, 'plan')}: {said or 'none'}; {duration(found.seconds)}."
+            f"{len(batch.plans)} of {plural(batch.total, 'plan')}: {said or 'none'}; {duration(batch.seconds)}."
         )
-    return [*lines, *found.notes]
+    return [*lines, *batch.notes]
 
 
-def _solved_line(found: Batch, name: str) -> str:
-    solved, total = found.solved(name), found.total
+def _solved_line(batch: Batch, name: str) -> str:
+    solved, total = batch.solved(name), batch.total
     middle = "" if solved.median_s is None else f", median {duration(solved.median_s)}"
     alone = f"; {solved.alone} of them alone" if solved.alone else ""
     return f"{NAMES[name]} answers {solved.plans} of {total} in {duration(solved.seconds)}{middle}{alone}."
 
 
-def _both_lines(found: Batch) -> list[str]:
+def _both_lines(batch: Batch) -> list[str]:
     """Of plans that both answer: times, and volumes."""
-    both = [row for row in found.plans if all(name in row.runs and row.runs[name].solved for name in (IRR, CCMMZ))]
+    both = [row for row in batch.plans if all(name in row.runs and row.runs[name].solved for name in (IRR, CCMMZ))]
     if not both:
         return []
     irr, ccmmz = (sum(row.runs[name].seconds for row in both) for name in (IRR, CCMMZ))
     lines = [f"The {plural(len(both), 'plan')} that both answer: IRR {duration(irr)}, CCMMZ {duration(ccmmz)}."]
-    shares = volume_shares(found)
+    shares = volume_shares(batch)
     if shares:
         least, most = shares[0], shares[-1]
         lines.append(
@@ -146,9 +140,9 @@ def _both_lines(found: Batch) -> list[str]:
     return lines
 
 
-def volume_shares(found: Batch) -> list[Fraction]:
+def volume_shares(batch: Batch) -> list[Fraction]:
     """Those that are known, in ascending order."""
-    return sorted(share for row in found.plans if (share := row.volume_ratio) is not None)
+    return sorted(share for row in batch.plans if (share := row.volume_ratio) is not None)
 
 
 # -- JSON --------------------------------------------------------------------------------------------------------------
@@ -184,7 +178,7 @@ class Answered(JsonObject):
     search_s: Seconds | None
     first_widening_s: Seconds | None
     message: str | None
-    box: dict[str, Ends] | None
+    box: Box | None
     region: dict[str, Any] | None
 
 
@@ -268,20 +262,6 @@ class Shares(JsonObject):
     most: Rational | None
 
 
-class SolvedPlans(JsonObject):
-    """
-    Attributes:
-        plans: how many are answered
-        seconds: for all of these
-        alone: how many that nothing else answers
-    """
-
-    plans: Count
-    seconds: Seconds
-    median_s: Seconds | None
-    alone: Count
-
-
 class BatchCompareDocument(Ran, tag_field="schema", tag="robust/batch-compare/1"):
     """robust batch compare --json: CCMMZ against IRR on many plans
 
@@ -290,54 +270,54 @@ class BatchCompareDocument(Ran, tag_field="schema", tag="robust/batch-compare/1"
         volume_ratio: over all plans
     """
 
-    solved: dict[str, SolvedPlans]
+    solved: dict[str, Solved]
     volume_ratio: Shares
     plans: list[ComparedPlan]
 
 
-def batch(found: Batch) -> Document:
+@documenting.register(Batch)
+def batch_document(batch: Batch) -> Document:
     """What `--json` prints."""
-    common = {"status": found.status, "exit_code": found.exit_code, "notes": list(found.notes)}
-    if found.verb != "compare":
-        runs = [(row, run) for row in found.plans for run in row.runs.values()]
+    common = {"notes": list(batch.notes)}
+    if batch.verb != "compare":
+        runs = [(row, run) for row in batch.plans for run in row.runs.values()]
         counts = Counter(run.status for _, run in runs)
         plans = [like(BatchPlan, row.instance, instance=row.instance.name, answer=_answered(run)) for row, run in runs]
-        return document(like(BatchDocument, found, **common, counts=dict(counts), plans=plans))
-    shares = volume_shares(found)
+        return document(like(BatchDocument, batch, **common, counts=dict(counts), plans=plans))
+    shares = volume_shares(batch)
     return document(
         like(
             BatchCompareDocument,
-            found,
+            batch,
             **common,
-            solved={one.name: _solved(found.solved(one.name)) for one in found.asked},
+            solved={asked.name: batch.solved(asked.name) for asked in batch.asked},
             volume_ratio=Shares(
                 plans=len(shares),
                 least=shares[0] if shares else None,
                 median=median(shares) if shares else None,
                 most=shares[-1] if shares else None,
             ),
-            plans=[_compared(found, row) for row in found.plans],
+            plans=[_compared(batch, row) for row in batch.plans],
         )
     )
 
 
-def _solved(found: Solved) -> SolvedPlans:
-    return like(SolvedPlans, found)
+has_table(Batch, "plans", numbers=(*ENDS, "volume_ratio", "width_ratio"))
 
 
 def _answered(run: PlanRun) -> Answered:
-    return like(Answered, run, box=None if run.box is None else box_of(measured_box(run.box)))
+    return like(Answered, run, box=None if run.box is None else box_of(run.box))
 
 
-def _compared(found: Batch, row: BatchRow) -> ComparedPlan:
-    runs = {one.name: _answered(row.runs[one.name]) if one.name in row.runs else None for one in found.asked}
+def _compared(batch: Batch, row: BatchRow) -> ComparedPlan:
+    answers = {asked.name: None for asked in batch.asked} | {name: _answered(run) for name, run in row.runs.items()}
     return like(
         ComparedPlan,
         row.instance,
         instance=row.instance.name,
-        irr=runs[IRR],
-        ccmmz=runs[CCMMZ],
-        region=runs.get(REGION) if REGION in runs else UNSET,
+        irr=answers[IRR],
+        ccmmz=answers[CCMMZ],
+        region=answers.get(REGION, UNSET),
         volume_ratio=row.volume_ratio,
         width_ratio=row.width_ratio,
     )
@@ -352,7 +332,7 @@ def exact_box(run: PlanRun) -> str | None:
     """The box in one cell, exactly: `a [1/3, 7/2); b [0, inf)`."""
     if run.box is None:
         return None
-    return "; ".join(f"{name} {interval}" for name, interval in measured_box(run.box).intervals.items())
+    return "; ".join(f"{name} {interval}" for name, interval in box_of(run.box).intervals.items())
 
 
 _RUN: Mapping[str, Column] = {
@@ -369,19 +349,19 @@ _RUN: Mapping[str, Column] = {
 """What is said of each answer."""
 
 
-def csv_text(found: Batch) -> str:
+def csv_text(batch: Batch) -> str:
     """A head, and a line for each plan; of a comparison, columns are those of each answer with its name before them."""
-    compared = found.verb == "compare"
-    names = [one.name for one in found.asked]
+    compared = batch.verb == "compare"
+    names = [asked.name for asked in batch.asked]
     head = ["instance", "domain", "problem", "plan"]
     head += [f"{name}_{column}" if compared else column for name in names for column in _RUN]
     head += ["volume_ratio", "width_ratio"] if compared else []
     text = StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(head)
-    for row in found.plans:
-        one = row.instance
-        cells: list[object] = [one.name, one.domain, one.problem, one.plan]
+    for row in batch.plans:
+        plan = row.instance
+        cells: list[object] = [plan.name, plan.domain, plan.problem, plan.plan]
         for name in names:
             run = row.runs.get(name)
             cells += [None if run is None else value(run) for value in _RUN.values()]

@@ -19,7 +19,7 @@ from robust.numbers import one_line, readable
 from robust.options.declare import place_of
 from robust.options.verbs import EXPORTS
 from robust.plan.model import ParametrizedPlan
-from robust.show import documents
+from robust.show import plan_documents
 from robust.show.text import percentage
 
 _UNIT = Fraction(1, 10**6)
@@ -186,7 +186,7 @@ def _key(name: str) -> str:
 
 def _parameters(plan: ParametrizedPlan, result: EnvelopeResult) -> list[dict[str, Any]]:
     """What is said of each parameter, by the names of the columns."""
-    within = documents.envelope(result)["parameters"]
+    within = plan_documents.envelope(result)["parameters"]
     actions: dict[str, list[str]] = {}
     for one in overruns(plan, result.box):
         for name in one.parameters:

@@ -11,22 +11,20 @@ from statistics import median
 from typing import Annotated, Any
 
 from msgspec import UNSET, Meta, UnsetType
-from rich.console import Console
-from rich.text import Text
 
-from robust.json_text import Count, JsonObject, Rational, Seconds, like, one_of
+from robust.json_text import Count, JsonObject, Seconds, like, on_wire, one_of
 from robust.numbers import duration, format_number, plural, readable
 from robust.pike_bridge.action_model import Instance
 from robust.pike_bridge.compile import PikeCheck, Sizes
-from robust.pike_bridge.cross_check import CrossCheck, Crossed
+from robust.pike_bridge.cross_check import CrossCheck, Crossed, Disagreement
 from robust.pike_bridge.model import TeamPlan
 from robust.pike_bridge.online import progress as said
-from robust.pike_bridge.online.executive import Moments
+from robust.pike_bridge.online.executive import Moment, Moments
 from robust.pike_bridge.online.inquiry import Explanation, WhyChosen, WhyExcluded, WhyExecuted, WhyNot, answer
 from robust.pike_bridge.online.world import ExecutionRecord, ExecutionStep
 from robust.pike_bridge.semantics import Execution
-from robust.show.console import colour_of
-from robust.show.documents import Document, Ended, Rationals, Verdict, document
+from robust.show.console import Console, Text, colour_of, printing
+from robust.show.documents import Document, Ended, Rationals, Verdict, document, documenting, has_table
 
 Stages = Annotated[dict[str, Seconds], Meta(description="by stage")]
 
@@ -80,13 +78,6 @@ class PikeCompile(JsonObject, tag_field="schema", tag="robust/pike-compile/1", k
     implicants: list[dict[str, str]] | UnsetType = UNSET
 
 
-class Disagreement(JsonObject):
-    backend: str
-    question: str
-    expected: str
-    found: str
-
-
 class PikeCross(JsonObject, tag_field="schema", tag="robust/pike-cross/1"):
     """what `robust pike check --cross --json` prints
 
@@ -104,11 +95,7 @@ class PikeCross(JsonObject, tag_field="schema", tag="robust/pike-cross/1"):
     witness: str | None
 
 
-class LatestMoment(JsonObject):
-    choice: str
-    value: str
-    possible: bool
-    latest: Rational | None
+on_wire("Moment")
 
 
 class PikePatience(JsonObject, tag_field="schema", tag="robust/pike-patience/1"):
@@ -121,7 +108,7 @@ class PikePatience(JsonObject, tag_field="schema", tag="robust/pike-patience/1")
 
     status: Ended
     feasible: bool | None
-    moments: list[LatestMoment]
+    moments: list[Moment]
 
 
 class PikePlot(JsonObject, tag_field="schema", tag="robust/pike-plot/1"):
@@ -151,12 +138,17 @@ class PikeNew(JsonObject, tag_field="schema", tag="robust/pike-new/1"):
 
 DOCUMENTS: tuple[type[JsonObject], ...] = (PikeChecked, PikeCompile, PikeCross, PikeNew, PikePatience, PikePlot)
 """As in :mod:`robust.show.documents`."""
+has_table(PikeCheck, "scenarios")
+has_table(Crossed, "disagreements")
+has_table(Moments, "moments", numbers=("latest",))
+has_table(ExecutionRecord, "steps", numbers=("time",))
 STAGES = ("precedence", "links", "conflicts", "knowledge")
 
 
 # -- check -------------------------------------------------------------------------------------------------------------
 
 
+@documenting.register(PikeCheck)
 def check_document(result: PikeCheck) -> Document:
     """`robust/pike-check/1`."""
     execution = result.execution
@@ -182,6 +174,7 @@ def in_order(schedule: Mapping[str, Fraction]) -> list[tuple[str, Fraction]]:
     return sorted(schedule.items(), key=lambda item: (item[1], item[0]))
 
 
+@printing.register(PikeCheck)
 def print_check(out: Console, result: PikeCheck, *, quiet: bool) -> None:
     """The verdict; unless `quiet` also the execution and the scenarios."""
     out.print(_check_headline(result))
@@ -231,6 +224,7 @@ def execution_lines(execution: Execution, plan: TeamPlan | None) -> Iterable[str
 # -- compile -----------------------------------------------------------------------------------------------------------
 
 
+@documenting.register(Sizes)
 def compile_document(sizes: Sizes) -> Document:
     """`robust/pike-compile/1`."""
     known = {**vars(sizes), **sizes.counts, "seconds": _rounded(sizes.seconds)}
@@ -238,6 +232,7 @@ def compile_document(sizes: Sizes) -> Document:
     return document(PikeCompile(**known | {"implicants": UNSET if sizes.implicants is None else sizes.implicants}))
 
 
+@printing.register(Sizes)
 def print_sizes(out: Console, sizes: Sizes, *, quiet: bool) -> None:
     """Whether it was compiled; unless `quiet` also how large everything is."""
     out.print(_compile_headline(sizes))
@@ -271,6 +266,7 @@ def _facts(sizes: Sizes) -> Mapping[str, str]:
 # -- cross-check -------------------------------------------------------------------------------------------------------
 
 
+@documenting.register(Crossed)
 def cross_document(crossed: Crossed) -> Document:
     """`robust/pike-cross/1`."""
     outcome = CrossCheck() if crossed.outcome is None else crossed.outcome
@@ -281,12 +277,12 @@ def cross_document(crossed: Crossed) -> Document:
             status=crossed.status,
             agree=None if crossed.outcome is None else outcome.agree,
             scenarios=None if crossed.outcome is None else outcome.scenarios,
-            disagreements=[like(Disagreement, disagreement) for disagreement in outcome.disagreements],
             witness=None if crossed.written is None else str(crossed.written),
         )
     )
 
 
+@printing.register(Crossed)
 def print_cross(out: Console, crossed: Crossed, *, quiet: bool) -> None:
     """Whether all agree; unless `quiet` also how much they were asked."""
     outcome = crossed.outcome
@@ -311,12 +307,14 @@ def print_cross(out: Console, crossed: Crossed, *, quiet: bool) -> None:
 # -- patience ----------------------------------------------------------------------------------------------------------
 
 
-def patience_document(result: Moments) -> Document:
+@documenting.register(Moments)
+def patience_document(found: Moments) -> Document:
     """`robust/pike-patience/1`."""
-    return document(like(PikePatience, result, moments=[LatestMoment(*moment) for moment in result.moments]))
+    return document(like(PikePatience, found))
 
 
-def print_patience(out: Console, result: Moments, *, quiet: bool) -> None:
+@printing.register(Moments)
+def print_patience(out: Console, found: Moments, *, quiet: bool) -> None:
     """Whether there is a correct execution; unless `quiet` also until when each value can be chosen."""
     if result.feasible is None:
         out.print("Undecided: out of time.")
@@ -381,6 +379,7 @@ def print_new(out: Console, instance: Instance, path: Path, *, quiet: bool) -> N
 # -- run ---------------------------------------------------------------------------------------------------------------
 
 
+@documenting.register(ExecutionRecord)
 def run_document(record: ExecutionRecord) -> dict[str, Any]:
     """`robust/pike-run/1`."""
     return {
@@ -445,6 +444,7 @@ def _told(decision: said.Decision) -> tuple[str, str]:  # noqa: PLR0911 - one fo
             return "succeeded", "every activated event has been executed"
 
 
+@printing.register(ExecutionRecord)
 def print_run(out: Console, record: ExecutionRecord, *, quiet: bool) -> None:
     """How it ended; unless `quiet` also the timeline, and what contradicts each other if that was not explained."""
     ending = record.ending.value

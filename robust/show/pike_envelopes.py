@@ -6,9 +6,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from fractions import Fraction
 from typing import Annotated, Any
 
-from rich.console import Console
-from rich.text import Text
-
 from robust.json_text import Count, End, JsonObject, Rational, Seconds, like, one_of
 from robust.numbers import duration, exact_end, plural, readable
 from robust.pike_bridge.envelopes.parameters import ParametricPlan, TeamParameter, TeamParameterKind
@@ -20,11 +17,9 @@ from robust.qe.box import Interval, Side, interval_text
 from robust.qe.constraint import LinearConstraint, Sense
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region, absorb, signed_sum
-from robust.searching import Status
-from robust.show.documents import Document, Ended, SearchEnded, document, ends_of
-from robust.show.region_documents import Constraint as ConstraintRecord
-from robust.show.region_documents import Polyhedron as PolyhedronRecord
-from robust.show.region_documents import rows_of
+from robust.show.console import Console, Text, printing
+from robust.show.documents import SIDES, Document, Ended, SearchEnded, document, documenting, ends_of, has_table
+from robust.show.plan_documents import ConstraintRecord, PolyhedronRecord, rows_of
 
 MANY = 20
 """Combinations that are told one by one."""
@@ -188,7 +183,8 @@ def _constraint(one: LinearConstraint) -> ConstraintRecord:
     return ConstraintRecord(coefficients=coefficients, relation=one.relation.value, constant=one.constant)
 
 
-def whole_region_document(region: LabeledRegion) -> Document:
+@documenting.register(LabeledRegion)
+def whole_region_document(found: LabeledRegion) -> Document:
     """With the exact cells."""
     return region_document(region, cells_of(region))
 
@@ -246,7 +242,12 @@ def possible_rows(region: Document) -> list[Document]:
     return rows_of(pieces, region["parameters"])
 
 
-def envelope_document(envelope: TeamEnvelope) -> Document:
+has_table(LabeledRegion, rows=possible_rows)
+has_table(TeamEnvelope, "parameters", named="parameter", numbers=SIDES)
+
+
+@documenting.register(TeamEnvelope)
+def envelope_document(found: TeamEnvelope) -> Document:
     """`robust/pike-envelope/1`."""
     telling = Telling(envelope.plan)
     broken = None
@@ -283,11 +284,12 @@ def _within(envelope: TeamEnvelope, one: TeamParameter, telling: Telling) -> Tea
         reason = telling.stop(stop)
         return StoppedBy(choices=_choices(stop.choices), constraint=constraint, statements=told, reason=reason)
 
-    return TeamWithin(
+    return like(
+        TeamWithin,
+        ends_of(interval),
         kind=one.kind.value,
         meaning=one.meaning,
         nominal=one.parameter.nominal,
-        **ends_of(interval),
         stopped_below=stopped(Side.LOWER),
         stopped_above=stopped(Side.UPPER),
     )
@@ -435,7 +437,8 @@ class Telling:
         return f"{with_choices}{demand or 'not known'}{because}"
 
 
-def print_region(out: Console, region: LabeledRegion, *, quiet: bool) -> None:
+@printing.register(LabeledRegion)
+def print_region(out: Console, found: LabeledRegion, *, quiet: bool) -> None:
     """For each combination of choices what the parameters may be, and which combinations are impossible."""
     telling = Telling(region.plan)
     by_sentence: dict[str, list[str]] = {}
@@ -485,7 +488,8 @@ def _ended(result: LabeledRegion | TeamEnvelope) -> str:
     return "out of time" if result.status is Status.TIMEOUT else result.status.value
 
 
-def print_envelope(out: Console, envelope: TeamEnvelope, *, quiet: bool) -> None:
+@printing.register(TeamEnvelope)
+def print_envelope(out: Console, found: TeamEnvelope, *, quiet: bool) -> None:
     """What is promised for which values; unless `quiet` also what ends each side."""
     telling = Telling(envelope.plan)
     promised = promise(envelope)

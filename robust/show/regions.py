@@ -1,38 +1,35 @@
-"""Exact regions, alone and beside boxes: as sentences and inequalities, pictures, and a page of HTML.
-
-Boxes for people: how far parameters may deviate, what ends them, and how they were found.
-"""
+"""Regions and boxes for people: inequalities, how far parameters may deviate, what ends that, and how it was found."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from html import escape
 from typing import TYPE_CHECKING
-
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
 from robust.irr.check import Counterexample
 from robust.irr.compare import Comparison, Entry, FaceGap, RatioBounds
 from robust.irr.search import EnvelopeResult
 from robust.numbers import duration, end, plural, readable
 from robust.plan.model import Parameter
-from robust.qe.box import Interval, Side, interval_text
+from robust.qe.box import Box, Interval, Side, interval_text
 from robust.qe.compute import RegionResult
 from robust.qe.constraint import Sense
 from robust.qe.inner import EnvelopeFactor
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region, absorb, signed_sum
 from robust.searching import Status
-from robust.show.console import show_table, table
-from robust.show.documents import NOTHING_BESIDE, Beside, greatest_text
+from robust.show.console import Console, Text, printing
+from robust.show.documents import bounds_text, decimal
+from robust.show.tables import show_table, table
 from robust.show.text import percentage, percentages, print_advice, print_counterexample, stopped
 
 if TYPE_CHECKING:
-    pass
+    from rich.table import Table
+
+    from robust.execute.controllability import ControllabilityReport
+    from robust.probability.measure import Bounds
 
 MANY = 20
 """Pieces up to which a region is shown as a union by default."""
@@ -78,14 +75,15 @@ def print_latex(out: Console, result: RegionResult) -> None:
     out.print(Text(result.region.to_latex()), soft_wrap=True, no_wrap=True)
 
 
-def print_formed(out: Console, result: RegionResult, *, quiet: bool) -> None:
+@printing.register(RegionResult)
+def _(out: Console, result: RegionResult, *, quiet: bool) -> None:
     """A region as it was found, in the form in which it is shown."""
     print_region(out, formed(result), quiet=quiet)
 
 
 def print_region(out: Console, result: RegionResult, *, quiet: bool) -> None:
     """Inequalities, and what they mean; unless `quiet` also how they were found."""
-    ordered = result.is_exact and len(result.region.pieces) > MANY and any(one.symmetry for one in result.factors)
+    ordered = result.is_exact and len(result.region.pieces) > MANY and any(factor.symmetry for factor in result.factors)
     exact = result.is_exact
     lines = _ordered_lines(result.factors) if ordered else region_lines(result.region, exact=exact)
     for line in lines:
@@ -105,10 +103,10 @@ def print_region(out: Console, result: RegionResult, *, quiet: bool) -> None:
 
 def _ordered_lines(factors: Sequence[EnvelopeFactor]) -> Iterator[str]:
     """The region up to permutations of parameters, for each group of them; all have to hold."""
-    for index, one in enumerate(factors):
+    for index, factor in enumerate(factors):
         yield from ("",) if index else ()
-        yield from _ordering(one)
-        yield from region_lines(in_form(one.outer, None), exact=True)
+        yield from _ordering(factor)
+        yield from region_lines(in_form(factor.outer, None), exact=True)
 
 
 def _ordering(factor: EnvelopeFactor) -> Iterator[str]:
@@ -118,24 +116,29 @@ def _ordering(factor: EnvelopeFactor) -> Iterator[str]:
 
 def _inner_lines(result: RegionResult) -> Iterator[str]:
     """What is proved, group by group of parameters, or nothing."""
-    if not any(one.inner.pieces or one.inner.base is not None for one in result.factors):
+    if not any(factor.inner.pieces or factor.inner.base is not None for factor in result.factors):
         return
-    for one in result.factors:
+    for factor in result.factors:
         yield ""
-        yield from _ordering(one)
-        among = f" as to {', '.join(one.parameters)}" if len(result.factors) > 1 else ""
-        if one.inner.base is not None:
-            yield from region_lines(in_form(one.inner, None), exact=True)
+        yield from _ordering(factor)
+        among = f" as to {', '.join(factor.parameters)}" if len(result.factors) > 1 else ""
+        if factor.inner.base is not None:
+            yield from region_lines(in_form(factor.inner, None), exact=True)
             continue
         yield f"The plan is certain to be valid{among} if all lines of one of these groups hold"
-        for index, piece in enumerate(one.inner.pieces, start=1):
-            yield f"  {index}."
-            yield from (f"     {line}" for line in polyhedron_lines(piece) or ["no condition"])
+        yield from _groups(factor.inner.pieces)
+
+
+def _groups(pieces: Sequence[Polyhedron]) -> Iterator[str]:
+    """The inequalities of each polyhedron, numbered."""
+    for index, piece in enumerate(pieces, start=1):
+        yield f"  {index}."
+        yield from (f"     {line}" for line in polyhedron_lines(piece) or ["no condition"])
 
 
 def _open_text(result: RegionResult) -> str:
     """How much lies between both bounds."""
-    cells = sum(len(one.inner.pieces) for one in result.factors)
+    cells = sum(len(factor.inner.pieces) for factor in result.factors)
     proved = f"proved valid: {_polyhedra(cells)}"
     share = result.open_share
     if share is None:
@@ -144,8 +147,11 @@ def _open_text(result: RegionResult) -> str:
     if share.confidence is not None:
         between = f"{_percent(share.lower)} to {_percent(share.upper)}"
         ends = f"about {ends} ({between} with confidence {_percent(share.confidence)}, {share.points} random points)"
-    box = ", ".join(f"{name} ∈ {interval_text(one)}" for name, one in share.box.intervals.items())
-    return f"{proved}; open: {ends} of {box}"
+    return f"{proved}; open: {ends} of {_intervals(share.box)}"
+
+
+def _intervals(box: Box) -> str:
+    return ", ".join(f"{name} ∈ {interval_text(interval)}" for name, interval in box.intervals.items())
 
 
 def _summary(result: RegionResult) -> Text:
@@ -190,9 +196,7 @@ def region_lines(region: Region, *, exact: bool) -> Iterator[str]:
         yield valid
         yield from (f"  {line}" for line in polyhedron_lines(region.base) or ["(no condition)"])
         yield f"and not all lines of {'this group' if len(region.pieces) == 1 else 'one of these groups'} hold"
-    for index, piece in enumerate(region.pieces, start=1):
-        yield f"  {index}."
-        yield from (f"     {line}" for line in polyhedron_lines(piece) or ["no condition"])
+    yield from _groups(region.pieces)
 
 
 def polyhedron_lines(piece: Polyhedron) -> list[str]:
@@ -253,7 +257,7 @@ def box_rows(result: Comparison) -> list[Row]:
 
 def face_rows(result: Comparison) -> list[Row]:
     """One row for each finite face of each box."""
-    parameters = {one.name: one for one in result.plan.parameters}
+    parameters = {parameter.name: parameter for parameter in result.plan.parameters}
     return [
         (METHOD_NAMES[entry.method], *_face_cells(face, parameters[face.parameter].percent(face.end)))
         for entry in result.entries
@@ -285,10 +289,11 @@ def _percent(value: Fraction) -> str:
     return f"{float(value * 100):.1f} %"
 
 
+@printing.register(Comparison)
 def print_comparison(out: Console, result: Comparison, *, quiet: bool) -> None:
     """The region, the boxes, and unless `quiet` what stops each face."""
     if result.region is not None:
-        for line in region_lines(in_form(result.region.region, None), exact=result.region.is_exact):
+        for line in _compared_lines(result.region):
             out.print(Text(line), soft_wrap=True)
         out.print()
     show_table(out, table(_BOXES, box_rows(result), right=_BOXES[2:]))
@@ -301,16 +306,19 @@ def print_comparison(out: Console, result: Comparison, *, quiet: bool) -> None:
     if rows:
         out.print()
         show_table(out, table(_FACES, rows, right=("gap",)))
-    print_advice(out, dict.fromkeys(one for entry in result.entries for one in entry.result.advice))
+    print_advice(out, dict.fromkeys(advice for entry in result.entries for advice in entry.result.advice))
     out.print()
     out.print(Text(_compare_summary(result)), soft_wrap=True)
+
+
+def _compared_lines(region: RegionResult) -> Iterator[str]:
+    return region_lines(in_form(region.region, None), exact=region.is_exact)
 
 
 def _box_text(entry: Entry) -> str:
     if not entry.result.verified:
         return entry.result.reason or "no box is known"
-    box = entry.result.box.intervals.items()
-    return ", ".join(f"{name} ∈ {interval_text(interval)}" for name, interval in box) or "no parameters"
+    return _intervals(entry.result.box) or "no parameters"
 
 
 def _compare_summary(result: Comparison) -> str:
@@ -327,9 +335,7 @@ def _compare_summary(result: Comparison) -> str:
 
 def comparison_details(result: Comparison) -> str:
     """The inequalities and all tables as HTML."""
-    lines = ["not computed"]
-    if result.region is not None:
-        lines = list(region_lines(in_form(result.region.region, None), exact=result.region.is_exact))
+    lines = ["not computed"] if result.region is None else _compared_lines(result.region)
     ends = (f"{METHOD_NAMES[entry.method]}: {_box_text(entry)}" for entry in result.entries)
     inequalities = escape("\n".join(lines))
     return (
@@ -346,15 +352,40 @@ def _html_table(head: Row, rows: list[Row]) -> str:
     return f"<table><tr>{cells}</tr>{body}</table>"
 
 
+# -- boxes -----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Beside:
+    """What a command finds out in addition to a box: `counterexample` shows what breaks at the nominal point,
+    `controllability` what a dispatcher need not know of the values in the box, `probability` how probable they are."""
+
+    counterexample: Counterexample | None = None
+    controllability: ControllabilityReport | None = None
+    probability: Bounds | None = None
+
+
+NOTHING_BESIDE = Beside()
+
+
+@printing.register(EnvelopeResult)
 def print_envelope(out: Console, result: EnvelopeResult, beside: Beside = NOTHING_BESIDE, *, quiet: bool) -> None:
     """The box, or why there is none; unless `quiet` also how it was found. What was asked for beside comes last."""
     _print_box(out, result, beside.counterexample, quiet)
     if beside.controllability is not None:
-        from robust.show.made import print_controllability  # noqa: PLC0415 - much, and for few only
+        from robust.show.execution import print_controllability  # noqa: PLC0415 - much, and for few only
 
         print_controllability(out, beside.controllability, quiet=quiet)
     if beside.probability is not None:
-        out.print(greatest_text(result, beside.probability), soft_wrap=True)
+        out.print(_greatest_text(result, beside.probability), soft_wrap=True)
+
+
+def _greatest_text(result: EnvelopeResult, probability: Bounds) -> str:
+    """How probable a box is, and how much more probable another may be."""
+    own = f"probability of the box: {bounds_text(probability, 4)}"
+    if result.bound is None:
+        return f"{own}; {'' if result.cut_short else 'a local optimum: '}how probable others may be is not known"
+    return f"{own}; no box has more than {decimal(min(Fraction(1), result.bound), 4, up=True)}"
 
 
 def _promise(result: EnvelopeResult) -> str:
@@ -438,7 +469,7 @@ def _print_stops(out: Console, result: EnvelopeResult) -> None:
 def _side(result: EnvelopeResult, name: str, side: Side) -> str:
     """`to_ridge ≤ 36`; `to_ridge = 36` for both sides if nothing is between and both end at the same."""
     interval = result.box[name]
-    both = {result.stops.get((name, one)) for one in Side}
+    both = {result.stops.get((name, end)) for end in Side}
     sign = (
         "="
         if interval.width == 0 and len(both) == 1

@@ -3,73 +3,58 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-from rich.text import Text
+from typing import Annotated
 
 from robust.irr.conflicts import RepairStatus
 from robust.irr.quantities import Cost
 from robust.irr.repair import Repair
-from robust.json_text import Count, JsonObject, Rational, Seconds, like, one_of
+from robust.json_text import Count, JsonObject, Rational, Seconds, like, one_of, wire
 from robust.numbers import duration, plural, readable
-from robust.qe.box import Box
-from robust.show.console import colour_of
-from robust.show.documents import (
-    Document,
-    Ended,
-    Ends,
-    Noted,
-    PlanChange,
-    Solver,
-    box_of,
-    changes_of,
-    document,
-)
-from robust.show.text import told
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
+from robust.qe.box import Interval
+from robust.show import documents
+from robust.show.console import Console, Text, colour_of, printing
+from robust.show.text import change_text
 
 # -- for people --------------------------------------------------------------------------------------------------------
 
 
-def print_repair(out: Console, found: Repair, written: Path | None = None, *, quiet: bool) -> None:
+@printing.register(Repair)
+def print_repair(out: Console, repair: Repair, written: Path | None = None, *, quiet: bool) -> None:
     """The changes and what they cost; unless `quiet` with the statements that change and what for."""
     out.print(
-        Text.assemble((found.status.value, colour_of(found.status.value)), f": {_verdict(found)}"), soft_wrap=True
+        Text.assemble((repair.status.value, colour_of(repair.status.value)), f": {_verdict(repair)}"), soft_wrap=True
     )
-    for change in found.changes:
-        out.print(Text(f"  {told(change) if quiet else change.words}"), soft_wrap=True)
+    for change in repair.changes:
+        out.print(Text(f"  {change_text(change) if quiet else change.words}"), soft_wrap=True)
         if not quiet:
             out.print(Text(f"    in {change}", style="dim"), soft_wrap=True)
             for reason in change.serves:
                 out.print(Text(f"    for {reason}", style="dim"), soft_wrap=True)
-    for reason in found.contradiction:
+    for reason in repair.contradiction:
         out.print(Text(f"  {reason}"), soft_wrap=True)
     if not quiet:
-        checked = "checked again: the repaired plan is proved; " if found.changes else ""
-        examined = plural(found.candidates, "plan")
-        out.print(Text(f"{checked}{examined} examined; {duration(found.seconds)}.", style="dim"), soft_wrap=True)
+        checked = "checked again: the repaired plan is proved; " if repair.changes else ""
+        examined = plural(repair.candidates, "plan")
+        out.print(Text(f"{checked}{examined} examined; {duration(repair.seconds)}.", style="dim"), soft_wrap=True)
     if written is not None:
         out.print(Text(f"plan: {written}"), soft_wrap=True)
 
 
-def _verdict(found: Repair) -> str:
-    match found.status:
+def _verdict(repair: Repair) -> str:
+    match repair.status:
         case RepairStatus.UNNEEDED:
             return "the plan is proved as it is"
         case RepairStatus.IMPOSSIBLE:
             return "whatever is changed of what may change, one of these breaks"
         case RepairStatus.UNKNOWN:
-            why = "interrupted" if found.interrupted else found.reason or "out of time"
-            return f"{why}, no repair found; none costs less than {price(found.bound, found.count)}"
-    cost = found.cost or Cost()
-    paid = f"{plural(len(found.changes), 'change')} at cost {readable(cost.total)}"
-    if found.status is RepairStatus.FEASIBLE:
-        return f"{paid}; perhaps not the least, which is not below {price(found.bound, found.count)}"
-    if not found.attained:
-        return f"{paid}; the least cost {readable(found.bound.total)} is only approached"
+            why = "interrupted" if repair.interrupted else repair.reason or "out of time"
+            return f"{why}, no repair found; none costs less than {price(repair.bound, repair.count)}"
+    cost = repair.cost or Cost()
+    paid = f"{plural(len(repair.changes), 'change')} at cost {readable(cost.total)}"
+    if repair.status is RepairStatus.FEASIBLE:
+        return f"{paid}; perhaps not the least, which is not below {price(repair.bound, repair.count)}"
+    if not repair.attained:
+        return f"{paid}; the least cost {readable(repair.bound.total)} is only approached"
     return f"{paid}, the least"
 
 
@@ -82,7 +67,7 @@ def price(cost: Cost, count: bool) -> str:
 # -- JSON --------------------------------------------------------------------------------------------------------------
 
 
-class RepairCost(JsonObject):
+class CostRecord(JsonObject):
     """
     Attributes:
         counted: the changes that count: all of them, or without --count those of bounds that were infinite
@@ -93,7 +78,7 @@ class RepairCost(JsonObject):
     total: Rational
 
 
-class PlanRepair(Noted, tag_field="schema", tag="robust/repair/1"):
+class PlanRepair(documents.Noted, tag_field="schema", tag="robust/repair/1"):
     """robust repair --json: the least change after which a plan is proved, checked again
 
     Attributes:
@@ -112,18 +97,18 @@ class PlanRepair(Noted, tag_field="schema", tag="robust/repair/1"):
         written: the file with the repaired plan; null if none was asked for, or there is none
     """
 
-    status: Ended
+    status: documents.Ended
     repair: Annotated[str, one_of("unneeded", "optimal", "feasible", "impossible", "unknown")]
     change: Annotated[str, one_of("bounds", "nominal", "both")]
     count: bool
-    solver: Solver
+    solver: documents.Solver
     epsilon: Rational
-    required: dict[str, Ends]
-    cost: RepairCost | None
-    bound: RepairCost
+    required: dict[str, Interval]
+    cost: CostRecord | None
+    bound: CostRecord
     gap: Rational | None
     attained: bool
-    changes: list[PlanChange]
+    changes: list[documents.PlanChange]
     contradiction: list[str]
     reason: str | None
     conflicts: Count
@@ -132,35 +117,37 @@ class PlanRepair(Noted, tag_field="schema", tag="robust/repair/1"):
     written: str | None
 
 
-def repair_document(found: Repair, written: Path | None = None) -> Document:
-    comparable = found.cost is not None and found.cost.count == found.bound.count
-    return document(
+@wire.register(Cost)
+def _(cost: Cost) -> CostRecord:
+    return CostRecord(counted=cost.count, total=cost.total)
+
+
+@documents.documenting.register(Repair)
+def repair_document(repair: Repair, written: Path | None = None) -> documents.Document:
+    """With the file that the repaired plan was written to."""
+    cost = repair.cost
+    return documents.document(
         like(
             PlanRepair,
-            found,
-            status=_ended(found),
-            repair=found.status.value,
-            required=box_of(Box(found.required)),
-            cost=None if found.cost is None else _cost(found.cost),
-            bound=_cost(found.bound),
-            gap=found.cost.total - found.bound.total if found.cost is not None and comparable else None,
-            changes=changes_of(found.changes),
-            contradiction=list(found.contradiction),
+            repair,
+            status=_ended(repair),
+            repair=repair.status.value,
+            gap=cost.total - repair.bound.total if cost is not None and cost.count == repair.bound.count else None,
+            changes=documents.changes_of(repair.changes),
             written=None if written is None else str(written),
         )
     )
 
 
-def _ended(found: Repair) -> str:
-    if not found.cut_short:
+documents.has_table(Repair, "changes", numbers=documents.CHANGE)
+
+
+def _ended(repair: Repair) -> str:
+    if not repair.cut_short:
         return "complete"
-    if found.reason is not None:
+    if repair.reason is not None:
         return "unknown"
-    return "interrupted" if found.interrupted else "timeout"
-
-
-def _cost(cost: Cost) -> RepairCost:
-    return RepairCost(counted=cost.count, total=cost.total)
+    return "interrupted" if repair.interrupted else "timeout"
 
 
 DOCUMENTS: tuple[type[JsonObject], ...] = (PlanRepair,)

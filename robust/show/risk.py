@@ -7,28 +7,18 @@ from fractions import Fraction
 from typing import Annotated
 
 from msgspec import UNSET, UnsetType
-from rich.console import Console
-from rich.text import Text
 
-from robust.json_text import Count, JsonObject, Rational, Seconds, like, one_of
+from robust.json_text import Count, JsonObject, Rational, Seconds, like, on_wire, one_of, wire
 from robust.numbers import duration, plural
 from robust.probability.measure import Bounds
 from robust.probability.packing import SampledEstimate
 from robust.probability.risk import METHODS, BlameShare, RiskResult, RiskStatus
+from robust.qe.box import Box
 from robust.searching import Status
-from robust.show.console import show_table, table
-from robust.show.documents import (
-    Document,
-    Ends,
-    Noted,
-    Range,
-    bounds_text,
-    box_of,
-    decimal,
-    document,
-    places_for,
-    range_of,
-)
+from robust.show import documents
+from robust.show.console import Console, Text, printing
+from robust.show.documents import bounds_text, decimal, places_for
+from robust.show.tables import show_table, table
 from robust.show.text import stopped
 
 # -- JSON --------------------------------------------------------------------------------------------------------------
@@ -44,26 +34,12 @@ class KeptBox(JsonObject):
 
     method: Annotated[str, one_of(*METHODS)]
     complete: bool
-    probability: Range
-    parameters: dict[str, Ends]
+    probability: Bounds
+    parameters: Box
 
 
-class Blamed(JsonObject):
-    """how much of the probability an obligation takes as the first that breaks; the name may also be `declared bounds`
-    or `no schedule`"""
-
-    obligation: str
-    probability: Range
-
-
-class Drawn(JsonObject):
-    """an estimate, which proves nothing: the probability is between both ends with the confidence (Clopper-Pearson)"""
-
-    draws: Count
-    successes: Count
-    lower: float
-    upper: float
-    confidence: Rational
+on_wire("BlameShare", name="obligation")
+wire.register(Bounds, documents.range_of)
 
 
 class Disjoint(JsonObject):
@@ -72,7 +48,7 @@ class Disjoint(JsonObject):
     boxes: Count
 
 
-class RiskAnswer(Noted, tag_field="schema", tag="robust/risk/1", kw_only=True):
+class RiskAnswer(documents.Noted, tag_field="schema", tag="robust/risk/1", kw_only=True):
     """robust risk --json: the probability that a plan succeeds when its parameters are random and independent
 
     Attributes:
@@ -92,15 +68,15 @@ class RiskAnswer(Noted, tag_field="schema", tag="robust/risk/1", kw_only=True):
     """
 
     status: Annotated[str, one_of("complete", "wide", "timeout", "interrupted", "unknown")]
-    probability: Range
+    probability: Bounds
     within: Rational
     distributions: dict[str, str]
     box: KeptBox | None
     boxes: list[KeptBox]
-    by_obligation: list[Blamed] | None
+    by_obligation: list[BlameShare] | None
     cells: Count
     disjoint: Disjoint | UnsetType = UNSET
-    estimate: Drawn | UnsetType = UNSET
+    estimate: SampledEstimate | UnsetType = UNSET
     reason: str | UnsetType = UNSET
     seconds: Seconds
 
@@ -108,36 +84,33 @@ class RiskAnswer(Noted, tag_field="schema", tag="robust/risk/1", kw_only=True):
 DOCUMENTS: tuple[type[JsonObject], ...] = (RiskAnswer,)
 
 
-def answer(result: RiskResult) -> Document:
-    """What `robust risk --json` prints."""
+@documents.documenting.register(RiskResult)
+def _(result: RiskResult) -> documents.Document:
     boxes = {
-        one.method: KeptBox(
-            method=one.method,
-            complete=one.result.status is Status.COMPLETE,
-            probability=range_of(one.probability),
-            parameters=box_of(one.result.box),
+        kept.method: KeptBox(
+            method=kept.method,
+            complete=kept.result.status is Status.COMPLETE,
+            probability=kept.probability,
+            parameters=kept.result.box,
         )
-        for one in result.kept
+        for kept in result.kept
     }
-    return document(
+    return documents.document(
         like(
             RiskAnswer,
             result,
-            probability=range_of(result.probability),
-            distributions={name: str(one) for name, one in result.distributions.items()},
+            distributions={name: str(each) for name, each in result.distributions.items()},
             box=None if result.best is None else boxes[result.best.method],
             boxes=list(boxes.values()),
-            by_obligation=None if result.shares is None else [_blamed(one) for one in result.shares],
+            by_obligation=result.shares,
             disjoint=Disjoint(boxes=len(result.disjoint)) if result.disjoint else UNSET,
-            estimate=UNSET if result.estimate is None else like(Drawn, result.estimate),
+            estimate=UNSET if result.estimate is None else result.estimate,
             reason=UNSET if result.reason is None else result.reason,
-            status=result.status.value,
         )
     )
 
 
-def _blamed(share: BlameShare) -> Blamed:
-    return Blamed(obligation=share.name, probability=range_of(share.probability))
+documents.has_table(RiskResult, "by_obligation", numbers=documents.ENDS)
 
 
 # -- text --------------------------------------------------------------------------------------------------------------
@@ -146,6 +119,7 @@ _NAMES = {"irr": "IRR, β = 1", "widen": "exact widening", "optimal": "greatest 
 _WIDE = "too many parameters for closer bounds"
 
 
+@printing.register(RiskResult)
 def print_risk(out: Console, result: RiskResult, *, quiet: bool) -> None:
     """The bounds; unless `quiet` also what takes the rest, and what boxes keep."""
     places = places_for(result.within)
@@ -163,31 +137,29 @@ def print_risk(out: Console, result: RiskResult, *, quiet: bool) -> None:
         out.print("What boxes keep:")
         rows = [
             (
-                f"{_NAMES[one.method]}{' so far' if one.result.cut_short else ''}",
-                bounds_text(one.probability, places),
-                _of_success(one.probability, result),
+                f"{_NAMES[kept.method]}{' so far' if kept.result.cut_short else ''}",
+                bounds_text(kept.probability, places),
+                _of_success(kept.probability, result),
             )
-            for one in result.kept
+            for kept in result.kept
         ]
         show_table(out, table(("box", "probability", "of success"), rows))
     out.print()
     out.print(_summary(result), soft_wrap=True)
 
 
-def _estimate(found: SampledEstimate, places: int) -> Text:
-    share = f"{found.successes / found.draws:.{places}f}"
-    ends = f"{found.lower:.{places}f} to {found.upper:.{places}f}"
-    return Text(
-        f"estimate: {share}, from {found.draws} random points; {ends} with {float(found.confidence):.1%} confidence "
-        "(Clopper-Pearson); no proof"
-    )
+def _estimate(estimate: SampledEstimate, places: int) -> Text:
+    share = f"{estimate.successes / estimate.draws:.{places}f}"
+    ends = f"{estimate.lower:.{places}f} to {estimate.upper:.{places}f}"
+    confidence = f"{float(estimate.confidence):.1%} confidence (Clopper-Pearson)"
+    return Text(f"estimate: {share}, from {estimate.draws} random points; {ends} with {confidence}; no proof")
 
 
 def _share_rows(shares: Sequence[BlameShare], within: Fraction, places: int) -> list[tuple[str, str]]:
     """Those that matter, the greatest first; what is negligible is counted."""
-    shown = [one for one in shares if one.probability.upper >= within]
-    shown.sort(key=lambda one: one.probability.upper, reverse=True)
-    rows = [(one.name, bounds_text(one.probability, places)) for one in shown]
+    shown = [share for share in shares if share.probability.upper >= within]
+    shown.sort(key=lambda share: share.probability.upper, reverse=True)
+    rows = [(share.name, bounds_text(share.probability, places)) for share in shown]
     if rest := len(shares) - len(shown):
         rows.append((f"{plural(rest, 'other')}, each", f"at most {decimal(within, places, up=True)}"))
     return rows

@@ -9,37 +9,36 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar
 
-from rich.text import Text
-
 from robust.errors import UNDECIDED, exit_code_of
-from robust.json_text import Count, End, JsonObject, Rational, Seconds, like, one_of
+from robust.json_text import Count, End, JsonObject, Rational, Seconds, like, one_of, wire
+from robust.network.uncertain import Wait
 from robust.numbers import exact_end, format_number, plural, readable
-from robust.show.console import colour_of
-from robust.show.documents import Document, Ended, Noted, document
+from robust.show.console import Console, Text, colour_of, printing
+from robust.show.documents import CHANGE, Document, Ended, Noted, document, documenting, has_table
+from robust.stnu.network import Edge, Link
+from robust.stnu.repairs import LinkChange, NetworkRepair
+from robust.stnu.verdicts import DispatchResult, NetworkCheck
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from robust.errors import RobustError
     from robust.network.uncertain import Wait
     from robust.stnu.network import Network
-    from robust.stnu.repairs import LinkChange, NetworkRepair
-    from robust.stnu.verdicts import DispatchResult, NetworkCheck, NetworkExecution
+    from robust.stnu.verdicts import NetworkExecution, Requirement
 
 Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, slots=True)
-class Dispatched:
+class SimulatedDispatch:
     """A dispatchable network and simulated executions of it."""
 
-    found: DispatchResult
+    dispatch: DispatchResult
     executions: tuple[NetworkExecution, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Judged(Generic[Result]):
-    """One file, and what was found of it, or why nothing was."""
+class JudgedNetwork(Generic[Result]):
+    """One file, and what came of it, or why nothing did."""
 
     file: Path
     result: Result | None
@@ -48,7 +47,7 @@ class Judged(Generic[Result]):
     @property
     def word(self) -> str:
         """The verdict in one word."""
-        result: Any = self.result.found.checked if isinstance(self.result, Dispatched) else self.result
+        result: Any = self.result.dispatch.checked if isinstance(self.result, SimulatedDispatch) else self.result
         if result is None:
             return "error"
         word: str = (result.verdict if hasattr(result, "verdict") else result.status).value
@@ -59,27 +58,32 @@ class Judged(Generic[Result]):
         """The exit code of a verdict or an error."""
         return exit_code_of(self.word) if self.error is None else self.error.exit_code
 
+    @property
+    def trouble(self) -> str | None:
+        """The error as text."""
+        return None if self.error is None else str(self.error)
+
 
 # -- for people --------------------------------------------------------------------------------------------------------
 
 
 def _print_all(
-    out: Console, judged: Sequence[Judged[Result]], line: Callable[[Result], str], more: Callable[[Result], None]
+    out: Console, judged: Sequence[JudgedNetwork[Result]], line: Callable[[Result], str], more: Callable[[Result], None]
 ) -> None:
     """A line for each file and more below it; several are counted."""
-    for row in judged:
-        text = Text("" if len(judged) == 1 or row.error is not None else f"{row.file}: ")
-        text.append(row.word, style=colour_of(row.word))
-        text.append(f": {row.error if row.result is None else line(row.result)}")
+    for network in judged:
+        text = Text("" if len(judged) == 1 or network.error is not None else f"{network.file}: ")
+        text.append(network.word, style=colour_of(network.word))
+        text.append(f": {network.error if network.result is None else line(network.result)}")
         out.print(text, soft_wrap=True)
-        if row.result is not None:
-            more(row.result)
+        if network.result is not None:
+            more(network.result)
     if len(judged) > 1:
-        counts = Counter(row.word for row in judged)
+        counts = Counter(network.word for network in judged)
         out.print(Text(", ".join(f"{count} {word}" for word, count in counts.items()), style="dim"))
 
 
-def print_checks(out: Console, judged: Sequence[Judged[NetworkCheck]], *, quiet: bool) -> None:
+def print_checks(out: Console, judged: Sequence[JudgedNetwork[NetworkCheck]], *, quiet: bool) -> None:
     """The verdicts; unless `quiet` also the cycle that refutes control."""
 
     def more(result: NetworkCheck) -> None:
@@ -97,39 +101,42 @@ def _verdict_line(result: NetworkCheck) -> str:
     return result.network.size if result.reason is None else result.reason
 
 
-def print_dispatches(out: Console, judged: Sequence[Judged[Dispatched]], *, quiet: bool) -> None:
+def print_dispatches(out: Console, judged: Sequence[JudgedNetwork[SimulatedDispatch]], *, quiet: bool) -> None:
     """The dispatchable networks; unless `quiet` with all requirements, waits and executions."""
 
-    def line(result: Dispatched) -> str:
-        dispatched = result.found
-        if dispatched.tables is None:
-            return _verdict_line(dispatched.checked)
-        counted = f"{plural(len(dispatched.requirements), 'requirement')} and {plural(len(dispatched.waits), 'wait')}"
-        return f"minimal dispatchable with {counted}, of {dispatched.derived} bounds that follow"
+    def line(simulated: SimulatedDispatch) -> str:
+        dispatch = simulated.dispatch
+        if dispatch.tables is None:
+            return _verdict_line(dispatch.checked)
+        counted = f"{plural(len(dispatch.requirements), 'requirement')} and {plural(len(dispatch.waits), 'wait')}"
+        return f"minimal dispatchable with {counted} from {plural(dispatch.derived, 'implied bound')}"
 
-    def more(result: Dispatched) -> None:
+    def more(simulated: SimulatedDispatch) -> None:
         if quiet:
             return
-        for link in result.found.network.contingents if result.found.tables is not None else ():
+        dispatch, executions = simulated.dispatch, simulated.executions
+        for link in dispatch.network.contingents if dispatch.tables is not None else ():
             out.print(Text(f"  {link}"), soft_wrap=True)
-        for edge in result.found.requirements:
+        for edge in dispatch.requirements:
             out.print(Text(f"  {edge.target} - {edge.source} <= {format_number(edge.bound)}"), soft_wrap=True)
-        for wait in result.found.waits:
+        for wait in dispatch.waits:
             out.print(Text(f"  {wait}"), soft_wrap=True)
-        for run in result.executions[:1]:
+        for run in executions[:1]:
             out.print(Text(f"execution with seed {run.seed}:"), soft_wrap=True)
             for event in run.events:
                 text = f"  {readable(event.time):>10}  {event.point}{' (observed)' if event.observed else ''}"
                 out.print(Text(text), soft_wrap=True)
-        if result.executions:
-            failed = sum(bool(run.violated) for run in result.executions)
-            counted = f"{plural(len(result.executions), 'execution')}, {failed} with a violated requirement"
+        if executions:
+            failed = sum(bool(run.violated) for run in executions)
+            counted = f"{plural(len(executions), 'execution')}, {failed} with a violated requirement"
             out.print(Text(counted, style="dim"))
 
     _print_all(out, judged, line, more)
 
 
-def print_repairs(out: Console, judged: Sequence[Judged[NetworkRepair]], written: str | None, *, quiet: bool) -> None:
+def print_repairs(
+    out: Console, judged: Sequence[JudgedNetwork[NetworkRepair]], written: str | None, *, quiet: bool
+) -> None:
     """The changes and what they cost; unless `quiet` with the conflicts that they serve."""
 
     def line(repair: NetworkRepair) -> str:
@@ -154,24 +161,24 @@ def print_repairs(out: Console, judged: Sequence[Judged[NetworkRepair]], written
         out.print(Text(f"network: {written}"), soft_wrap=True)
 
 
-def _alone(result: Result) -> list[Judged[Result]]:
+def _alone(result: Result) -> list[JudgedNetwork[Result]]:
     """A result by itself, with the name of its network."""
-    whole: Any = result.found if isinstance(result, Dispatched) else result
-    return [Judged(Path(whole.name), result)]
+    named: Any = result.dispatch if isinstance(result, SimulatedDispatch) else result
+    return [JudgedNetwork(Path(named.name), result)]
 
 
-def print_one_check(out: Console, result: NetworkCheck, *, quiet: bool) -> None:
-    """One verdict."""
+@printing.register(NetworkCheck)
+def _(out: Console, result: NetworkCheck, *, quiet: bool) -> None:
     print_checks(out, _alone(result), quiet=quiet)
 
 
-def print_one_dispatch(out: Console, result: DispatchResult, *, quiet: bool) -> None:
-    """One dispatchable network, without executions."""
-    print_dispatches(out, _alone(Dispatched(result, ())), quiet=quiet)
+@printing.register(DispatchResult)
+def _(out: Console, result: DispatchResult, *, quiet: bool) -> None:
+    print_dispatches(out, _alone(SimulatedDispatch(result, ())), quiet=quiet)
 
 
-def print_one_repair(out: Console, result: NetworkRepair, *, quiet: bool) -> None:
-    """One repair."""
+@printing.register(NetworkRepair)
+def _(out: Console, result: NetworkRepair, *, quiet: bool) -> None:
     print_repairs(out, _alone(result), None, quiet=quiet)
 
 
@@ -205,7 +212,7 @@ class CheckedNetwork(JsonObject):
 
     file: str
     verdict: Annotated[str, one_of("controllable", "uncontrollable", "unknown")]
-    cycle: list[CycleEdge]
+    cycle: list[Edge]
     reason: str | None
     seconds: Seconds | None
     error: str | None
@@ -222,34 +229,35 @@ class StnuCheck(Noted, tag_field="schema", tag="robust/stnu-check/1"):
     results: list[CheckedNetwork]
 
 
-def check_document(judged: Sequence[Judged[NetworkCheck]], status: str) -> Document:
-    return document(StnuCheck(status=status, results=[_checked(row.file, row.result, row.error) for row in judged]))
+@wire.register(Edge)
+def _(edge: Edge) -> CycleEdge:
+    return like(CycleEdge, edge, value=exact_end(edge.value, upper=False))
 
 
-def _checked(file: Path, result: NetworkCheck | None, error: RobustError | None) -> CheckedNetwork:
-    if result is None:
-        return CheckedNetwork(file=str(file), verdict="unknown", cycle=[], reason=None, seconds=None, error=str(error))
-    cycle = [like(CycleEdge, edge, value=exact_end(edge.value, upper=False)) for edge in result.cycle]
-    verdict = result.verdict.value
-    return like(CheckedNetwork, result, file=str(file), verdict=verdict, cycle=cycle, error=None)
+def check_document(judged: Sequence[JudgedNetwork[NetworkCheck]], status: str) -> Document:
+    """What `robust stnu check --json` prints."""
+    return document(StnuCheck(status=status, results=[_checked(network) for network in judged]))
 
 
-class NaturalDuration(JsonObject):
+def _checked(judged: JudgedNetwork[NetworkCheck]) -> CheckedNetwork:
+    unread: dict[str, Any] = {"verdict": "unknown", "cycle": [], "reason": None, "seconds": None}
+    files = {"file": str(judged.file), "error": judged.trouble}
+    return like(CheckedNetwork, judged.result, **files, **({} if judged.result is not None else unread))
+
+
+class LinkRecord(JsonObject):
     source: str
     target: str
     lower: End
     upper: End
 
 
-class OrdinaryEdge(JsonObject):
-    """target - source <= bound"""
-
-    source: str
-    target: str
-    bound: Rational
+@wire.register(Link)
+def _(link: Link) -> LinkRecord:
+    return like(LinkRecord, link, lower=exact_end(link.lower, upper=False), upper=exact_end(link.upper, upper=True))
 
 
-class ConditionalWait(JsonObject):
+class WaitRecord(JsonObject):
     """point waits until delay after activation, or until end has happened
 
     Attributes:
@@ -262,23 +270,9 @@ class ConditionalWait(JsonObject):
     end: str
 
 
-class Happening(JsonObject):
-    time: Rational
-    point: str
-    observed: bool
-
-
-class SimulatedExecution(JsonObject):
-    """
-    Attributes:
-        lengths: drawn, by the ends of contingent links; where a link may end before it starts, since it was settled
-        violated: requirements that do not hold in the end
-    """
-
-    seed: int
-    lengths: dict[str, Rational]
-    events: list[Happening]
-    violated: list[str]
+@wire.register(Wait)
+def _(wait: Wait) -> WaitRecord:
+    return like(WaitRecord, wait, point=str(wait.point), activation=str(wait.activation), end=str(wait.end))
 
 
 class DispatchedNetwork(JsonObject):
@@ -292,11 +286,11 @@ class DispatchedNetwork(JsonObject):
     file: str
     verdict: Annotated[str, one_of("controllable", "uncontrollable", "unknown")]
     reason: str | None
-    contingent: list[NaturalDuration]
-    requirements: list[OrdinaryEdge]
-    waits: list[ConditionalWait]
+    contingent: list[Link]
+    requirements: list[Requirement]
+    waits: list[Wait]
     derived: Count
-    executions: list[SimulatedExecution]
+    executions: list[NetworkExecution]
     seconds: Seconds | None
     error: str | None
 
@@ -312,38 +306,27 @@ class StnuDispatch(Noted, tag_field="schema", tag="robust/stnu-dispatch/1"):
     results: list[DispatchedNetwork]
 
 
-def dispatch_document(judged: Sequence[Judged[Dispatched]], status: str) -> Document:
-    return document(StnuDispatch(status=status, results=[_dispatched(row) for row in judged]))
+def dispatch_document(judged: Sequence[JudgedNetwork[SimulatedDispatch]], status: str) -> Document:
+    """What `robust stnu dispatch --json` prints."""
+    return document(StnuDispatch(status=status, results=[_dispatched(network) for network in judged]))
 
 
-def _dispatched(row: Judged[Dispatched]) -> DispatchedNetwork:
-    result = None if row.result is None else row.result.found
-    links = () if result is None or result.tables is None else result.network.contingents
-    contingent = [
-        like(NaturalDuration, link, lower=exact_end(link.lower, upper=False), upper=exact_end(link.upper, upper=True))
-        for link in links
-    ]
-    return DispatchedNetwork(
-        file=str(row.file),
-        verdict="unknown" if result is None else result.checked.verdict.value,
-        reason=None if result is None else result.checked.reason,
-        contingent=contingent,
-        requirements=[] if result is None else [like(OrdinaryEdge, edge) for edge in result.requirements],
-        waits=[] if result is None else [_wait(wait) for wait in result.waits],
-        derived=0 if result is None else result.derived,
-        executions=[] if row.result is None else [_execution(run) for run in row.result.executions],
-        seconds=None if result is None else round(result.seconds, 6),
-        error=None if row.error is None else str(row.error),
+def _dispatched(judged: JudgedNetwork[SimulatedDispatch]) -> DispatchedNetwork:
+    files = {"file": str(judged.file), "error": judged.trouble}
+    if judged.result is None:
+        unread: dict[str, Any] = dict.fromkeys(("reason", "seconds"))
+        unread |= {name: [] for name in ("contingent", "requirements", "waits", "executions")}
+        return like(DispatchedNetwork, None, **files, verdict="unknown", derived=0, **unread)
+    dispatch = judged.result.dispatch
+    return like(
+        DispatchedNetwork,
+        dispatch,
+        **files,
+        verdict=dispatch.checked.verdict.value,
+        reason=dispatch.checked.reason,
+        contingent=() if dispatch.tables is None else dispatch.network.contingents,
+        executions=judged.result.executions,
     )
-
-
-def _wait(wait: Wait) -> ConditionalWait:
-    return like(ConditionalWait, wait, point=str(wait.point), activation=str(wait.activation), end=str(wait.end))
-
-
-def _execution(run: NetworkExecution) -> SimulatedExecution:
-    events = [like(Happening, event) for event in run.events]
-    return like(SimulatedExecution, run, lengths=dict(run.lengths), events=events, violated=list(run.violated))
 
 
 class BoundChange(JsonObject):
@@ -379,7 +362,7 @@ class RepairedNetwork(JsonObject):
     cost: Rational | None
     bound: Rational
     gap: Rational | None
-    changes: list[BoundChange]
+    changes: list[LinkChange]
     conflicts: Count
     candidates: Count
     seconds: Seconds | None
@@ -399,54 +382,52 @@ class StnuRepair(Noted, tag_field="schema", tag="robust/stnu-repair/1"):
     written: str | None
 
 
-def repair_document(judged: Sequence[Judged[NetworkRepair]], status: str, written: str | None) -> Document:
-    results = [_repaired(row) for row in judged]
-    return document(StnuRepair(status=status, results=results, written=written))
+@wire.register(LinkChange)
+def _(change: LinkChange) -> BoundChange:
+    link = change.link
+    ends = {"source": link.source, "target": link.target, "contingent": link.is_contingent}
+    return like(BoundChange, change, **ends)
 
 
-def _change(change: LinkChange) -> BoundChange:
-    link, side, serves = change.link, change.side.value, list(change.serves)
-    kind, ends = link.is_contingent, (link.source, link.target)
-    return like(BoundChange, change, source=ends[0], target=ends[1], contingent=kind, side=side, serves=serves)
+def repair_document(
+    judged: Sequence[JudgedNetwork[NetworkRepair]], status: str, written: str | None = None
+) -> Document:
+    """What `robust stnu repair --json` prints."""
+    return document(StnuRepair(status=status, results=[_repaired(network) for network in judged], written=written))
 
 
-def _repaired(row: Judged[NetworkRepair]) -> RepairedNetwork:
-    repair = row.result
-    if repair is None:
-        return RepairedNetwork(
-            file=str(row.file),
-            repair="unknown",
-            cost=None,
-            bound=Fraction(0),
-            gap=None,
-            changes=[],
-            conflicts=0,
-            candidates=0,
-            seconds=None,
-            error=str(row.error),
-        )
-    changes = [_change(change) for change in repair.changes]
-    return like(RepairedNetwork, repair, file=str(row.file), repair=repair.status.value, changes=changes, error=None)
+def _repaired(judged: JudgedNetwork[NetworkRepair]) -> RepairedNetwork:
+    files = {"file": str(judged.file), "error": judged.trouble}
+    if judged.result is None:
+        unread: dict[str, Any] = dict.fromkeys(("cost", "gap", "seconds"))
+        unread |= {"bound": Fraction(0), "conflicts": 0, "candidates": 0, "changes": []}
+        return like(RepairedNetwork, None, **files, repair="unknown", **unread)
+    return like(RepairedNetwork, judged.result, **files, repair=judged.result.status.value)
 
 
-def one_check(result: NetworkCheck) -> Document:
-    """The document of one verdict."""
-    return check_document(rows := _alone(result), ended(rows))
+@documenting.register(NetworkCheck)
+def _(result: NetworkCheck) -> Document:
+    return check_document(judged := _alone(result), ended(judged))
 
 
-def one_dispatch(result: DispatchResult) -> Document:
-    """The document of one dispatchable network, without executions."""
-    return dispatch_document(rows := _alone(Dispatched(result, ())), ended(rows))
+@documenting.register(DispatchResult)
+def _(result: DispatchResult) -> Document:
+    return dispatch_document(judged := _alone(SimulatedDispatch(result, ())), ended(judged))
 
 
-def one_repair(result: NetworkRepair) -> Document:
-    """The document of one repair."""
-    return repair_document(rows := _alone(result), ended(rows), None)
+@documenting.register(NetworkRepair)
+def _(result: NetworkRepair) -> Document:
+    return repair_document(judged := _alone(result), ended(judged))
 
 
-def ended(judged: Sequence[Judged[Any]]) -> str:
-    """The status: a result that is not final was interrupted, or ran out of time."""
-    short = [row.result for row in judged if row.error is None and row.code == UNDECIDED]
+has_table(NetworkCheck, "results", 0, "cycle", numbers=("value",))
+has_table(DispatchResult, "results", 0, "requirements", numbers=("bound",))
+has_table(NetworkRepair, "results", 0, "changes", numbers=CHANGE)
+
+
+def ended(judged: Sequence[JudgedNetwork[Any]]) -> str:
+    """How it ended: a result that is not final was interrupted, or is out of time."""
+    short = [network.result for network in judged if network.error is None and network.code == UNDECIDED]
     if not short:
         return "complete"
     return "interrupted" if any(getattr(result, "interrupted", False) for result in short) else "timeout"

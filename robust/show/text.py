@@ -1,6 +1,4 @@
-"""Answers for people: verdicts, boxes and counterexamples as text and tables.
-
-Plans in words: what a parameter, a time point, a statement of the network and an obligation are about.
+"""Plans in words, and verdicts and counterexamples for people.
 
 Names such as `dur_n3` and `n3 move: at start (at rover base)` say where something stands in the files; people know the
 actions. Where an action occurs more than once, its occurrences are counted.
@@ -14,35 +12,23 @@ from fractions import Fraction
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.text import Text
-
 from robust.irr.check import Answer, CheckResult, Counterexample
 from robust.irr.stops import Advice
 from robust.numbers import approximate, duration, end, format_number, plural, readable, readable_values
-from robust.plan.model import (
-    ZERO,
-    Fluent,
-    Parameter,
-    ParameterReference,
-    ParametrizedPlan,
-    TemporalConstraint,
-    TimedCondition,
-    TimePoint,
-    TimePointKind,
-    Timing,
-    as_written,
-    concerned,
-)
+from robust.plan import model
 from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import TraceStep, Violation
 from robust.qe.box import Interval
-from robust.show.console import colour_of, show_table, table
+from robust.show.console import Console, Text, colour_of, printing
 
 if TYPE_CHECKING:
     from robust.irr.quantities import QuantityChange
 
-_WHEN = {Timing.AT_START: "when it starts", Timing.OVER_ALL: "all the time", Timing.AT_END: "when it ends"}
+_WHEN = {
+    model.Timing.AT_START: "when it starts",
+    model.Timing.OVER_ALL: "all the time",
+    model.Timing.AT_END: "when it ends",
+}
 
 
 class Words:
@@ -53,7 +39,7 @@ class Words:
         epsilon: the separation of mutex time points, where it is to be named.
     """
 
-    def __init__(self, plan: ParametrizedPlan, epsilon: Fraction | None = None) -> None:
+    def __init__(self, plan: model.ParametrizedPlan, epsilon: Fraction | None = None) -> None:
         self._plan = plan
         self._epsilon = epsilon
 
@@ -81,14 +67,15 @@ class Words:
 
     def _uses(self, name: str) -> Iterator[str]:
         """What a parameter stands for, as often as it does."""
-        itself = Polynomial.variable(ParameterReference(name))
+        itself = Polynomial.variable(model.ParameterReference(name))
         mentioned = False
         for one in self._plan.constraints:
             ends = one.lower == itself, one.upper == itself
             if any(ends):
                 yield self._between(one.source, one.target, ends)
             elif any(
-                bound is not None and ParameterReference(name) in bound.variables for bound in (one.lower, one.upper)
+                bound is not None and model.ParameterReference(name) in bound.variables
+                for bound in (one.lower, one.upper)
             ):
                 mentioned = True
         if mentioned:
@@ -97,31 +84,31 @@ class Words:
             if value == itself:
                 yield f"{str(fluent)[1:-1]} at the beginning"
 
-    def _between(self, source: TimePoint, target: TimePoint, ends: tuple[bool, bool]) -> str:
+    def _between(self, source: model.TimePoint, target: model.TimePoint, ends: tuple[bool, bool]) -> str:
         """What a time between two time points is, or a bound of it."""
         kinds = source.kind, target.kind
-        if source.instance == target.instance and kinds == (TimePointKind.START, TimePointKind.END):
+        if source.instance == target.instance and kinds == (model.TimePointKind.START, model.TimePointKind.END):
             least, most, what = "shortest ", "longest ", self.actions[f"{target.instance}"]
-        elif source == ZERO:
+        elif source == model.ZERO:
             least, most, what = "earliest ", "latest ", self.point(target)
         else:
             least, most, what = "least ", "greatest ", f"time from {self.point(source)} to {self.point(target)}"
         return f"{ {(True, False): least, (False, True): most}.get(ends, '') }{what}"
 
-    def point(self, point: TimePoint) -> str:
+    def point(self, point: model.TimePoint) -> str:
         """`end of move dock pharmacy`."""
         match point.kind:
-            case TimePointKind.ZERO:
+            case model.TimePointKind.ZERO:
                 return "beginning"
-            case TimePointKind.TIMED_LITERAL:
+            case model.TimePointKind.TIMED_LITERAL:
                 return f"timed event at {format_number(point.time or Fraction(0))}"
-            case TimePointKind.INSTANT:
+            case model.TimePointKind.INSTANT:
                 return self.actions[f"{point.instance}"]
         return f"{point.kind.value} of {self.actions[f'{point.instance}']}"
 
-    def statement(self, one: TemporalConstraint) -> str:
+    def statement(self, one: model.TemporalConstraint) -> str:
         """A constraint of the network, with its line."""
-        lower, upper = (None if bound is None else as_written(bound) for bound in (one.lower, one.upper))
+        lower, upper = (None if bound is None else model.as_written(bound) for bound in (one.lower, one.upper))
         line = f" (line {one.location.line})" if one.location and one.location.line else ""
         if lower is not None and lower == upper:
             demand = f"is {lower}"
@@ -157,7 +144,7 @@ class Words:
         return found
 
     @staticmethod
-    def _when(durative: bool, condition: TimedCondition) -> str:
+    def _when(durative: bool, condition: model.TimedCondition) -> str:
         return f" {_WHEN[condition.timing]}" if durative else ""
 
     def _separation(self, name: str) -> str | None:
@@ -165,7 +152,7 @@ class Words:
         apart = f"at least {format_number(self._epsilon)} apart" if self._epsilon else "at different times"
         return f"{' and '.join(map(self.point, pair))} must be {apart}" if pair else None
 
-    def _separated(self, name: str) -> tuple[TimePoint, ...]:
+    def _separated(self, name: str) -> tuple[model.TimePoint, ...]:
         """The two time points that an obligation separates; none if it is another one."""
         kind, _, pair = name.partition(": ")
         known = {str(point): point for point in self._plan.time_points}
@@ -175,7 +162,7 @@ class Words:
     def concerned(self, name: str) -> tuple[str, ...]:
         """The identifiers of the instances that an obligation is about; none for goals."""
         known = name in self._obligations or self._separated(name)
-        return tuple(one for one in concerned(name) if known and one in self._plan.instance)
+        return tuple(one for one in model.concerned(name) if known and one in self._plan.instance)
 
 
 def named(name: str, words: Mapping[str, str] | None) -> str:
@@ -192,6 +179,7 @@ def _ordinal(number: int) -> str:
 # -- check -----------------------------------------------------------------------------------------------------------
 
 
+@printing.register(CheckResult)
 def print_check(out: Console, result: CheckResult, *, quiet: bool) -> None:
     """The verdict; unless `quiet` also what breaks and how, and the verdict of each obligation if all were examined.
 
@@ -208,10 +196,10 @@ def print_check(out: Console, result: CheckResult, *, quiet: bool) -> None:
         print_counterexample(out, found)
     if result.repair is not None:
         out.print()
-        out.print(Text.assemble(("repair: ", "bold"), "; ".join(map(told, result.repair))), soft_wrap=True)
+        out.print(Text.assemble(("repair: ", "bold"), "; ".join(map(change_text, result.repair))), soft_wrap=True)
 
 
-def told(change: QuantityChange) -> str:
+def change_text(change: QuantityChange) -> str:
     """A change of a plan in words, and where."""
     line = change.location.line if change.location is not None else None
     return change.words if line is None else f"{change.words} (line {line})"
@@ -263,6 +251,8 @@ def _print_broken(out: Console, result: CheckResult) -> None:
             when, why = ("", "") if found is None else _when_and_why(found)
             rows.append((Text(answer.value, style=colour_of(answer.value)), name, when, why))
     if rows:
+        from robust.show.tables import show_table, table  # noqa: PLC0415 - rich takes long to load
+
         out.print()
         show_table(out, table(("verdict", "obligation", "time", "why"), rows, right=("time",)))
 
@@ -283,10 +273,12 @@ def print_counterexample(out: Console, found: Counterexample) -> None:
     if found.parameters:
         values = ", ".join(f"{name} = {readable(value)}" for name, value in found.parameters.items())
         out.print(Text(f"  parameters: {values}"), soft_wrap=True)
+    from robust.show.tables import show_table, table  # noqa: PLC0415 - as above
+
     constant = found.simulation.constants
     rows = (
         _violation_cells(step) if isinstance(step, Violation) else _step_cells(step, constant)
-        for step in _told(found, constant)
+        for step in _shown_steps(found, constant)
     )
     show_table(out, table(("time", "happens", "changes", "fluents"), rows, right=("time",)))
 
@@ -301,7 +293,7 @@ def _with_violations(found: Counterexample) -> Iterator[TraceStep | Violation]:
     yield from pending
 
 
-def _told(found: Counterexample, left_out: Set[Fluent]) -> Iterator[TraceStep | Violation]:
+def _shown_steps(found: Counterexample, left_out: Set[model.Fluent]) -> Iterator[TraceStep | Violation]:
     """What there is to tell: without steps that change nothing, and timed literals after all else."""
     steps = list(_with_violations(found))
     while isinstance(last := steps[-1], TraceStep) and not any(point.instance for point in last.points):
@@ -316,7 +308,7 @@ def _told(found: Counterexample, left_out: Set[Fluent]) -> Iterator[TraceStep | 
             yield step
 
 
-def _step_cells(step: TraceStep, left_out: Set[Fluent]) -> tuple[str, ...]:
+def _step_cells(step: TraceStep, left_out: Set[model.Fluent]) -> tuple[str, ...]:
     changes = [f"{'+' if value else '−'} {atom}" for atom, value in step.atoms_changed]
     fluents = [f"{fluent} = {readable(value)}" for fluent, value in step.fluents.items() if fluent not in left_out]
     points = (str(point) if point.time is None else f"@{readable(point.time)}" for point in step.points)
@@ -332,7 +324,7 @@ def _violation_cells(violation: Violation) -> tuple[Text, ...]:
 # -- parameters ------------------------------------------------------------------------------------------------------
 
 
-def percentages(parameter: Parameter, interval: Interval) -> str:
+def percentages(parameter: model.Parameter, interval: Interval) -> str:
     """How far the ends are from the nominal value in per cent of it, `−12.5 %, +40 %`; nothing if that is 0."""
     sides = [parameter.percent(interval.lower), parameter.percent(interval.upper)]
     shown = (f"{sign}∞" if side is None else percentage(side) for side, sign in zip(sides, "−+", strict=True))

@@ -9,24 +9,20 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from msgspec import Meta
-from rich.text import Text
-
 from robust.errors import UNSUPPORTED
-from robust.json_text import Count, JsonObject, Rational, like, one_of
+from robust.execute.validate import Breach, Remedies, Verdict
+from robust.json_text import Count, JsonObject, Rational, on_wire, one_of
 from robust.numbers import format_number, plural
-from robust.show.console import colour_of
-from robust.show.documents import Document, Ended, Noted, document
+from robust.show.console import Console, Text, colour_of, printing
+from robust.show.documents import Document, Ended, Noted, document, documenting, has_table
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from robust.errors import RobustError
-    from robust.execute.validate import Verdict
+    from robust.execute.snap import Snapped
 
 
 @dataclass(frozen=True, slots=True)
-class Judged:
+class JudgedPlan:
     """One plan, as its files are called, and the verdict about it, or why there is none."""
 
     domain: Path
@@ -55,21 +51,21 @@ _WORDS = ("valid", "invalid", "error", "unsupported")
 # -- for people --------------------------------------------------------------------------------------------------------
 
 
-def print_verdicts(out: Console, judged: Sequence[Judged], *, quiet: bool) -> None:
+def print_verdicts(out: Console, judged: Sequence[JudgedPlan], *, quiet: bool) -> None:
     """A line for each plan; unless `quiet` also what it breaks and what would help. More than one are counted."""
-    for one in judged:
-        named = len(judged) == 1 or str(one.error).startswith(str(one.plan))
-        text = Text("" if named else f"{one.plan}: ")
-        text.append(one.word, style=colour_of(one.word))
-        text.append(f": {one.verdict.size if one.verdict is not None else one.error}")
+    for plan in judged:
+        named = len(judged) == 1 or str(plan.error).startswith(str(plan.plan))
+        text = Text("" if named else f"{plan.plan}: ")
+        text.append(plan.word, style=colour_of(plan.word))
+        text.append(f": {plan.verdict.size if plan.verdict is not None else plan.error}")
         out.print(text, soft_wrap=True)
-        if one.verdict is not None and not quiet:
-            for breach in one.verdict.violations:
+        if plan.verdict is not None and not quiet:
+            for breach in plan.verdict.violations:
                 out.print(Text(f"  {breach}"), soft_wrap=True)
-            for name, value in one.verdict.remedies.named.items():
+            for name, value in plan.verdict.remedies.named.items():
                 out.print(Text(f"  --{name} {format_number(value)} would make it valid", style="dim"), soft_wrap=True)
     if len(judged) > 1:
-        counts = Counter(sorted((one.word for one in judged), key=_WORDS.index))
+        counts = Counter(sorted((plan.word for plan in judged), key=_WORDS.index))
         parts = [plural(counts[word], word) if word == "error" else f"{counts[word]} {word}" for word in counts]
         out.print(Text(", ".join(parts), style="dim"))
 
@@ -77,52 +73,10 @@ def print_verdicts(out: Console, judged: Sequence[Judged], *, quiet: bool) -> No
 # -- JSON --------------------------------------------------------------------------------------------------------------
 
 
-class BrokenDemand(JsonObject):
-    """
-    Attributes:
-        obligation: named as by robust check; steps are n0, n1, ... in the order of the plan
-        demand: the obligation in words
-        detail: what is so instead
-        amount: how far a number is from what is demanded; null where no single number decides
-        lines: where the steps that it is about stand in the plan
-    """
-
-    time: Rational
-    obligation: str
-    demand: str
-    detail: str
-    amount: Rational | None
-    lines: list[Annotated[int, Meta(ge=1)]]
+on_wire("Snapped", times=None, shift="most")
 
 
-class Shift(JsonObject):
-    """how exact times differ from the printed ones
-
-    Attributes:
-        durations: how many durations differ
-        starts: how many starts differ
-        most: how far one of them was moved at most
-    """
-
-    durations: Count
-    starts: Count
-    most: Rational
-
-
-class Helps(JsonObject):
-    """what would make the plan valid, each by itself; null where the printed order leaves nothing of its
-    kind
-
-    Attributes:
-        tolerance: with --tolerance at this number
-        epsilon: the greatest --epsilon of three digits
-    """
-
-    tolerance: Rational | None
-    epsilon: Rational | None
-
-
-class JudgedPlan(JsonObject):
+class PlanVerdict(JsonObject):
     """
     Attributes:
         verdict: error: what cannot be read, or does not fit together; unsupported: what cannot be decided
@@ -139,9 +93,9 @@ class JudgedPlan(JsonObject):
     verdict: Annotated[str, one_of(*_WORDS)]
     steps: Count | None
     end: Rational | None
-    shift: Shift | None
-    violations: list[BrokenDemand]
-    remedies: Helps
+    shift: Snapped | None
+    violations: list[Breach]
+    remedies: Remedies
     error: str | None
 
 
@@ -157,58 +111,53 @@ class Validate(Noted, tag_field="schema", tag="robust/validate/1"):
     epsilon: Rational
     tolerance: Rational | None
     valid: Count
-    plans: list[JudgedPlan]
+    plans: list[PlanVerdict]
 
 
-def one(verdict: Verdict) -> Document:
-    """Of a single plan."""
+@documenting.register(Verdict)
+def _(verdict: Verdict) -> Document:
     return validate([_alone(verdict)], "complete", verdict.epsilon, verdict.tolerance)
 
 
-def print_one(out: Console, verdict: Verdict, *, quiet: bool) -> None:
-    """The verdict about a single plan."""
+has_table(Verdict, "plans", 0, "violations", numbers=("time", "amount"))
+
+
+@printing.register(Verdict)
+def _(out: Console, verdict: Verdict, *, quiet: bool) -> None:
     print_verdicts(out, [_alone(verdict)], quiet=quiet)
 
 
-def _alone(verdict: Verdict) -> Judged:
-    """What is known of a plan whose files only a command knows."""
-    return Judged(Path(), Path(), Path(verdict.plan), verdict)
+def _alone(verdict: Verdict) -> JudgedPlan:
+    """A verdict about a plan whose files only a command knows."""
+    return JudgedPlan(Path(), Path(), Path(verdict.plan), verdict)
 
 
-def validate(judged: Sequence[Judged], status: str, epsilon: Fraction, tolerance: Fraction | None) -> Document:
+def validate(judged: Sequence[JudgedPlan], status: str, epsilon: Fraction, tolerance: Fraction | None) -> Document:
+    """What `robust validate --json` prints."""
     return document(
         Validate(
             status=status,
             epsilon=epsilon,
             tolerance=tolerance,
-            valid=sum(one.word == "valid" for one in judged),
-            plans=[_judged(one) for one in judged],
+            valid=sum(plan.word == "valid" for plan in judged),
+            plans=[_record(plan) for plan in judged],
         )
     )
 
 
-def _judged(one: Judged) -> JudgedPlan:
-    found, files = one.verdict, {name: str(getattr(one, name)) for name in ("domain", "problem", "plan")}
-    if found is None:
-        return JudgedPlan(
-            **files,
-            verdict=one.word,
-            steps=None,
-            end=None,
-            shift=None,
-            violations=[],
-            remedies=Helps(tolerance=None, epsilon=None),
-            error=str(one.error),
-        )
-    return JudgedPlan(
-        **files,
-        verdict=one.word,
-        steps=found.steps,
-        end=found.end,
-        shift=None if found.snapped is None else like(Shift, found.snapped, most=found.snapped.shift),
-        violations=[like(BrokenDemand, breach, lines=list(breach.lines)) for breach in found.violations],
-        remedies=like(Helps, found.remedies),
-        error=None,
+def _record(judged: JudgedPlan) -> PlanVerdict:
+    verdict = judged.verdict
+    return PlanVerdict(
+        domain=str(judged.domain),
+        problem=str(judged.problem),
+        plan=str(judged.plan),
+        verdict=judged.word,
+        steps=None if verdict is None else verdict.steps,
+        end=None if verdict is None else verdict.end,
+        shift=None if verdict is None else verdict.snapped,
+        violations=[] if verdict is None else list(verdict.violations),
+        remedies=Remedies() if verdict is None else verdict.remedies,
+        error=None if verdict is not None else str(judged.error),
     )
 
 

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robust.show.console import console, show_table, table
+from robust.show.console import console
+from robust.show.tables import show_table, table
 from tests.cli.running import EXAMPLES, command, example, process
 
 KITCHEN = str(EXAMPLES / "kitchen" / "kitchen.tpnu.json")

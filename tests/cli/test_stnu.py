@@ -143,7 +143,7 @@ def test_repair(here):
         (("--weight", "A:D"), "expected requirement=W, contingent=W or SOURCE:TARGET=W"),
         (("--weight", "A:D=0"), "expected a number above 0"),
         (("-o", "a.txt"), "expected a name that ends in .stnu or .json"),
-        (("fine.json", "-o", "a.stnu"), "found several networks, expected one to write"),
+        (("fine.json", "-o", "a.stnu"), "needs exactly one network"),
     ],
 )
 def test_what_is_asked_wrongly(here, given, says):
@@ -180,7 +180,7 @@ def test_a_converted_plan_and_its_network(tmp_path):
     assert_one_line(command("convert", *example(), "--box", "box.json"))
     ended = command("convert", *example(), "--stnu", target, "-o", tmp_path / "other.stn")
     assert_one_line(ended)
-    assert "found a network, which is not converted" in ended.err
+    assert "PLAN is a network already" in ended.err
 
 
 # -- untimely ends -----------------------------------------------------------------------------------------------------

@@ -13,10 +13,10 @@ from robust.json_text import schema_of
 from robust.show import (
     batch,
     documents,
-    made,
+    execution,
     pike,
     pike_envelopes,
-    region_documents,
+    plan_documents,
     repairs,
     risk,
     schemas,
@@ -25,7 +25,7 @@ from robust.show import (
 )
 from robust.show.schemas import FILES, schema
 
-MODULES = (batch, documents, made, pike, pike_envelopes, region_documents, repairs, risk, stnu, validation)
+MODULES = (batch, documents, execution, pike, pike_envelopes, plan_documents, repairs, risk, stnu, validation)
 DOCUMENTS = {one.__struct_config__.tag: one for module in MODULES for one in module.DOCUMENTS}
 
 

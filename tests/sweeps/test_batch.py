@@ -22,7 +22,7 @@ from benchmarks.generators.sizes import unordered_instance
 from robust.draw.interactive import batch_page
 from robust.errors import InputError, UnsupportedError
 from robust.qe.box import Box, Interval
-from robust.show.batch import batch as document
+from robust.show.batch import batch_document as document
 from robust.show.batch import csv_text, exact_box, print_batch
 from robust.show.console import console
 from robust.show.schemas import schema
@@ -356,7 +356,7 @@ def test_several_processes_need_no_extra(monkeypatch, tmp_path):
     [
         ("chekc", {}, "unknown verb 'chekc'; did you mean 'check'"),
         ("check", {"jobs": 0}, "jobs: found '0', expected a whole number from 1"),
-        ("check", {"jobs": 2, "cluster": "x"}, "jobs: found it with a cluster, expected one of the two"),
+        ("check", {"jobs": 2, "cluster": "x"}, "jobs: cannot be combined with cluster; choose one"),
         ("check", {"limit": "x"}, "limit: found 'x', expected a number"),
         ("envelope", {"method": "best"}, "unknown method 'best'"),
         ("envelope", {"beta": 1}, "beta: found it with method='widen', expected method='irr', or no beta"),

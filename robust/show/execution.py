@@ -1,7 +1,4 @@
-"""What `--json` prints of converted plans, executions and certificates, as in :mod:`robust.show.documents`.
-
-Executions for people: who did what when, and why plans were given up; and whether boxes are controllable.
-"""
+"""Conversions, executions, controllability and certificates, for people and as JSON."""
 
 from __future__ import annotations
 
@@ -14,50 +11,49 @@ from typing import TYPE_CHECKING, Annotated
 
 from msgspec import UNSET, Meta, UnsetType
 from rich import box as borders
-from rich.console import Console
 from rich.table import Table
-from rich.text import Text
 
 from robust.execute.controllability import ADVERBS, ControllabilityReport, Widest
 from robust.execute.controllable_boxes import HORIZON, Loss, Shrunk
+from robust.execute.convert import Conversion, Tightening
 from robust.execute.dispatchable import Guarantee
 from robust.execute.parametrization import option_of, write_specs
 from robust.execute.replan import ReplanningRun, RunStatus, Segment
-from robust.execute.slices import Remainder, SliceAnswer
-from robust.execute.worlds import InstanceOutcome
+from robust.execute.slices import Left, SliceAnswer
+from robust.execute.worlds import ExecutedInstance, InstanceOutcome
 from robust.irr.stops import advice
-from robust.json_text import Count, JsonObject, Rational, Seconds, like, one_of
+from robust.json_text import Count, JsonObject, Rational, Seconds, like, on_wire, one_of, wire
 from robust.numbers import end, format_number, plural, readable
 from robust.plan.stn import write_stn
-from robust.qe.box import Side, interval_text
-from robust.show.console import colour_of, show_table, table
-from robust.show.documents import (
-    Broken,
-    Document,
-    Ended,
-    Ends,
-    Noted,
-    Rationals,
-    Solver,
-    box_of,
-    broken,
-    document,
-    exact,
-)
+from robust.qe.box import Box, Side, interval_text
+from robust.show.console import Console, Text, colour_of, printing
+from robust.show.documents import Document, Ended, Noted, Rationals, Solver, document, documenting, has_table
+from robust.show.tables import show_table, table
 from robust.show.text import percentages, print_advice
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
-    from robust.execute.convert import Conversion
-    from robust.execute.replan import ReplanningRun, Segment
+    from robust.execute.dispatcher import MessageRejected, Observation
     from robust.options.batch import ConvertCommand, ExecuteCommand
     from robust.plan.simulate import Violation
 
-# -- convert and execute -----------------------------------------------------------------------------------------------
+_GUARANTEES = {
+    Guarantee.DYNAMIC: "dynamically controllable: the plan succeeds while observations are inside",
+    Guarantee.WEAK: "not dynamically controllable: the plan may fail although observations are inside",
+    Guarantee.NONE: "no guarantee",
+}
+_OUTCOMES = {
+    InstanceOutcome.DONE: "end",
+    InstanceOutcome.FAILED: "failed",
+    InstanceOutcome.STOPPED: "stopped",
+    InstanceOutcome.RUNNING: "running",
+}
+_REASONS = 5
+"""Reasons of failures that are shown at most."""
+
+# -- convert -----------------------------------------------------------------------------------------------------------
 
 
-class Tightened(JsonObject):
+class TighteningRecord(JsonObject):
     """
     Attributes:
         lower: target - source is at least this
@@ -106,90 +102,95 @@ class Convert(Noted, tag_field="schema", tag="robust/convert/1"):
     constraints: Count
     redundant: Count
     obligations: Count
-    tightened: list[Tightened]
-    violations: list[Broken]
+    tightened: list[Tightening]
+    violations: list[Violation]
 
 
-def converted(found: Conversion, written: Mapping[str, str] = MappingProxyType({})) -> Document:
+@documenting.register(Conversion)
+def converted(conversion: Conversion, written: Mapping[str, str] = MappingProxyType({})) -> Document:
     """Of a conversion, and by kind the files that were written."""
     return document(
-        Convert(
-            verdict=found.check.answer.value,
-            mode=found.mode.value,
-            solver=found.solver,
-            epsilon=found.epsilon,
-            stn=write_stn(found.stn),
-            parameters=[one.name for one in found.plan.parameters],
-            parameter_file=write_specs(found.beside) or None,
+        like(
+            Convert,
+            conversion,
+            verdict=conversion.check.answer.value,
+            stn=write_stn(conversion.stn),
+            parameters=[parameter.name for parameter in conversion.plan.parameters],
+            parameter_file=write_specs(conversion.beside) or None,
             files=Files(**written),
-            schedule=exact(found.schedule),
-            instances=len(found.stn.instances),
-            constraints=len(found.stn.constraints),
-            redundant=found.redundant,
-            obligations=len(found.check.obligations),
-            tightened=[
-                like(Tightened, one, source=str(one.edge.source), target=str(one.edge.target), lower=one.edge.weight)
-                for one in found.tightened
-            ],
+            instances=len(conversion.stn.instances),
+            constraints=len(conversion.stn.constraints),
+            obligations=len(conversion.check.obligations),
             violations=[],
+            notes=UNSET,
         )
     )
 
 
+@wire.register(Tightening)
+def _(tightening: Tightening) -> TighteningRecord:
+    edge = tightening.edge
+    return like(TighteningRecord, tightening, source=str(edge.source), target=str(edge.target), lower=edge.weight)
+
+
+has_table(Conversion, "tightened", numbers=("lower", "own"))
+
+
 def unconverted(options: ConvertCommand, violations: Sequence[Violation]) -> Document:
     """Of a time-triggered plan that is invalid."""
+    counts = dict.fromkeys(("instances", "constraints", "redundant", "obligations"), 0)
     return document(
-        Convert(
+        like(
+            Convert,
+            options,
             verdict="invalid",
-            mode=options.mode,
-            solver=options.solver,
             epsilon=options.separation,
             stn=None,
             parameters=[],
             parameter_file=None,
             files=Files(),
             schedule={},
-            instances=0,
-            constraints=0,
-            redundant=0,
-            obligations=0,
             tightened=[],
-            violations=broken(violations),
+            violations=list(violations),
+            **counts,
         )
     )
 
 
-def print_conversion(out: Console, found: Conversion, *, quiet: bool) -> None:
+@printing.register(Conversion)
+def print_conversion(out: Console, conversion: Conversion, *, quiet: bool) -> None:
     """Unless `quiet` how the plan was made, then the plan."""
-    for line in () if quiet else conversion_lines(found):
+    for line in () if quiet else conversion_lines(conversion):
         out.print(line, soft_wrap=True)
     if not quiet:
         out.print()
-    out.print(write_stn(found.stn).rstrip("\n"), soft_wrap=True)
+    out.print(write_stn(conversion.stn).rstrip("\n"), soft_wrap=True)
 
 
-def conversion_lines(found: Conversion, written: Mapping[str, str] = MappingProxyType({})) -> list[str]:
+def conversion_lines(conversion: Conversion, written: Mapping[str, str] = MappingProxyType({})) -> list[str]:
     """How a plan was made, where it was written, and what reading it needs."""
-    instances, constraints = len(found.stn.instances), len(found.stn.constraints)
+    instances, constraints = len(conversion.stn.instances), len(conversion.stn.constraints)
     size = f"{plural(instances, 'instance')}, {plural(constraints, 'constraint')}"
-    lines = [f"{found.check.answer.value}: {size}, {plural(len(found.stn.parameters), 'parameter')}"]
-    broken = next(iter(found.check.counterexamples), None)
+    lines = [f"{conversion.check.answer.value}: {size}, {plural(len(conversion.stn.parameters), 'parameter')}"]
+    broken = next(iter(conversion.check.counterexamples), None)
     if broken is not None:
         lines.append(f"an allowed schedule breaks {broken}; --mode causal gives a network that is proved")
-    for one in found.tightened:
-        lines.append(
-            f"needed: {one.edge.target} - {one.edge.source} >= {format_number(one.edge.weight)} for {one.obligation}"
-        )
+    for needed in conversion.tightened:
+        edge = needed.edge
+        lines.append(f"needed: {edge.target} - {edge.source} >= {format_number(edge.weight)} for {needed.obligation}")
     if "plan" in written:
         lines.append(f"plan: {written['plan']}")
     if "stnu" in written:
         lines.append(f"network with uncertainty: {written['stnu']}")
     if "parameters" in written:
         lines.append(f"parameters: {written['parameters']}, found there by whoever reads the plan")
-    elif found.beside:
-        given = " ".join(f"--parameter {shlex.quote(option_of(spec))}" for spec in found.beside)
+    elif conversion.beside:
+        given = " ".join(f"--parameter {shlex.quote(option_of(spec))}" for spec in conversion.beside)
         lines.append(f"reading this plan needs {given}")
     return lines
+
+
+# -- execute -----------------------------------------------------------------------------------------------------------
 
 
 class ExecutedAction(JsonObject):
@@ -205,38 +206,12 @@ class ExecutedAction(JsonObject):
     outcome: Annotated[str, one_of("done", "failed", "stopped", "running")]
 
 
-class Seen(JsonObject):
-    """
-    Attributes:
-        what: a parameter, or a duration that was not as planned
-    """
-
-    time: Rational
-    what: str
-    value: Rational
-    inside: bool
+@wire.register(ExecutedInstance)
+def _(executed: ExecutedInstance) -> ExecutedAction:
+    return like(ExecutedAction, executed, instance=executed.instance.identifier, action=str(executed.instance))
 
 
-class Rejected(JsonObject):
-    time: Rational
-    reason: str
-
-
-class WhatIsLeft(JsonObject):
-    """
-    Attributes:
-        after: what was observed
-        answer: promised: the plan succeeds while what is still unknown is inside the box
-        box: the promise, with the values that were seen; null if there is none
-        kept: whether it holds what was promised before
-    """
-
-    time: Rational
-    after: str
-    answer: Annotated[str, one_of("promised", "nothing is left", "out of time")]
-    box: dict[str, Ends] | None
-    kept: bool
-    seconds: Seconds
+on_wire("MessageRejected", message=None)
 
 
 class ExecutedPlan(JsonObject):
@@ -254,15 +229,20 @@ class ExecutedPlan(JsonObject):
     start: Rational
     end: Rational
     guarantee: Annotated[str, one_of("dynamic", "weak", "none")]
-    box: dict[str, Ends]
-    executed: list[ExecutedAction]
-    observations: list[Seen]
-    left: list[WhatIsLeft]
-    rejected: list[Rejected]
+    box: Box
+    executed: list[ExecutedInstance]
+    observations: list[Observation]
+    left: list[Left]
+    rejected: list[MessageRejected]
     given_up: Rational | None
     reason: str | None
     planner_seconds: Seconds
     preparation_seconds: Seconds
+
+
+@wire.register(Segment)
+def _(segment: Segment) -> ExecutedPlan:
+    return like(ExecutedPlan, segment, reason=None if segment.ending is None else str(segment.ending))
 
 
 class ExecutedRun(JsonObject):
@@ -279,7 +259,12 @@ class ExecutedRun(JsonObject):
     inside: bool
     end: Rational
     seconds: Seconds
-    plans: list[ExecutedPlan]
+    plans: list[Segment]
+
+
+@wire.register(ReplanningRun)
+def _(run: ReplanningRun) -> ExecutedRun:
+    return like(ExecutedRun, run, plans=run.segments)
 
 
 class Summary(JsonObject):
@@ -323,103 +308,13 @@ class Execute(Noted, tag_field="schema", tag="robust/execute/1"):
     world: str | None
     epsilon: Rational
     summary: Summary
-    runs: list[ExecutedRun]
+    runs: list[ReplanningRun]
 
 
 def execute(options: ExecuteCommand, runs: Sequence[ReplanningRun], status: str) -> Document:
-    return document(
-        like(
-            Execute,
-            options,
-            status=status,
-            epsilon=options.separation,
-            summary=summary(runs),
-            runs=[like(ExecutedRun, run, plans=[_executed(segment) for segment in run.segments]) for run in runs],
-        )
-    )
-
-
-def _executed(segment: Segment) -> ExecutedPlan:
-    return like(
-        ExecutedPlan,
-        segment,
-        box=box_of(segment.box),
-        executed=[
-            like(ExecutedAction, one, instance=one.instance.identifier, action=str(one.instance))
-            for one in segment.executed
-        ],
-        observations=[like(Seen, one) for one in segment.observations],
-        left=[
-            like(WhatIsLeft, one, answer=one.answer.value, box=None if one.box is None else box_of(one.box))
-            for one in segment.remainders
-        ],
-        rejected=[like(Rejected, one) for one in segment.rejected],
-        reason=None if segment.ending is None else str(segment.ending),
-    )
-
-
-# -- certify and verify ------------------------------------------------------------------------------------------------
-
-
-class Certify(Noted, tag_field="schema", tag="robust/certify/1"):
-    """robust certify --json: a certificate that has been written and checked."""
-
-    kind: Annotated[str, one_of("plan", "box", "maximal", "region", "execution", "knowledge")]
-    certificate: str
-    bytes: Annotated[int, Meta(ge=1)]
-    seconds: Seconds
-    checking_s: Seconds
-    claim: str
-    epsilon: str
-    files: dict[str, str]
-    obligations: Count
-    refuted: Count
-    alethe_holes: Count | None
-
-
-class Proved(JsonObject):
-    """The values of a parameter that have been proved."""
-
-    lower: str
-    upper: str
-    lower_closed: bool
-    upper_closed: bool
-
-
-class Verify(JsonObject, tag_field="schema", tag="robust/verify/1"):
-    """robust verify --json: what a certificate establishes of files with these digests."""
-
-    verdict: Annotated[str, one_of("established", "rejected")]
-    kind: str | None
-    claim: str | None
-    epsilon: str | None
-    box: dict[str, Proved] | None
-    files: dict[str, str]
-    obligations: Count | None
-    refuted: Count | None
-    reason: str | None
-    seconds: Seconds
-
-
-DOCUMENTS: tuple[type[JsonObject], ...] = (Convert, Execute, Certify, Verify)
-"""As in :mod:`robust.show.documents`."""
-
-_GUARANTEES = {
-    Guarantee.DYNAMIC: "dynamically controllable: the plan succeeds while observations are inside",
-    Guarantee.WEAK: "not dynamically controllable: the plan may fail although observations are inside",
-    Guarantee.NONE: "no guarantee",
-}
-_OUTCOMES = {
-    InstanceOutcome.DONE: "end",
-    InstanceOutcome.FAILED: "failed",
-    InstanceOutcome.STOPPED: "stopped",
-    InstanceOutcome.RUNNING: "running",
-}
-_REASONS = 5
-"""Reasons of failures that are shown at most."""
-
-
-# -- for people --------------------------------------------------------------------------------------------------------
+    """What `robust execute --json` prints."""
+    epsilon = options.separation
+    return document(like(Execute, options, status=status, epsilon=epsilon, summary=summary(runs), runs=list(runs)))
 
 
 def print_run(out: Console, run: ReplanningRun, executor: str, *, quiet: bool) -> None:
@@ -451,44 +346,49 @@ def _verdict(run: ReplanningRun, executor: str) -> Text:
 
 
 def _events(segment: Segment) -> Iterator[tuple[Fraction, str, str]]:
-    for one in segment.executed:
-        name = f"{one.instance.identifier} {one.instance}"
-        if not one.instance.durative:
-            yield one.start, "do", name
+    for executed in segment.executed:
+        name = f"{executed.instance.identifier} {executed.instance}"
+        if not executed.instance.durative:
+            yield executed.start, "do", name
             continue
-        yield one.start, "start", name
-        if one.end is not None:
-            yield one.end, _OUTCOMES[one.outcome], name
-    for seen in segment.observations:
-        yield seen.time, "observed", f"{seen.what} = {readable(seen.value)}{'' if seen.inside else ', outside'}"
-    for left in segment.remainders:
-        yield left.time, "left", _left(left)
+        yield executed.start, "start", name
+        if executed.end is not None:
+            yield executed.end, _OUTCOMES[executed.outcome], name
+    for observed in segment.observations:
+        where = "" if observed.inside else ", outside"
+        yield observed.time, "observed", f"{observed.what} = {readable(observed.value)}{where}"
+    for remainder in segment.left:
+        yield remainder.time, "left", _remainder(remainder)
     for rejected in segment.rejected:
         yield rejected.time, "rejected", rejected.reason
     if segment.ending is not None and segment.given_up is not None:
         yield segment.given_up, "gave up", str(segment.ending)
 
 
-def _left(left: Remainder) -> str:
+def _remainder(remainder: Left) -> str:
     """What is still unknown, and in which values the plan succeeds."""
-    if left.box is None:
-        late = left.answer is SliceAnswer.OUT_OF_TIME
+    if remainder.box is None:
+        late = remainder.answer is SliceAnswer.OUT_OF_TIME
         return "not known in time; only the box promised before counts" if late else "nothing of the envelope"
-    unknown = [f"{name} in {one.written(format_number)}" for name, one in left.box.intervals.items() if one.width != 0]
-    changed = "" if left.kept else "another promise: "
+    unknown = [
+        f"{name} in {interval.written(format_number)}"
+        for name, interval in remainder.box.intervals.items()
+        if interval.width != 0
+    ]
+    changed = "" if remainder.kept else "another promise: "
     return f"{changed}{', '.join(unknown)}" if unknown else "all is known"
 
 
 def print_runs(out: Console, runs: Sequence[ReplanningRun], executor: str, *, quiet: bool) -> None:
     """How many runs succeeded; unless `quiet` also why the others failed."""
-    found = summary(runs)
+    figures = summary(runs)
     row = (
         executor,
-        str(found.runs),
-        str(found.succeeded),
-        "" if found.coverage is None else f"{100 * found.coverage:.1f} %",
-        "" if found.average_replans is None else f"{found.average_replans:.2f}",
-        str(found.inside),
+        str(figures.runs),
+        str(figures.succeeded),
+        "" if figures.coverage is None else f"{100 * figures.coverage:.1f} %",
+        "" if figures.average_replans is None else f"{figures.average_replans:.2f}",
+        str(figures.inside),
     )
     columns = ("executor", "runs", "succeeded", "coverage", "re-plans of these", "always inside the box")
     shown = Table(box=borders.SIMPLE_HEAD, pad_edge=False)
@@ -519,10 +419,10 @@ def _kind(reason: str) -> str:
 def print_controllability(out: Console, report: ControllabilityReport, *, quiet: bool) -> None:
     """The verdicts, and the part that is controllable where the box is not; unless `quiet` also reasons and waits."""
     out.print()
-    for one in report.findings:
-        text = Text.assemble((one.verdict.value, colour_of(one.verdict.value)), f": {ADVERBS[one.kind]}")
-        if one.reason is not None and not quiet:
-            text.append(f"; {one.reason}")
+    for finding in report.findings:
+        text = Text.assemble((finding.verdict.value, colour_of(finding.verdict.value)), f": {ADVERBS[finding.kind]}")
+        if finding.reason is not None and not quiet:
+            text.append(f"; {finding.reason}")
         out.print(text, soft_wrap=True)
     if report.failure is not None:
         out.print(Text(f"no {ADVERBS[report.wanted]} controllable part: {report.failure}", "yellow"), soft_wrap=True)
@@ -571,3 +471,50 @@ def _print_widest(out: Console, widest: Widest, adverb: str, quiet: bool) -> Non
             stop = widest.stops.get((name, side))
             if stop is not None and not quiet:
                 out.print(Text(f"    {word}: {stop.short}", "dim"), soft_wrap=True)
+
+
+# -- certify and verify ------------------------------------------------------------------------------------------------
+
+
+class Certify(Noted, tag_field="schema", tag="robust/certify/1"):
+    """robust certify --json: a certificate that has been written and checked."""
+
+    kind: Annotated[str, one_of("plan", "box", "maximal", "region", "execution", "knowledge")]
+    certificate: str
+    bytes: Annotated[int, Meta(ge=1)]
+    seconds: Seconds
+    checking_s: Seconds
+    claim: str
+    epsilon: str
+    files: dict[str, str]
+    obligations: Count
+    refuted: Count
+    alethe_holes: Count | None
+
+
+class Proved(JsonObject):
+    """The values of a parameter that have been proved."""
+
+    lower: str
+    upper: str
+    lower_closed: bool
+    upper_closed: bool
+
+
+class Verify(JsonObject, tag_field="schema", tag="robust/verify/1"):
+    """robust verify --json: what a certificate establishes of files with these digests."""
+
+    verdict: Annotated[str, one_of("established", "rejected")]
+    kind: str | None
+    claim: str | None
+    epsilon: str | None
+    box: dict[str, Proved] | None
+    files: dict[str, str]
+    obligations: Count | None
+    refuted: Count | None
+    reason: str | None
+    seconds: Seconds
+
+
+DOCUMENTS: tuple[type[JsonObject], ...] = (Convert, Execute, Certify, Verify)
+"""As in :mod:`robust.show.documents`."""

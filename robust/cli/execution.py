@@ -1,7 +1,4 @@
-"""`robust convert`, `execute` and `demo`: plans made of planners' output, carried out in simulated worlds; a tour.
-
-`robust validate`: schedules as they stand, one plan after the other.
-"""
+"""`robust validate`, `convert`, `execute` and `demo`: plans as planners print them, judged, converted and executed."""
 
 from __future__ import annotations
 
@@ -29,8 +26,6 @@ from robust.options.verbs import ValidateCommand
 from robust.records import atomic_write
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from robust.cli.guard import Run
     from robust.execute import replan
     from robust.execute.convert import Conversion, Converting
@@ -38,7 +33,8 @@ if TYPE_CHECKING:
     from robust.plan.model import ParametrizedPlan
     from robust.plan.pddl.syntax import Domain, Problem
     from robust.plan.timed import TimedPlan
-    from robust.show.validation import Judged
+    from robust.show.console import Console
+    from robust.show.validation import JudgedPlan
     from robust.stnu.network import Network
 
 log = logging.getLogger(__name__)
@@ -53,7 +49,7 @@ def validate(options: ValidateCommand, run: Run) -> int:
     """
     from robust.show import validation
 
-    judged: list[Judged] = []
+    judged: list[JudgedPlan] = []
     cause: Cause | None = None
     try:
         run.only(lambda: _judge_all(options, run, judged))
@@ -71,8 +67,8 @@ def validate(options: ValidateCommand, run: Run) -> int:
     return max([*(one.exit_code for one in judged), 0 if cause is None else UNDECIDED])
 
 
-def _judge_all(options: ValidateCommand, run: Run, judged: list[Judged]) -> None:
-    from robust.show.validation import Judged
+def _judge_all(options: ValidateCommand, run: Run, judged: list[JudgedPlan]) -> None:
+    from robust.show.validation import JudgedPlan
     from robust.sweeps.suites import listed_files
 
     problems = _Problems()
@@ -91,9 +87,9 @@ def _judge_all(options: ValidateCommand, run: Run, judged: list[Judged]) -> None
         except RobustError as error:
             if len(every) == 1:
                 raise
-            judged.append(Judged(domain, problem, plan, error=error))
+            judged.append(JudgedPlan(domain, problem, plan, error=error))
         else:
-            judged.append(Judged(domain, problem, plan, verdict))
+            judged.append(JudgedPlan(domain, problem, plan, verdict))
             if verdict.note:
                 run.note(f"{verdict.plan}: {verdict.note}")
 
@@ -129,10 +125,10 @@ class _Problems:
 @action(ConvertCommand)
 def convert(options: ConvertCommand, run: Run) -> int:
     """Make a plan with a temporal network of a time-triggered plan, and prove it; steps are called n0, n1, ..."""
-    from robust.show import made
+    from robust.show import execution as show
 
-    if options.stnu is not None and (network := _network_text(options)) is not None:
-        return _export(options, run, network)
+    if options.stnu is not None and _is_network(options.plan):
+        return _export(options, run)
     timed: TimedPlan | None = None
 
     def begin() -> Converting:
@@ -140,51 +136,37 @@ def convert(options: ConvertCommand, run: Run) -> int:
         timed, converting = _converting(options, run)
         return converting
 
-    def show(found: Conversion) -> None:
+    def tell(found: Conversion) -> None:
         _show(options, run, found, () if timed is None else found.notes(timed))
 
     try:
-        found = run.best(begin, show)
+        found = run.best(begin, tell)
     except RefutedError as error:
         if not options.json:
             raise
         violations = getattr(error, "violations", ())
-        print_json(made.unconverted(options, violations))
+        print_json(show.unconverted(options, violations))
         return error.exit_code
     if options.stnu is not None:
         _write_stnu(options, run, found.plan)
-    show(found)
+    tell(found)
     if options.output is not None:
         run.write(lambda: _write(options, found))
     return UNDECIDED if found.cut_short else 0
 
 
-def _network_text(options: ConvertCommand) -> Path | None:
-    """The plan, if it is a network already."""
+def _is_network(plan: Path) -> bool:
     from robust.plan.pddl.forms import read_plan_text
     from robust.plan.stn import is_network
 
-    if str(options.plan) == "-" or not is_network(*read_plan_text(options.plan)):
-        return None
-    return options.plan
+    return str(plan) != "-" and is_network(*read_plan_text(plan))
 
 
-def _export(options: ConvertCommand, run: Run, plan: Path) -> int:
+def _export(options: ConvertCommand, run: Run) -> int:
     """Write the network with uncertainty of a plan that needs no conversion."""
-    from robust.reading import load_plan
-
     if options.output is not None:
-        raise InputError("found a network, which is not converted; expected --stnu only", place_of("output"))
-    loaded = run.only(
-        lambda: load_plan(
-            options.domain,
-            options.problem,
-            plan,
-            parameters=options.parameter,
-            parameter_file=options.parameters,
-        )
-    )
-    network = _write_stnu(options, run, loaded)
+        raise InputError("is for converted plans; PLAN is a network already, expected --stnu only", place_of("output"))
+    network = _write_stnu(options, run, run.only(lambda: plans.load(options, run)))
 
     from robust.show import stnu
 
@@ -216,7 +198,7 @@ def _write_stnu(options: ConvertCommand, run: Run, plan: ParametrizedPlan) -> Ne
 def _show(options: ConvertCommand, run: Run, found: Conversion, notes: Sequence[str]) -> None:
     """Say what was done; without a file for the plan, print it."""
     from robust.plan.stn import write_stn
-    from robust.show import made
+    from robust.show import execution as show
 
     if notes:
         run.note(f"{found.stn.file}: {'; '.join(notes)}")
@@ -230,13 +212,13 @@ def _show(options: ConvertCommand, run: Run, found: Conversion, notes: Sequence[
         if options.output is None:
             sys.stdout.write(write_stn(found.stn))
             sys.stdout.flush()
-        for line in () if options.quiet else made.conversion_lines(found, written):
+        for line in () if options.quiet else show.conversion_lines(found, written):
             if options.output is None:
                 print(line, file=sys.stderr)
             else:
                 out.print(line, soft_wrap=True)
 
-    run.answer(lambda: made.converted(found, written), tell)
+    run.answer(lambda: show.converted(found, written), tell)
 
 
 def _converting(options: ConvertCommand, run: Run) -> tuple[TimedPlan, Converting]:
@@ -295,7 +277,7 @@ def execute(options: ExecuteCommand, run: Run) -> int:
         if not runs:
             raise
         cause = run.guard.why(error)
-    from robust.show import made
+    from robust.show import execution as show
 
     if (picture := options.plot) is not None:
         from robust.draw.gantt import plot_run
@@ -304,13 +286,13 @@ def execute(options: ExecuteCommand, run: Run) -> int:
 
     def tell(out: Console) -> None:
         if options.runs == 1 and runs:
-            made.print_run(out, runs[0], options.executor, quiet=options.quiet)
+            show.print_run(out, runs[0], options.executor, quiet=options.quiet)
         else:
-            made.print_runs(out, runs, options.executor, quiet=options.quiet)
+            show.print_runs(out, runs, options.executor, quiet=options.quiet)
         if cause is not None:
             out.print(f"{cause.message} after {len(runs)} of {options.runs} runs")
 
-    run.answer(lambda: made.execute(options, runs, "complete" if cause is None else cause.value), tell)
+    run.answer(lambda: show.execute(options, runs, "complete" if cause is None else cause.value), tell)
     if cause is not None:
         return UNDECIDED
     return 0 if all(not one.reason for one in runs) else 1
@@ -451,7 +433,7 @@ def demo(options: DemoCommand, run: Run) -> int:
 
 
 def _take_tour(out: Console, run: Run, color: str) -> int:
-    from rich.text import Text
+    from robust.show.console import Text
 
     def show_command(*words: str) -> None:
         out.print(Text.assemble(("$ ", "dim"), (shlex.join(words), "cyan")), soft_wrap=True)
