@@ -56,7 +56,7 @@ JsonPath: TypeAlias = tuple[Key, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Text:
+class JsonText:
     """A string."""
 
     value: str
@@ -92,11 +92,11 @@ class Object:
     """`keys` are the keys with their places, in the order of the text."""
 
     members: dict[str, Json]
-    keys: tuple[Text, ...]
+    keys: tuple[JsonText, ...]
     location: Location = field(compare=False)
 
 
-Json: TypeAlias = Text | Numeral | Constant | Array | Object
+Json: TypeAlias = JsonText | Numeral | Constant | Array | Object
 
 
 def parse_json(text: str, file: str) -> Json:
@@ -125,7 +125,7 @@ def parse_line(text: str, file: str) -> Object:
 def describe(value: Json) -> str:
     """A short quotation of a value, for messages."""
     match value:
-        case Text(text):
+        case JsonText(text):
             return shorten(text)
         case Numeral(text):
             return text if len(text) <= 40 else f"{text[:37]}..."
@@ -150,7 +150,7 @@ def walk(top: Json) -> Iterator[tuple[JsonPath, Json]]:
                 pending.extend(((*path, at), item) for at, item in enumerate(items))
             case Object(members):
                 pending.extend(((*path, key), member) for key, member in members.items())
-            case Text() | Numeral() | Constant():
+            case JsonText() | Numeral() | Constant():
                 pass
             case _:
                 assert_never(value)
@@ -163,7 +163,7 @@ class _Open:
     closing: str
     location: Location
     items: list[Json] = field(default_factory=list)
-    keys: list[Text] = field(default_factory=list)
+    keys: list[JsonText] = field(default_factory=list)
     members: dict[str, Json] = field(default_factory=dict)
 
     def add(self, value: Json) -> None:
@@ -247,7 +247,7 @@ class _Parser:
             raise self._fault("':' after the key")
         self._at += 1
 
-    def _string(self) -> Text:
+    def _string(self) -> JsonText:
         location = self._location()
         match = _STRING.match(self._text, self._at)
         if match is None:
@@ -264,7 +264,7 @@ class _Parser:
         if _SURROGATE.search(value):
             raise InputError("found half a surrogate pair, expected a string of Unicode characters", location)
         self._at = match.end()
-        return Text(value, location)
+        return JsonText(value, location)
 
     def _scalar(self) -> Json:
         location = self._location()
@@ -358,11 +358,11 @@ class JsonTypes:
         if _is_record(kind) and kind not in self._texts:
             return self._record(kind, value, beside)
         match value:
-            case Text(text) if kind is str:
+            case JsonText(text) if kind is str:
                 return text
-            case Text(text) if kind in self._texts:
+            case JsonText(text) if kind in self._texts:
                 return self._texts[kind](text, value.location)
-            case Text(text) | Numeral(text) if kind is Fraction:
+            case JsonText(text) | Numeral(text) if kind is Fraction:
                 return parse_number(text, value.location)
             case Constant(bool(constant)) if kind is bool:
                 return constant

@@ -79,7 +79,7 @@ def repair(options: StnuRepairCommand, run: Run) -> int:
         return run.best(begin, lambda last: tell(last, network))
 
     def tell(last: NetworkRepair, network: Network) -> None:
-        whole = [*found, show.JudgedNetwork(Path(network.name), last)]
+        whole = [*judged, show.JudgedNetwork(Path(network.name), last)]
         run.answer(lambda: document(whole), lambda out: text(out, whole))
 
     def document(whole: list[JudgedNetwork[NetworkRepair]]) -> Any:
@@ -88,7 +88,7 @@ def repair(options: StnuRepairCommand, run: Run) -> int:
     def text(out: Console, whole: list[JudgedNetwork[NetworkRepair]]) -> None:
         show.print_repairs(out, whole, written, quiet=options.quiet)
 
-    found: list[JudgedNetwork[NetworkRepair]] = []
+    judged: list[JudgedNetwork[NetworkRepair]] = []
     written: str | None = None
     cause: Cause | None = None
     _, cause = _each(options, run, judge, judged)
@@ -108,7 +108,7 @@ def _each(
     options: StnuFiles,
     run: Run,
     judge: Callable[[Network], Result],
-    found: list[JudgedNetwork[Result]] | None = None,
+    judged: list[JudgedNetwork[Result]] | None = None,
 ) -> tuple[list[JudgedNetwork[Result]], Cause | None]:
     """What is found of each file, and why the last ones are missing; one that cannot be read is no obstacle to others.
 
@@ -124,7 +124,7 @@ def _each(
         run.display.say(f"network {number} of {len(options.files)}: {file}")
         try:
             network = run.only(lambda path=file: load(path))  # type: ignore[misc]
-            found.append(JudgedNetwork(file, judge(network)))
+            judged.append(JudgedNetwork(file, judge(network)))
         except GivenUpError as error:
             if not judged:
                 raise
@@ -132,11 +132,11 @@ def _each(
         except RobustError as error:
             if len(options.files) == 1:
                 raise
-            found.append(JudgedNetwork(file, None, error))
-    return found, None
+            judged.append(JudgedNetwork(file, None, error))
+    return judged, None
 
 
-def _status(found: list[JudgedNetwork[Any]], cause: Cause | None) -> str:
+def _status(judged: list[JudgedNetwork[Any]], cause: Cause | None) -> str:
     """How it ended."""
     if cause is not None:
         return cause.value
@@ -145,7 +145,7 @@ def _status(found: list[JudgedNetwork[Any]], cause: Cause | None) -> str:
     return ended(judged)
 
 
-def _code(found: list[JudgedNetwork[Any]], cause: Cause | None) -> int:
+def _code(judged: list[JudgedNetwork[Any]], cause: Cause | None) -> int:
     """Bad input first, then what is refuted, then what is unknown."""
     codes = {row.code for row in judged} | ({UNDECIDED} if cause is not None else set())
     return next((code for code in (2, UNSUPPORTED, 1, UNDECIDED) if code in codes), 0)

@@ -422,6 +422,10 @@ def written_to(what: str) -> Callable[[str | Path, Location], Path]:
     return lambda path, place: writable(Path(path), place, what)
 
 
+WRITTEN = ("output", "plot", "html", "csv", "stnu")
+"""Options that name a file for the answer."""
+
+
 def refuse_replacing(files: Iterable[Path], place: Location, *, force: bool) -> None:
     """InputError if there are such files, which no option names, unless they are to be replaced."""
     there = [] if force else [quoted(path) for path in files if os.path.lexists(path)]

@@ -19,7 +19,7 @@ from types import MappingProxyType
 from typing import Any, Final, TypeVar
 
 from robust.errors import InputError, Location, did_you_mean
-from robust.json_text import Array, Constant, Json, JsonPath, Key, Numeral, Object, Text, describe, parse_json, walk
+from robust.json_text import Array, Constant, Json, JsonPath, JsonText, Key, Numeral, Object, describe, parse_json, walk
 from robust.numbers import EXPECTED_NUMBER, format_number, is_number, parse_number, shorten
 from robust.pike_bridge import model
 from robust.pike_bridge.envelopes.parameters import TeamParameterSpec, of_members
@@ -399,7 +399,7 @@ def _list(reader: Callable[[Json], T]) -> Callable[[Json], tuple[T, ...]]:
 
 
 def _text(value: Json) -> str:
-    if not isinstance(value, Text):
+    if not isinstance(value, JsonText):
         raise _fault(value, "a text in quotes")
     if not model.is_name(value.value):
         raise _fault(value, model.PROPER_NAME)
@@ -415,7 +415,7 @@ def _is_null(value: Json) -> bool:
 
 
 def _format(value: Json) -> str:
-    if not isinstance(value, Text) or value.value != FORMAT:
+    if not isinstance(value, JsonText) or value.value != FORMAT:
         raise _fault(value, f"{FORMAT!r}, the format that this version reads")
     return value.value
 
@@ -429,7 +429,7 @@ def _boolean(value: Json) -> bool:
 def _number(value: Json) -> Fraction:
     if isinstance(value, Numeral):
         return parse_number(value.text, value.location)
-    if isinstance(value, Text) and is_number(value.value):
+    if isinstance(value, JsonText) and is_number(value.value):
         return parse_number(value.value, value.location)
     raise _fault(value, f"{EXPECTED_NUMBER}, fractions in quotes")
 
@@ -437,7 +437,7 @@ def _number(value: Json) -> Fraction:
 def _bound(value: Json) -> Fraction | None:
     if _is_null(value):
         return None
-    if isinstance(value, (Numeral, Text)):
+    if isinstance(value, (Numeral, JsonText)):
         return _number(value)
     raise _fault(value, "a number, or null for no bound")
 

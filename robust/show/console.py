@@ -80,9 +80,9 @@ class Console:
     @cached_property
     def rich(self) -> RichConsole:
         """The same of rich."""
-        from robust.show.tables import rich_console  # noqa: PLC0415 - rich takes longer to load than most checks
+        from robust.show.terminal import rich_console  # noqa: PLC0415 - rich takes longer to load than most checks
 
-        return rich_console(self.file, self._width, _COLORS[self._color])
+        return rich_console(self.file, self._width, NARROW, _COLORS[self._color])
 
     @property
     def width(self) -> int:

@@ -19,7 +19,7 @@ from robust.execute.convert import Conversion, Tightening
 from robust.execute.dispatchable import Guarantee
 from robust.execute.parametrization import option_of, write_specs
 from robust.execute.replan import ReplanningRun, RunStatus, Segment
-from robust.execute.slices import Left, SliceAnswer
+from robust.execute.slices import Remainder, SliceAnswer
 from robust.execute.worlds import ExecutedInstance, InstanceOutcome
 from robust.irr.stops import advice
 from robust.json_text import Count, JsonObject, Rational, Seconds, like, on_wire, one_of, wire
@@ -232,7 +232,7 @@ class ExecutedPlan(JsonObject):
     box: Box
     executed: list[ExecutedInstance]
     observations: list[Observation]
-    left: list[Left]
+    left: list[Remainder]
     rejected: list[MessageRejected]
     given_up: Rational | None
     reason: str | None
@@ -242,7 +242,8 @@ class ExecutedPlan(JsonObject):
 
 @wire.register(Segment)
 def _(segment: Segment) -> ExecutedPlan:
-    return like(ExecutedPlan, segment, reason=None if segment.ending is None else str(segment.ending))
+    reason = None if segment.ending is None else str(segment.ending)
+    return like(ExecutedPlan, segment, left=segment.remainders, reason=reason)
 
 
 class ExecutedRun(JsonObject):
@@ -357,7 +358,7 @@ def _events(segment: Segment) -> Iterator[tuple[Fraction, str, str]]:
     for observed in segment.observations:
         where = "" if observed.inside else ", outside"
         yield observed.time, "observed", f"{observed.what} = {readable(observed.value)}{where}"
-    for remainder in segment.left:
+    for remainder in segment.remainders:
         yield remainder.time, "left", _remainder(remainder)
     for rejected in segment.rejected:
         yield rejected.time, "rejected", rejected.reason
@@ -365,7 +366,7 @@ def _events(segment: Segment) -> Iterator[tuple[Fraction, str, str]]:
         yield segment.given_up, "gave up", str(segment.ending)
 
 
-def _remainder(remainder: Left) -> str:
+def _remainder(remainder: Remainder) -> str:
     """What is still unknown, and in which values the plan succeeds."""
     if remainder.box is None:
         late = remainder.answer is SliceAnswer.OUT_OF_TIME

@@ -314,7 +314,7 @@ def patience_document(found: Moments) -> Document:
 
 
 @printing.register(Moments)
-def print_patience(out: Console, found: Moments, *, quiet: bool) -> None:
+def print_patience(out: Console, result: Moments, *, quiet: bool) -> None:
     """Whether there is a correct execution; unless `quiet` also until when each value can be chosen."""
     if result.feasible is None:
         out.print("Undecided: out of time.")

@@ -17,6 +17,7 @@ from robust.qe.box import Interval, Side, interval_text
 from robust.qe.constraint import LinearConstraint, Sense
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region, absorb, signed_sum
+from robust.searching import Status
 from robust.show.console import Console, Text, printing
 from robust.show.documents import SIDES, Document, Ended, SearchEnded, document, documenting, ends_of, has_table
 from robust.show.plan_documents import ConstraintRecord, PolyhedronRecord, rows_of
@@ -184,7 +185,7 @@ def _constraint(one: LinearConstraint) -> ConstraintRecord:
 
 
 @documenting.register(LabeledRegion)
-def whole_region_document(found: LabeledRegion) -> Document:
+def whole_region_document(region: LabeledRegion) -> Document:
     """With the exact cells."""
     return region_document(region, cells_of(region))
 
@@ -247,7 +248,7 @@ has_table(TeamEnvelope, "parameters", named="parameter", numbers=SIDES)
 
 
 @documenting.register(TeamEnvelope)
-def envelope_document(found: TeamEnvelope) -> Document:
+def envelope_document(envelope: TeamEnvelope) -> Document:
     """`robust/pike-envelope/1`."""
     telling = Telling(envelope.plan)
     broken = None
@@ -438,7 +439,7 @@ class Telling:
 
 
 @printing.register(LabeledRegion)
-def print_region(out: Console, found: LabeledRegion, *, quiet: bool) -> None:
+def print_region(out: Console, region: LabeledRegion, *, quiet: bool) -> None:
     """For each combination of choices what the parameters may be, and which combinations are impossible."""
     telling = Telling(region.plan)
     by_sentence: dict[str, list[str]] = {}
@@ -489,7 +490,7 @@ def _ended(result: LabeledRegion | TeamEnvelope) -> str:
 
 
 @printing.register(TeamEnvelope)
-def print_envelope(out: Console, found: TeamEnvelope, *, quiet: bool) -> None:
+def print_envelope(out: Console, envelope: TeamEnvelope, *, quiet: bool) -> None:
     """What is promised for which values; unless `quiet` also what ends each side."""
     telling = Telling(envelope.plan)
     promised = promise(envelope)

@@ -1,64 +1,28 @@
-"""What rich shows: tables, lines on terminals and on narrow ones, and pages for notebooks."""
+"""What rich shows: tables, and pages for notebooks."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from html import escape
 from io import StringIO
-from typing import Any, TextIO
+from typing import Any
 
 from rich import box as borders
 from rich.cells import cell_len
 from rich.console import Console
 from rich.padding import Padding
-from rich.segment import Segment
 from rich.style import Style
 from rich.table import Column, Table
 from rich.terminal_theme import DEFAULT_TERMINAL_THEME
 from rich.text import Text
 
-from robust.show.console import NARROW
 from robust.show.console import Console as Out
 from robust.show.console import Text as Line
+from robust.show.terminal import rich_text, visible
 
 _MARGIN = 2
-
-
-def rich_console(stream: TextIO, width: int | None, colors: Mapping[str, Any]) -> Console:
-    """A console of rich that prints what it is given, and no markup."""
-    return _RichConsole(file=stream, width=width, markup=False, highlight=False, emoji=False, **colors)
-
-
-class _RichConsole(Console):
-    def on_broken_pipe(self) -> None:
-        """Leave it to the caller, who knows the exit code; rich would end the process with its own."""
-        raise BrokenPipeError
-
-    def _render_buffer(self, buffer: Iterable[Segment]) -> str:
-        """Whatever names of files hold: no control characters and nothing that cannot be encoded, but line ends."""
-        return super()._render_buffer(
-            part if part.control or part.text.isprintable() else Segment(_visible(part.text), part.style)
-            for part in buffer
-        )
-
-    def print(self, *objects: Any, **how: Any) -> None:
-        """As by rich; lines that may be longer than the terminal are broken between words if it is narrow."""
-        if how.get("soft_wrap") and not how.get("no_wrap") and self.width < NARROW:
-            for one in objects:
-                for line in _rich_text(one).split("\n", allow_blank=True):
-                    self._print_broken(line)
-            return
-        super().print(*objects, **how)
-
-    def _print_broken(self, line: Text) -> None:
-        """A line, what follows in others a little further to the right."""
-        indent = len(line.plain) - len(line.plain.lstrip(" "))
-        parts = line[indent:].wrap(self, max(self.width - indent - _MARGIN, 10)) if line.plain.strip() else [Text()]
-        for index, part in enumerate(parts):
-            part.rstrip()
-            super().print(Text(" " * (indent + _MARGIN * (index > 0))).append_text(part), soft_wrap=True)
 
 
 class Page(Out):
@@ -71,7 +35,7 @@ class Page(Out):
 
     def print(self, *objects: Any, **_how: Any) -> None:
         """Keep lines of text."""
-        self._lines.append(" ".join(self._spans(_rich_text(one)) for one in objects))
+        self._lines.append(" ".join(self._spans(rich_text(one)) for one in objects))
 
     def add_table(self, shown: Table) -> None:
         """Keep a table."""
@@ -94,14 +58,14 @@ class Page(Out):
         return f'<div class="robust">{"".join(self._blocks)}</div>'
 
     def _cell(self, cell: object) -> str:
-        return self._spans(_rich_text(cell)).replace("\n", "<br/>")
+        return self._spans(rich_text(cell)).replace("\n", "<br/>")
 
     def _spans(self, text: Text) -> str:
         return "".join(self._span(part.text, part.style) for part in text.render(self.rich) if part.text)
 
     def _span(self, words: str, style: Style | None) -> str:
         look = style.get_html_style(DEFAULT_TERMINAL_THEME) if style else ""
-        printable = escape(_visible(words))
+        printable = escape(visible(words))
         return f'<span style="{escape(look)}">{printable}</span>' if look else printable
 
     def _end_text(self) -> None:
@@ -110,17 +74,6 @@ class Page(Out):
         self._lines = []
         if lines:
             self._blocks.append(f'<pre style="white-space: pre-wrap">{lines}</pre>')
-
-
-def _rich_text(shown: object) -> Text:
-    """What is to be shown, as a text of rich."""
-    if isinstance(shown, Line):
-        return shown.__rich__()
-    return shown if isinstance(shown, Text) else Text(str(shown))
-
-
-def _visible(text: str) -> str:
-    return "".join(char if char.isprintable() or char == "\n" else " " for char in text)
 
 
 # -- tables ------------------------------------------------------------------------------------------------------------
@@ -133,7 +86,7 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[str | Line]] = (), *, 
     for column in columns:
         shown.add_column(column, justify="right" if column in aligned else "left", overflow="fold")
     for row in rows:
-        shown.add_row(*map(_rich_text, row))
+        shown.add_row(*map(rich_text, row))
     return shown
 
 

@@ -76,7 +76,7 @@ def print_verdicts(out: Console, judged: Sequence[JudgedPlan], *, quiet: bool) -
 on_wire("Snapped", times=None, shift="most")
 
 
-class PlanVerdict(JsonObject):
+class JudgedPlanRecord(JsonObject):
     """
     Attributes:
         verdict: error: what cannot be read, or does not fit together; unsupported: what cannot be decided
@@ -111,7 +111,7 @@ class Validate(Noted, tag_field="schema", tag="robust/validate/1"):
     epsilon: Rational
     tolerance: Rational | None
     valid: Count
-    plans: list[PlanVerdict]
+    plans: list[JudgedPlanRecord]
 
 
 @documenting.register(Verdict)
@@ -145,9 +145,9 @@ def validate(judged: Sequence[JudgedPlan], status: str, epsilon: Fraction, toler
     )
 
 
-def _record(judged: JudgedPlan) -> PlanVerdict:
+def _record(judged: JudgedPlan) -> JudgedPlanRecord:
     verdict = judged.verdict
-    return PlanVerdict(
+    return JudgedPlanRecord(
         domain=str(judged.domain),
         problem=str(judged.problem),
         plan=str(judged.plan),

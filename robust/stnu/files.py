@@ -25,7 +25,7 @@ from xml.parsers import expat
 from xml.sax.saxutils import escape, quoteattr
 
 from robust.errors import InputError, Location, UnsupportedError, did_you_mean
-from robust.json_text import Array, Json, Numeral, Object, Text, describe, parse_json
+from robust.json_text import Array, Json, JsonText, Numeral, Object, describe, parse_json
 from robust.numbers import EXPECTED_NUMBER, Number, exact, format_number, is_number, parse_number, plural, shorten
 from robust.plan.pddl.forms import read_text
 from robust.smt.limits import Deadline
@@ -124,7 +124,7 @@ def _constraint(value: Json, known: Collection[str]) -> Link:
         if ends[-1] not in known:
             raise InputError(f"found unknown node {shorten(ends[-1])}, expected one of the nodes", fields[key].location)
     kind = fields["type"]
-    if not isinstance(kind, Text) or kind.value not in _TYPES:
+    if not isinstance(kind, JsonText) or kind.value not in _TYPES:
         raise InputError(f"found type {describe(kind)}, expected stc or stcu", kind.location)
     lower, upper = _bound(fields["min_duration"], -1), _bound(fields["max_duration"], 1)
     return Link(ends[0], ends[1], lower, upper, _TYPES[kind.value], value.location)
@@ -132,7 +132,7 @@ def _constraint(value: Json, known: Collection[str]) -> Link:
 
 def _bound(value: Json, sign: int) -> Fraction | None:
     """A number, or None for infinity on the side of that sign."""
-    text = value.text if isinstance(value, Numeral) else value.value if isinstance(value, Text) else ""
+    text = value.text if isinstance(value, Numeral) else value.value if isinstance(value, JsonText) else ""
     if INFINITE.get(text.lower()) == sign:
         return None
     if not is_number(text):
@@ -143,7 +143,7 @@ def _bound(value: Json, sign: int) -> Fraction | None:
 
 def _node(value: Json) -> str:
     match value:
-        case Text(text) if text:
+        case JsonText(text) if text:
             return text
         case Numeral(text):
             return text

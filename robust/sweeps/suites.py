@@ -19,7 +19,7 @@ from functools import cache
 from pathlib import Path
 
 from robust.errors import InputError, Location
-from robust.json_text import Array, Object, Text, describe, parse_json
+from robust.json_text import Array, JsonText, Object, describe, parse_json
 from robust.numbers import plural, shorten
 from robust.plan.pddl.forms import read_text
 
@@ -133,7 +133,7 @@ def _from_json(path: Path) -> list[SuitePlan]:
         texts = {}
         for key in ("domain", "problem", *PLANS, *NAMES):
             value = item.members.get(key)
-            if value is not None and not (isinstance(value, Text) and value.value):
+            if value is not None and not (isinstance(value, JsonText) and value.value):
                 raise InputError(f"found {describe(value)} as {key}, expected a text", value.location)
             texts[key] = value.value if value is not None else None
         plans.append(_entry(texts, item.location))

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robust.errors import InputError, UnsupportedError
-from robust.json_text import Array, Constant, Numeral, Object, Text, parse_json
+from robust.json_text import Array, Constant, JsonText, Numeral, Object, parse_json
 from robust.pike_bridge import files as documents
 from robust.pike_bridge.action_model import Instance, load_team_plan
 from robust.pike_bridge.builder import act, build
@@ -231,7 +231,7 @@ def test_schema_is_a_schema_and_packaged():
 
 def plain(value):
     match value:
-        case Text(text):
+        case JsonText(text):
             return text
         case Numeral(text):
             return json.loads(text)
