@@ -25,7 +25,7 @@ from robust.options.verbs import (
     RiskOptions,
 )
 from robust.reading import Plan, plan_of
-from robust.smt.limits import Deadline, OutOfTimeError, noticing_interrupts
+from robust.smt.limits import Deadline, OutOfTimeError, one_question
 
 if TYPE_CHECKING:
     from robust.encode.interface import Encoding
@@ -440,5 +440,5 @@ def batch(verb: str, suite: str | os.PathLike[str], **given: Any) -> Batch:
     """
     if verb not in BATCHES:
         raise InputError(f"unknown verb {verb!r}{did_you_mean(verb, BATCHES)}")
-    with noticing_interrupts():
+    with one_question():
         return run_batch(verb, suite, BATCHES[verb](**given))

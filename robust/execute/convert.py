@@ -76,7 +76,7 @@ from robust.plan.timed import TimedPlan
 from robust.presented import Presented, VerdictEnum
 from robust.qe.box import Box
 from robust.searching import Status
-from robust.smt.limits import Deadline, OutOfTimeError, noticing_interrupts
+from robust.smt.limits import Deadline, OutOfTimeError, one_question
 
 
 @dataclass(frozen=True, slots=True)
@@ -614,7 +614,7 @@ class Converting:
         )  # fmt: skip
 
 
-@noticing_interrupts()
+@one_question()
 def convert(domain: Domain, problem: Problem, timed: TimedPlan, **settings: Unpack[Settings]) -> Conversion:
     """The time-triggered plan as an STN plan whose network allows its schedule [IRR §3].
 

@@ -43,7 +43,7 @@ from robust.qe.compute import RegionSearch
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
 from robust.searching import Status
-from robust.smt.limits import Deadline, OutOfTimeError, noticing_interrupts
+from robust.smt.limits import Deadline, OutOfTimeError, one_question
 
 Event = TypeVar("Event", Observation, MessageRejected, Remainder)
 
@@ -238,7 +238,7 @@ def _sliced(dispatchable: Dispatchable, executor: Slice, options: ReplanningOpti
     return dispatchable.sliced(region, exact=search.is_exact, seconds=executor.seconds)
 
 
-@noticing_interrupts()
+@one_question()
 def computed_box(plan: model.ParametrizedPlan, options: ReplanningOptions) -> Box:
     """The box of a plan; errors as for :func:`prepare_plan`."""
     deadline = Deadline.after(options.timeout)

@@ -36,7 +36,7 @@ from typing import (
 
 from robust.errors import InputError, Location, did_you_mean, missing
 from robust.numbers import EXPECTED_NUMBER, Number, exact, parse_number, quoted, shorten
-from robust.smt.limits import noticing_interrupts
+from robust.smt.limits import one_question
 
 if TYPE_CHECKING:
     from robust.irr.search import EnvelopeResult
@@ -585,7 +585,7 @@ class Verb(Generic[Subject, Known]):
             if len(args) > len(names) or given.keys() & set(names[: len(args)]):
                 raise TypeError(f"{function.__name__}() takes a plan and keyword arguments: see help(…)")
             chosen = taken(**dict(zip(names, args, strict=False)), **given)
-            with noticing_interrupts():
+            with one_question():
                 return function(self._read(plan, chosen), chosen)
 
         called.__signature__ = self._signature(function, taken, first)  # type: ignore[attr-defined]

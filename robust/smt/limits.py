@@ -18,7 +18,9 @@ import time
 import traceback
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
+from itertools import count
 from types import FrameType
 from typing import Any, Final, NoReturn, TypeVar
 
@@ -111,8 +113,46 @@ class _Notes:
     noticed = False
 
 
+@dataclass(slots=True)
+class Question:
+    """What is asked at once. Its formulas share the context of a solver, and no other question does: in a common
+    context, models depend on everything that was translated before, and so would answers.
+
+    Attributes:
+        first: whether it is the first of this process, for which the solver's own context is as good as a new one.
+        context: made when it is first needed.
+    """
+
+    first: bool
+    context: Any = None
+
+
+_question: ContextVar[Question | None] = ContextVar("question", default=None)
+_questions = count()
+
+
+def current_question() -> Question | None:
+    """The question of the block of :func:`one_question` that is running."""
+    return _question.get()
+
+
 @contextmanager
-def noticing_interrupts() -> Iterator[None]:
+def one_question() -> Iterator[None]:
+    """A question, from its formulas to its answer: that depends on no question before it, and Ctrl-C is noted."""
+    if _question.get() is not None:
+        with _noticing_interrupts():
+            yield
+        return
+    token = _question.set(Question(first=next(_questions) == 0))
+    try:
+        with _noticing_interrupts():
+            yield
+    finally:
+        _question.reset(token)
+
+
+@contextmanager
+def _noticing_interrupts() -> Iterator[None]:
     """Note Ctrl-C within the block; it still raises KeyboardInterrupt at once wherever Python can.
 
     Does nothing outside of the main thread, and where the program handles the signal in its own way.
@@ -136,7 +176,7 @@ def _note(number: int, frame: FrameType | None) -> None:
 
 
 def raise_if_interrupted() -> None:
-    """Raise KeyboardInterrupt if Ctrl-C was pressed in the block of :func:`noticing_interrupts` that is running."""
+    """Raise KeyboardInterrupt if Ctrl-C was pressed in the block of :func:`one_question` that is running."""
     if _Notes.noticed:
         raise KeyboardInterrupt
 

@@ -26,7 +26,7 @@ from pysmt.utils import quote
 from robust.errors import SolverError, did_you_mean
 from robust.presented import VerdictEnum
 from robust.records import Folder
-from robust.smt.limits import NEVER, Deadline, OutOfTimeError, from_copy, raise_if_interrupted
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError, current_question, from_copy, raise_if_interrupted
 from robust.smt.terms import Formula, Terms
 
 
@@ -117,16 +117,21 @@ class Z3(Backend):
         solver = _pysmt_solver(terms, self.name, "z3", "Z3Solver")
         import z3  # noqa: PLC0415 - slow to import
 
-        # All sessions of one environment share what has been translated already, in a context of its own: in a common
-        # one, models depend on everything that was translated before.
+        # All sessions of one environment share what has been translated already.
         if self.name not in terms.translations:
-            terms.translations[self.name] = type(solver.converter)(terms.environment, z3.Context())
+            question = current_question()
+            if question is not None and not question.first:
+                question.context = question.context or z3.Context()
+                solver.converter = type(solver.converter)(terms.environment, question.context)
+            terms.translations[self.name] = solver.converter
         solver.converter = terms.translations[self.name]
         context = solver.converter.ctx
-        solver.z3 = z3.SimpleSolver(context) if proving else z3.SolverFor(str(QF_LRA), context)
         if proving:
             # Without tactics in between, and with z3's earlier arithmetic: hard proofs take half the time.
+            solver.z3 = z3.SimpleSolver(context)
             solver.z3.set("arith.solver", 2)
+        elif context is not z3.main_ctx():
+            solver.z3 = z3.SolverFor(str(QF_LRA), context)
         return solver
 
     def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]], effort: int = 0) -> Satisfiability:

@@ -35,7 +35,7 @@ from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.simulate import Simulation, Violation, simulate
 from robust.plan.stn import STNPlan
 from robust.plan.timed import TimedPlan
-from robust.smt.limits import Deadline, noticing_interrupts
+from robust.smt.limits import Deadline, one_question
 from robust.unified_planning.convert import converted, instances_of, type_bounds
 
 if TYPE_CHECKING:
@@ -166,7 +166,7 @@ class _PlanJudge:
 
     def _of_network(self, domain: Domain, problem: Problem, stn: STNPlan, timeout: float | None) -> ValidationResult:
         plan = assemble(domain, problem, stn, may_be_empty=True)
-        with noticing_interrupts():
+        with one_question():
             checked = check_plan(plan, self.epsilon, "z3", Deadline.after(timeout))
         if checked.answer is Answer.PROVED and type_bounds(self.problem):
             return _result(ValidationResultStatus.UNKNOWN, "found bounds of types, expected a plan with times for them")

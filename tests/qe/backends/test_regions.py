@@ -29,7 +29,7 @@ from robust.qe.eliminate.interface import Solvers
 from robust.qe.nnf import FormulaReader, conjunction
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
-from robust.smt.limits import NEVER, Deadline, noticing_interrupts
+from robust.smt.limits import NEVER, Deadline, one_question
 from robust.smt.session import Satisfiability, Session
 from tests.children import interrupted_after
 from tests.irr.building import shipped
@@ -48,7 +48,7 @@ def region(plan: ParametrizedPlan, **options: Any) -> RegionResult:
     """As :func:`robust.region`, also with back ends that users cannot choose."""
     if options.get("backend") not in REFEREES:
         return api.region(plan, **options)
-    with noticing_interrupts():
+    with one_question():
         return RegionSearch(plan, **options).run()
 
 
