@@ -151,11 +151,7 @@ def _deadline(kind: str, seconds: float) -> Deadline:
 
 
 def _certified(
-    about: Measured,
-    lines: Callable[[], list[Line]],
-    directory: Path,
-    files: tuple[Path, ...],
-    verb: str | None = None,
+    about: Measured, lines: Callable[[], list[Line]], directory: Path, files: tuple[Path, ...], verb: str | None = None
 ) -> Measured:
     """Make a certificate and check it; `verb` is the command that solves the same, as a process, if it is to run."""
     path = directory / f"{about.instance}-{about.kind}.cert"

@@ -186,12 +186,7 @@ def searching_envelope(plan: ParametrizedPlan, options: EnvelopeOptions) -> Anyt
             from robust.probability.greatest import GreatestBox
 
             return GreatestBox(
-                formulas,
-                known,
-                within=Fraction(options.within),
-                solver=options.solver,
-                exporter=exporter,
-                **conduct,
+                formulas, known, within=Fraction(options.within), solver=options.solver, exporter=exporter, **conduct
             )
         from robust.irr.exact import BoxMethod
 

@@ -72,11 +72,7 @@ PARTS = {
         "recorded or sweeps or points_are_inside or sympy_agrees",
     ),
     "network": Part(("robust/network/*",), ("tests/network",)),
-    "encode": Part(
-        ("robust/encode/*",),
-        ("tests/encode",),
-        "differential or fixed_schedules_break",
-    ),
+    "encode": Part(("robust/encode/*",), ("tests/encode",), "differential or fixed_schedules_break"),
     "simulator": Part(("robust/plan/simulate.py",), ("tests/plan/test_simulate.py",)),
     "irr": Part(("robust/irr/*",), ("tests/irr",), "recorded or (test_examples and cvc5)"),
     "certify": Part(("robust/certify/*",), ("tests/certify",)),

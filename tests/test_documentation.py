@@ -96,11 +96,7 @@ def run(session: Session, directory: Path, robust: Sequence[str] = (sys.executab
         (directory / name).symlink_to(ROOT / name)
     for name, text in session.files:
         (directory / name).write_text(text, encoding="utf-8")
-    script = [
-        f'robust() {{ {shlex.join(robust)} "$@"; }}',
-        f'python3() {{ "{sys.executable}" "$@"; }}',
-        "shown=0",
-    ]
+    script = [f'robust() {{ {shlex.join(robust)} "$@"; }}', f'python3() {{ "{sys.executable}" "$@"; }}', "shown=0"]
     for command, _ in session.steps:
         # `$?` is that of the command before, as in a terminal.
         script += [f"echo '{MARK}'", "(exit $shown)", command, "shown=$?"]

@@ -130,18 +130,12 @@ ORDER = "expected LOW:HIGH with LOW not above HIGH"
         (lambda: region(latex=True, json=True), "--latex: cannot be combined with --json; choose one"),
         (lambda: execute(plan=Path(), runs=0), "runs: found 0, expected at least 1 run"),
         (lambda: execute(plan=Path(), replans=-1), "replans: found -1, expected at least 0 re-plans"),
-        (
-            execute,
-            "give PLAN or --planner: without either there is no plan to execute",
-        ),
+        (execute, "give PLAN or --planner: without either there is no plan to execute"),
         (
             lambda: certify(1, alethe=Path()),
             "found --alethe with a plan with choices; expected it with DOMAIN PROBLEM PLAN",
         ),
-        (
-            lambda: certify(1, kind="box"),
-            "found --kind box with a plan with choices; expected execution or knowledge",
-        ),
+        (lambda: certify(1, kind="box"), "found --kind box with a plan with choices; expected execution or knowledge"),
         (
             lambda: certify(3, assume=("a=b",)),
             "found --assume with DOMAIN PROBLEM PLAN; expected it with a plan with choices",

@@ -33,8 +33,22 @@ TELLING = {
 }
 """What attributes are called that say what came of a question."""
 KINDS = {
-    *("About", "Assignment", "Below", "Case", "Cause", "Changeable", "Comparator", "Control", "Guarantee", "Human"),
-    *("Kind", "Means", "Mode", "NodeKind", "Operator", "Pace", "Phase", "Relation", "Role", "Sense", "Side", "Stage"),
+    *("About", "AssignmentKind", "Below", "Case", "Cause", "Changeable", "Comparator", "Control", "Guarantee", "Human"),
+    *(
+        "Kind",
+        "Means",
+        "Mode",
+        "MomentSide",
+        "NodeKind",
+        "Operator",
+        "Pace",
+        "Phase",
+        "Relation",
+        "Role",
+        "Sense",
+        "Side",
+        "Stage",
+    ),
     *("Subject", "Target", "TeamParameterKind", "Temporal", "TimePointKind", "Timing", "Update", "Way"),
 }
 """Enumerations that answer no question."""

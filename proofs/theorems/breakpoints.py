@@ -163,13 +163,9 @@ THEOREM = Theorem(
             PIECES,
             (
                 Variant(
-                    "breakpoints inside are not looked at: a quantity may jump there.",
-                    PIECES.without(AT_BREAKPOINTS),
+                    "breakpoints inside are not looked at: a quantity may jump there.", PIECES.without(AT_BREAKPOINTS)
                 ),
-                Variant(
-                    "only the breakpoints are looked at.",
-                    PIECES.without(ON_PIECES),
-                ),
+                Variant("only the breakpoints are looked at.", PIECES.without(ON_PIECES)),
             ),
         ),
         Lemma(

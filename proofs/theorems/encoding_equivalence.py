@@ -123,10 +123,7 @@ AGREE = Statement(
 
 CLAMP = "(ite (<= t start) 0.0 (ite (<= t end) (- t start) (- end start)))"
 FLOW = Statement(
-    (
-        *consts("Real", "start", "end", "from", "to"),
-        define("clamped", {"t": "Real"}, "Real", CLAMP),
-    ),
+    (*consts("Real", "start", "end", "from", "to"), define("clamped", {"t": "Real"}, "Real", CLAMP)),
     {
         "an action, and a step in time": "(and (< start end) (<= from to))",
         "neither start nor end is strictly inside the step: they are happenings, steps are between neighbours": conj(

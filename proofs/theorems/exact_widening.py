@@ -228,12 +228,7 @@ THEOREM = Theorem(
             "round",
             "At the least stretch, not all faces that move can go on together: each round freezes one at least.",
             ROUND,
-            (
-                Variant(
-                    "bad points come no nearer than some distance: all faces may go on.",
-                    ROUND.without(LEAST_NEAR),
-                ),
-            ),
+            (Variant("bad points come no nearer than some distance: all faces may go on.", ROUND.without(LEAST_NEAR)),),
         ),
     ),
 )

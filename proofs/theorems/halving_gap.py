@@ -52,10 +52,7 @@ ELSEWHERE = conj(SAME, "(= next-face face)", "(= next-open open)")
 STEP = Statement(
     SPACE,
     {
-        GROWS: implies(
-            "blocked-somewhere",
-            conj("next-blocked-somewhere", "(<= next-blocked-end blocked-end)", LATER),
-        ),
+        GROWS: implies("blocked-somewhere", conj("next-blocked-somewhere", "(<= next-blocked-end blocked-end)", LATER)),
         INVARIANT: invariant("blocked", "step", "face", "fresh", "open"),
         TURN: disj(SUCCEEDS, FAILS, FAILS_LAST, OTHER_FAILS_LAST, ELSEWHERE),
     },
@@ -73,10 +70,7 @@ STEP = Statement(
 )
 DONE = "the run is over: the step is less than half the precision"
 LAST = Statement(
-    (
-        *upward("blocked"),
-        *consts("Real", "step", "face", "precision"),
-    ),
+    (*upward("blocked"), *consts("Real", "step", "face", "precision")),
     {
         "the direction is blocked two steps out (it is not fresh: steps start at the precision or more)": (
             "(blocked (+ face step step))"
@@ -125,10 +119,7 @@ THEOREM = Theorem(
                         ENDS, FROM
                     ),
                 ),
-                Variant(
-                    "boxes may shrink: what blocked a face need not any more.",
-                    STEP.without(GROWS),
-                ),
+                Variant("boxes may shrink: what blocked a face need not any more.", STEP.without(GROWS)),
             ),
             interesting=FAILS_LAST,
         ),

@@ -121,11 +121,7 @@ COUNT = Statement(
     {"measure": "measure", "after": "next-measure", "turns": "turns"},
 )
 ENDS = Statement(
-    (
-        function("measure", ["Int"], "Real"),
-        function("goes-on", ["Int"], "Bool"),
-        *consts("Int", "enough"),
-    ),
+    (function("measure", ["Int"], "Real"), function("goes-on", ["Int"], "Bool"), *consts("Int", "enough")),
     {
         POSITIVE: forall({"n": "Int"}, "(=> (<= 0 n) (<= 0.0 (measure n)))"),
         f"{SO_MANY} (by induction over turns, lemma count)": implies(
@@ -208,8 +204,7 @@ THEOREM = Theorem(
             PICK,
             (
                 Variant(
-                    "the loop goes on whatever the steps are: nothing may be left to pick.",
-                    PICK.without(SOME_LARGE),
+                    "the loop goes on whatever the steps are: nothing may be left to pick.", PICK.without(SOME_LARGE)
                 ),
                 Variant("directions are not opened again after a step is halved.", PICK.without(OPEN)),
             ),

@@ -38,8 +38,7 @@ CIRCULAR = iff(
     ),
 )
 UNASKED = iff(
-    always(PREMISE, conj(holds("first"), holds("second"))),
-    always(conj(PREMISE, holds("first")), holds("second")),
+    always(PREMISE, conj(holds("first"), holds("second"))), always(conj(PREMISE, holds("first")), holds("second"))
 )
 
 INDEX = {"i": "Int"}

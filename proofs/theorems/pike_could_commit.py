@@ -55,7 +55,7 @@ STATEMENT = Statement(
                 "(scenario full)",
                 "(= (and (entails full e) (entails full assignments)) (and (compatible e) (entails full (joined e))))",
             ),
-        ),
+        )
     },
     iff(
         exists(
@@ -95,8 +95,7 @@ SINGLE = Statement(
             ),
         ),
         "entailment is transitive": forall(
-            {**PARTS, "rest": "Environment"},
-            "(=> (and (entails e part) (entails part rest)) (entails e rest))",
+            {**PARTS, "rest": "Environment"}, "(=> (and (entails e part) (entails part rest)) (entails e rest))"
         ),
     },
     implies(
@@ -163,10 +162,7 @@ ALL_ALIKE = conj(
     forall(ENTRY, "(= (joined e) e)"),
 )
 EXAMPLE = conj(
-    THREE,
-    forall(ENTRY, "(= (label e) (= e assignments))"),
-    "(conflict first-conflict)",
-    "(conflict second-conflict)",
+    THREE, forall(ENTRY, "(= (label e) (= e assignments))"), "(conflict first-conflict)", "(conflict second-conflict)"
 )
 
 THEOREM = Theorem(
@@ -220,8 +216,7 @@ THEOREM = Theorem(
                     STATEMENT.claiming(
                         implies(
                             exists(
-                                {"full": "Environment"},
-                                conj("(scenario full)", "(entails full assignments)", AVOIDS),
+                                {"full": "Environment"}, conj("(scenario full)", "(entails full assignments)", AVOIDS)
                             ),
                             POSSIBLE,
                         )

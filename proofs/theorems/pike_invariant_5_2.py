@@ -42,8 +42,7 @@ CONSENSUS = Statement(
         PICKED: forall(
             {"w": "Value"},
             implies(
-                "(and (domain x w) (says (with some x w)))",
-                "(and (label (pick w)) (entails (with some x w) (pick w)))",
+                "(and (domain x w) (says (with some x w)))", "(and (label (pick w)) (entails (with some x w) (pick w)))"
             ),
         ),
         CLOSED: implies(
@@ -74,11 +73,7 @@ BY_FULL = "a scenario that is an implicant has an environment of the label as a 
 BY_CONSENSUS = "an environment has one as a part if it does with each value of a variable (lemma consensus)"
 HYPOTHESIS = "hypothesis of the induction: implicants that leave fewer variables free have one as a part"
 COVER = Statement(
-    (
-        *ENVIRONMENTS,
-        *INDUCTION,
-        *(function(name, ["Environment"], "Bool") for name in ("implicant", "says")),
-    ),
+    (*ENVIRONMENTS, *INDUCTION, *(function(name, ["Environment"], "Bool") for name in ("implicant", "says"))),
     {
         BY_SMALLER: forall(
             {"w": "Value"}, implies(conj("(implicant some)", FREE, "(domain x w)"), "(implicant (with some x w))")
@@ -127,8 +122,7 @@ PRIMES = Statement(
         "entailment is an order (lemma entailment)": conj(
             forall(ENTRY, "(entails e e)"),
             forall(
-                {**PARTS, "rest": "Environment"},
-                "(=> (and (entails e part) (entails part rest)) (entails e rest))",
+                {**PARTS, "rest": "Environment"}, "(=> (and (entails e part) (entails part rest)) (entails e rest))"
             ),
             forall(PARTS, "(=> (and (entails e part) (entails part e)) (= e part))"),
         ),
@@ -153,15 +147,11 @@ MINIMALLY = Statement(
         KEPT: forall(
             ENTRY,
             implies(
-                "(and (label e) (not (kept e)))",
-                "(and (kept (instead e)) (=> (entailed e) (entailed (instead e))))",
+                "(and (label e) (not (kept e)))", "(and (kept (instead e)) (=> (entailed e) (entailed (instead e))))"
             ),
         ),
     },
-    iff(
-        exists(ENTRY, "(and (label e) (entailed e))"),
-        exists(ENTRY, "(and (kept e) (entailed e))"),
-    ),
+    iff(exists(ENTRY, "(and (label e) (entailed e))"), exists(ENTRY, "(and (kept e) (entailed e))")),
     {"kept": "(kept some)", "the scenario entails it": "(entailed some)"},
 )
 
@@ -179,8 +169,7 @@ WEAVE = Statement(
             SOME, "(= (entailed (join a b)) (and (entailed a) (entailed b)))"
         ),
         "weaving joins each environment of one label with each of the other": forall(
-            {"c": "Environment"},
-            iff("(woven c)", exists(SOME, "(and (first a) (second b) (= c (join a b)))")),
+            {"c": "Environment"}, iff("(woven c)", exists(SOME, "(and (first a) (second b) (= c (join a b)))"))
         ),
     },
     iff(
@@ -268,12 +257,7 @@ THEOREM = Theorem(
             "consensus",
             "If an environment entails one of the label with each value of a variable, it does without the variable.",
             CONSENSUS,
-            (
-                Variant(
-                    "the label is not closed.",
-                    CONSENSUS.without(CLOSED).with_also(ONE_VARIABLE, SMALL),
-                ),
-            ),
+            (Variant("the label is not closed.", CONSENSUS.without(CLOSED).with_also(ONE_VARIABLE, SMALL)),),
             interesting=conj(
                 FREE,
                 EXTENDED,

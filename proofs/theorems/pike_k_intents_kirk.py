@@ -36,8 +36,7 @@ COUNT = Statement(
     {
         EACH: "(distinct (robot n) (human n))",
         COUNTED: conj(
-            "(= (failures 0) 0)",
-            "(= (failures (+ n 1)) (+ (failures n) (ite (= (robot n) (human n)) 0 1)))",
+            "(= (failures 0) 0)", "(= (failures (+ n 1)) (+ (failures n) (ite (= (robot n) (human n)) 0 1)))"
         ),
         SO_FAR: "(= (failures n) n)",
     },

@@ -13,10 +13,7 @@ STATEMENT = Statement(
         const("x", "Value"),
         const("other", "Value"),
     ),
-    {
-        DOMAIN: forall({"v": "Value"}, "(covered v)"),
-        EVERY: forall({"v": "Value"}, "(=> (covered v) (rest v))"),
-    },
+    {DOMAIN: forall({"v": "Value"}, "(covered v)"), EVERY: forall({"v": "Value"}, "(=> (covered v) (rest v))")},
     exists({"v": "Value"}, "(and (covered v) (rest v) (= x v))"),
     {"value of x": "x", "covered by a term": "(covered x)", "what is left of its term holds": "(rest x)"},
 )

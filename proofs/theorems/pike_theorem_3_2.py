@@ -34,8 +34,7 @@ BEFORE = {
     WINDOWS: forall(
         {"i": "Event", "x": "Event"},
         implies(
-            conj(REMAINS, "(past x)"),
-            "(ite (direct i) (<= now (+ (time x) (d x i))) (< now (+ (time x) (d x i))))",
+            conj(REMAINS, "(past x)"), "(ite (direct i) (<= now (+ (time x) (d x i))) (< now (+ (time x) (d x i))))"
         ),
     ),
     DIRECT: "(and (not (past event)) (direct event))",
@@ -55,7 +54,7 @@ GIVEN = {
             "(= (latest i) (+ (at (by i)) (d (by i) i)))",
             forall({"x": "Event"}, "(=> (fixed x) (<= (latest i) (+ (at x) (d x i))))"),
         ),
-    ),
+    )
 }
 SHOW = {
     "present time": "now",

@@ -24,10 +24,7 @@ from proofs.theorems._library.terms import (
 
 PAIR = {"i": "Event", "j": "Event"}
 SHORTER = define(
-    "shorter",
-    {"x": "Real", "k": "Real", "y": "Real", "l": "Real"},
-    "Bool",
-    "(or (< x y) (and (= x y) (<= k l)))",
+    "shorter", {"x": "Real", "k": "Real", "y": "Real", "l": "Real"}, "Bool", "(or (< x y) (and (= x y) (<= k l)))"
 )
 
 # -- labels: what the algorithm does to labeled values is, in one scenario, what it does to distances -----------------
@@ -42,10 +39,7 @@ def _least(name: str, members: str) -> Term:
         f"(holds {name}-best)",
         f"(= {name} (far {name}-best))",
         f"(= {name}-ties (ties {name}-best))",
-        forall(
-            {"e": "Value"},
-            f"(=> (and ({members} e) (holds e)) (shorter {name} {name}-ties (far e) (ties e)))",
-        ),
+        forall({"e": "Value"}, f"(=> (and ({members} e) (holds e)) (shorter {name} {name}-ties (far e) (ties e)))"),
     )
 
 
@@ -130,10 +124,7 @@ DOMINATED = (
 )
 DROP = Statement(
     (*consts("Bool", "kept-label", "dropped-label"), *consts("Real", "kept", "dropped", "t")),
-    {
-        DOMINATED: "(and (=> dropped-label kept-label) (< kept dropped))",
-        "what is kept": "(=> kept-label (< t kept))",
-    },
+    {DOMINATED: "(and (=> dropped-label kept-label) (< kept dropped))", "what is kept": "(=> kept-label (< t kept))"},
     "(=> dropped-label (< t dropped))",
     {"kept value": "kept", "dropped value": "dropped", "t": "t"},
 )
@@ -227,10 +218,7 @@ BASE = {
     ),
     TURNS: forall({"i": "Event"}, "(and (<= 0 (turn i)) (< (turn i) rounds))"),
 }
-STEP = {
-    ROUND: _round(),
-    NEWEST: forall({"k": "Event"}, "(=> (< (turn k) (+ n 1)) (or (< (turn k) n) (= k (at n))))"),
-}
+STEP = {ROUND: _round(), NEWEST: forall({"k": "Event"}, "(=> (< (turn k) (+ n 1)) (or (< (turn k) n) (= k (at n))))")}
 SHOW = {
     "bound from the one to the other": "(bound s one two)",
     "strict": "(strict s one two)",
@@ -273,11 +261,7 @@ def _complete(*, moved: str = "(+ (far s rounds source i) (moved s i))") -> Stat
 
     gap = f"(- {far('j')} {far('i')})"
     return Statement(
-        (
-            *NETWORK,
-            function("schedule", ["Extended"], "Schedule"),
-            function("moved", ["Extended", "Event"], "Real"),
-        ),
+        (*NETWORK, function("schedule", ["Extended"], "Schedule"), function("moved", ["Extended", "Event"], "Real")),
         {
             START: forall({"s": "Extended"}, BASE[START]),
             TURNS: BASE[TURNS],
@@ -288,10 +272,7 @@ def _complete(*, moved: str = "(+ (far s rounds source i) (moved s i))") -> Stat
                 conj(
                     f"(=> (<= {ties('j')} {ties('i')}) (<= (moved s j) (moved s i)))",
                     f"(=> (< {ties('j')} {ties('i')}) (< (moved s j) (moved s i)))",
-                    implies(
-                        f"(< {gap} (bound s i j))",
-                        f"(< (+ {gap} (- (moved s j) (moved s i))) (bound s i j))",
-                    ),
+                    implies(f"(< {gap} (bound s i j))", f"(< (+ {gap} (- (moved s j) (moved s i))) (bound s i j))"),
                 ),
             ),
         },
@@ -438,12 +419,7 @@ THEOREM = Theorem(
             "bounds",
             "A schedule meets the tightest activated constraint from each event to each if and only if it meets all.",
             BOUNDS,
-            (
-                Variant(
-                    "the bound need not be the tightest.",
-                    BOUNDS.without(TIGHTEST).with_also(TWO, SMALL),
-                ),
-            ),
+            (Variant("the bound need not be the tightest.", BOUNDS.without(TIGHTEST).with_also(TWO, SMALL)),),
             interesting=conj(
                 SMALL, forall({"c": "Constraint"}, "(or (= c (tightest one two)) (= c (tightest two one)))")
             ),

@@ -150,8 +150,7 @@ THEOREM = Theorem(
             (
                 Variant("the dominating producer need not be active.", ONE.without(ACTIVATED).with_also(THREE, FIRST)),
                 Variant(
-                    "the dominating producer may come after the consumer.",
-                    ONE.without(BEFORE).with_also(THREE, FIRST),
+                    "the dominating producer may come after the consumer.", ONE.without(BEFORE).with_also(THREE, FIRST)
                 ),
                 Variant(
                     "the dominating producer may come earlier; a threat between the two spoils it.",

@@ -23,10 +23,7 @@ FORWARDS = Result(
     "Theorem 4.3: a correct execution has one of the augmented plan that satisfies the theory, with the same schedule",
     forall(
         RUN,
-        implies(
-            "(correct f r)",
-            "(and (= (own (traced f r)) f) (causal (traced f r)) (consistent (traced f r) r))",
-        ),
+        implies("(correct f r)", "(and (= (own (traced f r)) f) (causal (traced f r)) (consistent (traced f r) r))"),
     ),
 )
 BACKWARDS = Result(
@@ -56,8 +53,7 @@ FORWARD = Statement(
             conj(
                 "(not (none (traced f r) q))",
                 implies(
-                    exists({"p": "Event"}, "(supported-by f r q p)"),
-                    "(supported-by f r q (support (traced f r) q))",
+                    exists({"p": "Event"}, "(supported-by f r q p)"), "(supported-by f r q (support (traced f r) q))"
                 ),
             ),
         ),

@@ -17,10 +17,7 @@ STATEMENT = Statement(
     ),
     {OWN: forall({"s": "Extended"}, "(= (augmented-agrees s) (agrees (own s)))")},
     iff(
-        exists(
-            EXTENDED_RUN,
-            "(and (augmented-agrees s) (continues r) (consistent s r) (complete (own s) r))",
-        ),
+        exists(EXTENDED_RUN, "(and (augmented-agrees s) (continues r) (consistent s r) (complete (own s) r))"),
         exists({"f": "Scenario", "r": "Schedule"}, "(and (agrees f) (continues r) (correct f r))"),
     ),
     {

@@ -1,14 +1,6 @@
 """[PIKE] Theorem 4.6: the theory has the scenarios with a correct execution, read about the plan's own choices."""
 
-from proofs.theorems._library.augmented import (
-    EXECUTIONS,
-    NAMED,
-    ONE,
-    PLAN,
-    facts,
-    rules,
-    world,
-)
+from proofs.theorems._library.augmented import EXECUTIONS, NAMED, ONE, PLAN, facts, rules, world
 from proofs.theorems._library.model import Lemma, Scope, Statement, Theorem, Variant
 from proofs.theorems._library.terms import conj, const, consts, exists, forall, function, iff, implies
 from proofs.theorems.pike_theorem_4_1 import NO_CONFLICT, SCHEDULE
@@ -133,8 +125,7 @@ THEOREM = Theorem(
                 Variant(
                     "support variables may name any event that the added constraints allow.",
                     OWN_VALUES.with_changed(SUPPORTED, forall({"q": "Condition"}, "(not (none extended q))")).with_also(
-                        "three events, one condition, one execution",
-                        world("producer", "idle", "(consumer condition)"),
+                        "three events, one condition, one execution", world("producer", "idle", "(consumer condition)")
                     ),
                 ),
             ),

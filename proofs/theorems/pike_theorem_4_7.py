@@ -22,8 +22,7 @@ STATEMENT = Statement(
             forall(
                 {"s": "Extended"},
                 implies(
-                    conj("(required s)", THEORY),
-                    exists({"r": "Schedule"}, "(and (consistent s r) (continues s r))"),
+                    conj("(required s)", THEORY), exists({"r": "Schedule"}, "(and (consistent s r) (continues s r))")
                 ),
             ),
             forall(EXTENDED_RUN, "(=> (and (consistent s r) (continues s r)) (required s))"),

@@ -60,12 +60,7 @@ def certify(options: CertifyCommand, run: Run) -> int:
         certificate = folder / "certificate"
         certificate.write_bytes(packed(lines))
         found = verify(
-            certificate,
-            files,
-            epsilon=options.separation,
-            kind=lines[0][1],
-            assume=options.assume,
-            deadline=deadline,
+            certificate, files, epsilon=options.separation, kind=lines[0][1], assume=options.assume, deadline=deadline
         )
         return holes, made - started, found, time.perf_counter() - made
 

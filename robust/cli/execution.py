@@ -406,13 +406,7 @@ _TOUR: tuple[tuple[str, str, tuple[_Step, ...]], ...] = (
     (
         "generator",
         "A generator burns fuel while canisters are poured into its tank, which must neither overflow nor run dry.",
-        (
-            _Step(
-                "When may the first two pourings start, whichever comes first?",
-                "envelope",
-                "plan.stn",
-            ),
-        ),
+        (_Step("When may the first two pourings start, whichever comes first?", "envelope", "plan.stn"),),
     ),
 )
 _NEXT = (

@@ -105,10 +105,7 @@ def repair(options: StnuRepairCommand, run: Run) -> int:
 
 
 def _each(
-    options: StnuFiles,
-    run: Run,
-    judge: Callable[[Network], Result],
-    judged: list[JudgedNetwork[Result]] | None = None,
+    options: StnuFiles, run: Run, judge: Callable[[Network], Result], judged: list[JudgedNetwork[Result]] | None = None
 ) -> tuple[list[JudgedNetwork[Result]], Cause | None]:
     """What is found of each file, and why the last ones are missing; one that cannot be read is no obstacle to others.
 

@@ -12,10 +12,7 @@ from robust.smt.limits import NEVER, Deadline
 
 
 def create_encoding(
-    name: str,
-    plan: ParametrizedPlan,
-    epsilon: Fraction = EPSILON,
-    deadline: Deadline = NEVER,
+    name: str, plan: ParametrizedPlan, epsilon: Fraction = EPSILON, deadline: Deadline = NEVER
 ) -> Encoding:
     """The encoding of that name.
 

@@ -337,8 +337,7 @@ def strong(network: ParametricStnu, ends: Ends) -> StrongAnswer:
         return StrongAnswer(None, (first,), endless)
     points = dict.fromkeys(point for need in needed for point in (need.source, need.target))
     known = Distances(
-        points,
-        ((need.source, need.target, finite_value(need.form, ends) or Fraction(0)) for need in needed),
+        points, ((need.source, need.target, finite_value(need.form, ends) or Fraction(0)) for need in needed)
     )
     if known.network.cycle is not None:
         return StrongAnswer(None, tuple(needed[origin] for origin in known.network.cycle.origins), frozenset())

@@ -62,9 +62,7 @@ def solve_equalities(constraints: Iterable[LinearConstraint], eliminated: Collec
 
 
 def project(
-    constraints: Iterable[LinearConstraint],
-    eliminated: Collection[str],
-    deadline: Deadline = NEVER,
+    constraints: Iterable[LinearConstraint], eliminated: Collection[str], deadline: Deadline = NEVER
 ) -> Conjunction | None:
     """The constraints on the other variables that say the same of them, irredundant; None if nothing satisfies them.
 

@@ -148,8 +148,7 @@ def volume_shares(batch: Batch) -> list[Fraction]:
 # -- JSON --------------------------------------------------------------------------------------------------------------
 
 Status = Annotated[
-    str,
-    one_of("proved", "refuted", "unknown", "complete", "timeout", "interrupted", "invalid", "error", "unsupported"),
+    str, one_of("proved", "refuted", "unknown", "complete", "timeout", "interrupted", "invalid", "error", "unsupported")
 ]
 BatchEnded = Annotated[str, one_of("complete", "timeout", "interrupted", "lost")]
 

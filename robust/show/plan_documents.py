@@ -591,10 +591,7 @@ def _compared(entry: Entry) -> ComparedBox:
     parameters = {parameter.name: parameter for parameter in entry.result.parameters}
     faces = [
         like(
-            FaceRecord,
-            face,
-            percent=parameters[face.parameter].percent(face.end),
-            gap=exact_end(face.gap, upper=True),
+            FaceRecord, face, percent=parameters[face.parameter].percent(face.end), gap=exact_end(face.gap, upper=True)
         )
         for face in entry.faces
     ]

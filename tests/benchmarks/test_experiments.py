@@ -38,11 +38,7 @@ TINY: dict[str, tuple[dict[str, Any], int, str]] = {
     "figure5": ({"suite": ...}, 2, "poorest"),
     "backends": ({"series": (replace(PARAMETERS, sizes=(1, 2)),), "contenders": REGIONS[:2]}, 4, "project"),
     "encodings": ({"series": (replace(POINTS, sizes=(2, 4)),)}, 4, "relational"),
-    "widening": (
-        {"series": (replace(DELIVERIES, sizes=(2,)), replace(ALL_REFUELS, sizes=(2,)))},
-        4,
-        "widen, solver",
-    ),
+    "widening": ({"series": (replace(DELIVERIES, sizes=(2,)), replace(ALL_REFUELS, sizes=(2,)))}, 4, "widen, solver"),
     "figure4": ({"suite": ..., "sizes": (1,), "baseline_limit": 120, "contenders": (WIDEN, OPTIMAL)}, 6, "0 + 0 of 4"),
     "conversions": ({"drawn": 2, "delivery": 1, "planned": 0}, 3, "over-all condition"),
     "risk": ({"sizes": (1, 2), "plans": 1, "draws": 200}, 2, "meets the bounds on 2 of 2 plans"),

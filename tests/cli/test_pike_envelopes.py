@@ -89,14 +89,7 @@ def test_out_of_time_keeps_what_is_known():
     assert ended.code == 3
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ("kitchen",),
-        ("wing",),
-        ("k-intents", "--structure", "2,3"),
-    ],
-)
+@pytest.mark.parametrize("words", [("kitchen",), ("wing",), ("k-intents", "--structure", "2,3")])
 def test_new_plans_can_be_checked(words, tmp_path):
     answer = answer_of(command("pike", "new", *words, "-o", tmp_path, "--json"), "robust/pike-new/1")
     assert command("pike", "check", answer["files"][0]).code in (0, 1)

@@ -241,10 +241,7 @@ def compare_obligations(plan: ParametrizedPlan, random: Random, agreed: Counter[
                     agreed[answer] += 1
 
 
-OPTIONS = [
-    {"linear": True},
-    {"linear": True, "instances": 3, "atoms": 1, "fluents": 1, "durative_only": True},
-]
+OPTIONS = [{"linear": True}, {"linear": True, "instances": 3, "atoms": 1, "fluents": 1, "durative_only": True}]
 SLOW = pytest.mark.slow
 THOROUGH = [(200, one) for one in (*OPTIONS, {}, {"instances": 6, "linear": True, "tame": True})]
 

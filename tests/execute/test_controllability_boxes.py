@@ -62,11 +62,7 @@ def verdicts(plan, box):
     return tuple(one.verdict for one in Controllability(plan, box).findings())
 
 
-YES, NO, OPEN = (
-    ControlVerdict.CONTROLLABLE,
-    ControlVerdict.NOT_CONTROLLABLE,
-    ControlVerdict.UNKNOWN,
-)
+YES, NO, OPEN = (ControlVerdict.CONTROLLABLE, ControlVerdict.NOT_CONTROLLABLE, ControlVerdict.UNKNOWN)
 
 
 MINUS = -bound("p")

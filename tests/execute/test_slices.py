@@ -35,11 +35,7 @@ from tests.execute.plans import (
 
 F = Fraction
 
-CHAIN = (
-    "w2.end - w2.start in [second, second]",
-    "w2.start - w1.end in [0.001, inf]",
-    "w2.end - .zero in [0, 30]",
-)
+CHAIN = ("w2.end - w2.start in [second, second]", "w2.start - w1.end in [0.001, inf]", "w2.end - .zero in [0, 30]")
 
 
 def sliced(dispatchable: Dispatchable, *, seconds: float | None = None, timeout: float | None = None) -> Dispatchable:

@@ -280,9 +280,7 @@ def compare_with_val(examples: int) -> Counter[str | tuple[bool, bool]]:
 
 
 def compare_one(
-    plan: model.ParametrizedPlan,
-    times: dict[model.TimePoint, Fraction],
-    found: Counter[str | tuple[bool, bool]],
+    plan: model.ParametrizedPlan, times: dict[model.TimePoint, Fraction], found: Counter[str | tuple[bool, bool]]
 ) -> None:
     texts = pddl_text(plan, plan.nominal, times)
     violations = simulate(replace(plan, constraints=()), plan.nominal, times, epsilon=EPSILON).violations

@@ -174,15 +174,7 @@ def told(comparison: Comparison) -> dict[str, list]:
             (48, 48),
             {
                 "irr": ["k ∈ [0, 4], m ∈ [0, 7/2]", "7/24", "3/8", ["1/2", LATE], EARLY, ["1/2", LATE], LOW_M],
-                "widen": [
-                    "k ∈ [0, 11/2], m ∈ [0, 5/2)",
-                    "55/192",
-                    "2/5",
-                    ["0", LATE],
-                    EARLY,
-                    ["0", LATE],
-                    LOW_M,
-                ],
+                "widen": ["k ∈ [0, 11/2], m ∈ [0, 5/2)", "55/192", "2/5", ["0", LATE], EARLY, ["0", LATE], LOW_M],
             },
             id="open",
         ),

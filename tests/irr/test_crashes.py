@@ -125,8 +125,7 @@ def test_check_counts_its_failures(plan, dies_at):
 
 
 @pytest.mark.parametrize(
-    ("method", "number"),
-    [("irr", 0), ("irr", 20), ("widen", 12), ("widen", 24), ("optimal", 12), ("optimal", 24)],
+    ("method", "number"), [("irr", 0), ("irr", 20), ("widen", 12), ("widen", 24), ("optimal", 12), ("optimal", 24)]
 )
 def test_boxes_so_far_are_kept(plan, dies_at, method, number):
     """Whatever the question is that it dies at: the box was proved, and nothing says that it is maximal."""

@@ -46,6 +46,11 @@ def figure_6b() -> Instance:
     return _instance("figure-6b", sequence(producers, _optional("z", "c")))
 
 
+def figure_7a() -> Instance:
+    """The later producer is always activated: its link dominates that of the optional one."""
+    return _instance("figure-7a", sequence(_optional("x", "p1"), _activity("p2"), _activity("c")))
+
+
 def figure_7b() -> Instance:
     """The later producer is optional: no link dominates the other."""
     return _instance("figure-7b", sequence(_activity("p1"), _optional("x", "p2"), _activity("c")))

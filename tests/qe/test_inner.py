@@ -297,8 +297,7 @@ def apart(count: int, together: int | None = None) -> ParametrizedPlan:
 
 
 @pytest.mark.parametrize(
-    ("plan", "groups"),
-    [(apart(3), [("k0",), ("k1",), ("k2",)]), (apart(3, together=2), [("k0", "k2"), ("k1",)])],
+    ("plan", "groups"), [(apart(3), [("k0",), ("k1",), ("k2",)]), (apart(3, together=2), [("k0", "k2"), ("k1",)])]
 )
 def test_groups_are_found_and_multiplied(plan: ParametrizedPlan, groups: list[tuple[str, ...]]) -> None:
     result = region(plan)

@@ -70,8 +70,7 @@ def test_projection_is_the_existential_quantifier(polyhedron, dropped):
 
 
 @pytest.mark.parametrize(
-    ("x", "expected"),
-    [(2, {le(0, x=-1), le(10, x=1), le(16, x=1)}), (-1, {le(0, x=1), le(16, x=-1)})],
+    ("x", "expected"), [(2, {le(0, x=-1), le(10, x=1), le(16, x=1)}), (-1, {le(0, x=1), le(16, x=-1)})]
 )
 def test_projection_at_a_point_puts_what_is_eliminated_at_its_tightest_bound(x, expected):
     """y is at least x/2 and at least 0; at most 5 and at most x + 16, at most 8."""

@@ -186,10 +186,7 @@ def test_an_action_without_limit_is_left_out(waiting):
 
 @pytest.mark.parametrize(
     ("name", "why"),
-    [
-        ("wait.stn", "any longer duration of wait is proved"),
-        ("look.stn", "no action of the plan has a duration"),
-    ],
+    [("wait.stn", "any longer duration of wait is proved"), ("look.stn", "no action of the plan has a duration")],
 )
 def test_where_no_action_needs_a_limit_there_is_no_file(waiting, tmp_path, name, why):
     ended = running.command("envelope", *waiting(name), "--export", "plansys2", "-o", tmp_path / "timeouts.yaml")

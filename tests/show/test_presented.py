@@ -61,10 +61,7 @@ CASES = {
     "envelope optimal": Case(
         ("envelope", *example(), "--method", "optimal"), lambda: robust.envelope(example(), method="optimal")
     ),
-    "envelope generator": Case(
-        ("envelope", *GENERATOR),
-        lambda: robust.envelope(GENERATOR),
-    ),
+    "envelope generator": Case(("envelope", *GENERATOR), lambda: robust.envelope(GENERATOR)),
     "envelope delivery": Case(("envelope", *DELIVERY), lambda: robust.envelope(DELIVERY), frozenset({"notes"})),
     "envelope invalid": Case(
         ("envelope", *FLEXIBLE), lambda: robust.envelope(FLEXIBLE), frozenset({"counterexample"}), says=False

@@ -75,10 +75,7 @@ def test_contingent_edges_with_values_instead_of_labels():
 def test_json():
     found = parse_network_json(JSON, "small.json")
     assert (found.nodes, found.origin) == (("0", "1", "2"), "0")
-    assert found.links == (
-        Link("0", "1", Fraction(1, 10), Fraction(40), True),
-        Link("1", "2", Fraction(-3), None),
-    )
+    assert found.links == (Link("0", "1", Fraction(1, 10), Fraction(40), True), Link("1", "2", Fraction(-3), None))
 
 
 def random_networks(count):

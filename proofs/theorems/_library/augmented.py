@@ -91,12 +91,7 @@ def rules(ahead: Term = STRICTLY, consistent: Term = AUGMENTED) -> tuple[Command
         define("resolved", {**EXTENDED_RUN, **QPT}, "Bool", cases),
         define("definite", QPT, "Bool", "(and (producer-threat q p t) (threat-consumer q p t))"),
         define("ordered", {**EXTENDED_RUN, "q": "Condition"}, "Bool", implies(linked, ordered)),
-        define(
-            "theory",
-            {"s": "Extended", "q": "Condition"},
-            "Bool",
-            implies("(active (own s) (consumer q))", theory),
-        ),
+        define("theory", {"s": "Extended", "q": "Condition"}, "Bool", implies("(active (own s) (consumer q))", theory)),
         *_supports(),
         define("consistent", EXTENDED_RUN, "Bool", consistent),
         define("causal", {"s": "Extended"}, "Bool", forall({"q": "Condition"}, "(theory s q)")),
@@ -122,8 +117,7 @@ def _supports() -> tuple[Command, ...]:
             RUN,
             "Bool",
             forall(
-                {"q": "Condition"},
-                implies("(active f (consumer q))", exists({"p": "Event"}, "(supported-by f r q p)")),
+                {"q": "Condition"}, implies("(active f (consumer q))", exists({"p": "Event"}, "(supported-by f r q p)"))
             ),
         ),
         define("correct", RUN, "Bool", "(and (meets f r) (complete f r))"),
@@ -167,9 +161,6 @@ def world(*events: str) -> Term:
     return conj(apart, forall({"e": "Event"}, among), forall({"q": "Condition"}, "(= q condition)"), ONE)
 
 
-ONE = conj(
-    forall(EXTENDED_RUN, "(and (= s extended) (= r run))"),
-    forall({"f": "Scenario"}, "(= f scenario)"),
-)
+ONE = conj(forall(EXTENDED_RUN, "(and (= s extended) (= r run))"), forall({"f": "Scenario"}, "(= f scenario)"))
 """One scenario, one extension, one schedule."""
 NAMED: tuple[Command, ...] = (const("scenario", "Scenario"), const("extended", "Extended"), const("run", "Schedule"))

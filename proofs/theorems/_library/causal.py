@@ -2,18 +2,7 @@
 
 from __future__ import annotations
 
-from proofs.theorems._library.terms import (
-    Command,
-    Term,
-    conj,
-    consts,
-    define,
-    forall,
-    function,
-    implies,
-    neg,
-    sort,
-)
+from proofs.theorems._library.terms import Command, Term, conj, consts, define, forall, function, implies, neg, sort
 
 EVENT = {"e": "Event"}
 EVENTS: tuple[Command, ...] = (
@@ -34,12 +23,7 @@ def supports(consumer: str, *, name: str = "supports", adds: str = "adds") -> Co
         name,
         {"p": "Event"},
         "Bool",
-        conj(
-            f"({adds} p)",
-            "(active p)",
-            f"(< (time p) (time {consumer}))",
-            forall({"t": "Event"}, neg(between)),
-        ),
+        conj(f"({adds} p)", "(active p)", f"(< (time p) (time {consumer}))", forall({"t": "Event"}, neg(between))),
     )
 
 

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from proofs.theorems._library.terms import Command, Term, forall, function, sort
 
-NETWORK: tuple[Command, ...] = (
-    sort("Event"),
-    function("d", ["Event", "Event"], "Real"),
-)
+NETWORK: tuple[Command, ...] = (sort("Event"), function("d", ["Event", "Event"], "Real"))
 TRIANGLE = "distances are shortest: no detour is shorter"
 ZERO = "no event has a negative distance to itself (no negative cycle)"
 SHORTEST: dict[str, Term] = {

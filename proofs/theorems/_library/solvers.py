@@ -77,10 +77,7 @@ class Solver:
     def _exchange(self, question: str) -> str:
         """The line that answers; empty if the process ended."""
         process = self._process = self._process or subprocess.Popen(  # noqa: S603 - our own file
-            [sys.executable, "-P", str(WORKER), self.name],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
+            [sys.executable, "-P", str(WORKER), self.name], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         )
         source, target = _pipes(process)
         target.write(question + "\n")

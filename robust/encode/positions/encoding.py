@@ -304,11 +304,7 @@ class PositionsEncoding(interface.Encoding):
     name = "positions"
 
     def __init__(
-        self,
-        plan: model.ParametrizedPlan,
-        epsilon: Fraction = interface.EPSILON,
-        *,
-        deadline: Deadline = NEVER,
+        self, plan: model.ParametrizedPlan, epsilon: Fraction = interface.EPSILON, *, deadline: Deadline = NEVER
     ) -> None:
         self.plan = plan
         self.epsilon = epsilon
