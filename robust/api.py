@@ -14,16 +14,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, ParamSpec, Protocol, TypeVar
 
 from robust.errors import InputError, did_you_mean
+from robust.options import verbs
 from robust.options.batch import BATCHES, AnyBatchOptions, BatchOptions
 from robust.options.declare import Options, Verb, place_of, settings, texts
-from robust.options.verbs import (
-    CheckOptions,
-    CompareOptions,
-    EnvelopeOptions,
-    RegionOptions,
-    RepairOptions,
-    RiskOptions,
-)
 from robust.reading import Plan, plan_of
 from robust.smt.limits import Deadline, OutOfTimeError, one_question
 
@@ -79,7 +72,7 @@ class _Encoded(Generic[Result]):
     def __init__(
         self,
         plan: ParametrizedPlan,
-        options: EnvelopeOptions | CheckOptions,
+        options: verbs.EnvelopeOptions | verbs.CheckOptions,
         make: Callable[[Encoding, Deadline, Exporter | None], AnytimeSearch[Result]],
         nothing: Callable[[bool, float], Result],
     ) -> None:
@@ -113,7 +106,7 @@ class _Encoded(Generic[Result]):
 # -- check -------------------------------------------------------------------------------------------------------------
 
 
-def searching_check(plan: ParametrizedPlan, options: CheckOptions) -> AnytimeSearch[CheckResult]:
+def searching_check(plan: ParametrizedPlan, options: verbs.CheckOptions) -> AnytimeSearch[CheckResult]:
     """What :func:`check` runs."""
     from robust.irr.check import Answer, Checker, CheckResult
     from robust.plan.load import require_nominal_values
@@ -151,8 +144,8 @@ def searching_check(plan: ParametrizedPlan, options: CheckOptions) -> AnytimeSea
     return _Encoded(plan, options, make, nothing)
 
 
-@verb(CheckOptions)
-def check(plan: ParametrizedPlan, options: CheckOptions) -> CheckResult:
+@verb(verbs.CheckOptions)
+def check(plan: ParametrizedPlan, options: verbs.CheckOptions) -> CheckResult:
     """Whether the plan is valid for every schedule that its network allows [docs/semantics.md].
 
     Returns:
@@ -168,7 +161,7 @@ def check(plan: ParametrizedPlan, options: CheckOptions) -> CheckResult:
 # -- envelope ----------------------------------------------------------------------------------------------------------
 
 
-def searching_envelope(plan: ParametrizedPlan, options: EnvelopeOptions) -> AnytimeSearch[EnvelopeResult]:
+def searching_envelope(plan: ParametrizedPlan, options: verbs.EnvelopeOptions) -> AnytimeSearch[EnvelopeResult]:
     """What :func:`envelope` runs."""
     from robust.irr.search import Conduct, EnvelopeResult
     from robust.plan.load import require_nominal_values
@@ -214,8 +207,8 @@ def searching_envelope(plan: ParametrizedPlan, options: EnvelopeOptions) -> Anyt
     return _Encoded(plan, options, make, nothing)
 
 
-@verb(EnvelopeOptions)
-def envelope(plan: ParametrizedPlan, options: EnvelopeOptions) -> EnvelopeResult:
+@verb(verbs.EnvelopeOptions)
+def envelope(plan: ParametrizedPlan, options: verbs.EnvelopeOptions) -> EnvelopeResult:
     """A box of parameter values under which the plan stays valid [IRR, Definition 3].
 
     Returns:
@@ -232,7 +225,7 @@ def envelope(plan: ParametrizedPlan, options: EnvelopeOptions) -> EnvelopeResult
 # -- region and compare ------------------------------------------------------------------------------------------------
 
 
-def searching_region(plan: ParametrizedPlan, options: RegionOptions) -> RegionSearch:
+def searching_region(plan: ParametrizedPlan, options: verbs.RegionOptions) -> RegionSearch:
     """What :func:`region` runs."""
     from robust.qe.compute import RegionSearch
 
@@ -250,8 +243,8 @@ def searching_region(plan: ParametrizedPlan, options: RegionOptions) -> RegionSe
     )
 
 
-@verb(RegionOptions)
-def region(plan: ParametrizedPlan, options: RegionOptions) -> RegionResult:
+@verb(verbs.RegionOptions)
+def region(plan: ParametrizedPlan, options: verbs.RegionOptions) -> RegionResult:
     """All parameter values under which the plan is valid, exactly: its robustness envelope [IRR, Definition 2].
 
     Returns:
@@ -265,7 +258,7 @@ def region(plan: ParametrizedPlan, options: RegionOptions) -> RegionResult:
     return searching_region(plan, options).run()
 
 
-def searching_compare(plan: ParametrizedPlan, options: CompareOptions) -> AnytimeSearch[Comparison]:
+def searching_compare(plan: ParametrizedPlan, options: verbs.CompareOptions) -> AnytimeSearch[Comparison]:
     """What :func:`compare` runs."""
     from robust.irr.compare import Comparing
     from robust.plan.load import require_nominal_values
@@ -283,8 +276,8 @@ def searching_compare(plan: ParametrizedPlan, options: CompareOptions) -> Anytim
     )
 
 
-@verb(CompareOptions)
-def compare(plan: ParametrizedPlan, options: CompareOptions) -> Comparison:
+@verb(verbs.CompareOptions)
+def compare(plan: ParametrizedPlan, options: verbs.CompareOptions) -> Comparison:
     """The exact envelope beside the boxes of all methods: shares, face gaps with witnesses, times.
 
     Raises:
@@ -297,18 +290,20 @@ def compare(plan: ParametrizedPlan, options: CompareOptions) -> Comparison:
 # -- risk --------------------------------------------------------------------------------------------------------------
 
 
-def distributions_of(plan: ParametrizedPlan, options: RiskOptions | EnvelopeOptions) -> dict[str, Distribution]:
+def distributions_of(
+    plan: ParametrizedPlan, options: verbs.RiskOptions | verbs.EnvelopeOptions
+) -> dict[str, Distribution]:
     """How the parameters are distributed; InputError if that is not said of all."""
     from robust.execute import randomness
     from robust.execute.worlds import read_rules
 
     rules = None if options.world is None else read_rules(options.world)
-    given = options.distributions if isinstance(options, RiskOptions) else options.distribution
+    given = options.distributions if isinstance(options, verbs.RiskOptions) else options.distribution
     known = given if isinstance(given, Mapping) else texts(given, place_of("distribution"))
     return randomness.distributions_of(plan, known, rules, place_of)
 
 
-def searching_risk(plan: ParametrizedPlan, options: RiskOptions) -> AnytimeSearch[RiskResult]:
+def searching_risk(plan: ParametrizedPlan, options: verbs.RiskOptions) -> AnytimeSearch[RiskResult]:
     """What :func:`risk` runs."""
     from robust.probability.risk import Risk
 
@@ -326,8 +321,8 @@ def searching_risk(plan: ParametrizedPlan, options: RiskOptions) -> AnytimeSearc
     )
 
 
-@verb.with_first(RiskOptions, "distributions")
-def risk(plan: ParametrizedPlan, options: RiskOptions) -> RiskResult:
+@verb.with_first(verbs.RiskOptions, "distributions")
+def risk(plan: ParametrizedPlan, options: verbs.RiskOptions) -> RiskResult:
     """The probability that a plan succeeds when its parameters are random and independent, as certified bounds.
 
     Returns:
@@ -343,7 +338,7 @@ def risk(plan: ParametrizedPlan, options: RiskOptions) -> RiskResult:
 # -- repair ------------------------------------------------------------------------------------------------------------
 
 
-def searching_repair(plan: ParametrizedPlan, options: RepairOptions) -> RepairSearch:
+def searching_repair(plan: ParametrizedPlan, options: verbs.RepairOptions) -> RepairSearch:
     """What :func:`repair` runs."""
     from robust.irr.quantities import Changeable
     from robust.irr.repair import RepairSearch
@@ -366,8 +361,8 @@ def searching_repair(plan: ParametrizedPlan, options: RepairOptions) -> RepairSe
     )
 
 
-@verb(RepairOptions)
-def repair(plan: ParametrizedPlan, options: RepairOptions) -> Repair:
+@verb(verbs.RepairOptions)
+def repair(plan: ParametrizedPlan, options: verbs.RepairOptions) -> Repair:
     """The least change after which the plan is valid for every schedule, and for all values that are required.
 
     Returns:

@@ -24,7 +24,7 @@ from robust.encode.interface import EPSILON
 from robust.errors import InputError, RobustError
 from robust.execute.convert import Conversion, check_plan, convert
 from robust.execute.distances import DistanceEdge, EdgeNetwork
-from robust.execute.planners.registry import create_planner
+from robust.execute.planners import create_planner
 from robust.irr.check import Answer, CheckResult
 from robust.plan.model import ZERO, Bound, ParametrizedPlan, TemporalConstraint
 from robust.plan.pddl.reader import parse_domain, parse_problem

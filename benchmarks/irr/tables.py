@@ -23,8 +23,8 @@ from typing import Any, ClassVar
 from robust.errors import InputError
 from robust.execute.dispatchable import Guarantee, parse_executor
 from robust.execute.dispatcher import LeftBox
+from robust.execute.planners import create_planner
 from robust.execute.planners.interface import Planner, PlannerAnswer
-from robust.execute.planners.registry import create_planner
 from robust.execute.replan import (
     REPLANS,
     Mission,

@@ -311,7 +311,7 @@ def _execute_all(options: ExecuteCommand, run: Run, runs: list[replan.Replanning
 
 def _mission(options: ExecuteCommand, run: Run) -> replan.Mission:
     from robust.execute.dispatchable import parse_executor
-    from robust.execute.planners.registry import create_planner
+    from robust.execute.planners import create_planner
     from robust.execute.replan import Mission, ReplanningOptions
     from robust.execute.worlds import Rules, read_rules
     from robust.irr.exact import BoxMethod

@@ -8,17 +8,9 @@ from typing import TYPE_CHECKING
 
 from robust.cli.guard import action
 from robust.errors import UNDECIDED, InputError, RobustError, exit_code_of
+from robust.options import verbs
 from robust.options.declare import place_of
 from robust.options.shared import AskCommand
-from robust.options.verbs import (
-    CheckCommand,
-    CompareCommand,
-    EnvelopeCommand,
-    RegionCommand,
-    RepairCommand,
-    RepairOptions,
-    RiskCommand,
-)
 from robust.records import atomic_write
 
 if TYPE_CHECKING:
@@ -67,8 +59,8 @@ def load(options: AskCommand | ConvertCommand, run: Run, *, nominal_needed: bool
     )
 
 
-@action(CheckCommand)
-def check(options: CheckCommand, run: Run) -> int:
+@action(verbs.CheckCommand)
+def check(options: verbs.CheckCommand, run: Run) -> int:
     """Is the plan valid for every schedule that its network allows? If not, show one that fails."""
     from robust.api import searching_check
 
@@ -88,13 +80,13 @@ def check(options: CheckCommand, run: Run) -> int:
 
 
 def _repair(
-    options: CheckCommand, run: Run, plan: ParametrizedPlan, refuted: CheckResult
+    options: verbs.CheckCommand, run: Run, plan: ParametrizedPlan, refuted: CheckResult
 ) -> tuple[QuantityChange, ...] | None:
     """The least change of bounds for what was refuted, if it is found soon, in a copy of this process."""
     from robust.api import searching_repair
     from robust.smt.limits import Deadline, from_copy
 
-    asked = RepairOptions(require=refuted.box.intervals, epsilon=options.epsilon, solver=options.solver)
+    asked = verbs.RepairOptions(require=refuted.box.intervals, epsilon=options.epsilon, solver=options.solver)
     remaining = run.remaining
     patience = HINT_PATIENCE if remaining is None else min(remaining, HINT_PATIENCE)
 
@@ -114,8 +106,8 @@ def _repair(
     return run.also("looking for a repair", look)
 
 
-@action(EnvelopeCommand)
-def envelope(options: EnvelopeCommand, run: Run) -> int:
+@action(verbs.EnvelopeCommand)
+def envelope(options: verbs.EnvelopeCommand, run: Run) -> int:
     """How far may parameters deviate, all at once, before the plan can fail? Ctrl-C prints the best box so far."""
     from robust.api import searching_envelope
     from robust.show import plan_documents
@@ -162,7 +154,7 @@ def envelope(options: EnvelopeCommand, run: Run) -> int:
 
 
 def _exported(
-    options: EnvelopeCommand,
+    options: verbs.EnvelopeCommand,
     run: Run,
     plan: ParametrizedPlan,
     result: EnvelopeResult,
@@ -184,7 +176,7 @@ def _exported(
     return export(plan, replace(result, box=box, stops=kept), options.export or "", controllable=kind)
 
 
-def _probability(options: EnvelopeCommand, plan: ParametrizedPlan, result: EnvelopeResult) -> Bounds | None:
+def _probability(options: verbs.EnvelopeCommand, plan: ParametrizedPlan, result: EnvelopeResult) -> Bounds | None:
     """How probable the box is, where parameters are random."""
     if options.method != "risk":
         return None
@@ -194,7 +186,7 @@ def _probability(options: EnvelopeCommand, plan: ParametrizedPlan, result: Envel
     return box_probability(result.box, distributions_of(plan, options))
 
 
-def _counterexample(options: EnvelopeCommand, run: Run, plan: ParametrizedPlan) -> Counterexample | None:
+def _counterexample(options: verbs.EnvelopeCommand, run: Run, plan: ParametrizedPlan) -> Counterexample | None:
     """What happens at the nominal point of an invalid plan; None if there is no schedule, or no time left."""
     from robust.api import check as ask
 
@@ -209,7 +201,7 @@ def _counterexample(options: EnvelopeCommand, run: Run, plan: ParametrizedPlan) 
 
 
 def _controllability(
-    options: EnvelopeCommand, run: Run, plan: ParametrizedPlan, result: EnvelopeResult
+    options: verbs.EnvelopeCommand, run: Run, plan: ParametrizedPlan, result: EnvelopeResult
 ) -> ControllabilityReport | None:
     """What a dispatcher may not know; None if that was interrupted."""
     from robust.execute.controllability import Objective, assess
@@ -222,8 +214,8 @@ def _controllability(
     )
 
 
-@action(RegionCommand)
-def region(options: RegionCommand, run: Run) -> int:
+@action(verbs.RegionCommand)
+def region(options: verbs.RegionCommand, run: Run) -> int:
     """For exactly which parameter values is the plan valid? Out of time, an outer and an inner bound are printed."""
     from robust.api import searching_region
     from robust.show import plan_documents, regions
@@ -269,8 +261,8 @@ def region(options: RegionCommand, run: Run) -> int:
     return 0 if result.is_exact else 3
 
 
-@action(CompareCommand)
-def compare(options: CompareCommand, run: Run) -> int:
+@action(verbs.CompareCommand)
+def compare(options: verbs.CompareCommand, run: Run) -> int:
     """How much of the exact region does each box cover, and what breaks just outside each of its faces?
 
     The boxes are that of IRR, the widened one, and the widest one, which CCMMZ asks for, with and without the nominal
@@ -294,10 +286,10 @@ def compare(options: CompareCommand, run: Run) -> int:
     return exit_code_of(result.status.value)
 
 
-def _write_page(options: CompareCommand, run: Run, result: Comparison) -> None:
+def _write_page(options: verbs.CompareCommand, run: Run, result: Comparison) -> None:
     """The interactive page; it names what breaks as far as that is found in the time that is left."""
     from robust.draw.interactive import comparison_page, shown_region
-    from robust.qe.broken import what_breaks
+    from robust.qe.compute import what_breaks
 
     breaks = None
     if shown_region(result)[0] is not None and options.html is not None:
@@ -317,8 +309,8 @@ def _page_seconds(run: Run, result: Comparison) -> float:
     return most if run.remaining is None else min(most, run.remaining)
 
 
-@action(RiskCommand)
-def risk(options: RiskCommand, run: Run) -> int:
+@action(verbs.RiskCommand)
+def risk(options: verbs.RiskCommand, run: Run) -> int:
     """How likely does the plan succeed if its parameters are random? Ctrl-C prints the bounds so far."""
     from robust.api import searching_risk
     from robust.show.documents import bounds_text
@@ -338,8 +330,8 @@ def risk(options: RiskCommand, run: Run) -> int:
     return 3 if result.cut_short else 0
 
 
-@action(RepairCommand)
-def repair(options: RepairCommand, run: Run) -> int:
+@action(verbs.RepairCommand)
+def repair(options: verbs.RepairCommand, run: Run) -> int:
     """What is the least change after which a plan is valid for every schedule that its network then allows?
 
     What changes are bounds of the network, nominal values, or both; with --require, the plan is valid for all these

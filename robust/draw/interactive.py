@@ -23,7 +23,7 @@ from robust.draw.style import LIGHT, STRONG
 from robust.irr.compare import Comparison
 from robust.plan.model import ZERO, Bound, Parameter, ParameterReference, ParametrizedPlan
 from robust.qe.box import Box
-from robust.qe.broken import Breaks
+from robust.qe.compute import Breaks
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
 from robust.searching import Status

@@ -32,15 +32,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 
-from robust.execute.controllable_boxes import (
-    Controllable,
-    Dynamically,
-    KnownSet,
-    ParametricLink,
-    ParametricStnu,
-    ends_of,
-    grow,
-)
+from robust.execute import controllable_boxes
 from robust.plan.model import ZERO, Parameter, TimePoint, TimePointKind
 from robust.plan.polynomial import Polynomial
 from robust.presented import NoTruthValue, VerdictEnum
@@ -115,13 +107,15 @@ class Slices:
     parameters: tuple[Parameter, ...]
     region: Region
     exact: bool
-    stnu: ParametricStnu
+    stnu: controllable_boxes.ParametricStnu
     seconds: float | None
 
     def __post_init__(self) -> None:
         self.parts  # noqa: B018 - worked out before the execution begins
 
-    def after(self, facts: Observations, what: str, promised: Box) -> tuple[Remainder, ParametricStnu]:
+    def after(
+        self, facts: Observations, what: str, promised: Box
+    ) -> tuple[Remainder, controllable_boxes.ParametricStnu]:
         """The remainder once `what` has been observed, and the network with the events so far."""
         started = time.perf_counter()
         network = continued(self.stnu, facts)
@@ -140,7 +134,7 @@ class Slices:
         return tuple((base, removed, (*base.complement(), *removed)) for base, removed in self.region.parts())
 
 
-def continued(stnu: ParametricStnu, facts: Observations) -> ParametricStnu:
+def continued(stnu: controllable_boxes.ParametricStnu, facts: Observations) -> controllable_boxes.ParametricStnu:
     """The network with what has happened where it was, and what is to be executed from now on.
 
     Lengths that have been revealed are no longer nature's to choose, and time points that have happened are counted
@@ -153,15 +147,17 @@ def continued(stnu: ParametricStnu, facts: Observations) -> ParametricStnu:
     for point in stnu.points:
         if point in times and point in mentioned and point != ZERO:
             at = Polynomial[str].constant(times[point])
-            links.append(ParametricLink(ZERO, point, at, at, origin=f"{point} was at {times[point]}"))
+            links.append(
+                controllable_boxes.ParametricLink(ZERO, point, at, at, origin=f"{point} was at {times[point]}")
+            )
     for point in stnu.points:
         if point not in times and point not in natural and point.kind is not TimePointKind.TIMED_LITERAL:
             now = Polynomial[str].constant(facts.now)
-            links.append(ParametricLink(ZERO, point, now, None, origin=f"{point} is not before now"))
-    return ParametricStnu(stnu.points, tuple(links), stnu.vague)
+            links.append(controllable_boxes.ParametricLink(ZERO, point, now, None, origin=f"{point} is not before now"))
+    return controllable_boxes.ParametricStnu(stnu.points, tuple(links), stnu.vague)
 
 
-def _is_over(link: ParametricLink, times: Mapping[TimePoint, Fraction]) -> bool:
+def _is_over(link: controllable_boxes.ParametricLink, times: Mapping[TimePoint, Fraction]) -> bool:
     """Whether a link says nothing any more: its length was revealed, or both ends happened as it demands."""
     if link.target not in times or link.is_contingent:
         return link.target in times
@@ -173,7 +169,9 @@ def _is_over(link: ParametricLink, times: Mapping[TimePoint, Fraction]) -> bool:
     return long_enough and (link.upper is None or length <= link.upper.constant_term)
 
 
-def _from_zero(link: ParametricLink, times: Mapping[TimePoint, Fraction]) -> ParametricLink:
+def _from_zero(
+    link: controllable_boxes.ParametricLink, times: Mapping[TimePoint, Fraction]
+) -> controllable_boxes.ParametricLink:
     """A requirement, one end of which has happened, as one on when the other happens; other links as they are."""
     lower, upper = link.lower, link.upper
     if link.is_contingent or (link.source in times) == (link.target in times):
@@ -184,15 +182,17 @@ def _from_zero(link: ParametricLink, times: Mapping[TimePoint, Fraction]) -> Par
         point, time = link.source, times[link.target]
         lower, upper = None if upper is None else -upper, None if lower is None else -lower
     lower, upper = None if lower is None else lower + time, None if upper is None else upper + time
-    return ParametricLink(ZERO, point, lower, upper, origin=link.origin)
+    return controllable_boxes.ParametricLink(ZERO, point, lower, upper, origin=link.origin)
 
 
 class _Promising:
-    def __init__(self, slices: Slices, facts: Observations, network: ParametricStnu, deadline: Deadline) -> None:
+    def __init__(
+        self, slices: Slices, facts: Observations, network: controllable_boxes.ParametricStnu, deadline: Deadline
+    ) -> None:
         self._slices = slices
         self._facts = facts
         self._deadline = deadline
-        self._wanted = Dynamically(network, deadline)
+        self._wanted = controllable_boxes.Dynamically(network, deadline)
         self._names = tuple(parameter.name for parameter in slices.parameters)
         self._weight = {parameter.name: parameter.weight for parameter in slices.parameters}
         self._open = tuple(name for name in self._names if name not in facts.seen)
@@ -251,7 +251,7 @@ class _Promising:
 
         Of a box that is no point, it may be negative although there are schedules.
         """
-        ends = ends_of(box)
+        ends = controllable_boxes.ends_of(box)
         if self._wanted.endless(ends):
             return Polynomial[str]({})
         reason = self._wanted.reason(ends)
@@ -304,13 +304,13 @@ class _Promising:
     # -- growing -------------------------------------------------------------------------------------------------------
 
     def _grown(self, start: Box, bad: Sequence[Polyhedron]) -> Box:
-        inside = KnownSet((*bad, *self._impossible))
+        inside = controllable_boxes.KnownSet((*bad, *self._impossible))
         parameters = [self._in_haste(parameter) for parameter in self._slices.parameters]
-        wanted = Controllable(inside, self._wanted, parameters, start)
+        wanted = controllable_boxes.Controllable(inside, self._wanted, parameters, start)
         boxes = [start]
         with suppress(OutOfTimeError):  # a promise was found; time decides how wide it becomes
             fixed, deadline = self._facts.settled, self._deadline
-            grow(
+            controllable_boxes.grow(
                 start, wanted, inside.pieces, parameters=parameters, fixed=fixed, deadline=deadline, on_box=boxes.append
             )
         return boxes[-1]

@@ -10,18 +10,7 @@ from typing import Any
 from robust.backends import ENCODINGS, SOLVERS
 from robust.errors import Location
 from robust.numbers import Number
-from robust.options.declare import (
-    Options,
-    argument,
-    names,
-    not_negative,
-    option,
-    ordinal,
-    path_option,
-    plot_file,
-    positive,
-    seconds,
-)
+from robust.options import declare
 
 PARAMETERS, EPSILON, ENCODING, SOLVING, LIMIT, DRAWING, EXPORT, OUTPUT = range(1, 9)
 """Ranks."""
@@ -30,13 +19,13 @@ PARAMETERS, EPSILON, ENCODING, SOLVING, LIMIT, DRAWING, EXPORT, OUTPUT = range(1
 def separation(read: Callable[[Number, Location], Fraction]) -> Any:
     """ε, at least 0 or above it."""
     what = "separation of mutex time points, in the plan's unit of time"
-    return option("1/1000", what, metavar="E", read=read, rank=EPSILON)
+    return declare.option("1/1000", what, metavar="E", read=read, rank=EPSILON)
 
 
-class Separation(Options):
+class Separation(declare.Options):
     """ε."""
 
-    epsilon: Number = separation(not_negative)
+    epsilon: Number = separation(declare.not_negative)
 
     @property
     def separation(self) -> Fraction:
@@ -44,22 +33,22 @@ class Separation(Options):
         return Fraction(self.epsilon)
 
 
-class PlanningOutput(Options):
+class PlanningOutput(declare.Options):
     """Which plan of a planner's output is meant, and how exact its numbers are."""
 
-    plan_number: int | None = option(
+    plan_number: int | None = declare.option(
         None,
         "number of the plan in a log that holds several, from 1; default: the last",
         metavar="N",
-        read=ordinal,
+        read=declare.ordinal,
         rank=EPSILON,
     )
-    tolerance: Number | None = option(
+    tolerance: Number | None = declare.option(
         None,
         "how far exact times and durations may differ from printed ones, 0 for exactness; default: one unit of the "
         "last printed digit, and at most epsilon",
         metavar="T",
-        read=not_negative,
+        read=declare.not_negative,
         rank=EPSILON,
     )
 
@@ -69,11 +58,11 @@ class PlanningOutput(Options):
         return None if self.tolerance is None else Fraction(self.tolerance)
 
 
-class Limited(Options):
+class Limited(declare.Options):
     """A time limit."""
 
-    timeout: Number | None = option(
-        None, "time limit in seconds; the result so far is printed then", metavar="S", read=seconds, rank=LIMIT
+    timeout: Number | None = declare.option(
+        None, "time limit in seconds; the result so far is printed then", metavar="S", read=declare.seconds, rank=LIMIT
     )
 
     @property
@@ -82,10 +71,10 @@ class Limited(Options):
         return None if self.timeout is None else float(self.timeout)
 
 
-class Solver(Options):
+class Solver(declare.Options):
     """The solver."""
 
-    solver: str = option("z3", "SMT solver", choices=SOLVERS, rank=SOLVING)
+    solver: str = declare.option("z3", "SMT solver", choices=SOLVERS, rank=SOLVING)
 
 
 class Solving(Solver, Limited):
@@ -94,10 +83,10 @@ class Solving(Solver, Limited):
 
 def encoding_option(rank: int = ENCODING) -> Any:
     """How the plan is encoded as formulas."""
-    return option("relational", "how the plan is encoded as formulas", choices=ENCODINGS, rank=rank)
+    return declare.option("relational", "how the plan is encoded as formulas", choices=ENCODINGS, rank=rank)
 
 
-class Encoded(Options):
+class Encoded(declare.Options):
     """The encoding."""
 
     encoding: str = encoding_option()
@@ -111,24 +100,24 @@ def method_option(**others: str) -> Any:
         "optimal": "exact, the greatest total width of all boxes, which CCMMZ asks for",
         **others,
     }
-    return option("widen", "; ".join(f"{name}: {what}" for name, what in known.items()), choices=known)
+    return declare.option("widen", "; ".join(f"{name}: {what}" for name, what in known.items()), choices=known)
 
 
 _FOR_IRR = ("method", ("irr",))
 
 
-class BoxOptions(Options):
+class BoxOptions(declare.Options):
     """How a box around the nominal values is found."""
 
     method: str = method_option()
-    beta: Number | None = option(
+    beta: Number | None = declare.option(
         None,
         "for irr: no end of a complete box can move outwards by B; 1 if not given",
         metavar="B",
-        read=positive,
+        read=declare.positive,
         needs=_FOR_IRR,
     )
-    doubling: bool = option(
+    doubling: bool = declare.option(
         False, "for irr: steps double until the first failure; ends are up to 2 B away", needs=_FOR_IRR
     )
 
@@ -141,14 +130,14 @@ class BoxOptions(Options):
 class AnyBoxOptions(BoxOptions):
     """How a box of a plan is found, wherever it lies."""
 
-    contain_nominal: bool = option(
+    contain_nominal: bool = declare.option(
         False, "for optimal: only boxes around the nominal values", needs=("method", ("optimal",))
     )
-    order: str | Sequence[str] | None = option(
+    order: str | Sequence[str] | None = declare.option(
         None,
         "the order in which parameters take turns (irr), or are widened one after the other (widen)",
         metavar="A,B,C",
-        read=names,
+        read=declare.names,
         needs=("method", ("widen", "irr")),
     )
 
@@ -162,24 +151,24 @@ class SearchOptions(Separation, Encoded, Solving):
     """What every question about a plan takes."""
 
 
-class Force(Options):
+class Force(declare.Options):
     """Whether files that no option names are overwritten: those in a folder, or beside a file, that one names."""
 
-    force: bool = option(False, "overwrite existing files that no option names", rank=EXPORT)
+    force: bool = declare.option(False, "overwrite existing files that no option names", rank=EXPORT)
 
 
 class Export(Force):
     """Queries as files."""
 
-    smt2: str | Path | None = path_option(
+    smt2: str | Path | None = declare.path_option(
         "write every query to DIR as SMT-LIB", metavar="DIR", also=lambda folder: folder.glob("*.smt2"), rank=EXPORT
     )
 
 
-class Colored(Options):
+class Colored(declare.Options):
     """An answer for people."""
 
-    color: str = option(
+    color: str = declare.option(
         "auto",
         "auto: on a terminal, respecting NO_COLOR and FORCE_COLOR; always and never: regardless of both",
         choices=("auto", "always", "never"),
@@ -190,51 +179,57 @@ class Colored(Options):
 class Json(Colored):
     """An answer for programs."""
 
-    json: bool = option(False, "print one JSON object on stdout", rank=OUTPUT)
+    json: bool = declare.option(False, "print one JSON object on stdout", rank=OUTPUT)
 
 
 class Output(Json):
     """How a command answers."""
 
-    quiet: bool = option(False, "only the answer: no progress, no notes, no warnings", "--quiet", "-q", rank=OUTPUT)
-    verbose: bool = option(False, "log each step on stderr", "--verbose", "-v", rank=OUTPUT)
+    quiet: bool = declare.option(
+        False, "only the answer: no progress, no notes, no warnings", "--quiet", "-q", rank=OUTPUT
+    )
+    verbose: bool = declare.option(False, "log each step on stderr", "--verbose", "-v", rank=OUTPUT)
 
 
-class Plot(Options):
+class Plot(declare.Options):
     """A picture."""
 
-    plot: Path | None = path_option("draw the result: .svg, .png or .pdf by suffix", read=plot_file, rank=DRAWING)
+    plot: Path | None = declare.path_option(
+        "draw the result: .svg, .png or .pdf by suffix", read=declare.plot_file, rank=DRAWING
+    )
 
 
 class SliceOptions(Plot):
     """A picture of one or two parameters."""
 
-    axes: str | Sequence[str] | None = option(
+    axes: str | Sequence[str] | None = declare.option(
         None,
         "the one or two parameters to draw; the others have their nominal values",
         metavar="A,B",
-        read=names,
+        read=declare.names,
         rank=DRAWING,
     )
 
 
-class Planning(Options):
+class Planning(declare.Options):
     """Where the planning problem is."""
 
-    domain: Path = argument(..., "PDDL domain", "DOMAIN")
-    problem: Path = argument(..., "PDDL problem", "PROBLEM")
+    domain: Path = declare.argument(..., "PDDL domain", "DOMAIN")
+    problem: Path = declare.argument(..., "PDDL problem", "PROBLEM")
 
 
 class PlanFiles(Planning):
     """Where the plan is."""
 
-    plan: Path = argument(..., "network (.stn), time-triggered plan or log of a planner; - is standard input", "PLAN")
+    plan: Path = declare.argument(
+        ..., "network (.stn), time-triggered plan or log of a planner; - is standard input", "PLAN"
+    )
 
 
-class PlanParameters(Options):
+class PlanParameters(declare.Options):
     """Parameters in addition to those that the plan declares."""
 
-    parameter: tuple[str, ...] = option(
+    parameter: tuple[str, ...] = declare.option(
         (),
         "make a quantity a parameter: duration:ACTION for all its instances, duration:ID, start:ID, 'fluent:(f a)', "
         "or NAME of an existing one; then ,weight=W ,lb=L ,ub=U ,default=D; may be repeated",
@@ -244,7 +239,7 @@ class PlanParameters(Options):
         many=True,
         rank=PARAMETERS,
     )
-    parameters: Path | None = path_option(
+    parameters: Path | None = declare.path_option(
         "more parameters, in a TOML file; default: PLAN.toml beside PLAN.stn", rank=PARAMETERS
     )
 

@@ -17,58 +17,31 @@ if TYPE_CHECKING:
     from robust.qe.box import Box
     from robust.qe.polyhedron import Polyhedron
 from robust.numbers import Number
-from robust.options.declare import (
-    Options,
-    Settings,
-    argument,
-    option,
-    ordinal,
-    output_option,
-    path_option,
-    place_of,
-    plan_file,
-    positive,
-    written_to,
-)
-from robust.options.shared import (
-    DRAWING,
-    AnyBoxOptions,
-    AskCommand,
-    Export,
-    Output,
-    PlanningOutput,
-    Plot,
-    SearchOptions,
-    Separation,
-    SliceOptions,
-    Solving,
-    encoding_option,
-    method_option,
-)
+from robust.options import declare, shared
 
 
-class CheckOptions(SearchOptions, Export):
+class CheckOptions(shared.SearchOptions, shared.Export):
     """Of :func:`robust.check`."""
 
-    at: Settings | Box | EnvelopeResult = option(
+    at: declare.Settings | Box | EnvelopeResult = declare.option(
         (),
         "value of a parameter instead of its nominal one, or NAME=LOW:HIGH for all values between; may be repeated",
         metavar="NAME=VALUE",
         many=True,
     )
-    every: bool = option(False, "examine all obligations instead of stopping at the first that breaks", "--all")
-    on_obligation: Callable[[int, int, str], None] | None = option(
+    every: bool = declare.option(False, "examine all obligations instead of stopping at the first that breaks", "--all")
+    on_obligation: Callable[[int, int, str], None] | None = declare.option(
         None, "called with the number of obligations examined, their total, and the name of the next", shown=False
     )
 
 
-class CheckCommand(CheckOptions, AskCommand):
+class CheckCommand(CheckOptions, shared.AskCommand):
     """Of `robust check`."""
 
 
 def distributions_option(needs: tuple[str, tuple[str, ...]] | None = None) -> Any:
     """How parameters are distributed."""
-    return option(
+    return declare.option(
         (),
         "how a parameter is distributed: NAME=normal:MEAN:DEVIATION, truncated-normal:MEAN:DEVIATION:MINIMUM:MAXIMUM, "
         "half-normal:ORIGIN:DEVIATION, uniform:LOWER:UPPER, triangular:LOWER:MODE:UPPER, exponential:MEAN or "
@@ -82,7 +55,7 @@ def distributions_option(needs: tuple[str, tuple[str, ...]] | None = None) -> An
 
 def world_file(needs: tuple[str, tuple[str, ...]] | None = None) -> Any:
     """Distributions in a file."""
-    return path_option(
+    return declare.path_option(
         "the distributions of parameters and durations, in a TOML file; without a rule, parameters are as planned",
         needs=needs,
     )
@@ -91,21 +64,21 @@ def world_file(needs: tuple[str, tuple[str, ...]] | None = None) -> Any:
 _FOR_RISK = ("method", ("risk",))
 
 
-class EnvelopeOptions(Separation, Solving, Export, AnyBoxOptions):
+class EnvelopeOptions(shared.Separation, shared.Solving, shared.Export, shared.AnyBoxOptions):
     """Of :func:`robust.envelope`."""
 
-    method: str = method_option(risk="the most probable box")
+    method: str = shared.method_option(risk="the most probable box")
     distribution: Mapping[str, str | Distribution] | Sequence[str] = distributions_option(_FOR_RISK)
     world: str | Path | None = world_file(_FOR_RISK)
-    within: Number = option(
+    within: Number = declare.option(
         "0.005",
         "for risk: search until no box can be more probable by more than this",
         metavar="W",
-        read=positive,
+        read=declare.positive,
         needs=_FOR_RISK,
     )
-    encoding: str = encoding_option(rank=0)
-    on_step: Callable[[Step], None] | None = option(
+    encoding: str = shared.encoding_option(rank=0)
+    on_step: Callable[[Step], None] | None = declare.option(
         None, "called after each step with the best box so far", shown=False
     )
 
@@ -114,23 +87,23 @@ EXPORTS = ("plansys2", "csv", "yaml")
 """Files that other tools read."""
 
 
-class EnvelopeCommand(EnvelopeOptions, Plot, AskCommand):
+class EnvelopeCommand(EnvelopeOptions, shared.Plot, shared.AskCommand):
     """Of `robust envelope`."""
 
-    export: str | None = option(
+    export: str | None = declare.option(
         None,
         "print the result for other tools instead: by how many per cent actions may take longer, for PlanSys2's "
         "executor; or parameters and intervals as CSV or YAML",
         choices=EXPORTS,
-        rank=DRAWING,
+        rank=shared.DRAWING,
     )
-    output: Path | None = output_option(
+    output: Path | None = declare.output_option(
         "for --export: write the export to FILE, and print the answer as usual",
-        read=written_to("the export"),
-        rank=DRAWING,
+        read=declare.written_to("the export"),
+        rank=shared.DRAWING,
     )
 
-    controllability: str | None = option(
+    controllability: str | None = declare.option(
         None,
         "decide whether a dispatcher can execute the plan when values are seen only on observation (dynamic) or never "
         "(strong); report the controllable part of the box, and the widest controllable box",
@@ -139,88 +112,92 @@ class EnvelopeCommand(EnvelopeOptions, Plot, AskCommand):
 
     def check_combinations(self, given: Collection[str]) -> None:
         if self.output is not None and self.export is None:
-            raise InputError(f"needs --export {', '.join(EXPORTS[:-1])} or {EXPORTS[-1]}", place_of("output"))
+            raise InputError(f"needs --export {', '.join(EXPORTS[:-1])} or {EXPORTS[-1]}", declare.place_of("output"))
         if self.export is not None and self.output is None and self.json:
-            raise InputError("needs --output FILE when combined with --json", place_of("export"))
+            raise InputError("needs --output FILE when combined with --json", declare.place_of("export"))
         if self.export == "plansys2" and not self.from_nominal:
             needed = "--contain-nominal, or another method than optimal: percentages are of planned durations"
-            raise InputError(f"plansys2 needs {needed}", place_of("export"))
+            raise InputError(f"plansys2 needs {needed}", declare.place_of("export"))
 
 
-class EliminationOptions(Options):
+class EliminationOptions(declare.Options):
     """How an exact region is computed."""
 
-    backend: str = option("project", "quantifier-elimination back end", choices=OFFERED)
-    splitting: str = option(
+    backend: str = declare.option("project", "quantifier-elimination back end", choices=OFFERED)
+    splitting: str = declare.option(
         "full",
         "elimination problems: monolithic: one; partial: one for the network and one for all obligations; full: one "
         "for each obligation",
         choices=SPLITTINGS,
     )
-    learning: bool = option(True, "let later elimination problems use what earlier ones have excluded")
+    learning: bool = declare.option(True, "let later elimination problems use what earlier ones have excluded")
 
 
-class RegionOptions(EliminationOptions, SearchOptions):
+class RegionOptions(EliminationOptions, shared.SearchOptions):
     """Of :func:`robust.region`."""
 
-    on_piece: Callable[[Polyhedron], None] | None = option(
+    on_piece: Callable[[Polyhedron], None] | None = declare.option(
         None, "called with each polyhedron of bad parameter values when it is found", shown=False
     )
-    on_cell: Callable[[Polyhedron], None] | None = option(
+    on_cell: Callable[[Polyhedron], None] | None = declare.option(
         None, "called with each polyhedron of good parameter values when it is found", shown=False
     )
 
 
-class RegionCommand(RegionOptions, SliceOptions, AskCommand):
+class RegionCommand(RegionOptions, shared.SliceOptions, shared.AskCommand):
     """Of `robust region`."""
 
-    form: str | None = option(
+    form: str | None = declare.option(
         None,
         "a union of polyhedra, or the difference of one polyhedron and others; default: a union, unless it is long",
         choices=("union", "difference"),
     )
-    latex: bool = option(False, "print a formula for LaTeX's math mode")
+    latex: bool = declare.option(False, "print a formula for LaTeX's math mode")
 
     def check_combinations(self, given: Collection[str]) -> None:
         if self.latex and self.json:
             raise InputError("cannot be combined with --json; choose one", Location("--latex"))
 
 
-class CompareOptions(SearchOptions):
+class CompareOptions(shared.SearchOptions):
     """Of :func:`robust.compare`."""
 
-    beta: Number = option("1", "the precision of irr", metavar="B", read=positive)
-    doubling: bool = option(False, "steps of irr double until the first failure; ends are up to 2 B away")
-    on_stage: Callable[[str], None] | None = option(None, "called with the name of each stage", shown=False)
+    beta: Number = declare.option("1", "the precision of irr", metavar="B", read=declare.positive)
+    doubling: bool = declare.option(False, "steps of irr double until the first failure; ends are up to 2 B away")
+    on_stage: Callable[[str], None] | None = declare.option(None, "called with the name of each stage", shown=False)
 
 
-class CompareCommand(CompareOptions, SliceOptions, AskCommand):
+class CompareCommand(CompareOptions, shared.SliceOptions, shared.AskCommand):
     """Of `robust compare`."""
 
-    html: Path | None = path_option(
+    html: Path | None = declare.path_option(
         "write an interactive page as one HTML file: sliders for the parameters, what breaks where, boxes, schedule",
-        read=written_to("the page"),
-        rank=DRAWING,
+        read=declare.written_to("the page"),
+        rank=shared.DRAWING,
     )
 
 
-class RiskOptions(SearchOptions):
+class RiskOptions(shared.SearchOptions):
     """Of :func:`robust.risk`."""
 
     distributions: Mapping[str, str | Distribution] | Sequence[str] = distributions_option()
     world: str | Path | None = world_file()
-    within: Number = option("0.001", "how close the bounds of the probability must be", metavar="W", read=positive)
-    draws: int | None = option(
+    within: Number = declare.option(
+        "0.001", "how close the bounds of the probability must be", metavar="W", read=declare.positive
+    )
+    draws: int | None = declare.option(
         None,
         "also estimate from N random samples; default with more than 6 parameters: 10000 if the bounds are not close",
         metavar="N",
-        read=ordinal,
+        read=declare.ordinal,
     )
-    on_bounds: Callable[[Bounds], None] | None = option(None, "called with bounds that have changed", shown=False)
-    on_stage: Callable[[str], None] | None = option(None, "called with the name of each stage", shown=False)
+    on_bounds: Callable[[Bounds], None] | None = declare.option(
+        None, "called with bounds that have changed", shown=False
+    )
+    on_stage: Callable[[str], None] | None = declare.option(None, "called with the name of each stage", shown=False)
 
 
-class RiskCommand(RiskOptions, Plot, AskCommand):
+class RiskCommand(RiskOptions, shared.Plot, shared.AskCommand):
     """Of `robust risk`."""
 
     def check_combinations(self, given: Collection[str]) -> None:
@@ -228,55 +205,57 @@ class RiskCommand(RiskOptions, Plot, AskCommand):
             raise InputError("say by --distribution or --world how the parameters are distributed")
 
 
-class RepairOptions(Separation, Solving):
+class RepairOptions(shared.Separation, shared.Solving):
     """Of :func:`robust.repair`."""
 
-    require: Settings | Box | EnvelopeResult = option(
+    require: declare.Settings | Box | EnvelopeResult = declare.option(
         (),
         "values of a parameter for all of which the plan must be valid, NAME=LOW:HIGH or NAME=VALUE; other parameters "
         "have their nominal values; may be repeated",
         metavar="NAME=LOW:HIGH",
         many=True,
     )
-    change: str = option(
+    change: str = declare.option(
         "bounds",
         "what may change: bounds of the plan's network, nominal values of parameters that are not required, or both",
         choices=("bounds", "nominal", "both"),
     )
-    count: bool = option(
+    count: bool = declare.option(
         False, "minimize the number of changes first, then the sum of weighted amounts; default: the sum alone"
     )
-    reorder: bool = option(False, "allow changes that reverse the order of two time points")
-    on_repair: Callable[[Cost], None] | None = option(None, "called with the cost of each better repair", shown=False)
+    reorder: bool = declare.option(False, "allow changes that reverse the order of two time points")
+    on_repair: Callable[[Cost], None] | None = declare.option(
+        None, "called with the cost of each better repair", shown=False
+    )
 
 
-class RepairCommand(RepairOptions, AskCommand):
+class RepairCommand(RepairOptions, shared.AskCommand):
     """Of `robust repair`."""
 
-    output: Path | None = output_option(
+    output: Path | None = declare.output_option(
         "write the repaired plan to this file; PLAN must then be the file of a network (.stn)",
         metavar="PLAN.stn",
-        read=plan_file,
+        read=declare.plan_file,
     )
 
     def check_combinations(self, given: Collection[str]) -> None:
         if self.output is not None and str(self.plan) == "-":
-            raise InputError("needs PLAN in a file, not on standard input", place_of("output"))
+            raise InputError("needs PLAN in a file, not on standard input", declare.place_of("output"))
 
 
-class ValidateOptions(Separation, PlanningOutput):
+class ValidateOptions(shared.Separation, shared.PlanningOutput):
     """Of :func:`robust.validate`."""
 
 
-class ValidateCommand(ValidateOptions, Output):
+class ValidateCommand(ValidateOptions, shared.Output):
     """Of `robust validate`."""
 
-    domain: Path | None = argument(None, "PDDL domain", "DOMAIN")
-    problem: Path | None = argument(None, "PDDL problem", "PROBLEM")
-    plans: tuple[Path, ...] = argument(
+    domain: Path | None = declare.argument(None, "PDDL domain", "DOMAIN")
+    problem: Path | None = declare.argument(None, "PDDL problem", "PROBLEM")
+    plans: tuple[Path, ...] = declare.argument(
         (), "time-triggered plans or logs of planners; - is standard input", "PLAN", many=True
     )
-    suite: Path | None = path_option(
+    suite: Path | None = declare.path_option(
         "judge the plans listed in FILE: DOMAIN PROBLEM PLAN on each line, relative to FILE; # begins a comment",
         "--list",
     )

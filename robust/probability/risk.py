@@ -30,8 +30,7 @@ from robust.probability.distributions import Distribution
 from robust.probability.measure import Bounds, Measure, RegionMeasure, box_probability
 from robust.probability.packing import Packing, Points, SampledEstimate
 from robust.qe.box import Box
-from robust.qe.broken import Causes
-from robust.qe.compute import RegionResult, RegionSearch, declared_bounds
+from robust.qe.compute import Causes, RegionResult, RegionSearch, declared_bounds
 from robust.qe.conjunctions import Conjunction
 from robust.qe.polyhedron import Polyhedron
 from robust.searching import Searching, Status

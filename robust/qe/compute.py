@@ -6,6 +6,10 @@ an obligation. How they are grouped is the splitting:
 - monolithic: the complement is one formula with both quantifiers;
 - partial: existence is one problem, all obligations together are another;
 - full: every obligation is a problem of its own, parameter-only ones first.
+
+The search for the envelope stops at the first obligation that excludes a value. :func:`what_breaks` enumerates every one
+by itself, so that several can be named at one point. Where the network has no schedule, or a demand on durations over parameters
+alone does not hold, nothing is said of other obligations: nothing else is to be examined there.
 """
 
 from __future__ import annotations
@@ -13,12 +17,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from fractions import Fraction
-from functools import partial
+from functools import cached_property, partial
 from graphlib import CycleError, TopologicalSorter
+from itertools import islice
 from types import MappingProxyType
 
 from robust.encode import create_encoding
-from robust.encode.interface import EPSILON, Encoding, Facet, Grid, Obligation, Range
+from robust.encode.interface import EPSILON, Encoding, Facet, Grid, Obligation, Range, Stage
+from robust.encode.validity import Validity
 from robust.plan.model import ParametrizedPlan, Relation
 from robust.presented import Presented
 from robust.qe import inner
@@ -512,3 +518,114 @@ def _with_existence(problem: EliminationProblem, existence: Iterable[Conjunction
     beyond = disjunction(conjunction(piece) for piece in existence)
     violation = disjunction((beyond, conjunction((query.violation, query.remainder))))
     return Query("the whole envelope", query.kept, query.network, violation, query.definitions)
+
+
+MOST = 1000
+"""Polyhedra of all obligations together, after which the enumeration ends."""
+
+
+@dataclass(frozen=True, slots=True)
+class BrokenObligation:
+    """Within the declared bounds, at every value in a piece that leaves a schedule, some schedule breaks `obligation`.
+
+    A `demand` is one on durations over parameters alone; of other obligations pieces say nothing where one breaks.
+    """
+
+    obligation: str
+    pieces: tuple[Polyhedron, ...]
+    demand: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Breaks:
+    """What breaks where, in the order in which obligations are examined; all of it, if `complete`."""
+
+    obligations: tuple[BrokenObligation, ...]
+    complete: bool
+
+
+def what_breaks(
+    plan: ParametrizedPlan, *, epsilon: Fraction = EPSILON, solver: str = "z3", timeout: float | None = None
+) -> Breaks:
+    """Enumerate, obligation by obligation; out of time, or beyond :data:`MOST`, what was found by then.
+
+    Raises:
+        UnsupportedError: an expression that is not linear.
+    """
+    broken: list[BrokenObligation] = []
+    try:
+        for obligation in _enumerated(plan, epsilon, solver, Deadline.after(timeout)):
+            broken.append(obligation)
+            if sum(len(obligation.pieces) for obligation in broken) > MOST:
+                return Breaks(tuple(broken), complete=False)
+    except OutOfTimeError:
+        return Breaks(tuple(broken), complete=False)
+    return Breaks(tuple(broken), complete=True)
+
+
+def _enumerated(
+    plan: ParametrizedPlan, epsilon: Fraction, solver: str, deadline: Deadline
+) -> Iterator[BrokenObligation]:
+    """Each obligation that can break, when all about it is known."""
+    piece_of = partial(Polyhedron, tuple(parameter.name for parameter in plan.parameters))
+    causes = Causes(plan, epsilon, solver, deadline)
+    demands = causes.demands()
+    yield from (BrokenObligation(name, tuple(map(piece_of, halves)), demand=True) for name, halves in demands.items())
+    known: list[Conjunction] = [*causes.outside, *causes.without_schedule()]
+    for obligation in causes.obligations:
+        if obligation.name not in demands:
+            pieces = tuple(map(piece_of, islice(causes.pieces(obligation, known), MOST + 1)))
+            if pieces:
+                yield BrokenObligation(obligation.name, pieces, demand=False)
+
+
+class Causes:
+    """All that can go wrong with a plan, each by itself, as the parameter values with which it does.
+
+    Raises:
+        OutOfTimeError: whatever is asked, when the deadline passes.
+        UnsupportedError: an expression that is not linear.
+    """
+
+    def __init__(self, plan: ParametrizedPlan, epsilon: Fraction, solver: str, deadline: Deadline) -> None:
+        self.outside = beyond_bounds(plan)
+        """Outside of declared bounds."""
+        self._deadline = deadline
+        self._encoding = create_encoding("relational", plan, epsilon, deadline)
+        self._context = Solvers(self._encoding.terms, FormulaReader(self._encoding.terms), solver)
+        self._builder = ProblemBuilder(self._encoding, self._context)
+
+    def demands(self) -> dict[str, list[Conjunction]]:
+        """Demands on durations over parameters alone do not hold, by obligation."""
+        validity = self._encoding.validity
+        demands: dict[str, list[Conjunction]] = {}
+        for facet in validity.facets if isinstance(validity, Validity) else ():
+            if facet.obligation is not None:
+                demands.setdefault(facet.obligation, []).extend(beyond(facet))
+        return demands
+
+    def without_schedule(self) -> Iterator[Conjunction]:
+        """There is no schedule."""
+        return self._builder.without_schedule(self._deadline)
+
+    @cached_property
+    def obligations(self) -> list[Obligation]:
+        """Those that can break in some schedule."""
+        false = self._encoding.terms.false
+        return [obligation for obligation in self._encoding.obligations if obligation.violation is not false]
+
+    @cached_property
+    def _durations_may_break(self) -> bool:
+        """If so, there may be schedules and yet none with all that later obligations assume."""
+        return any(obligation.stage is Stage.DURATION for obligation in self.obligations)
+
+    def pieces(self, obligation: Obligation, known: Iterable[Conjunction]) -> Iterator[Conjunction]:
+        """An obligation breaks in some schedule, but for what is known already."""
+        query = self._builder.query(obligation, whole=self._durations_may_break)
+        return create_eliminator("project", self._context).eliminate(query, known, self._deadline)
+
+
+def beyond(facet: Facet) -> Iterator[Conjunction]:
+    """Half-spaces of values that a facet excludes."""
+    side = LinearConstraint.from_polynomial(facet.expression, Relation.AT_LEAST)
+    yield from [()] if side.is_false else [(half,) for half in side.negation()]

@@ -23,7 +23,7 @@ from robust.draw.interactive import comparison_data, comparison_page, shown_regi
 from robust.encode import create_encoding
 from robust.numbers import format_number, parse_number
 from robust.qe.box import Box, Interval
-from robust.qe.broken import what_breaks
+from robust.qe.compute import what_breaks
 from robust.qe.constraint import LinearConstraint, Sense
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region

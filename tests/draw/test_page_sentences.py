@@ -24,7 +24,7 @@ from robust.draw.interactive import comparison_data, part
 from robust.errors import InputError, UnsupportedError
 from robust.irr.check import Answer
 from robust.numbers import format_number
-from robust.qe.broken import Breaks, what_breaks
+from robust.qe.compute import Breaks, what_breaks
 from robust.qe.constraint import LinearConstraint, Sense
 from robust.reading import load_plan
 from robust.show.regions import METHOD_NAMES

@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 
 from benchmarks.generators.delivery import DeliveryVariant, delivery_domain, table_problems
 from robust.errors import InputError, UnsupportedError
-from robust.execute.planners import aries
+from robust.execute.planners import aries, create_planner
 from robust.execute.planners import interface as kairos
 from robust.execute.planners.interface import PlannerAnswer, PlannerStatus, check
-from robust.execute.planners.registry import create_planner
 from robust.numbers import parse_number
 from robust.plan.pddl.reader import parse_domain, parse_problem, read_domain, read_problem
 from robust.plan.pddl.write import decimal, domain_text, problem_text

@@ -10,10 +10,10 @@ import pytest
 from benchmarks.generators.delivery import DeliveryVariant, delivery_domain, table_problems
 from benchmarks.generators.plans import drawn_plan
 from benchmarks.irr.tables import RememberingPlanner
+from robust.execute.planners import PLANNERS, create_planner
 from robust.execute.planners import reachability as relaxed
 from robust.execute.planners.interface import PlannerAnswer, PlannerStatus, check
 from robust.execute.planners.reachability import EarliestTimes, ReachabilityFirst, relaxed_problem, unreachable
-from robust.execute.planners.registry import PLANNERS, create_planner
 from robust.plan.load import assemble
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.simulate import simulate

@@ -8,7 +8,7 @@ import pytest
 
 from robust.api import check, region
 from robust.irr.check import Answer
-from robust.qe.broken import what_breaks
+from robust.qe.compute import what_breaks
 from robust.reading import load_plan
 from tests.cli.running import EXAMPLES, example
 

@@ -56,7 +56,7 @@ class PlannerAnswer(NoTruthValue, ask="status"):
     """Answer of a planner; `plan` is given exactly when the status is `SOLVED`.
 
     `message` is one line: why there is no plan. `seconds` is wall time from the call to the answer, the check of the
-    plan included; planners of :mod:`robust.execute.planners.registry` know it.
+    plan included; planners of :mod:`robust.execute.planners` know it.
     """
 
     planner: str
