@@ -7,9 +7,9 @@ an obligation. How they are grouped is the splitting:
 - partial: existence is one problem, all obligations together are another;
 - full: every obligation is a problem of its own, parameter-only ones first.
 
-The search for the envelope stops at the first obligation that excludes a value. :func:`what_breaks` enumerates every one
-by itself, so that several can be named at one point. Where the network has no schedule, or a demand on durations over parameters
-alone does not hold, nothing is said of other obligations: nothing else is to be examined there.
+The search for the envelope stops at the first obligation that excludes a value. :func:`what_breaks` enumerates every
+one by itself, so that several can be named at one point. Where the network has no schedule, or a demand on durations
+over parameters alone does not hold, nothing is said of other obligations: nothing else is to be examined there.
 """
 
 from __future__ import annotations
