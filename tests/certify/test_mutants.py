@@ -72,6 +72,7 @@ def test_a_checker_that_believes_more_is_noticed(module, function, line):
             break
 
 
+@pytest.mark.slow
 def test_what_is_accepted_has_a_reason_and_is_a_change_of_the_present_text():
     assert all(reason for reason in accepted().values())
     assert accepted().keys() <= {mutant.key for module in MODULES for mutant in mutants(module)}

@@ -140,6 +140,7 @@ def test_boxes_so_far_are_kept(plan, dies_at, method, number):
         assert Containment(create_encoding("relational", plan)).refute(found.box, NEVER) is None
 
 
+@pytest.mark.slow
 def test_some_box_is_found_before_it_dies(plan, dies_at):
     last: int | None = None
     asked = dies_at(lambda _question: last is not None and len(asked) > last)
