@@ -113,7 +113,7 @@ def searching_check(plan: ParametrizedPlan, options: verbs.CheckOptions) -> Anyt
     from robust.qe.box import Box
 
     require_nominal_values(plan.parameters)
-    box = Box.nominal(plan.parameters).changed(settings(options.at, [one.name for one in plan.parameters]))
+    box = Box.nominal(plan.parameters).changed(settings(options.at, [parameter.name for parameter in plan.parameters]))
 
     def make(formulas: Encoding, deadline: Deadline, exporter: Exporter | None) -> AnytimeSearch[CheckResult]:
         return Checker(
@@ -344,7 +344,7 @@ def searching_repair(plan: ParametrizedPlan, options: verbs.RepairOptions) -> Re
     from robust.irr.repair import RepairSearch
     from robust.plan.load import require_nominal_values
 
-    required = settings(options.require, [one.name for one in plan.parameters], "require")
+    required = settings(options.require, [parameter.name for parameter in plan.parameters], "require")
     require_nominal_values(parameter for parameter in plan.parameters if parameter.name not in required)
     return RepairSearch(
         plan,

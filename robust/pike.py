@@ -336,7 +336,7 @@ def _story(plan: TeamPlan, options: asking.StoryOptions) -> Story:
         human=Human(options.human),
         pace=Pace(options.pace),
         outcomes=outcomes,
-        disturbances=tuple(each if isinstance(each, Disturbance) else _disturbance(plan, each) for each in wrong),
+        disturbances=tuple(item if isinstance(item, Disturbance) else _disturbance(plan, item) for item in wrong),
         delay=Fraction(options.delay),
     )
 
@@ -402,8 +402,8 @@ def parametric(plan: Plan | ParametricPlan, options: Options) -> ParametricPlan:
     """
     if isinstance(plan, ParametricPlan) or not isinstance(options, asking.ParametricOptions):
         return cast("ParametricPlan", plan)
-    own = read_tpnu(plan).parameters if isinstance(plan, str | os.PathLike) else ()
-    specs = specifications(texts(options.parameters, place_of("parameters")), options.parameter_file, own)
+    parameters = read_tpnu(plan).parameters if isinstance(plan, str | os.PathLike) else ()
+    specs = specifications(texts(options.parameters, place_of("parameters")), options.parameter_file, parameters)
     return parametrize(_team_plan(plan, options), specs)
 
 

@@ -92,12 +92,12 @@ def load_plan(
     from robust.plan.timed import parse_timed_plan
 
     timed = parse_timed_plan(text, name, reading.plan_number)
-    found = convert(parsed_domain, parsed_problem, timed, **reading.conversion(specs, on_progress))
-    if found.ended is ConversionEnd.INTERRUPTED:
+    conversion = convert(parsed_domain, parsed_problem, timed, **reading.conversion(specs, on_progress))
+    if conversion.ended is ConversionEnd.INTERRUPTED:
         raise KeyboardInterrupt
-    made = f"made a network of {plural(len(found.stn.constraints), 'constraint')}"
-    say(f"{name}: {'; '.join((*found.notes(timed), made))}")
-    return found.plan
+    note = f"made a network of {plural(len(conversion.stn.constraints), 'constraint')}"
+    say(f"{name}: {'; '.join((*conversion.notes(timed), note))}")
+    return conversion.plan
 
 
 class _Reading(PlanningOutput, Separation, Solving):
@@ -115,9 +115,9 @@ class _Reading(PlanningOutput, Separation, Solving):
         }
 
 
-def _require_path(name: str, found: object) -> None:
-    if not isinstance(found, str | os.PathLike):
-        raise InputError(f"found {shorten(repr(found))}, expected a path", place_of(name))
+def _require_path(name: str, path: object) -> None:
+    if not isinstance(path, str | os.PathLike):
+        raise InputError(f"found {shorten(repr(path))}, expected a path", place_of(name))
 
 
 def plan_of(plan: Plan, epsilon: Number = "1/1000") -> ParametrizedPlan:
@@ -250,7 +250,7 @@ def convert(
     from robust.plan.timed import TimedPlan, parse_timed_plan
 
     reading = _Reading(plan_number=plan_number, tolerance=tolerance, epsilon=epsilon, solver=solver, timeout=timeout)
-    known = [one.value for one in Mode]
+    known = [member.value for member in Mode]
     if mode not in known and not isinstance(mode, Mode):
         raise InputError(f"unknown mode {mode!r}{did_you_mean(str(mode), known)}")
     specs, _ = specifications(texts(parameters, place_of("parameters")), parameter_file)

@@ -366,9 +366,9 @@ class Run:
 
     def reply(self, begin: Callable[[], AnytimeSearch[Known]]) -> Known:
         """What a search finds, as :meth:`best`; it is the answer."""
-        found = self.best(begin, self.show)
-        self.show(found)
-        return found
+        result = self.best(begin, self.show)
+        self.show(result)
+        return result
 
     def show(self, found: SearchResult) -> None:
         """Print a result as an answer."""
@@ -452,7 +452,7 @@ def carry_out(guard: Guard, asked: Action[Any], given: Mapping[str, Any]) -> int
 
 def _state(path: Path) -> tuple[int, int] | None:
     """What changes when a file is written; None where there is none."""
-    return (found.st_ino, found.st_mtime_ns) if path.exists() and (found := path.stat()) else None
+    return (status.st_ino, status.st_mtime_ns) if path.exists() and (status := path.stat()) else None
 
 
 def _log_to_stderr() -> None:

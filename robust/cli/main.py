@@ -113,9 +113,9 @@ def _guarded(arguments: Sequence[str], guard: Guard) -> int:
 def _run(arguments: list[str], guard: Guard) -> int:
     with guard.working():
         completing = "_ROBUST_COMPLETE" in os.environ
-        found = None if completing else read(COMMANDS, arguments)
-    if found is not None:
-        return carry_out(guard, *found)
+        command = None if completing else read(COMMANDS, arguments)
+    if command is not None:
+        return carry_out(guard, *command)
     with guard.working():
         import typer
 

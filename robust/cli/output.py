@@ -80,9 +80,9 @@ def _whole(value: Any) -> Any:
         case str():
             return value.encode("utf-8", "replace").decode("utf-8")
         case Mapping():
-            return {_whole(key): _whole(each) for key, each in value.items()}
+            return {_whole(key): _whole(item) for key, item in value.items()}
         case list() | tuple():
-            return [_whole(each) for each in value]
+            return [_whole(item) for item in value]
     return value
 
 

@@ -164,8 +164,8 @@ class CertifyCommand(PlanningOutput, PlanParameters, SearchOptions, Force, Outpu
             return
         kind = self.kind or "plan"
         if kind in WITH_CHOICES or self.assume:
-            found = "--assume" if self.assume else f"--kind {kind}"
-            raise InputError(f"found {found} with DOMAIN PROBLEM PLAN; expected it with a plan with choices")
+            option = "--assume" if self.assume else f"--kind {kind}"
+            raise InputError(f"found {option} with DOMAIN PROBLEM PLAN; expected it with a plan with choices")
         if kind in {"plan", "region"} and self.box is not None:
             raise InputError(f"found --box with --kind {kind}; expected it with box or maximal")
         if kind == "region" and self.alethe is not None:
@@ -230,14 +230,14 @@ class StnuDispatchCommand(StnuFiles):
 
 def _link_weights(values: Sequence[str], place: Location) -> tuple[tuple[str, Fraction | None], ...]:
     """`NAME=W` each; None is infinite."""
-    found = []
+    weights = []
     for text in values:
         name, equals, value = text.rpartition("=")
         if not equals or not name:
             expected = "requirement=W, contingent=W or SOURCE:TARGET=W"
             raise InputError(f"found {shorten(text)}, expected {expected}", place)
-        found.append((name, None if value == "inf" else positive(value, place)))
-    return tuple(found)
+        weights.append((name, None if value == "inf" else positive(value, place)))
+    return tuple(weights)
 
 
 class StnuRepairCommand(StnuFiles):
@@ -356,11 +356,11 @@ class BatchCompareOptions(BatchOptions):
     @property
     def asked(self) -> tuple[Question, ...]:
         irr = BoxOptions(method="irr", beta=self.beta, doubling=self.doubling)
-        found = (
+        questions = (
             self._ask("envelope", *typed(irr, BoxOptions), name="irr"),
             self._ask("envelope", "--method=optimal", name="ccmmz"),
         )
-        return found if self.region is None else (*found, self._ask("region", f"--backend={self.region}"))
+        return questions if self.region is None else (*questions, self._ask("region", f"--backend={self.region}"))
 
 
 class AnyBatchOptions(BatchEnvelopeOptions, BatchRegionOptions, BatchCompareOptions):

@@ -262,5 +262,5 @@ class ValidateCommand(ValidateOptions, shared.Output):
 
     def check_combinations(self, given: Collection[str]) -> None:
         if (self.suite is None and not self.plans) or (self.suite is not None and self.domain is not None):
-            found = "no plan" if self.suite is None else "files beside --list"
-            raise InputError(f"found {found}, expected DOMAIN PROBLEM PLAN..., or else --list FILE")
+            fault = "no plan" if self.suite is None else "files beside --list"
+            raise InputError(f"found {fault}, expected DOMAIN PROBLEM PLAN..., or else --list FILE")

@@ -32,8 +32,8 @@ DIGITS = 9
 def decimal(value: Fraction, places: int, *, up: bool) -> str:
     """A probability as a decimal, rounded up or down."""
     scaled = value * 10**places
-    whole = -floor(-scaled) if up else floor(scaled)
-    return f"{whole // 10**places}.{whole % 10**places:0{places}d}"
+    integer = -floor(-scaled) if up else floor(scaled)
+    return f"{integer // 10**places}.{integer % 10**places:0{places}d}"
 
 
 def places_for(within: Fraction) -> int:

@@ -349,7 +349,7 @@ def new_document(instance: Instance, path: Path) -> Document:
     return document(
         PikeNew(
             name=instance.name,
-            files=[str(path), *(str(path.with_name(each)) for each in ("domain.pddl", "problem.pddl"))],
+            files=[str(path), *(str(path.with_name(file)) for file in ("domain.pddl", "problem.pddl"))],
             choices=len(network.choices),
             events=len(network.events),
             activities=len(network.activities),

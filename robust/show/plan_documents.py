@@ -132,7 +132,9 @@ def check(result: CheckResult) -> documents.Document:
             result,
             verdict=result.answer.value,
             parameters=result.box,
-            obligations=[ObligationRecord(name=name, verdict=each.value) for name, each in result.obligations.items()],
+            obligations=[
+                ObligationRecord(name=name, verdict=answer.value) for name, answer in result.obligations.items()
+            ],
             counterexample=examples[0] if examples else None,
             counterexamples=examples,
             repair=None if result.repair is None else documents.changes_of(result.repair),
@@ -204,12 +206,12 @@ class Stopped(documents.Ends):
 
 def _stops_of(stops: Mapping[Face, Stop], name: str) -> dict[str, Any]:
     """The fields of :class:`Stopped` about what ends both sides of a parameter."""
-    found: dict[str, Any] = {}
+    fields: dict[str, Any] = {}
     for key, side in (("stopped_below", Side.LOWER), ("stopped_above", Side.UPPER)):
         stop = stops.get((name, side))
-        found[key] = None if stop is None else str(stop)
-        found[f"all_{key}"] = [] if stop is None else list(stop.every)
-    return found
+        fields[key] = None if stop is None else str(stop)
+        fields[f"all_{key}"] = [] if stop is None else list(stop.every)
+    return fields
 
 
 class ControllabilityRecord(JsonObject):

@@ -93,12 +93,12 @@ def rows(result: Presented) -> list[dict[str, Any]]:
 
     answer = document(result)
     table = table_of(result)
-    whole: Any = answer if table.rows is None else table.rows(answer)
+    content: Any = answer if table.rows is None else table.rows(answer)
     for key in table.keys:
-        whole = whole[key]
-    if isinstance(whole, dict):
-        whole = [{table.named: name, **row} for name, row in whole.items()]
-    return [dict(_cells(row, table.numbers)) for row in whole or ()]
+        content = content[key]
+    if isinstance(content, dict):
+        content = [{table.named: name, **row} for name, row in content.items()]
+    return [dict(_cells(row, table.numbers)) for row in content or ()]
 
 
 def _cells(row: Mapping[str, Any], numbers: Sequence[str], before: str = "") -> Iterator[tuple[str, Any]]:

@@ -382,10 +382,10 @@ def print_envelope(out: Console, result: EnvelopeResult, beside: Beside = NOTHIN
 
 def _greatest_text(result: EnvelopeResult, probability: Bounds) -> str:
     """How probable a box is, and how much more probable another may be."""
-    own = f"probability of the box: {bounds_text(probability, 4)}"
+    text = f"probability of the box: {bounds_text(probability, 4)}"
     if result.bound is None:
-        return f"{own}; {'' if result.cut_short else 'a local optimum: '}how probable others may be is not known"
-    return f"{own}; no box has more than {decimal(min(Fraction(1), result.bound), 4, up=True)}"
+        return f"{text}; {'' if result.cut_short else 'a local optimum: '}how probable others may be is not known"
+    return f"{text}; no box has more than {decimal(min(Fraction(1), result.bound), 4, up=True)}"
 
 
 def _promise(result: EnvelopeResult) -> str:

@@ -35,7 +35,7 @@ class Page(Out):
 
     def print(self, *objects: Any, **_how: Any) -> None:
         """Keep lines of text."""
-        self._lines.append(" ".join(self._spans(rich_text(one)) for one in objects))
+        self._lines.append(" ".join(self._spans(rich_text(renderable)) for renderable in objects))
 
     def add_table(self, shown: Table) -> None:
         """Keep a table."""

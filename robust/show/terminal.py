@@ -37,8 +37,8 @@ class _RichConsole(Console):
     def print(self, *objects: Any, **how: Any) -> None:
         """As by rich; lines that may be longer than the terminal are broken between words if it is narrow."""
         if how.get("soft_wrap") and not how.get("no_wrap") and self.width < self.narrow:
-            for one in objects:
-                for line in rich_text(one).split("\n", allow_blank=True):
+            for renderable in objects:
+                for line in rich_text(renderable).split("\n", allow_blank=True):
                     self._print_broken(line)
             return
         super().print(*objects, **how)
