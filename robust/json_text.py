@@ -436,14 +436,14 @@ def _fields(kind: Any) -> tuple[tuple[str, Field[Any], Any], ...]:
 
 @cache
 def _members(kind: Any) -> tuple[Any, ...]:
-    """What a union is made of, but for None; nothing if it is no union."""
+    """The members of a union, without None; empty if the type is no union."""
     union = get_origin(kind) in {Union, UnionType}
     return tuple(member for member in get_args(kind) if member is not NoneType) if union else ()
 
 
 @cache
 def _is_object(kind: Any) -> bool:
-    """Whether it is a mapping, or a tuple of pairs with names."""
+    """Whether the type is a mapping, or a tuple of pairs with names."""
     return get_origin(kind) is Mapping or (get_origin(kind) is tuple and hasattr(get_args(kind)[0], "_make"))
 
 
@@ -481,7 +481,7 @@ def one_of(*values: str | int) -> Meta:
 
 @singledispatch
 def wire(value: Any) -> Any:
-    """What stands for a value in JSON: itself, unless a function is registered for its type.
+    """The representation of a value in JSON: itself, unless a function is registered for its type.
 
     The annotation of what that function returns is what the schema says of the type.
     """
@@ -619,7 +619,7 @@ def _wire_type(kind: Any) -> Any:
 
 
 def _record_type(kind: Any) -> type[Struct]:
-    """What a record or a result is in JSON."""
+    """The type of a record or a result in JSON."""
     is_record = issubclass(kind, Struct)
     hints = get_type_hints(kind, localns=_names_for(kind), include_extras=True)
     names = [(name, name) for name in kind.__struct_fields__] if is_record else _members_of(kind)

@@ -1,4 +1,4 @@
-"""What questions are about: plans from files, judged as they stand, and made flexible."""
+"""Plans from files: read, validated as they stand, and converted to networks."""
 
 from __future__ import annotations
 
@@ -101,10 +101,10 @@ def load_plan(
 
 
 class _Reading(PlanningOutput, Separation, Solving):
-    """How a plan is read."""
+    """Options for reading a plan."""
 
     def conversion(self, specs: Sequence[ParameterSpec], on_progress: Callable[[str], None] | None) -> Settings:
-        """How a network is made of its steps."""
+        """The settings for converting its steps to a network."""
         return {
             "specs": specs,
             "epsilon": self.separation,
@@ -149,7 +149,7 @@ def validate(
     tolerance: Number | None = None,
     plan_number: int | None = None,
 ) -> Verdict:
-    """Whether one schedule is valid as it was printed, as VAL judges it; :func:`check` judges all of a network.
+    """Decide whether one schedule is valid as printed, as VAL does; :func:`check` judges all schedules of a network.
 
     Each of the three is a path, a text (a string with a line break or a parenthesis, unless a file has that name), or
     what reading one gives.
@@ -184,7 +184,7 @@ def validate(
 
 
 def _parsed(domain: File | Domain, problem: File | Problem) -> tuple[Domain, Problem]:
-    """What two sources say, unless that is known."""
+    """The domain and problem of two sources, parsed unless they already are."""
     from robust.plan.pddl.forms import read_source
     from robust.plan.pddl.reader import parse_domain, parse_problem
     from robust.plan.pddl.syntax import Domain, Problem

@@ -50,7 +50,7 @@ class Group:
 
 
 def _at(target: str) -> Any:
-    """What `module:name` names."""
+    """The object that `module:name` names."""
     module, name = target.split(":")
     return getattr(import_module(module), name)
 
@@ -75,7 +75,7 @@ def read(table: Table, words: Sequence[str]) -> tuple[Action[Any], dict[str, Any
 
 
 def read_options(options: type[Options], words: Sequence[str]) -> dict[str, Any] | None:
-    """What is given of the options; None if the words are not in order."""
+    """The values given for options; None if the words are not well-formed."""
     declarations = declared(options)
     by_word: dict[str, tuple[str, bool]] = {}
     for name, declaration in declarations.items():

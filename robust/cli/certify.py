@@ -333,7 +333,7 @@ def _box(options: CertifyCommand, plan: ParametrizedPlan, deadline: Deadline) ->
 
 
 def demanded_box(texts: Sequence[str]) -> str | None:
-    """What the checker is asked for: the name of a file of a box, or values of parameters in the same format."""
+    """The box that the checker is asked about: the name of a file, or values of parameters in the same format."""
     files = [text for text in texts if "=" not in text or Path(text).is_file()]
     if files:
         if len(texts) > 1:

@@ -163,7 +163,7 @@ def _report(
 
 
 def _report_failure(arguments: Sequence[str], guard: Guard, error: OSError) -> int:
-    """What the system refused to do."""
+    """Report an operation that the system refused."""
     if guard.cause is not None and error.errno == errno.EIO and not error.filename:
         drop_output(error)  # the terminal is gone, which has sent SIGHUP
         return UNDECIDED

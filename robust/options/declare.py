@@ -1,4 +1,4 @@
-"""How options are declared: each once, with name, type, default, help, and what it may be combined with.
+"""Declarations of options: each once, with name, type, default, help, and what it may be combined with.
 
 A command line and the Python function of the same name are read into one object of a class of options, which checks
 values and combinations when it is made. Messages name an option as it was given: `--beta` as it was typed, `beta` in
@@ -53,7 +53,7 @@ _NAMED = 3
 
 
 class Option(NamedTuple):
-    """What is declared of an option, beside its name and type; see :func:`option`."""
+    """The declaration of an option, without its name and type; see :func:`option`."""
 
     default: Any
     help: str
@@ -71,7 +71,7 @@ class Option(NamedTuple):
 
     @property
     def flag(self) -> bool:
-        """Whether it is typed without a value."""
+        """Whether the option is typed without a value."""
         return isinstance(self.default, bool) or any("/" in name for name in self.names)
 
 
@@ -132,7 +132,7 @@ def declared(options: type[Options]) -> dict[str, Option]:
 
 
 def names_of(name: str, declaration: Option) -> tuple[str, ...]:
-    """How an option is typed; a flag that is set by default has a second name that unsets it, after a slash."""
+    """The names of an option when typed; a flag that is set by default has a second one, after a slash, to unset it."""
     if declaration.names:
         return declaration.names
     plain = name.replace("_", "-")
@@ -140,7 +140,7 @@ def names_of(name: str, declaration: Option) -> tuple[str, ...]:
 
 
 def typed(options: Options, *kinds: type[Options]) -> tuple[str, ...]:
-    """What one types on a command line for the options of these kinds that are not as by default; files aside."""
+    """The words on a command line for options of these kinds that differ from their defaults; files aside."""
     return tuple(
         word
         for kind in kinds
@@ -185,7 +185,7 @@ def spelled(name: str) -> str:
 
 
 def place_of(name: str, text: str | None = None) -> Location:
-    """Where a message about an option points to."""
+    """The location that a message about an option names."""
     return Location(spelled(name) if text is None else f"{spelled(name)} {shorten(text)}")
 
 
@@ -229,7 +229,7 @@ class Options:
             raise AttributeError(f"cannot assign to option {name!r}; expected other options to be made")
 
     def changed(self, **changes: Any) -> Self:
-        """The same options with other values for some."""
+        """A copy of the options with other values for some."""
         return type(self)(**{**vars(self), **changes})
 
     def _check(self) -> None:
@@ -419,7 +419,7 @@ def writable(path: Path, place: Location, what: str) -> Path:
 
 
 def written_to(what: str) -> Callable[[str | Path, Location], Path]:
-    """What checks that a file can be written to a path."""
+    """A check that a file can be written to a path."""
     return lambda path, place: writable(Path(path), place, what)
 
 

@@ -124,7 +124,7 @@ _KNOWN = {
 
 
 def _obligation(result: EnvelopeResult, controllable: str | None) -> list[str]:
-    """What is claimed, and under which conditions."""
+    """The claim, and the conditions under which it holds."""
     lines = [
         f"Written by robust {__version__}: by how much actions may exceed their planned durations, proved.",
         "Proof obligation: the plan is valid for every duration of every action from the planned one to the limit",
@@ -183,7 +183,7 @@ def _key(name: str) -> str:
 
 
 def _parameters(plan: ParametrizedPlan, result: EnvelopeResult) -> list[dict[str, Any]]:
-    """What is said of each parameter, by the names of the columns."""
+    """A row for each parameter, by the names of the columns."""
     within = plan_documents.envelope(result)["parameters"]
     actions: dict[str, list[str]] = {}
     for overrun in overruns(plan, result.box):

@@ -321,7 +321,7 @@ class Telling:
             self._events.setdefault(activity.target, f"the end of {activity.action}")
 
     def sentence(self, piece: Polyhedron) -> str:
-        """What a polyhedron demands, beyond the declared bounds: `a may take up to 5; limit must be at least 7`."""
+        """The demands of a polyhedron beyond the declared bounds: `a may take up to 5; limit must be at least 7`."""
         bounds = set(self._plan.declared_box.constraints())
         by_parameter: dict[str, list[LinearConstraint]] = {}
         joint: list[str] = []
@@ -343,7 +343,7 @@ class Telling:
         return self.interval(self._parameters[name], interval)
 
     def interval(self, parameter: TeamParameter, interval: Interval) -> str:
-        """What values a parameter may have, as a sentence."""
+        """The values that a parameter may have, as a sentence."""
         words, low, high = parameter.words, interval.lower, interval.upper
         least = None if low is None or low == parameter.parameter.lower else readable(low)
         above = "" if interval.lower_closed else "more than "
@@ -383,7 +383,7 @@ class Telling:
         return self._parameters[name].words
 
     def statements(self, statements: Iterable[Statement]) -> Iterator[str]:
-        """What of the plan says so; separations of ε that are only the order of a program are left out."""
+        """The statements of the plan as text, without separations of ε that are only the order of a program."""
         for statement in dict.fromkeys(statements):
             match statement:
                 case BoundStatement(place, upper):
@@ -421,7 +421,7 @@ class Telling:
         return self._events.get(name, name)
 
     def stop(self, stop: TeamStop) -> str:
-        """Why a side ends."""
+        """The reason why a side ends."""
         if stop.declared:
             return "declared bound"
         with_choices = f"with {guard_text(stop.choices)}: " if stop.choices else ""
@@ -491,7 +491,7 @@ def _ended(result: LabeledRegion | TeamEnvelope) -> str:
 
 @printing.register(TeamEnvelope)
 def print_envelope(out: Console, envelope: TeamEnvelope, *, quiet: bool) -> None:
-    """What is promised for which values; unless `quiet` also what ends each side."""
+    """Print what holds for which values; unless `quiet` also what limits each side."""
     telling = Telling(envelope.plan)
     promised = promise(envelope)
     if not envelope.verified:
@@ -515,7 +515,7 @@ def print_envelope(out: Console, envelope: TeamEnvelope, *, quiet: bool) -> None
 
 
 def promise(envelope: TeamEnvelope) -> str:
-    """What holds for all values in the box."""
+    """The statement that holds for all values in the box."""
     assumed = f"With {guard_text(envelope.assume)}" if envelope.assume else ""
     if not envelope.for_all:
         return assumed or "For some choice of values"
@@ -525,7 +525,7 @@ def promise(envelope: TeamEnvelope) -> str:
 
 
 def _failure(envelope: TeamEnvelope, telling: Telling, promised: str) -> str:
-    """Why there is no box."""
+    """The reason why there is no box."""
     if envelope.broken is None:
         return "Nothing is known yet."
     choices = f" with {guard_text(envelope.broken)}" if envelope.broken else ""

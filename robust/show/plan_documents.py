@@ -447,7 +447,7 @@ class RegionDocument(documents.Noted, tag_field="schema", tag="robust/region/1",
 
 
 def region(result: RegionResult) -> documents.Document:
-    """Of a region in the form in which it is shown."""
+    """The document of a region in the form in which it is shown."""
     shown = {key: value for key, value in result.region.as_dict().items() if key != "schema"}
     shown["reason"] = UNSET if result.reason is None else result.reason
     more = not result.is_exact or len(result.factors) > 1 or any(factor.symmetry for factor in result.factors)
@@ -571,7 +571,7 @@ class Compare(documents.Noted, tag_field="schema", tag="robust/compare/1"):
 
 @documents.documenting.register(Comparison)
 def compare(result: Comparison) -> documents.Document:
-    """Of a comparison."""
+    """The document of a comparison."""
     volume = None
     if result.volume is not None:
         volume = Volume(lower=result.volume.lower, upper=exact_end(result.volume.upper, upper=True))

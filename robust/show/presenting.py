@@ -1,4 +1,4 @@
-"""How each kind of result is shown: what is behind `str`, notebooks, `as_dict` and `rows` of results.
+"""Presentation of each kind of result: `str`, notebooks, `as_dict` and `rows`.
 
 What shows a result is loaded when it is shown, and registers its functions then. Commands print by the same functions.
 """
@@ -77,7 +77,7 @@ def page(result: Presented) -> str:
 
 
 def document(result: Presented) -> Document:
-    """What is printed by `--json`."""
+    """The document that `--json` prints."""
     from robust.show.documents import documenting  # noqa: PLC0415 - for JSON only
 
     return documenting.dispatch(_load(result, 1))(result)
@@ -102,7 +102,7 @@ def rows(result: Presented) -> list[dict[str, Any]]:
 
 
 def _cells(row: Mapping[str, Any], numbers: Sequence[str], before: str = "") -> Iterator[tuple[str, Any]]:
-    """What is in a row; the fields of an object in it by their own names, behind that of the object."""
+    """The cells of a row; the fields of an object in it by their own names, behind that of the object."""
     for name, value in row.items():
         if isinstance(value, dict):
             yield from _cells(value, numbers, f"{before}{name}_")

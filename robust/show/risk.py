@@ -156,7 +156,7 @@ def _estimate(estimate: SampledEstimate, places: int) -> Text:
 
 
 def _share_rows(shares: Sequence[BlameShare], within: Fraction, places: int) -> list[tuple[str, str]]:
-    """Those that matter, the greatest first; what is negligible is counted."""
+    """Rows for shares that matter, the greatest first; negligible ones are counted."""
     shown = [share for share in shares if share.probability.upper >= within]
     shown.sort(key=lambda share: share.probability.upper, reverse=True)
     rows = [(share.name, bounds_text(share.probability, places)) for share in shown]
@@ -166,7 +166,7 @@ def _share_rows(shares: Sequence[BlameShare], within: Fraction, places: int) -> 
 
 
 def _of_success(kept: Bounds, result: RiskResult) -> str:
-    """What share of all successes a box has."""
+    """The share of all successes that lies in a box."""
     total = result.probability
     if not total.lower:
         return ""

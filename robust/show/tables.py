@@ -1,4 +1,4 @@
-"""What rich shows: tables, and pages for notebooks."""
+"""Output that needs rich: tables, and pages for notebooks."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ _WHEN = {
 
 
 class Words:
-    """What the names of one plan mean.
+    """Descriptions of the names in one plan.
 
     Args:
         plan: the plan.
@@ -66,7 +66,7 @@ class Words:
         return {name: text if texts.count(text) == 1 else f"{text} ({name})" for name, text in names.items()}
 
     def _uses(self, name: str) -> Iterator[str]:
-        """What a parameter stands for, as often as it does."""
+        """Each use of a parameter in the plan, as text."""
         itself = Polynomial.variable(model.ParameterReference(name))
         mentioned = False
         for constraint in self._plan.constraints:
@@ -85,7 +85,7 @@ class Words:
                 yield f"{str(fluent)[1:-1]} at the beginning"
 
     def _between(self, source: model.TimePoint, target: model.TimePoint, ends: tuple[bool, bool]) -> str:
-        """What a time between two time points is, or a bound of it."""
+        """A description of the time between two time points, or of a bound of it."""
         kinds = source.kind, target.kind
         if source.instance == target.instance and kinds == (model.TimePointKind.START, model.TimePointKind.END):
             least, most, what = "shortest ", "longest ", self.actions[f"{target.instance}"]
@@ -122,7 +122,7 @@ class Words:
         return f"{what}: {demand}{line}"
 
     def obligation(self, name: str) -> str:
-        """What an obligation demands; its name where that is not one of the plan's obligations."""
+        """The demand of an obligation; the name itself if it is not one of the plan's obligations."""
         return self._obligations.get(name) or self._separation(name) or name
 
     @cached_property
@@ -267,7 +267,7 @@ def _when_and_why(example: Counterexample) -> tuple[str, str]:
 
 
 def print_counterexample(out: Console, found: Counterexample) -> None:
-    """What breaks, when and why, and the schedule in which it does, state by state."""
+    """Print what breaks, when and why, and the schedule that breaks it, state by state."""
     when, why = _when_and_why(found)
     out.print(Text.assemble(("broken: ", "bold red"), found.obligation), soft_wrap=True)
     out.print(Text(f"  at time {when}: {why}"), soft_wrap=True)
@@ -295,7 +295,7 @@ def _with_violations(example: Counterexample) -> Iterator[TraceStep | Violation]
 
 
 def _shown_steps(example: Counterexample, left_out: Set[model.Fluent]) -> Iterator[TraceStep | Violation]:
-    """What there is to tell: without steps that change nothing, and timed literals after all else."""
+    """The steps to show: none that change nothing, and no timed literals after everything else."""
     steps = list(_with_violations(example))
     while isinstance(last := steps[-1], TraceStep) and not any(point.instance for point in last.points):
         steps.pop()
@@ -326,7 +326,7 @@ def _violation_cells(violation: Violation) -> tuple[Text, ...]:
 
 
 def percentages(parameter: model.Parameter, interval: Interval) -> str:
-    """How far the ends are from the nominal value in per cent of it, `−12.5 %, +40 %`; nothing if that is 0."""
+    """Deviations of the ends from the nominal value in per cent, `−12.5 %, +40 %`; empty if that value is 0."""
     sides = [parameter.percent(interval.lower), parameter.percent(interval.upper)]
     shown = (f"{sign}∞" if side is None else percentage(side) for side, sign in zip(sides, "−+", strict=True))
     return ", ".join(shown) if any(side is not None for side in sides) else ""
@@ -339,11 +339,11 @@ def percentage(value: Fraction) -> str:
 
 
 def stopped(status: Enum, reason: str | None) -> str:
-    """Why a search did not come to its end."""
+    """The reason why a search did not come to its end."""
     return {"timeout": "out of time", "interrupted": "interrupted"}.get(status.value) or f"{reason}"
 
 
 def print_advice(out: Console, advice: Iterable[Advice]) -> None:
-    """What to type for parameters without room."""
+    """Print which options to use for parameters without room."""
     for hint in advice:
         out.print(Text(str(hint), style="yellow"), soft_wrap=True)
