@@ -410,7 +410,7 @@ def _batching(_options: Callable[Given, BatchOptions]) -> Callable[[Callable[...
 
 @_batching(AnyBatchOptions)
 def batch(verb: str, suite: str | os.PathLike[str], **given: Any) -> Batch:
-    """One question about many plans, each asked in a process of its own: `robust batch`.
+    """Ask one question about many plans, each in its own process, as `robust batch` does.
 
     Args:
         verb: `check`, `envelope`, `region`, or `compare`: CCMMZ against IRR.

@@ -475,7 +475,7 @@ Record = TypeVar("Record", bound=JsonObject)
 
 
 def one_of(*values: str | int) -> Meta:
-    """All that there may be."""
+    """The permitted values of a type, for its schema."""
     return Meta(extra_json_schema={"enum": list(values)})
 
 

@@ -167,7 +167,7 @@ _typed: ContextVar[tuple[frozenset[str], Mapping[str, Option]] | None] = Context
 
 @contextmanager
 def as_typed(names: Iterable[str], options: type[Options] | None = None) -> Iterator[None]:
-    """Within it, messages name options as on the command line, on which these fields of the options were given."""
+    """Make messages name options as on the command line; `names` are the options that were given there."""
     token = _typed.set((frozenset(names), {} if options is None else options.declarations))
     try:
         yield
@@ -428,7 +428,7 @@ WRITTEN = ("output", "plot", "html", "csv", "stnu")
 
 
 def refuse_replacing(files: Iterable[Path], place: Location, *, force: bool) -> None:
-    """InputError if there are such files, which no option names, unless they are to be replaced."""
+    """InputError if files exist that no option names, unless they are to be replaced."""
     there = [] if force else [quoted(path) for path in files if os.path.lexists(path)]
     if there:
         shown = ", ".join(there[:_NAMED]) + (f" and {len(there) - _NAMED} more" if len(there) > _NAMED else "")
@@ -570,7 +570,7 @@ class Verb(Generic[Subject, Known]):
     def with_first(
         self, options: Callable[Given, Taken], first: str
     ) -> Callable[[Callable[[Known, Taken], Result]], WithFirst[Subject, Given, Result]]:
-        """Make such a function, one option of which may also be given by its place, behind the plan."""
+        """Make a function, one option of which may also be given by its place, behind the plan."""
 
         def decorate(function: Callable[[Known, Taken], Result]) -> WithFirst[Subject, Given, Result]:
             return cast("WithFirst[Subject, Given, Result]", self._made(function, options, first))

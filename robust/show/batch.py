@@ -123,7 +123,7 @@ def _solved_line(batch: Batch, name: str) -> str:
 
 
 def _both_lines(batch: Batch) -> list[str]:
-    """Of plans that both answer: times, and volumes."""
+    """Lines about plans that both answer: times, and volumes."""
     both = [row for row in batch.plans if all(name in row.runs and row.runs[name].solved for name in (IRR, CCMMZ))]
     if not both:
         return []

@@ -384,7 +384,7 @@ class Outer(JsonObject):
 
 
 class Factor(JsonObject):
-    """What is known of the values of an independent group of parameters
+    """bounds for the values of an independent group of parameters
 
     Attributes:
         ascending: lists of interchangeable parameters; a point is asked about with each of them in ascending order, to

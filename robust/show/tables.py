@@ -53,7 +53,7 @@ class Page(Out):
         self._blocks.append(f"<table><thead><tr>{''.join(head)}</tr></thead><tbody>{body}</tbody></table>")
 
     def html(self) -> str:
-        """Everything that was printed."""
+        """All printed lines as HTML."""
         self._end_text()
         return f'<div class="robust">{"".join(self._blocks)}</div>'
 
