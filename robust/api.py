@@ -39,24 +39,24 @@ Found_co = TypeVar("Found_co", covariant=True)
 
 
 class SearchResult(Protocol):
-    """What a search returns."""
+    """The result of a search."""
 
     @property
     def cut_short(self) -> bool:
         """Whether something ended the search before it was done."""
 
     def as_dict(self) -> dict[str, Any]:
-        """What is printed for programs."""
+        """The document that is printed for programs."""
 
 
 class AnytimeSearch(Protocol[Found_co]):
     """A computation that knows at any moment what it has found."""
 
     def run(self) -> Found_co:
-        """Everything; out of time or interrupted, what is known by then."""
+        """The final result; out of time or interrupted, what is known by then."""
 
     def so_far(self, *, timed_out: bool) -> Found_co | None:
-        """What is known if the search is given up now, out of time or else interrupted; None: nothing."""
+        """The result so far if the search is given up now, out of time or interrupted; None if there is none."""
 
 
 def _read(plan: Plan, options: Options) -> ParametrizedPlan:
@@ -107,13 +107,13 @@ class _Encoded(Generic[Result]):
 
 
 def searching_check(plan: ParametrizedPlan, options: verbs.CheckOptions) -> AnytimeSearch[CheckResult]:
-    """What :func:`check` runs."""
+    """The search behind :func:`check`."""
     from robust.irr.check import Answer, Checker, CheckResult
     from robust.plan.load import require_nominal_values
     from robust.qe.box import Box
 
     require_nominal_values(plan.parameters)
-    box = Box.nominal(plan.parameters).changed(settings(options.at, [one.name for one in plan.parameters]))
+    box = Box.nominal(plan.parameters).changed(settings(options.at, [parameter.name for parameter in plan.parameters]))
 
     def make(formulas: Encoding, deadline: Deadline, exporter: Exporter | None) -> AnytimeSearch[CheckResult]:
         return Checker(
@@ -146,7 +146,7 @@ def searching_check(plan: ParametrizedPlan, options: verbs.CheckOptions) -> Anyt
 
 @verb(verbs.CheckOptions)
 def check(plan: ParametrizedPlan, options: verbs.CheckOptions) -> CheckResult:
-    """Whether the plan is valid for every schedule that its network allows [docs/semantics.md].
+    """Decide whether the plan is valid for every schedule that its network allows [docs/semantics.md].
 
     Returns:
         A verdict with a confirmed counterexample where it is REFUTED. Ctrl-C returns what is known by then.
@@ -162,7 +162,7 @@ def check(plan: ParametrizedPlan, options: verbs.CheckOptions) -> CheckResult:
 
 
 def searching_envelope(plan: ParametrizedPlan, options: verbs.EnvelopeOptions) -> AnytimeSearch[EnvelopeResult]:
-    """What :func:`envelope` runs."""
+    """The search behind :func:`envelope`."""
     from robust.irr.search import Conduct, EnvelopeResult
     from robust.plan.load import require_nominal_values
     from robust.qe.box import Box
@@ -226,7 +226,7 @@ def envelope(plan: ParametrizedPlan, options: verbs.EnvelopeOptions) -> Envelope
 
 
 def searching_region(plan: ParametrizedPlan, options: verbs.RegionOptions) -> RegionSearch:
-    """What :func:`region` runs."""
+    """The search behind :func:`region`."""
     from robust.qe.compute import RegionSearch
 
     return RegionSearch(
@@ -259,7 +259,7 @@ def region(plan: ParametrizedPlan, options: verbs.RegionOptions) -> RegionResult
 
 
 def searching_compare(plan: ParametrizedPlan, options: verbs.CompareOptions) -> AnytimeSearch[Comparison]:
-    """What :func:`compare` runs."""
+    """The search behind :func:`compare`."""
     from robust.irr.compare import Comparing
     from robust.plan.load import require_nominal_values
 
@@ -293,7 +293,7 @@ def compare(plan: ParametrizedPlan, options: verbs.CompareOptions) -> Comparison
 def distributions_of(
     plan: ParametrizedPlan, options: verbs.RiskOptions | verbs.EnvelopeOptions
 ) -> dict[str, Distribution]:
-    """How the parameters are distributed; InputError if that is not said of all."""
+    """The distributions of the parameters; InputError if one has none."""
     from robust.execute import randomness
     from robust.execute.worlds import read_rules
 
@@ -304,7 +304,7 @@ def distributions_of(
 
 
 def searching_risk(plan: ParametrizedPlan, options: verbs.RiskOptions) -> AnytimeSearch[RiskResult]:
-    """What :func:`risk` runs."""
+    """The search behind :func:`risk`."""
     from robust.probability.risk import Risk
 
     return Risk(
@@ -339,12 +339,12 @@ def risk(plan: ParametrizedPlan, options: verbs.RiskOptions) -> RiskResult:
 
 
 def searching_repair(plan: ParametrizedPlan, options: verbs.RepairOptions) -> RepairSearch:
-    """What :func:`repair` runs."""
+    """The search behind :func:`repair`."""
     from robust.irr.quantities import Changeable
     from robust.irr.repair import RepairSearch
     from robust.plan.load import require_nominal_values
 
-    required = settings(options.require, [one.name for one in plan.parameters], "require")
+    required = settings(options.require, [parameter.name for parameter in plan.parameters], "require")
     require_nominal_values(parameter for parameter in plan.parameters if parameter.name not in required)
     return RepairSearch(
         plan,
@@ -381,7 +381,7 @@ def repair(plan: ParametrizedPlan, options: verbs.RepairOptions) -> Repair:
 
 
 def run_batch(verb: str, suite: str | os.PathLike[str], options: BatchOptions) -> Batch:
-    """What :func:`batch` runs."""
+    """Run a batch with options that have been checked; see :func:`batch`."""
     from robust.sweeps import batch
 
     return batch.run_batch(
@@ -399,7 +399,7 @@ def run_batch(verb: str, suite: str | os.PathLike[str], options: BatchOptions) -
 
 
 class Batching(Protocol[Given]):
-    """What :func:`batch` takes, for type checkers."""
+    """The signature of :func:`batch`, for type checkers."""
 
     def __call__(self, verb: str, suite: str | os.PathLike[str], *args: Given.args, **given: Given.kwargs) -> Batch: ...
 
@@ -410,7 +410,7 @@ def _batching(_options: Callable[Given, BatchOptions]) -> Callable[[Callable[...
 
 @_batching(AnyBatchOptions)
 def batch(verb: str, suite: str | os.PathLike[str], **given: Any) -> Batch:
-    """One question about many plans, each asked in a process of its own: `robust batch`.
+    """Ask one question about many plans, each in its own process, as `robust batch` does.
 
     Args:
         verb: `check`, `envelope`, `region`, or `compare`: CCMMZ against IRR.

@@ -239,7 +239,7 @@ class _Parser:
             raise self._fault('a key in quotes, as in "name"')
         key = self._string()
         if key.value in opened.members:
-            first = next(one.location for one in opened.keys if one.value == key.value)
+            first = next(earlier.location for earlier in opened.keys if earlier.value == key.value)
             message = f"found a second {shorten(key.value)}, expected one; the first is in line {first.line}"
             raise InputError(message, key.location)
         opened.keys.append(key)
@@ -288,8 +288,8 @@ class _Parser:
     def _fault(self, expected: str) -> InputError:
         match = _NUMBER_LIKE.match(self._text, self._at)
         word = match.group() if match else self._text[self._at : self._at + 1]
-        found = shorten(word) if word else "the end of the file"
-        return InputError(f"found {found}, expected {expected}", self._location())
+        token = shorten(word) if word else "the end of the file"
+        return InputError(f"found {token}, expected {expected}", self._location())
 
     def _location(self) -> Location:
         line = bisect_right(self._lines, self._at)
@@ -339,11 +339,11 @@ class JsonTypes:
         if members := _members(kind):
             return self.write(type(value) if any(map(_is_record, members)) else members[0], value)
         if _is_record(kind):
-            written = {name: self.write(hint, getattr(value, each.name)) for name, each, hint in _fields(kind)}
+            written = {name: self.write(hint, getattr(value, member.name)) for name, member, hint in _fields(kind)}
             return {"kind": kind.kind(), **written} if issubclass(kind, Tagged) else written
         if _is_object(kind):
             return dict(value)
-        items = [self.write(get_args(kind)[0], each) for each in value]
+        items = [self.write(get_args(kind)[0], item) for item in value]
         return sorted(items) if get_origin(kind) is frozenset else items
 
     def read(self, kind: Any, value: Json, *, name: str = "", beside: Sequence[str] = ()) -> Any:  # noqa: PLR0911 - shapes
@@ -353,7 +353,7 @@ class JsonTypes:
             InputError: at the place of whatever is not as expected, which says what was found.
         """
         if members := _members(kind):
-            tagged = {each.kind(): each for each in members if _is_record(each)}
+            tagged = {member.kind(): member for member in members if _is_record(member)}
             kind = tagged[self._kind_of(value, tuple(tagged))] if tagged else members[0]
         if _is_record(kind) and kind not in self._texts:
             return self._record(kind, value, beside)
@@ -367,9 +367,9 @@ class JsonTypes:
             case Constant(bool(constant)) if kind is bool:
                 return constant
             case Array(items) if get_origin(kind) in {tuple, frozenset} and not _is_object(kind):
-                return get_origin(kind)(self.read(get_args(kind)[0], each) for each in items)
-            case Object(members=found) if _is_object(kind):
-                pairs = {key: self.read(str, each) for key, each in found.items()}
+                return get_origin(kind)(self.read(get_args(kind)[0], item) for item in items)
+            case Object(members=entries) if _is_object(kind):
+                pairs = {key: self.read(str, item) for key, item in entries.items()}
                 return pairs if get_origin(kind) is Mapping else tuple(map(get_args(kind)[0]._make, pairs.items()))
         expected = f"{self._expected(kind)} for {name!r}" if name else self._expected(kind)
         raise InputError(f"found {describe(value)}, expected {expected}", value.location)
@@ -387,22 +387,22 @@ class JsonTypes:
         return self.read(kind, value.members[name], name=name)
 
     def _kind_of(self, value: Json, known: Sequence[str]) -> str:
-        found: str = self.member(str, self._object(value), "kind")
-        if found not in known:
-            expected = f"found kind {shorten(found)}, expected one of {', '.join(known)}{_close(found, known)}"
+        tag: str = self.member(str, self._object(value), "kind")
+        if tag not in known:
+            expected = f"found kind {shorten(tag)}, expected one of {', '.join(known)}{_close(tag, known)}"
             raise InputError(expected, self._object(value).members["kind"].location)
-        return found
+        return tag
 
     def _record(self, kind: Any, value: Json, beside: Sequence[str]) -> Any:
-        found = self._object(value)
+        record = self._object(value)
         known = ["kind"] if issubclass(kind, Tagged) else []
         values = {}
-        for name, each, hint in _fields(kind):
+        for name, member, hint in _fields(kind):
             known.append(name)
-            if _is_given(found, name) or (each.default is MISSING and each.default_factory is MISSING):
-                values[each.name] = self.member(hint, found, name)
+            if _is_given(record, name) or (member.default is MISSING and member.default_factory is MISSING):
+                values[member.name] = self.member(hint, record, name)
         known += beside
-        for key in found.keys:
+        for key in record.keys:
             if key.value not in known:
                 expected = f"found unknown field {shorten(key.value)}, expected only {', '.join(known)}"
                 raise InputError(expected + _close(key.value, known), key.location)
@@ -431,25 +431,25 @@ def _is_record(kind: Any) -> bool:
 def _fields(kind: Any) -> tuple[tuple[str, Field[Any], Any], ...]:
     """The fields of a dataclass with their names in JSON and their types."""
     hints = get_type_hints(kind)
-    return tuple((each.metadata.get("json", each.name), each, hints[each.name]) for each in fields(kind))
+    return tuple((member.metadata.get("json", member.name), member, hints[member.name]) for member in fields(kind))
 
 
 @cache
 def _members(kind: Any) -> tuple[Any, ...]:
-    """What a union is made of, but for None; nothing if it is no union."""
+    """The members of a union, without None; empty if the type is no union."""
     union = get_origin(kind) in {Union, UnionType}
-    return tuple(each for each in get_args(kind) if each is not NoneType) if union else ()
+    return tuple(member for member in get_args(kind) if member is not NoneType) if union else ()
 
 
 @cache
 def _is_object(kind: Any) -> bool:
-    """Whether it is a mapping, or a tuple of pairs with names."""
+    """Whether the type is a mapping, or a tuple of pairs with names."""
     return get_origin(kind) is Mapping or (get_origin(kind) is tuple and hasattr(get_args(kind)[0], "_make"))
 
 
 def _is_given(value: Object, name: str) -> bool:
-    found = value.members.get(name)
-    return found is not None and not (isinstance(found, Constant) and found.value is None)
+    member = value.members.get(name)
+    return member is not None and not (isinstance(member, Constant) and member.value is None)
 
 
 def _close(name: str, known: Sequence[str]) -> str:
@@ -475,13 +475,13 @@ Record = TypeVar("Record", bound=JsonObject)
 
 
 def one_of(*values: str | int) -> Meta:
-    """All that there may be."""
+    """The permitted values of a type, for its schema."""
     return Meta(extra_json_schema={"enum": list(values)})
 
 
 @singledispatch
 def wire(value: Any) -> Any:
-    """What stands for a value in JSON: itself, unless a function is registered for its type.
+    """The representation of a value in JSON: itself, unless a function is registered for its type.
 
     The annotation of what that function returns is what the schema says of the type.
     """
@@ -504,7 +504,7 @@ def _is_result(kind: type) -> bool:
 def _members_of(kind: type) -> Iterator[tuple[str, str]]:
     """The fields of a result that are in JSON, with their names there."""
     names = _NAMES.get(kind.__name__, {})
-    for name in getattr(kind, "_fields", None) or [each.name for each in fields(kind)]:
+    for name in getattr(kind, "_fields", None) or [member.name for member in fields(kind)]:
         if (shown := names.get(name, name)) is not None:
             yield name, shown
 
@@ -547,16 +547,16 @@ def printed(value: object) -> Any:  # noqa: PLR0911 - one for each kind of value
         case Enum():
             return value.value
         case Mapping():
-            return {name if isinstance(name, str) else str(name): printed(each) for name, each in value.items()}
+            return {name if isinstance(name, str) else str(name): printed(item) for name, item in value.items()}
         case Struct():
             tag = value.__struct_config__.tag
             members = ((name, getattr(value, name)) for name in value.__struct_fields__)
-            given = {name: printed(each) for name, each in members if each is not UNSET}
+            given = {name: printed(item) for name, item in members if item is not UNSET}
             return {value.__struct_config__.tag_field: tag, **given} if tag else given
         case _ if _is_result(type(value)):
             return {shown: printed(_rounded(getattr(value, name))) for name, shown in _members_of(type(value))}
         case list() | tuple() | set() | frozenset():
-            return [printed(each) for each in value]
+            return [printed(item) for item in value]
         case _:
             raise NotImplementedError(f"{type(value).__name__} has no JSON")
 
@@ -600,8 +600,7 @@ def schema_of(kind: type[JsonObject], title: str) -> dict[str, Any]:
                 part["properties"][name]["description"] = " ".join(words.split())
     body = parts.pop(top["$ref"].rsplit("/", 1)[1]) | getattr(kind, "RULES", {})
     head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": title}
-    whole: dict[str, Any] = head | body | ({"$defs": parts} if parts else {})
-    return whole
+    return {**head, **body, **({"$defs": parts} if parts else {})}
 
 
 _FIELD = re.compile(r"^(\w+): (.*(?:\n .*)*)", re.MULTILINE)
@@ -620,7 +619,7 @@ def _wire_type(kind: Any) -> Any:
 
 
 def _record_type(kind: Any) -> type[Struct]:
-    """What a record or a result is in JSON."""
+    """The type of a record or a result in JSON."""
     is_record = issubclass(kind, Struct)
     hints = get_type_hints(kind, localns=_names_for(kind), include_extras=True)
     names = [(name, name) for name in kind.__struct_fields__] if is_record else _members_of(kind)
@@ -656,7 +655,7 @@ def _names_for(kind: Any) -> dict[str, Any]:
     """What the module of a class or function knows, and all classes of the package by name, which are unique: results
     may import their types for type checkers only."""
     modules = [module for name, module in sys.modules.items() if name.startswith("robust.")]
-    known = {name: each for module in modules for name, each in vars(module).items() if isinstance(each, type)}
+    known = {name: value for module in modules for name, value in vars(module).items() if isinstance(value, type)}
     return known | vars(sys.modules[kind.__module__])
 
 

@@ -203,13 +203,13 @@ def _searching(
 
 
 def searching_check(plan: TeamPlan, options: asking.PikeCheckOptions) -> Checking:
-    """What :func:`check` runs."""
+    """The search behind :func:`check`."""
     return _searching(Checking, plan, options, temporal=Temporal(options.temporal))
 
 
 @_verb(asking.PikeCheckOptions)
 def check(plan: TeamPlan, options: asking.PikeCheckOptions) -> PikeCheck:
-    """Whether a correct execution of the plan exists, given some of the choices [PIKE].
+    """Decide whether a correct execution of the plan exists, given some of the choices [PIKE].
 
     Returns:
         PROVED with an execution, which a referee has confirmed, REFUTED or UNKNOWN.
@@ -222,7 +222,7 @@ def check(plan: TeamPlan, options: asking.PikeCheckOptions) -> PikeCheck:
 
 
 def searching_sizes(plan: TeamPlan, options: asking.PikeCompileOptions) -> Measuring:
-    """What :func:`compile` runs.
+    """The computation behind :func:`compile`.
 
     Raises:
         UnsupportedError: if prime implicants are wanted of a back end that has none.
@@ -261,7 +261,7 @@ def knowledge_base(plan: TeamPlan, options: asking.KnowledgeBaseOptions) -> Comp
 
 
 def searching_moments(plan: TeamPlan, options: asking.MomentsOptions) -> LatestMoments:
-    """What :func:`moments` runs."""
+    """The search behind :func:`moments`."""
     return _searching(LatestMoments, plan, options)
 
 
@@ -277,7 +277,7 @@ def moments(plan: TeamPlan, options: asking.MomentsOptions) -> Moments:
 
 
 def searching_differences(plan: TeamPlan, options: asking.CrossOptions) -> Crossing:
-    """What :func:`cross_check` runs."""
+    """The comparison behind :func:`cross_check`."""
     return _searching(Crossing, plan, options, witness=None if options.witness is None else Path(options.witness))
 
 
@@ -295,7 +295,7 @@ def cross_check(plan: TeamPlan, options: asking.CrossOptions) -> Crossed:
 
 
 def searching_execution(plan: TeamPlan, options: asking.PikeRunOptions) -> Rehearsal:
-    """What :func:`run` runs."""
+    """The simulated execution behind :func:`run`."""
     deciding = {"backend": options.deciding, "drake": options.reasoner == DRAKE, "patience": options.margin}
     return _searching(Rehearsal, plan, options, story=_story(plan, options), **deciding)
 
@@ -317,7 +317,7 @@ def run(plan: TeamPlan, options: asking.PikeRunOptions) -> ExecutionRecord:
 
 @_verb(asking.StoryOptions)
 def story(plan: TeamPlan, options: asking.StoryOptions) -> Story:
-    """What is known beforehand of a simulated execution; the arguments are those of :func:`run`.
+    """Facts known in advance of a simulated execution; the arguments are those of :func:`run`.
 
     Raises:
         InputError: if a choice, a value, an atom or a time is not what it should be.
@@ -336,7 +336,7 @@ def _story(plan: TeamPlan, options: asking.StoryOptions) -> Story:
         human=Human(options.human),
         pace=Pace(options.pace),
         outcomes=outcomes,
-        disturbances=tuple(each if isinstance(each, Disturbance) else _disturbance(plan, each) for each in wrong),
+        disturbances=tuple(item if isinstance(item, Disturbance) else _disturbance(plan, item) for item in wrong),
         delay=Fraction(options.delay),
     )
 
@@ -402,8 +402,8 @@ def parametric(plan: Plan | ParametricPlan, options: Options) -> ParametricPlan:
     """
     if isinstance(plan, ParametricPlan) or not isinstance(options, asking.ParametricOptions):
         return cast("ParametricPlan", plan)
-    own = read_tpnu(plan).parameters if isinstance(plan, str | os.PathLike) else ()
-    specs = specifications(texts(options.parameters, place_of("parameters")), options.parameter_file, own)
+    parameters = read_tpnu(plan).parameters if isinstance(plan, str | os.PathLike) else ()
+    specs = specifications(texts(options.parameters, place_of("parameters")), options.parameter_file, parameters)
     return parametrize(_team_plan(plan, options), specs)
 
 
@@ -411,7 +411,7 @@ _parametric_verb = Verb(parametric, "as of :func:`check`; one that has parameter
 
 
 def searching_region(plan: ParametricPlan, options: asking.PikeRegionOptions) -> LabeledRegionSearch:
-    """What :func:`region` runs."""
+    """The search behind :func:`region`."""
     return _searching(LabeledRegionSearch, plan, options, key=options.choices)
 
 
@@ -427,7 +427,7 @@ def region(plan: ParametricPlan, options: asking.PikeRegionOptions) -> LabeledRe
 
 
 def searching_envelope(plan: ParametricPlan, options: asking.PikeEnvelopeOptions) -> TeamEnvelopeSearch:
-    """What :func:`envelope` runs."""
+    """The search behind :func:`envelope`."""
     return _searching(TeamEnvelopeSearch, plan, options, waiting=options.patience)
 
 

@@ -1,8 +1,7 @@
-"""What every result of the package can do: show itself as text, in a notebook, as JSON, as a table and as a picture.
+"""Presentation that every result has: as text, in a notebook, as JSON, as a table and as a picture.
 
 Texts, documents and pictures are those of the command line, loaded when they are asked for, so that a result costs
-nothing but itself. No answer is simply true or
-false: one that is refuted is an answer too.
+nothing but itself. No answer is simply true or false: one that is refuted is an answer too.
 """
 
 from __future__ import annotations
@@ -54,7 +53,7 @@ class VerdictEnum(Enum):
 
 
 class Presenter(Protocol):
-    """What shows results of every kind."""
+    """A presenter of results of every kind."""
 
     def text(self, result: Presented, /) -> str: ...
 
@@ -66,7 +65,7 @@ class Presenter(Protocol):
 
 
 class Painter(Protocol):
-    """What draws results of every kind."""
+    """A painter of results of every kind."""
 
     def draw(self, result: Presented, path: str | os.PathLike[str] | None, axes: str | Sequence[str], /) -> Figure: ...
 
@@ -77,15 +76,15 @@ class Presented(NoTruthValue):
     __slots__ = ()
 
     def __str__(self) -> str:
-        """What the command prints: plain text, of one screen at most."""
+        """The text that the command prints: plain, of one screen at most."""
         return robust.presenter().text(self)
 
     def _repr_html_(self) -> str:
-        """The same for notebooks, whole and with its tables; texts of files are escaped."""
+        """The answer as HTML for notebooks, complete and with its tables; texts of files are escaped."""
         return robust.presenter().page(self)
 
     def as_dict(self) -> dict[str, Any]:
-        """What the command prints with `--json`: texts, numbers, lists and dictionaries; rationals are texts.
+        """The document that `--json` prints: texts, numbers, lists and dictionaries; rationals are texts.
 
         What only the command knows is as if it was not asked for: the names of files, notes on how they were read, and
         what it found out beside.

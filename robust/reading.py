@@ -1,4 +1,4 @@
-"""What questions are about: plans from files, judged as they stand, and made flexible."""
+"""Plans from files: read, validated as they stand, and converted to networks."""
 
 from __future__ import annotations
 
@@ -92,19 +92,19 @@ def load_plan(
     from robust.plan.timed import parse_timed_plan
 
     timed = parse_timed_plan(text, name, reading.plan_number)
-    found = convert(parsed_domain, parsed_problem, timed, **reading.conversion(specs, on_progress))
-    if found.ended is ConversionEnd.INTERRUPTED:
+    conversion = convert(parsed_domain, parsed_problem, timed, **reading.conversion(specs, on_progress))
+    if conversion.ended is ConversionEnd.INTERRUPTED:
         raise KeyboardInterrupt
-    made = f"made a network of {plural(len(found.stn.constraints), 'constraint')}"
-    say(f"{name}: {'; '.join((*found.notes(timed), made))}")
-    return found.plan
+    note = f"made a network of {plural(len(conversion.stn.constraints), 'constraint')}"
+    say(f"{name}: {'; '.join((*conversion.notes(timed), note))}")
+    return conversion.plan
 
 
 class _Reading(PlanningOutput, Separation, Solving):
-    """How a plan is read."""
+    """Options for reading a plan."""
 
     def conversion(self, specs: Sequence[ParameterSpec], on_progress: Callable[[str], None] | None) -> Settings:
-        """How a network is made of its steps."""
+        """The settings for converting its steps to a network."""
         return {
             "specs": specs,
             "epsilon": self.separation,
@@ -115,9 +115,9 @@ class _Reading(PlanningOutput, Separation, Solving):
         }
 
 
-def _require_path(name: str, found: object) -> None:
-    if not isinstance(found, str | os.PathLike):
-        raise InputError(f"found {shorten(repr(found))}, expected a path", place_of(name))
+def _require_path(name: str, path: object) -> None:
+    if not isinstance(path, str | os.PathLike):
+        raise InputError(f"found {shorten(repr(path))}, expected a path", place_of(name))
 
 
 def plan_of(plan: Plan, epsilon: Number = "1/1000") -> ParametrizedPlan:
@@ -149,7 +149,7 @@ def validate(
     tolerance: Number | None = None,
     plan_number: int | None = None,
 ) -> Verdict:
-    """Whether one schedule is valid as it was printed, as VAL judges it; :func:`check` judges all of a network.
+    """Decide whether one schedule is valid as printed, as VAL does; :func:`check` judges all schedules of a network.
 
     Each of the three is a path, a text (a string with a line break or a parenthesis, unless a file has that name), or
     what reading one gives.
@@ -184,7 +184,7 @@ def validate(
 
 
 def _parsed(domain: File | Domain, problem: File | Problem) -> tuple[Domain, Problem]:
-    """What two sources say, unless that is known."""
+    """The domain and problem of two sources, parsed unless they already are."""
     from robust.plan.pddl.forms import read_source
     from robust.plan.pddl.reader import parse_domain, parse_problem
     from robust.plan.pddl.syntax import Domain, Problem
@@ -250,7 +250,7 @@ def convert(
     from robust.plan.timed import TimedPlan, parse_timed_plan
 
     reading = _Reading(plan_number=plan_number, tolerance=tolerance, epsilon=epsilon, solver=solver, timeout=timeout)
-    known = [one.value for one in Mode]
+    known = [member.value for member in Mode]
     if mode not in known and not isinstance(mode, Mode):
         raise InputError(f"unknown mode {mode!r}{did_you_mean(str(mode), known)}")
     specs, _ = specifications(texts(parameters, place_of("parameters")), parameter_file)

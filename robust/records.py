@@ -164,7 +164,7 @@ class RecordFile:
     """A file of records that this process alone may write, until it is closed or the process is no more."""
 
     def __init__(self, path: str | os.PathLike[str], form: RecordFormat, accept: Accept) -> None:
-        """Open such a file, or begin one; what it holds is handed to `accept` as by :func:`read_records`.
+        """Open a file of records, or begin one; its records are handed to `accept` as by :func:`read_records`.
 
         What was cut off is removed once everything else has been accepted.
 
@@ -205,7 +205,7 @@ class RecordFile:
         self._chain.checksum = checksum
 
     def close(self) -> None:
-        """Let others have it."""
+        """Release the file, so that other processes can open it."""
         os.close(self._file)
 
     def __enter__(self) -> Self:

@@ -56,15 +56,15 @@ def _carry_out(verb: str, options: BatchCommand, run: Run) -> int:
         from robust.show import batch as shown
     run.display.say("asking")
     with run.guard.handed_over():
-        found = run_batch(verb, options.suite, options.changed(on_result=run.display.batch))
-    run.answer(lambda: shown.batch_document(found), lambda out: shown.print_batch(out, found, quiet=options.quiet))
+        result = run_batch(verb, options.suite, options.changed(on_result=run.display.batch))
+    run.answer(lambda: shown.batch_document(result), lambda out: shown.print_batch(out, result, quiet=options.quiet))
     if (table := options.csv) is not None:
-        run.write(lambda: atomic_write(table, shown.csv_text(found), place_of("csv")))
+        run.write(lambda: atomic_write(table, shown.csv_text(result), place_of("csv")))
     if (page := options.html) is not None:
         from robust.draw.interactive import batch_page
 
-        run.write(lambda: atomic_write(page, batch_page(found), place_of("html")))
-    return found.exit_code
+        run.write(lambda: atomic_write(page, batch_page(result), place_of("html")))
+    return result.exit_code
 
 
 @action(BatchCheckCommand, epilog=EPILOG)
@@ -140,8 +140,8 @@ def _catalogue() -> Mapping[str, Any]:
         name = "benchmarks"
         if name not in sys.modules:
             sys.path.insert(0, str(root))  # before any other package of that name
-    found: Mapping[str, Any] = import_module(f"{name}.catalogue").EXPERIMENTS
-    return found
+    experiments: Mapping[str, Any] = import_module(f"{name}.catalogue").EXPERIMENTS
+    return experiments
 
 
 EXPERIMENTS = {name: ExperimentCommand(entry.summary, "", entry) for name, entry in _catalogue().items()}

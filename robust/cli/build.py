@@ -29,10 +29,10 @@ class Command:
     target: str
 
     def load(self) -> Action[Any]:
-        found = _at(self.target)
-        if not isinstance(found, Action):
+        action = _at(self.target)
+        if not isinstance(action, Action):
             raise TypeError(f"{self.target} is not the action of a command")
-        return found
+        return action
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,12 +45,12 @@ class Group:
     def load(self) -> Mapping[str, Command]:
         if not isinstance(self.commands, str):
             return self.commands
-        found: Mapping[str, Command] = _at(self.commands)
-        return found
+        commands: Mapping[str, Command] = _at(self.commands)
+        return commands
 
 
 def _at(target: str) -> Any:
-    """What `module:name` names."""
+    """The object that `module:name` names."""
     module, name = target.split(":")
     return getattr(import_module(module), name)
 
@@ -63,19 +63,19 @@ Table = Mapping[str, Command | Group]
 
 def read(table: Table, words: Sequence[str]) -> tuple[Action[Any], dict[str, Any]] | None:
     """The action that is asked for and what is given of its options; None if the line is not in order."""
-    found: Command | Group | None = table.get(words[0]) if words else None
+    entry: Command | Group | None = table.get(words[0]) if words else None
     rest = words[1:]
-    if isinstance(found, Group):
-        found, rest = found.load().get(rest[0]) if rest else None, rest[1:]
-    if found is None:
+    if isinstance(entry, Group):
+        entry, rest = entry.load().get(rest[0]) if rest else None, rest[1:]
+    if entry is None:
         return None
-    asked = found.load()
+    asked = entry.load()
     values = read_options(asked.options, rest)
     return None if values is None else (asked, values)
 
 
 def read_options(options: type[Options], words: Sequence[str]) -> dict[str, Any] | None:
-    """What is given of the options; None if the words are not in order."""
+    """The values given for options; None if the words are not well-formed."""
     declarations = declared(options)
     by_word: dict[str, tuple[str, bool]] = {}
     for name, declaration in declarations.items():
@@ -85,7 +85,7 @@ def read_options(options: type[Options], words: Sequence[str]) -> dict[str, Any]
                 by_word[positive] = (name, True)
                 if negative:
                     by_word[negative] = (name, False)
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     places: list[str] = []
     rest = iter(words)
     for word in rest:
@@ -100,17 +100,17 @@ def read_options(options: type[Options], words: Sequence[str]) -> dict[str, Any]
         if declaration.flag:
             if equals:
                 return None
-            found[name] = state
+            values[name] = state
             continue
         if equals and not typed.startswith("--"):
             return None
         given = text if equals else next(rest, None)
-        if given is None or not _keep(found, name, declaration, given):
+        if given is None or not _keep(values, name, declaration, given):
             return None
-    return found if _place(found, declarations, places) else None
+    return values if _place(values, declarations, places) else None
 
 
-def _keep(found: dict[str, Any], name: str, declaration: Option, text: str) -> bool:
+def _keep(values: dict[str, Any], name: str, declaration: Option, text: str) -> bool:
     """Keep a value if it is in order."""
     value: Any = text
     if declaration.choices and text not in declaration.choices:
@@ -121,19 +121,19 @@ def _keep(found: dict[str, Any], name: str, declaration: Option, text: str) -> b
         value = int(text)
     elif declaration.path:
         value = Path(text)
-    found[name] = (*found.get(name, ()), value) if declaration.many else value
+    values[name] = (*values.get(name, ()), value) if declaration.many else value
     return True
 
 
-def _place(found: dict[str, Any], declarations: Mapping[str, Option], places: list[str]) -> bool:
+def _place(values: dict[str, Any], declarations: Mapping[str, Option], places: list[str]) -> bool:
     """Give words without a name to arguments in order; whether all fit, and nothing is missing."""
     for name, declaration in declarations.items():
         if declaration.argument:
             taken = len(places) if declaration.many else 1
             for word in places[:taken]:
-                _keep(found, name, declaration, word)
+                _keep(values, name, declaration, word)
             del places[:taken]
-        if declaration.default is ... and name not in found:
+        if declaration.default is ... and name not in values:
             return False
     return not places
 
@@ -187,9 +187,9 @@ def _add(app: typer.Typer, table: Table, asked: Sequence[str], carry_out: CarryO
             _add(group, commands, asked[1:] if wanted else (), carry_out)
             app.add_typer(group)
         elif wanted:
-            found = entry.load()
-            register = app.command(name, short_help=entry.help, help=found.help, epilog=found.epilog)
-            register(_function(found, carry_out))
+            action = entry.load()
+            register = app.command(name, short_help=entry.help, help=action.help, epilog=action.epilog)
+            register(_function(action, carry_out))
         else:
             app.command(name, short_help=entry.help)(lambda: 0)
 
@@ -222,7 +222,7 @@ def _function(asked: Action[Any], carry_out: CarryOut) -> Callable[..., int]:
             )
         )
     called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-    called.__annotations__ = {one.name: one.annotation for one in parameters}
+    called.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return called
 
 

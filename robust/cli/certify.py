@@ -56,19 +56,19 @@ def certify(options: CertifyCommand, run: Run) -> int:
             files = (*files[:2], folder / next(iter(network)).name)
         lines, holes = _lines(options.changed(files=files), deadline, run)
         written[options.output] = packed(lines)
-        made = time.perf_counter()
+        produced = time.perf_counter()
         certificate = folder / "certificate"
         certificate.write_bytes(packed(lines))
-        found = verify(
+        report = verify(
             certificate, files, epsilon=options.separation, kind=lines[0][1], assume=options.assume, deadline=deadline
         )
-        return holes, made - started, found, time.perf_counter() - made
+        return holes, produced - started, report, time.perf_counter() - produced
 
     with TemporaryDirectory(prefix="robust-certificate-") as folder:
-        holes, seconds, found, checking = run.only(lambda: work(Path(folder)))
+        holes, seconds, report, checking = run.only(lambda: work(Path(folder)))
     size = len(written[options.output])
-    if found.outcome.value:
-        reason = found.answer["reason"]
+    if report.outcome.value:
+        reason = report.answer["reason"]
         raise InputError(f"the checker does not accept the certificate: {reason}; please report this as a bug")
 
     from robust.show import documents, execution
@@ -79,13 +79,13 @@ def certify(options: CertifyCommand, run: Run) -> int:
         seconds=round(seconds, 6),
         checking_s=round(checking, 6),
         alethe_holes=holes,
-        **{key: found.answer[key] for key in ("kind", "claim", "epsilon", "files", "obligations", "refuted")},
+        **{key: report.answer[key] for key in ("kind", "claim", "epsilon", "files", "obligations", "refuted")},
     )
 
     def tell(out: Console) -> None:
         out.print(f"certificate: {options.output}, {size} bytes, checked", soft_wrap=True)
         if not options.quiet:
-            out.print("\n".join(_shown(found)), soft_wrap=True)
+            out.print("\n".join(_shown(report)), soft_wrap=True)
             if holes is not None:
                 out.print(f"alethe: {options.alethe}, {holes} holes", soft_wrap=True)
 
@@ -110,7 +110,7 @@ def verify(options: VerifyCommand, run: Run) -> int:
         from robust.certify.produce import verify
 
         started = time.perf_counter()
-        found = verify(
+        report = verify(
             options.certificate,
             options.files,
             epsilon=options.separation,
@@ -119,33 +119,33 @@ def verify(options: VerifyCommand, run: Run) -> int:
             assume=options.assume,
             deadline=Deadline.after(run.remaining),
         )
-        return found, time.perf_counter() - started
+        return report, time.perf_counter() - started
 
-    found, seconds = run.only(work)
+    report, seconds = run.only(work)
 
     from robust.certify.produce import CheckerOutcome
     from robust.show import documents, execution
 
-    if found.outcome is CheckerOutcome.UNREADABLE:
-        raise InputError(f"cannot read ({found.answer['reason']}), expected {CERTIFICATE}", place)
-    if found.outcome is CheckerOutcome.UNSUPPORTED:
+    if report.outcome is CheckerOutcome.UNREADABLE:
+        raise InputError(f"cannot read ({report.answer['reason']}), expected {CERTIFICATE}", place)
+    if report.outcome is CheckerOutcome.UNSUPPORTED:
         names = ", ".join(map(quoted, options.files))
-        raise UnsupportedError(f"the checker of certificates does not read one of {names}: {found.answer['reason']}")
+        raise UnsupportedError(f"the checker of certificates does not read one of {names}: {report.answer['reason']}")
     said = ("kind", "claim", "epsilon", "box", "obligations", "refuted", "reason")
     answer = execution.Verify(
-        verdict=found.answer["verdict"],
-        files=found.answer["files"],
+        verdict=report.answer["verdict"],
+        files=report.answer["files"],
         seconds=round(seconds, 6),
-        **{key: found.answer.get(key) for key in said},
+        **{key: report.answer.get(key) for key in said},
     )
-    run.answer(lambda: documents.document(answer), lambda out: out.print("\n".join(_shown(found)), soft_wrap=True))
-    return int(found.outcome.value)
+    run.answer(lambda: documents.document(answer), lambda out: out.print("\n".join(_shown(report)), soft_wrap=True))
+    return int(report.outcome.value)
 
 
-def _shown(found: Verification) -> list[str]:
+def _shown(report: Verification) -> list[str]:
     """The checker's answer, as it prints it itself."""
-    answer = found.answer
-    if found.outcome.value:
+    answer = report.answer
+    if report.outcome.value:
         return [f"{answer['verdict']}: {answer['reason']}"]
     digests = [f"of {kind}: sha256 {digest}" for kind, digest in answer["files"].items()]
     counts = f"checked: {answer['obligations']} obligations, {answer['refuted']} of them not constant"
@@ -175,25 +175,25 @@ def _network(options: CertifyCommand, run: Run) -> dict[Path, str]:
     _refuse(options, (target, parameters), (plan, beside, options.parameters))
     notes: list[str] = [] if beside is None else [f"took the parameters of {beside}"]
     if not is_network(text, file):
-        found, more = _network_of_steps(options, run, text, file, specs)
-        network, named = _parametrized(options, write_stn(found.stn), file, found.beside)
+        conversion, more = _network_of_steps(options, run, text, file, specs)
+        network, named = _parametrized(options, write_stn(conversion.stn), file, conversion.beside)
         notes += more
     elif specs:
         network, named = _parametrized(options, text, file, specs)
     else:
         network, named = text, ()
-    made = {target: network}
+    contents = {target: network}
     if named or parameters.exists():  # which is found there by whoever reads the network
-        made[parameters] = write_specs(named)
-    about = " and ".join(map(str, made))
+        contents[parameters] = write_specs(named)
+    about = " and ".join(map(str, contents))
     run.note(f"{file}: {'; '.join((*notes, f'the certificate is about {about}'))}")
-    return made
+    return contents
 
 
 def _refuse(options: CertifyCommand, written: Sequence[Path], read: Sequence[Path | None]) -> None:
     """InputError if what is written beside the certificate would replace that, a file that is read, or any other one
     without --force."""
-    taken = next((one for one in written if one in (options.output, *read)), None)
+    taken = next((path for path in written if path in (options.output, *read)), None)
     if taken is not None:
         message = f"found {taken}, which belongs to another plan than the certificate; expected another name"
         raise InputError(message, place_of("output"))
@@ -218,7 +218,7 @@ def _parametrized(
     needed = options.kind != "region"
     fluents = initial_fluents(problem)
     wiring = wire(stn, specs, fluents, domain_parameters(domain, stn), nominal_needed=needed)
-    named = [ParameterSpec(Target.DURATION, one, name) for one, name in wiring.durations.items()]
+    named = [ParameterSpec(Target.DURATION, instance, name) for instance, name in wiring.durations.items()]
     named += [ParameterSpec(Target.FLUENT, str(fluent), name) for fluent, name in wiring.fluents.items()]
     return write_stn(replace(stn, parameters=wiring.parameters, constraints=wiring.constraints)), named
 
@@ -233,7 +233,7 @@ def _network_of_steps(
     domain = read_domain(options.files[0])
     problem = read_problem(options.files[1], domain)
     timed = parse_timed_plan(text, file, options.plan_number)
-    found = convert(
+    conversion = convert(
         domain,
         problem,
         timed,
@@ -244,9 +244,9 @@ def _network_of_steps(
         timeout=None if run.remaining is None else run.remaining / 2,
         on_progress=run.display.say,
     )
-    if found.ended is ConversionEnd.INTERRUPTED:
+    if conversion.ended is ConversionEnd.INTERRUPTED:
         raise KeyboardInterrupt
-    return found, found.notes(timed)
+    return conversion, conversion.notes(timed)
 
 
 def _lines(options: CertifyCommand, deadline: Deadline, run: Run) -> tuple[list[Any], int | None]:
@@ -256,7 +256,7 @@ def _lines(options: CertifyCommand, deadline: Deadline, run: Run) -> tuple[list[
     if len(options.files) == 1:
         return _of_choices(options, deadline), None
     plan = load_plan(*options.files, nominal_needed=options.kind != "region")
-    made = PlanCertificate(
+    certificate = PlanCertificate(
         options.files,
         plan,
         options.separation,
@@ -266,10 +266,10 @@ def _lines(options: CertifyCommand, deadline: Deadline, run: Run) -> tuple[list[
         on_obligation=run.display.obligation,
     )
     if options.kind == "region":
-        return made.of_region(_region(options, plan, deadline)), None
+        return certificate.of_region(_region(options, plan, deadline)), None
     box = _box(options, plan, deadline)
     plain = options.kind in (None, "plan")
-    lines = made.of_plan() if plain else made.of_box(box, maximal=options.kind == "maximal")
+    lines = certificate.of_plan() if plain else certificate.of_box(box, maximal=options.kind == "maximal")
     if options.alethe is None:
         return lines, None
     from robust.certify.produce import export
@@ -288,14 +288,14 @@ def _of_choices(options: CertifyCommand, deadline: Deadline) -> list[Any]:
 
     (network,) = options.files
     plan = load_team_plan(network, epsilon=options.separation)
-    choices = {each.variable: each.value for each in sorted(assumed(plan, options.assume))}
+    choices = {assignment.variable: assignment.value for assignment in sorted(assumed(plan, options.assume))}
     if options.kind == "knowledge":
         return knowledge(network, options.separation, deadline, choices)
-    found = Oracle(plan, solver=options.solver).decide(assumed(plan, options.assume), deadline=deadline)
-    if found.verdict is ExecutionExistence.UNKNOWN:
+    decision = Oracle(plan, solver=options.solver).decide(assumed(plan, options.assume), deadline=deadline)
+    if decision.verdict is ExecutionExistence.UNKNOWN:
         raise OutOfTimeError
-    if found.witness is not None:
-        return execution(network, options.separation, found.witness.scenario, found.witness.schedule)
+    if decision.witness is not None:
+        return execution(network, options.separation, decision.witness.scenario, decision.witness.schedule)
     if options.kind is None:
         return knowledge(network, options.separation, deadline, choices)
     raise RefutedError("found no correct execution of the plan with choices, expected one", Location(str(network)))
@@ -304,12 +304,12 @@ def _of_choices(options: CertifyCommand, deadline: Deadline) -> list[Any]:
 def _region(options: CertifyCommand, plan: ParametrizedPlan, deadline: Deadline) -> Region:
     from robust.api import region
 
-    found = region(
+    result = region(
         plan, epsilon=options.separation, encoding=options.encoding, solver=options.solver, timeout=deadline.remaining
     )
-    if not found.is_exact:
-        raise OutOfTimeError(found.reason)
-    return found.region
+    if not result.is_exact:
+        raise OutOfTimeError(result.reason)
+    return result.region
 
 
 def _box(options: CertifyCommand, plan: ParametrizedPlan, deadline: Deadline) -> Box:
@@ -322,18 +322,18 @@ def _box(options: CertifyCommand, plan: ParametrizedPlan, deadline: Deadline) ->
     from robust.api import envelope
     from robust.searching import Status
 
-    found = envelope(
+    result = envelope(
         plan, epsilon=options.separation, encoding=options.encoding, solver=options.solver, timeout=deadline.remaining
     )
-    if found.status is Status.INVALID:
-        raise RefutedError(f"the nominal point is outside of the envelope: {found.reason}; expected a valid plan")
-    if found.status is not Status.COMPLETE:
-        raise OutOfTimeError(found.reason)
-    return found.box
+    if result.status is Status.INVALID:
+        raise RefutedError(f"the nominal point is outside of the envelope: {result.reason}; expected a valid plan")
+    if result.status is not Status.COMPLETE:
+        raise OutOfTimeError(result.reason)
+    return result.box
 
 
 def demanded_box(texts: Sequence[str]) -> str | None:
-    """What the checker is asked for: the name of a file of a box, or values of parameters in the same format."""
+    """The box that the checker is asked about: the name of a file, or values of parameters in the same format."""
     files = [text for text in texts if "=" not in text or Path(text).is_file()]
     if files:
         if len(texts) > 1:
@@ -342,8 +342,8 @@ def demanded_box(texts: Sequence[str]) -> str | None:
         read_bytes(Path(files[0]))
         return str(Path(files[0]).absolute())
     shown = {
-        name: {"lower": exact_end(each.lower, upper=False), "upper": exact_end(each.upper, upper=True)}
-        for name, each in settings(texts, None, "box").items()
+        name: {"lower": exact_end(interval.lower, upper=False), "upper": exact_end(interval.upper, upper=True)}
+        for name, interval in settings(texts, None, "box").items()
     }
     return json.dumps({"parameters": shown}) if texts else None
 

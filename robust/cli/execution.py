@@ -64,7 +64,7 @@ def validate(options: ValidateCommand, run: Run) -> int:
     )
     if cause is not None:
         print(f"robust: {cause.message} after {plural(len(judged), 'plan')}", file=sys.stderr)
-    return max([*(one.exit_code for one in judged), 0 if cause is None else UNDECIDED])
+    return max([*(plan.exit_code for plan in judged), 0 if cause is None else UNDECIDED])
 
 
 def _judge_all(options: ValidateCommand, run: Run, judged: list[JudgedPlan]) -> None:
@@ -136,11 +136,11 @@ def convert(options: ConvertCommand, run: Run) -> int:
         timed, converting = _converting(options, run)
         return converting
 
-    def tell(found: Conversion) -> None:
-        _show(options, run, found, () if timed is None else found.notes(timed))
+    def tell(conversion: Conversion) -> None:
+        _show(options, run, conversion, () if timed is None else conversion.notes(timed))
 
     try:
-        found = run.best(begin, tell)
+        conversion = run.best(begin, tell)
     except RefutedError as error:
         if not options.json:
             raise
@@ -148,11 +148,11 @@ def convert(options: ConvertCommand, run: Run) -> int:
         print_json(show.unconverted(options, violations))
         return error.exit_code
     if options.stnu is not None:
-        _write_stnu(options, run, found.plan)
-    tell(found)
+        _write_stnu(options, run, conversion.plan)
+    tell(conversion)
     if options.output is not None:
-        run.write(lambda: _write(options, found))
-    return UNDECIDED if found.cut_short else 0
+        run.write(lambda: _write(options, conversion))
+    return UNDECIDED if conversion.cut_short else 0
 
 
 def _is_network(plan: Path) -> bool:
@@ -195,30 +195,30 @@ def _write_stnu(options: ConvertCommand, run: Run, plan: ParametrizedPlan) -> Ne
     return network
 
 
-def _show(options: ConvertCommand, run: Run, found: Conversion, notes: Sequence[str]) -> None:
+def _show(options: ConvertCommand, run: Run, conversion: Conversion, notes: Sequence[str]) -> None:
     """Say what was done; without a file for the plan, print it."""
     from robust.plan.stn import write_stn
     from robust.show import execution as show
 
     if notes:
-        run.note(f"{found.stn.file}: {'; '.join(notes)}")
+        run.note(f"{conversion.stn.file}: {'; '.join(notes)}")
     written = {} if options.output is None else {"plan": str(options.output)}
-    if options.output is not None and found.beside:
+    if options.output is not None and conversion.beside:
         written["parameters"] = str(options.output.with_suffix(".toml"))
     if options.stnu is not None:
         written["stnu"] = str(options.stnu)
 
     def tell(out: Console) -> None:
         if options.output is None:
-            sys.stdout.write(write_stn(found.stn))
+            sys.stdout.write(write_stn(conversion.stn))
             sys.stdout.flush()
-        for line in () if options.quiet else show.conversion_lines(found, written):
+        for line in () if options.quiet else show.conversion_lines(conversion, written):
             if options.output is None:
                 print(line, file=sys.stderr)
             else:
                 out.print(line, soft_wrap=True)
 
-    run.answer(lambda: show.converted(found, written), tell)
+    run.answer(lambda: show.converted(conversion, written), tell)
 
 
 def _converting(options: ConvertCommand, run: Run) -> tuple[TimedPlan, Converting]:
@@ -246,17 +246,17 @@ def _converting(options: ConvertCommand, run: Run) -> tuple[TimedPlan, Convertin
     )
 
 
-def _write(options: ConvertCommand, found: Conversion) -> None:
+def _write(options: ConvertCommand, conversion: Conversion) -> None:
     """Write the plan, and the parameters that it cannot hold by itself; print what JSON has if it cannot be written."""
     from robust.execute.parametrization import write_specs
     from robust.plan.stn import write_stn
 
-    output, stn = options.output or Path(), write_stn(found.stn)
+    output, stn = options.output or Path(), write_stn(conversion.stn)
     try:
         atomic_write(output, stn, place_of("output"))
         parameters = output.with_suffix(".toml")
-        if found.beside or parameters.exists():  # which is found there by whoever reads the plan
-            atomic_write(parameters, write_specs(found.beside), place_of("output"))
+        if conversion.beside or parameters.exists():  # which is found there by whoever reads the plan
+            atomic_write(parameters, write_specs(conversion.beside), place_of("output"))
     except InputError:
         with answering():
             print("" if options.json else stn, end="")
@@ -295,7 +295,7 @@ def execute(options: ExecuteCommand, run: Run) -> int:
     run.answer(lambda: show.execute(options, runs, "complete" if cause is None else cause.value), tell)
     if cause is not None:
         return UNDECIDED
-    return 0 if all(not one.reason for one in runs) else 1
+    return 0 if all(not execution.reason for execution in runs) else 1
 
 
 def _execute_all(options: ExecuteCommand, run: Run, runs: list[replan.ReplanningRun]) -> None:
@@ -451,9 +451,9 @@ def _take_tour(out: Console, run: Run, color: str) -> int:
 
 
 def _carry_out(step: _Step, run: Run, color: str) -> int:
-    found: Action[Any] = plans.check if step.command == "check" else plans.envelope
-    given = read_options(found.options, step.words) or {}
-    return carry_out(run.guard, found, {**given, "color": color})
+    action: Action[Any] = plans.check if step.command == "check" else plans.envelope
+    given = read_options(action.options, step.words) or {}
+    return carry_out(run.guard, action, {**given, "color": color})
 
 
 @contextmanager

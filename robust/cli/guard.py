@@ -46,7 +46,7 @@ _TICK = 0.05
 
 
 class Cause(Enum):
-    """Why work was given up."""
+    """The cause for which work was given up."""
 
     INTERRUPTED = "interrupted"
     TIMEOUT = "timeout"
@@ -170,7 +170,7 @@ class Guard:
             self._working = False
 
     def why(self, error: BaseException | None = None) -> Cause:
-        """Why work was given up; what ended it may have found that out by itself."""
+        """The cause for which work was given up; whatever ended it may have established that by itself."""
         return self.cause or getattr(error, "cause", None) or Cause.INTERRUPTED
 
     def remaining(self, limit: float | None) -> float | None:
@@ -243,7 +243,7 @@ Known = TypeVar("Known", bound="SearchResult")
 
 
 def _given_up(stopped: OutOfTimeError) -> Exception:
-    """What a command ends with if there is nothing to show: out of time, or what a solver failed with."""
+    """The error of a command that has nothing to show: out of time, or the failure of a solver."""
     return GivenUpError(Cause.TIMEOUT) if stopped.reason is None else SolverError(stopped.reason)
 
 
@@ -334,7 +334,7 @@ class Run:
         return self.guard.cause is Cause.TIMEOUT
 
     def best(self, begin: Callable[[], AnytimeSearch[Known]], show: Callable[[Known], None]) -> Known:
-        """What a search finds until it ends or is ended; where it does not even heed that, `show` and exit.
+        """The result of a search when it ends or is ended; if it does not react to that, `show` and exit.
 
         Raises:
             GivenUpError: if nothing is known.
@@ -365,10 +365,10 @@ class Run:
         return result
 
     def reply(self, begin: Callable[[], AnytimeSearch[Known]]) -> Known:
-        """What a search finds, as :meth:`best`; it is the answer."""
-        found = self.best(begin, self.show)
-        self.show(found)
-        return found
+        """The result of a search as by :meth:`best`, printed as the answer."""
+        result = self.best(begin, self.show)
+        self.show(result)
+        return result
 
     def show(self, found: SearchResult) -> None:
         """Print a result as an answer."""
@@ -377,7 +377,7 @@ class Run:
         self.answer(found.as_dict, lambda out: print_result(out, found, quiet=self._quiet))
 
     def only(self, work: Callable[[], Found]) -> Found:
-        """What the work returns.
+        """The result of the work.
 
         Raises:
             GivenUpError: if it was interrupted, or is out of time.
@@ -391,7 +391,7 @@ class Run:
             raise _given_up(stopped) from None
 
     def also(self, what: str, work: Callable[[], Found]) -> Found | None:
-        """What the work returns; None if it was interrupted, which leaves the answer as it is."""
+        """The result of the work; None if it was interrupted, which leaves the answer as it is."""
         self.display.say(what)
         try:
             return self.only(work)
@@ -409,7 +409,7 @@ class Run:
         self.guard.answered = True
 
     def console(self) -> Console:
-        """Where answers for people are printed."""
+        """The console for answers for people."""
         from robust.show.console import console
 
         return console(color=self._color)
@@ -421,7 +421,7 @@ Given = TypeVar("Given", bound=Options)
 
 @dataclass(frozen=True, slots=True)
 class Action(Generic[Given]):
-    """What a command does: `carry_out` returns the exit code, and its docstring is the help text."""
+    """The action of a command: `carry_out` returns the exit code, and its docstring is the help text."""
 
     options: type[Given]
     carry_out: Callable[[Given, Run], int]
@@ -451,12 +451,12 @@ def carry_out(guard: Guard, asked: Action[Any], given: Mapping[str, Any]) -> int
 
 
 def _state(path: Path) -> tuple[int, int] | None:
-    """What changes when a file is written; None where there is none."""
-    return (found.st_ino, found.st_mtime_ns) if path.exists() and (found := path.stat()) else None
+    """The part of a file's status that changes when it is written; None if there is no file."""
+    return (status.st_ino, status.st_mtime_ns) if path.exists() and (status := path.stat()) else None
 
 
 def _log_to_stderr() -> None:
-    """What is done, for `--verbose`."""
+    """Send the log to stderr, for `--verbose`."""
     import logging
 
     handler = logging.StreamHandler(sys.stderr)

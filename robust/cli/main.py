@@ -113,9 +113,9 @@ def _guarded(arguments: Sequence[str], guard: Guard) -> int:
 def _run(arguments: list[str], guard: Guard) -> int:
     with guard.working():
         completing = "_ROBUST_COMPLETE" in os.environ
-        found = None if completing else read(COMMANDS, arguments)
-    if found is not None:
-        return carry_out(guard, *found)
+        command = None if completing else read(COMMANDS, arguments)
+    if command is not None:
+        return carry_out(guard, *command)
     with guard.working():
         import typer
 
@@ -163,7 +163,7 @@ def _report(
 
 
 def _report_failure(arguments: Sequence[str], guard: Guard, error: OSError) -> int:
-    """What the system refused to do."""
+    """Report an operation that the system refused."""
     if guard.cause is not None and error.errno == errno.EIO and not error.filename:
         drop_output(error)  # the terminal is gone, which has sent SIGHUP
         return UNDECIDED

@@ -1,4 +1,4 @@
-"""What a command writes: answers on stdout; on stderr what is to be said of the input, and progress for who watches.
+"""Output of a command: answers on stdout; notes on the input and progress on stderr.
 
 The reader of stdout may leave at any time, as in `robust ... | head`, and a disk may be full. Work goes on then, so
 that files are written, and the exit code says at the end that the answer has not arrived. Nothing follows the work
@@ -56,7 +56,7 @@ def drop_output(error: OSError) -> None:
 
 
 def output_failure() -> OSError | None:
-    """Why stdout could not be written since this was asked last; what is in memory is written now."""
+    """The reason why stdout could not be written since the last call; buffered output is written now."""
     with answering():
         pass
     failure, _Stdout.failure = _Stdout.failure, None
@@ -80,9 +80,9 @@ def _whole(value: Any) -> Any:
         case str():
             return value.encode("utf-8", "replace").decode("utf-8")
         case Mapping():
-            return {_whole(key): _whole(each) for key, each in value.items()}
+            return {_whole(key): _whole(item) for key, item in value.items()}
         case list() | tuple():
-            return [_whole(each) for each in value]
+            return [_whole(item) for item in value]
     return value
 
 

@@ -231,10 +231,10 @@ def new(options: asking.PikeNewCommand, run: Run) -> int:
     from robust.show import pike as show
 
     def write() -> tuple[Instance, Path]:
-        made = options.kind == asking.K_INTENTS
-        instance = k_intents(options.structure, options.seed).instance if made else shipped(options.kind)
+        generated = options.kind == asking.K_INTENTS
+        instance = k_intents(options.structure, options.seed).instance if generated else shipped(options.kind)
         name = options.name or instance.name
-        files = [options.output / each for each in (f"{name}.tpnu.json", "domain.pddl", "problem.pddl")]
+        files = [options.output / file for file in (f"{name}.tpnu.json", "domain.pddl", "problem.pddl")]
         refuse_replacing(files, place_of("output"), force=options.force)
         return instance, instance.write(options.output, name)
 

@@ -98,10 +98,10 @@ def _repair(
 
     def look() -> tuple[QuantityChange, ...] | None:
         try:
-            found: Repair = from_copy(work, Deadline.after(patience), "the search for a repair")
+            result: Repair = from_copy(work, Deadline.after(patience), "the search for a repair")
         except RobustError:
             return None  # the refutation stands without
-        return found.changes if found.status.value == "optimal" else None
+        return result.changes if result.status.value == "optimal" else None
 
     return run.also("looking for a repair", look)
 
@@ -125,17 +125,17 @@ def envelope(options: verbs.EnvelopeCommand, run: Run) -> int:
         run.display.say("encoding, then checking the nominal values")
         return searching_envelope(plan, options.changed(timeout=run.remaining, on_step=run.display.step))
 
-    def show(found: EnvelopeResult) -> None:
+    def show(result: EnvelopeResult) -> None:
         def tell(out: Console) -> None:
             if exported is not None and options.output is None:
                 out.file.write(exported)
             else:
-                print_envelope(out, found, whole, quiet=options.quiet)
+                print_envelope(out, result, extra, quiet=options.quiet)
 
-        whole = beside
-        if plan is not None and found.verified:
-            whole = replace(beside, probability=_probability(options, plan, found))
-        run.answer(lambda: plan_documents.envelope(found, whole, controllability=wanted), tell)
+        extra = beside
+        if plan is not None and result.verified:
+            extra = replace(beside, probability=_probability(options, plan, result))
+        run.answer(lambda: plan_documents.envelope(result, extra, controllability=wanted), tell)
 
     result = run.best(begin, show)
     if plan is not None and result.status.value == "invalid":
@@ -171,8 +171,8 @@ def _exported(
         run.note(f"nothing is exported: no part of the box is known that is controllable as wanted ({reason})")
         return None
     box = report.shrunk.box
-    whole = result.box
-    kept = {face: one for face, one in result.stops.items() if box[face[0]].end(face[1]) == whole[face[0]].end(face[1])}
+    old = result.box
+    kept = {face: stop for face, stop in result.stops.items() if box[face[0]].end(face[1]) == old[face[0]].end(face[1])}
     return export(plan, replace(result, box=box, stops=kept), options.export or "", controllable=kind)
 
 
@@ -221,12 +221,12 @@ def region(options: verbs.RegionCommand, run: Run) -> int:
     from robust.show import plan_documents, regions
 
     search: RegionSearch | None = None
-    found = {"bad": 0, "good": 0}
+    counts = {"bad": 0, "good": 0}
 
     def progress(kind: str) -> None:
-        found[kind] += 1
+        counts[kind] += 1
         share = search and search.open_share
-        known = f"polyhedra of bad values: {found['bad']}, of good values: {found['good']}"
+        known = f"polyhedra of bad values: {counts['bad']}, of good values: {counts['good']}"
         run.display.say(f"{known}, open: {float(share.value):.1%}" if share else known)
 
     def begin() -> AnytimeSearch[RegionResult]:
@@ -250,11 +250,10 @@ def region(options: verbs.RegionCommand, run: Run) -> int:
 
         run.answer(lambda: plan_documents.region(result), tell)
 
-    whole = run.best(begin, show)
-    result = whole
+    result = original = run.best(begin, show)
     if run.guard.cause is None:  # else there is no time left for a shorter form
-        simpler = run.also("simplifying", lambda: regions.formed(whole, options.form))
-        result = whole if simpler is None else simpler
+        simpler = run.also("simplifying", lambda: regions.formed(original, options.form))
+        result = original if simpler is None else simpler
     show(result)
     if options.plot is not None:
         run.write(partial(result.plot, options.plot, axes=options.axes or ()))
@@ -357,23 +356,23 @@ def repair(options: verbs.RepairCommand, run: Run) -> int:
     def better(cost: Cost) -> None:
         run.display.say(f"best so far: {show.price(cost, options.count)}")
 
-    def tell(found: Repair) -> None:
-        written = None if options.output is None or found.plan is None else options.output
+    def tell(result: Repair) -> None:
+        written = None if options.output is None or result.plan is None else options.output
         run.answer(
-            lambda: show.repair_document(found, written),
-            lambda out: show.print_repair(out, found, written, quiet=options.quiet),
+            lambda: show.repair_document(result, written),
+            lambda out: show.print_repair(out, result, written, quiet=options.quiet),
         )
 
-    found = run.best(begin, tell)
-    tell(found)
-    if options.output is not None and found.plan is not None:
-        text = _text(source, options.plan, found.changes)
+    result = run.best(begin, tell)
+    tell(result)
+    if options.output is not None and result.plan is not None:
+        text = _text(source, options.plan, result.changes)
         run.write(partial(atomic_write, options.output, text, place_of("output")))
-    return exit_code_of(found.status.value)
+    return exit_code_of(result.status.value)
 
 
 def _text(source: str, file: Path, changes: tuple[QuantityChange, ...]) -> str:
     """The plan as it was written, but for what changes."""
     from robust.plan.load import BoundNumber, rewritten
 
-    return rewritten(source, str(file), {BoundNumber(one.location, one.part): one.new for one in changes})
+    return rewritten(source, str(file), {BoundNumber(change.location, change.part): change.new for change in changes})

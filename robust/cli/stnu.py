@@ -51,9 +51,9 @@ def dispatch(options: StnuDispatchCommand, run: Run) -> int:
 
     def judge(network: Network) -> show.SimulatedDispatch:
         def work() -> show.SimulatedDispatch:
-            found = stnu.dispatch(network, timeout=run.remaining)
-            runs = range(options.runs if found.tables is not None else 0)
-            return show.SimulatedDispatch(found, tuple(found.execute(options.seed + number) for number in runs))
+            result = stnu.dispatch(network, timeout=run.remaining)
+            runs = range(options.runs if result.tables is not None else 0)
+            return show.SimulatedDispatch(result, tuple(result.execute(options.seed + number) for number in runs))
 
         return run.only(work)
 
@@ -79,14 +79,14 @@ def repair(options: StnuRepairCommand, run: Run) -> int:
         return run.best(begin, lambda last: tell(last, network))
 
     def tell(last: NetworkRepair, network: Network) -> None:
-        whole = [*judged, show.JudgedNetwork(Path(network.name), last)]
-        run.answer(lambda: document(whole), lambda out: text(out, whole))
+        networks = [*judged, show.JudgedNetwork(Path(network.name), last)]
+        run.answer(lambda: document(networks), lambda out: text(out, networks))
 
-    def document(whole: list[JudgedNetwork[NetworkRepair]]) -> Any:
-        return show.repair_document(whole, _status(whole, cause), written)
+    def document(networks: list[JudgedNetwork[NetworkRepair]]) -> Any:
+        return show.repair_document(networks, _status(networks, cause), written)
 
-    def text(out: Console, whole: list[JudgedNetwork[NetworkRepair]]) -> None:
-        show.print_repairs(out, whole, written, quiet=options.quiet)
+    def text(out: Console, networks: list[JudgedNetwork[NetworkRepair]]) -> None:
+        show.print_repairs(out, networks, written, quiet=options.quiet)
 
     judged: list[JudgedNetwork[NetworkRepair]] = []
     written: str | None = None

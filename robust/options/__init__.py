@@ -1,1 +1,1 @@
-"""Every option once: name, type, default, help, and what it may be combined with."""
+"""Options, each declared once: name, type, default, help, and what it may be combined with."""

@@ -61,7 +61,7 @@ def stnu_file(path: Path, place: Location) -> Path:
 
 
 class ConvertCommand(PlanFiles, PlanningOutput, PlanParameters, Separation, Solving, Force, Output):
-    """Of `robust convert`."""
+    """Options of `robust convert`."""
 
     plan: Path = argument(..., "time-triggered plan or log of a planner; - is standard input", "TIMED_PLAN")
     output: Path | None = output_option(
@@ -87,7 +87,7 @@ class ConvertCommand(PlanFiles, PlanningOutput, PlanParameters, Separation, Solv
 
 
 class ExecuteCommand(PlanningOutput, PlanParameters, Separation, Solving, BoxOptions, Plot, Planning, Output):
-    """Of `robust execute`."""
+    """Options of `robust execute`."""
 
     plan: Path | None = argument(
         None,
@@ -134,7 +134,7 @@ ASSUMED = "a choice that has already been made; may be repeated"
 
 
 class CertifyCommand(PlanningOutput, PlanParameters, SearchOptions, Force, Output):
-    """Of `robust certify`; one file is a plan with choices, three are a domain, a problem and a plan."""
+    """Options of `robust certify`; one file is a plan with choices, three are a domain, a problem and a plan."""
 
     files: tuple[Path, ...] = argument(..., "DOMAIN PROBLEM PLAN, or NETWORK (.tpnu.json)", "FILES", many=True)
     output: Path = output_option(
@@ -164,8 +164,8 @@ class CertifyCommand(PlanningOutput, PlanParameters, SearchOptions, Force, Outpu
             return
         kind = self.kind or "plan"
         if kind in WITH_CHOICES or self.assume:
-            found = "--assume" if self.assume else f"--kind {kind}"
-            raise InputError(f"found {found} with DOMAIN PROBLEM PLAN; expected it with a plan with choices")
+            option = "--assume" if self.assume else f"--kind {kind}"
+            raise InputError(f"found {option} with DOMAIN PROBLEM PLAN; expected it with a plan with choices")
         if kind in {"plan", "region"} and self.box is not None:
             raise InputError(f"found --box with --kind {kind}; expected it with box or maximal")
         if kind == "region" and self.alethe is not None:
@@ -173,7 +173,7 @@ class CertifyCommand(PlanningOutput, PlanParameters, SearchOptions, Force, Outpu
 
 
 class VerifyCommand(Separation, Limited, Json):
-    """Of `robust verify`."""
+    """Options of `robust verify`."""
 
     certificate: Path = argument(..., "a certificate", "CERT")
     files: tuple[Path, ...] = argument(..., "DOMAIN PROBLEM PLAN, or NETWORK (.tpnu.json)", "FILES", many=True)
@@ -204,7 +204,7 @@ class VerifyCommand(Separation, Limited, Json):
 
 
 class StnuFiles(Limited, Output):
-    """Of all of `robust stnu`."""
+    """Options of all of `robust stnu`."""
 
     files: tuple[Path, ...] = argument(
         ..., "networks: GraphML as the CSTNU tool writes it (.stnu), or JSON", "FILE", many=True
@@ -212,11 +212,11 @@ class StnuFiles(Limited, Output):
 
 
 class StnuCheckCommand(StnuFiles):
-    """Of `robust stnu check`."""
+    """Options of `robust stnu check`."""
 
 
 class StnuDispatchCommand(StnuFiles):
-    """Of `robust stnu dispatch`."""
+    """Options of `robust stnu dispatch`."""
 
     runs: int = option(1, "number of simulated executions, each as early as possible", metavar="N")
     seed: int = option(
@@ -230,18 +230,18 @@ class StnuDispatchCommand(StnuFiles):
 
 def _link_weights(values: Sequence[str], place: Location) -> tuple[tuple[str, Fraction | None], ...]:
     """`NAME=W` each; None is infinite."""
-    found = []
+    weights = []
     for text in values:
         name, equals, value = text.rpartition("=")
         if not equals or not name:
             expected = "requirement=W, contingent=W or SOURCE:TARGET=W"
             raise InputError(f"found {shorten(text)}, expected {expected}", place)
-        found.append((name, None if value == "inf" else positive(value, place)))
-    return tuple(found)
+        weights.append((name, None if value == "inf" else positive(value, place)))
+    return tuple(weights)
 
 
 class StnuRepairCommand(StnuFiles):
-    """Of `robust stnu repair`."""
+    """Options of `robust stnu repair`."""
 
     weight: tuple[Any, ...] = option(
         (),
@@ -261,7 +261,7 @@ class StnuRepairCommand(StnuFiles):
 
 
 class DemoCommand(Colored):
-    """Of `robust demo`."""
+    """Options of `robust demo`."""
 
 
 Question = tuple[str, str, tuple[str, ...]]
@@ -271,7 +271,7 @@ PLACES = SOLVING
 
 
 class BatchOptions(Separation, PlanningOutput, PlanParameters, Encoded, Solver):
-    """What all questions about many plans have in common; those of single plans have the same meaning there."""
+    """Options of all questions about many plans; options of single plans keep their meaning."""
 
     jobs: int = option(
         1,
@@ -315,7 +315,7 @@ class BatchOptions(Separation, PlanningOutput, PlanParameters, Encoded, Solver):
 
     @property
     def asked(self) -> tuple[Question, ...]:
-        """What is asked about each plan."""
+        """The questions that are asked about each plan."""
         return (self._ask("check"),)
 
     def _ask(self, verb: str, *words: str, name: str | None = None) -> Question:
@@ -323,11 +323,11 @@ class BatchOptions(Separation, PlanningOutput, PlanParameters, Encoded, Solver):
 
 
 class BatchCheckOptions(BatchOptions):
-    """Of `robust.batch("check", ...)`."""
+    """Options of `robust.batch("check", ...)`."""
 
 
 class BatchEnvelopeOptions(BatchOptions, AnyBoxOptions):
-    """Of `robust.batch("envelope", ...)`."""
+    """Options of `robust.batch("envelope", ...)`."""
 
     @property
     def asked(self) -> tuple[Question, ...]:
@@ -335,7 +335,7 @@ class BatchEnvelopeOptions(BatchOptions, AnyBoxOptions):
 
 
 class BatchRegionOptions(BatchOptions, EliminationOptions):
-    """Of `robust.batch("region", ...)`."""
+    """Options of `robust.batch("region", ...)`."""
 
     @property
     def asked(self) -> tuple[Question, ...]:
@@ -343,7 +343,7 @@ class BatchRegionOptions(BatchOptions, EliminationOptions):
 
 
 class BatchCompareOptions(BatchOptions):
-    """Of `robust.batch("compare", ...)`."""
+    """Options of `robust.batch("compare", ...)`."""
 
     beta: Number | None = option("1", "the precision of IRR", metavar="B", read=positive)
     doubling: bool = option(True, "double the steps of IRR until the first failure, as in its published runs")
@@ -356,15 +356,15 @@ class BatchCompareOptions(BatchOptions):
     @property
     def asked(self) -> tuple[Question, ...]:
         irr = BoxOptions(method="irr", beta=self.beta, doubling=self.doubling)
-        found = (
+        questions = (
             self._ask("envelope", *typed(irr, BoxOptions), name="irr"),
             self._ask("envelope", "--method=optimal", name="ccmmz"),
         )
-        return found if self.region is None else (*found, self._ask("region", f"--backend={self.region}"))
+        return questions if self.region is None else (*questions, self._ask("region", f"--backend={self.region}"))
 
 
 class AnyBatchOptions(BatchEnvelopeOptions, BatchRegionOptions, BatchCompareOptions):
-    """What :func:`robust.batch` takes for one verb or another; each verb takes its own only."""
+    """Options of :func:`robust.batch` for any verb; each verb takes only its own."""
 
 
 BATCHES: dict[str, type[BatchOptions]] = {
@@ -377,7 +377,7 @@ BATCHES: dict[str, type[BatchOptions]] = {
 
 
 class BatchCommand(BatchOptions, Output):
-    """What all commands of `robust batch` have."""
+    """Options of all commands of `robust batch`."""
 
     suite: Path = argument(
         ..., "folder of plans with their problems and domains, or a list of them (lines, .json, .csv)", "SUITE"
@@ -391,16 +391,16 @@ class BatchCommand(BatchOptions, Output):
 
 
 class BatchCheckCommand(BatchCheckOptions, BatchCommand):
-    """Of `robust batch check`."""
+    """Options of `robust batch check`."""
 
 
 class BatchEnvelopeCommand(BatchEnvelopeOptions, BatchCommand):
-    """Of `robust batch envelope`."""
+    """Options of `robust batch envelope`."""
 
 
 class BatchRegionCommand(BatchRegionOptions, BatchCommand):
-    """Of `robust batch region`."""
+    """Options of `robust batch region`."""
 
 
 class BatchCompareCommand(BatchCompareOptions, BatchCommand):
-    """Of `robust batch compare`."""
+    """Options of `robust batch compare`."""

@@ -1,4 +1,4 @@
-"""How options are declared: each once, with name, type, default, help, and what it may be combined with.
+"""Declarations of options: each once, with name, type, default, help, and what it may be combined with.
 
 A command line and the Python function of the same name are read into one object of a class of options, which checks
 values and combinations when it is made. Messages name an option as it was given: `--beta` as it was typed, `beta` in
@@ -53,7 +53,7 @@ _NAMED = 3
 
 
 class Option(NamedTuple):
-    """What is declared of an option, beside its name and type; see :func:`option`."""
+    """The declaration of an option, without its name and type; see :func:`option`."""
 
     default: Any
     help: str
@@ -71,7 +71,7 @@ class Option(NamedTuple):
 
     @property
     def flag(self) -> bool:
-        """Whether it is typed without a value."""
+        """Whether the option is typed without a value."""
         return isinstance(self.default, bool) or any("/" in name for name in self.names)
 
 
@@ -127,12 +127,12 @@ def output_option(help: str, *, metavar: str = "FILE", **more: Any) -> Any:
 
 def declared(options: type[Options]) -> dict[str, Option]:
     """The options that can be typed, in the order in which help shows them."""
-    found = sorted(options.declarations.items(), key=lambda each: each[1].rank)
-    return {name: one for name, one in found if one.shown}
+    items = sorted(options.declarations.items(), key=lambda item: item[1].rank)
+    return {name: option for name, option in items if option.shown}
 
 
 def names_of(name: str, declaration: Option) -> tuple[str, ...]:
-    """How an option is typed; a flag that is set by default has a second name that unsets it, after a slash."""
+    """The names of an option when typed; a flag that is set by default has a second one, after a slash, to unset it."""
     if declaration.names:
         return declaration.names
     plain = name.replace("_", "-")
@@ -140,22 +140,22 @@ def names_of(name: str, declaration: Option) -> tuple[str, ...]:
 
 
 def typed(options: Options, *kinds: type[Options]) -> tuple[str, ...]:
-    """What one types on a command line for the options of these kinds that are not as by default; files aside."""
+    """The words on a command line for options of these kinds that differ from their defaults; files aside."""
     return tuple(
         word
         for kind in kinds
-        for name, one in declared(kind).items()
-        if not one.path and (value := getattr(options, name)) != one.default
-        for word in _words(names_of(name, one)[0], one, value)
+        for name, option in declared(kind).items()
+        if not option.path and (value := getattr(options, name)) != option.default
+        for word in _words(names_of(name, option)[0], option, value)
     )
 
 
-def _words(spelling: str, one: Option, value: Any) -> Iterator[str]:
+def _words(spelling: str, option: Option, value: Any) -> Iterator[str]:
     positive, _, negative = spelling.partition("/")
-    if one.flag:
+    if option.flag:
         yield positive if value else negative
-    elif one.many:
-        yield from (f"{spelling}={each}" for each in value)
+    elif option.many:
+        yield from (f"{spelling}={item}" for item in value)
     else:
         yield f"{spelling}={','.join(value) if isinstance(value, tuple) else value}"
 
@@ -167,7 +167,7 @@ _typed: ContextVar[tuple[frozenset[str], Mapping[str, Option]] | None] = Context
 
 @contextmanager
 def as_typed(names: Iterable[str], options: type[Options] | None = None) -> Iterator[None]:
-    """Within it, messages name options as on the command line, on which these fields of the options were given."""
+    """Make messages name options as on the command line; `names` are the options that were given there."""
     token = _typed.set((frozenset(names), {} if options is None else options.declarations))
     try:
         yield
@@ -185,7 +185,7 @@ def spelled(name: str) -> str:
 
 
 def place_of(name: str, text: str | None = None) -> Location:
-    """Where a message about an option points to."""
+    """The location that a message about an option names."""
     return Location(spelled(name) if text is None else f"{spelled(name)} {shorten(text)}")
 
 
@@ -207,57 +207,58 @@ class Options:
 
     def __init_subclass__(cls) -> None:
         """Collect what is declared here and by base classes."""
-        found: dict[str, Option] = {}
+        declarations: dict[str, Option] = {}
         for base in reversed(cls.__mro__):
-            found |= {name: value for name, value in vars(base).items() if isinstance(value, Option)}
-        cls.declarations = found
+            declarations |= {name: value for name, value in vars(base).items() if isinstance(value, Option)}
+        cls.declarations = declarations
 
     if not TYPE_CHECKING:
 
         def __init__(self, **given: Any) -> None:
             unknown = given.keys() - self.declarations.keys()
-            missing = {name for name, one in self.declarations.items() if one.default is ...} - given.keys()
+            missing = {name for name, option in self.declarations.items() if option.default is ...} - given.keys()
             if unknown or missing:
                 problem = "an unexpected" if unknown else "no"
                 name = min(unknown or missing)
                 raise TypeError(f"{type(self).__name__} got {problem} keyword argument {name!r}")
-            for name, one in self.declarations.items():
-                object.__setattr__(self, name, given.get(name, one.default))
+            for name, option in self.declarations.items():
+                object.__setattr__(self, name, given.get(name, option.default))
             self._check()
 
         def __setattr__(self, name: str, value: Any) -> None:
             raise AttributeError(f"cannot assign to option {name!r}; expected other options to be made")
 
     def changed(self, **changes: Any) -> Self:
-        """The same options with other values for some."""
+        """A copy of the options with other values for some."""
         return type(self)(**{**vars(self), **changes})
 
     def _check(self) -> None:
         typed = _typed.get()
-        given = {name for name, one in self.declarations.items() if getattr(self, name) != one.default}
+        given = {name for name, option in self.declarations.items() if getattr(self, name) != option.default}
         self._check_combinations(given if typed is None else typed[0])
-        for name, one in self.declarations.items():
+        for name, option in self.declarations.items():
             value = getattr(self, name)
             if value is None:
                 continue
-            _check_kind(name, one, value)
-            if one.choices and value not in one.choices:
+            _check_kind(name, option, value)
+            if option.choices and value not in option.choices:
                 noun = name.replace("backend", "back end")
-                raise InputError(f"unknown {noun} {value!r}{did_you_mean(str(value), one.choices)}")
-            if one.read is not None:
-                object.__setattr__(self, name, one.read(value, place_of(name)))
+                raise InputError(f"unknown {noun} {value!r}{did_you_mean(str(value), option.choices)}")
+            if option.read is not None:
+                object.__setattr__(self, name, option.read(value, place_of(name)))
         self._check_files()
 
     def _check_files(self) -> None:
         """InputError if a file is to be written that is read, or twice, or whose name a terminal would not show as it
         is; or if files would be overwritten that no option names."""
-        files = [(one, getattr(self, name), place_of(name)) for name, one in self.declarations.items() if one.path]
+        items = self.declarations.items()
+        files = [(option, getattr(self, name), place_of(name)) for name, option in items if option.path]
         uses: dict[str, str] = {}
-        for name, one in self.declarations.items():
-            if one.path and name not in WRITTEN and (value := getattr(self, name)):
-                for file in map(Path, value if one.many else [value]):
+        for name, option in items:
+            if option.path and name not in WRITTEN and (value := getattr(self, name)):
+                for file in map(Path, value if option.many else [value]):
                     uses[os.path.realpath(file)] = "which is read"
-                    if one.argument and file.suffix not in {"", ".pddl"}:
+                    if option.argument and file.suffix not in {"", ".pddl"}:
                         beside = os.path.realpath(file.with_suffix(".toml"))
                         uses.setdefault(beside, f"where parameters of {quoted(file)} are read")
         for name in WRITTEN:
@@ -269,23 +270,23 @@ class Options:
             if use := uses.get(os.path.realpath(path)):
                 raise InputError(f"found {quoted(path)}, {use}, expected another file", place_of(name))
             uses[os.path.realpath(path)] = f"which {spelled(name)} names"
-        named = {Path(file) for one, value, _ in files if value for file in (value if one.many else [value])}
-        for one, path, place in files:
-            if one.also is not None and path is not None:
-                written = set(one.also(Path(path)))
+        named = {Path(file) for option, value, _ in files if value for file in (value if option.many else [value])}
+        for option, path, place in files:
+            if option.also is not None and path is not None:
+                written = set(option.also(Path(path)))
                 refuse_replacing(sorted(written), place, force=getattr(self, "force", False))
                 if taken := written & named:
-                    found = f"found {quoted(min(taken))}, which is another option, expected another name"
-                    raise InputError(found, place)
+                    message = f"found {quoted(min(taken))}, which is another option, expected another name"
+                    raise InputError(message, place)
 
     def _check_combinations(self, given: Collection[str]) -> None:
-        for name, one in self.declarations.items():
-            if name not in given or one.needs is None:
+        for name, option in self.declarations.items():
+            if name not in given or option.needs is None:
                 continue
-            other, values = one.needs
-            if (found := getattr(self, other)) not in values:
+            other, values = option.needs
+            if (value := getattr(self, other)) not in values:
                 raise InputError(
-                    f"found it with {setting(other, found)}, expected {setting(other, *values)}, or no {spelled(name)}",
+                    f"found it with {setting(other, value)}, expected {setting(other, *values)}, or no {spelled(name)}",
                     place_of(name),
                 )
         self.check_combinations(given)
@@ -294,15 +295,15 @@ class Options:
         """InputError if the options that were given do not belong together; for rules that `needs` cannot say."""
 
 
-def _check_kind(name: str, one: Option, value: object) -> None:
+def _check_kind(name: str, option: Option, value: object) -> None:
     """InputError if a value is not of the kind of its option, where nothing else finds that out."""
-    if isinstance(one.default, bool):
+    if isinstance(option.default, bool):
         right, expected = isinstance(value, bool), "True or False"
-    elif one.path and not one.many:
+    elif option.path and not option.many:
         right, expected = isinstance(value, str | os.PathLike), "a path"
     elif name.startswith("on_"):
         right, expected = callable(value), "a function"
-    elif isinstance(one.default, int) and one.read is None:
+    elif isinstance(option.default, int) and option.read is None:
         right, expected = isinstance(value, int) and not isinstance(value, bool), "a whole number"
     else:
         return
@@ -347,22 +348,22 @@ def names(value: str | Sequence[str], place: Location) -> tuple[str, ...]:
     """Names, or a text with commas between them."""
     if not isinstance(value, str):
         return texts(value, place)
-    found = tuple(name.strip() for name in value.split(","))
-    if not all(found):
+    parts = tuple(name.strip() for name in value.split(","))
+    if not all(parts):
         raise InputError(f"found {shorten(value)}, expected names such as a,b,c", place)
-    return found
+    return parts
 
 
 def texts(value: str | Sequence[str], place: Location) -> tuple[str, ...]:
     """Texts; one may be given by itself."""
-    found = (value,) if isinstance(value, str) else value
-    if not isinstance(found, Iterable) or isinstance(found, bytes | Mapping):
+    items = (value,) if isinstance(value, str) else value
+    if not isinstance(items, Iterable) or isinstance(items, bytes | Mapping):
         raise InputError(f"found {shorten(repr(value))}, expected texts", place)
-    found = tuple(found)
-    for one in found:
-        if not isinstance(one, str):
-            raise InputError(f"found {shorten(repr(one))}, expected a text", place)
-    return found
+    items = tuple(items)
+    for item in items:
+        if not isinstance(item, str):
+            raise InputError(f"found {shorten(repr(item))}, expected a text", place)
+    return items
 
 
 def named_values(given: Mapping[str, str] | str | Sequence[str], option: str) -> dict[str, str]:
@@ -375,15 +376,15 @@ def named_values(given: Mapping[str, str] | str | Sequence[str], option: str) ->
         for name, value in given.items():
             texts((name, value), place_of(option))
         return dict(given)
-    found: dict[str, str] = {}
+    values: dict[str, str] = {}
     for text in texts(given, place_of(option)):
         place = place_of(option, text)
         name, equals, value = (part.strip() for part in text.partition("="))
         if not equals or not name or not value:
             raise InputError(f"found {shorten(text)}, expected NAME=VALUE", place)
-        if found.setdefault(name, value) != value:
+        if values.setdefault(name, value) != value:
             raise InputError(f"found a second value for {shorten(name)}, expected one", place)
-    return found
+    return values
 
 
 def plot_file(path: str | Path, place: Location) -> Path:
@@ -418,7 +419,7 @@ def writable(path: Path, place: Location, what: str) -> Path:
 
 
 def written_to(what: str) -> Callable[[str | Path, Location], Path]:
-    """What checks that a file can be written to a path."""
+    """A check that a file can be written to a path."""
     return lambda path, place: writable(Path(path), place, what)
 
 
@@ -427,7 +428,7 @@ WRITTEN = ("output", "plot", "html", "csv", "stnu")
 
 
 def refuse_replacing(files: Iterable[Path], place: Location, *, force: bool) -> None:
-    """InputError if there are such files, which no option names, unless they are to be replaced."""
+    """InputError if files exist that no option names, unless they are to be replaced."""
     there = [] if force else [quoted(path) for path in files if os.path.lexists(path)]
     if there:
         shown = ", ".join(there[:_NAMED]) + (f" and {len(there) - _NAMED} more" if len(there) > _NAMED else "")
@@ -453,7 +454,7 @@ def settings(
     """
     from robust.qe.box import Box, Interval  # noqa: PLC0415 - options are read before anything else is imported
 
-    found: dict[str, Interval] = {}
+    intervals: dict[str, Interval] = {}
     if not isinstance(given, Mapping | str | Sequence):
         if not getattr(given, "verified", True):
             raise InputError("found an envelope without a verified box, expected one with", place_of(option))
@@ -466,8 +467,8 @@ def settings(
         for name, setting in given.items():
             if known is not None and name not in known:
                 raise InputError(f"unknown parameter {name!r}{did_you_mean(str(name), known)}")
-            found[name] = _setting_of(setting, place_of(option, name))
-        return found
+            intervals[name] = _setting_of(setting, place_of(option, name))
+        return intervals
     given = texts(given, place_of(option))
     for text in given:
         place = place_of(option, text)
@@ -476,18 +477,18 @@ def settings(
             raise InputError(f"found {shorten(text)}, expected NAME=VALUE or NAME=LOW:HIGH", place)
         if known is not None and name not in known:
             raise InputError(f"found unknown parameter {shorten(name)}{did_you_mean(name, known)}", place)
-        if name in found:
+        if name in intervals:
             raise InputError(f"found a second value for {shorten(name)}, expected one", place)
         low, colon, high = (part.strip() for part in value.partition(":"))
         if not colon:
             number = parse_number(low, place)
-            found[name] = Interval(number, number)
+            intervals[name] = Interval(number, number)
             continue
         lower, upper = _end(low, place), _end(high, place)
         if low in {"inf", "+inf"} or high == "-inf" or (lower is not None and upper is not None and lower > upper):
             raise InputError(f"found {shorten(value)}, expected LOW:HIGH with LOW not above HIGH", place)
-        found[name] = Interval(lower, upper, lower_closed=lower is not None, upper_closed=upper is not None)
-    return found
+        intervals[name] = Interval(lower, upper, lower_closed=lower is not None, upper_closed=upper is not None)
+    return intervals
 
 
 def _setting_of(setting: Number | Interval | Range, place: Location) -> Interval:
@@ -505,7 +506,7 @@ def _setting_of(setting: Number | Interval | Range, place: Location) -> Interval
         raise InputError(f"found {len(setting)} numbers, expected a lower and an upper end", place)
     else:
         ends, closed = setting, (True, True)
-    lower, upper = (_finite(one, word, place) for one, word in zip(ends, ("-inf", "inf"), strict=True))
+    lower, upper = (_finite(end, word, place) for end, word in zip(ends, ("-inf", "inf"), strict=True))
     if lower is not None and upper is not None and lower > upper:
         raise InputError(f"found {lower} and {upper}, expected a lower end that is not above the upper one", place)
     return Interval(
@@ -569,7 +570,7 @@ class Verb(Generic[Subject, Known]):
     def with_first(
         self, options: Callable[Given, Taken], first: str
     ) -> Callable[[Callable[[Known, Taken], Result]], WithFirst[Subject, Given, Result]]:
-        """Make such a function, one option of which may also be given by its place, behind the plan."""
+        """Make a function, one option of which may also be given by its place, behind the plan."""
 
         def decorate(function: Callable[[Known, Taken], Result]) -> WithFirst[Subject, Given, Result]:
             return cast("WithFirst[Subject, Given, Result]", self._made(function, options, first))
@@ -597,15 +598,15 @@ class Verb(Generic[Subject, Known]):
         types: dict[str, Any] = {}
         for base in reversed(options.__mro__):
             types |= inspect.get_annotations(base)
-        found = [inspect.Parameter("plan", by_place, annotation="Plan")]
-        for name, one in sorted(in_order(options), key=lambda each: each[0] != first):
+        parameters = [inspect.Parameter("plan", by_place, annotation="Plan")]
+        for name, option in sorted(in_order(options), key=lambda item: item[0] != first):
             kind = by_place if name == first else by_name
-            found.append(inspect.Parameter(name, kind, default=one.default, annotation=types[name]))
-        return inspect.Signature(found, return_annotation=function.__annotations__["return"])
+            parameters.append(inspect.Parameter(name, kind, default=option.default, annotation=types[name]))
+        return inspect.Signature(parameters, return_annotation=function.__annotations__["return"])
 
     def _documented(self, text: str, options: type[Options]) -> str:
         """A docstring with the help of each option as the description of an argument."""
-        lines = [f"plan: {self._plan}.", *(f"{name}: {one.help}." for name, one in in_order(options))]
+        lines = [f"plan: {self._plan}.", *(f"{name}: {option.help}." for name, option in in_order(options))]
         wrapped = [textwrap.fill(line, 110, initial_indent="    ", subsequent_indent="        ") for line in lines]
         summary, _, rest = text.partition("\n\n")
         return "\n".join([summary, "", "Args:", *wrapped, "", rest])
@@ -613,4 +614,4 @@ class Verb(Generic[Subject, Known]):
 
 def in_order(options: type[Options]) -> list[tuple[str, Option]]:
     """The fields of options as in help texts, callbacks last."""
-    return sorted(options.declarations.items(), key=lambda each: (not each[1].shown, each[1].rank))
+    return sorted(options.declarations.items(), key=lambda item: (not item[1].shown, item[1].rank))

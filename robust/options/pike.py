@@ -32,17 +32,17 @@ Assumptions = Mapping[str, str] | str | Sequence[str]
 
 
 class TeamPlanFile(Separation):
-    """Where the plan is, and ε: how much earlier is "before"."""
+    """The file of the plan, and ε: how much earlier is "before"."""
 
     file: Path = argument(..., "a plan with choices, .tpnu.json", "FILE")
 
 
 class PikeCommand(TeamPlanFile, Output):
-    """What all commands about a plan take."""
+    """Options of all commands about a plan."""
 
 
 class Assuming(Options):
-    """Which choices are made already."""
+    """Choices that are made already."""
 
     assume: Assumptions = option((), ASSUMED, metavar="NAME=VALUE", many=True)
 
@@ -54,7 +54,7 @@ class Staged(Solving):
 
 
 class Compiled(Staged):
-    """How a knowledge base is compiled."""
+    """Options for compiling a knowledge base."""
 
     temporal: str = option(
         "lazy",
@@ -75,7 +75,7 @@ def witness_directory(path: str | Path, place: Location) -> Path:
 
 
 class PikeCheckOptions(Compiled, Assuming):
-    """Of :func:`robust.pike.check`."""
+    """Options of :func:`robust.pike.check`."""
 
     backend: str = option(
         "oracle",
@@ -86,11 +86,11 @@ class PikeCheckOptions(Compiled, Assuming):
 
 
 class MomentsOptions(Solving, Assuming):
-    """Of :func:`robust.pike.moments`."""
+    """Options of :func:`robust.pike.moments`."""
 
 
 class CrossOptions(Staged, Force):
-    """Of :func:`robust.pike.cross_check`."""
+    """Options of :func:`robust.pike.cross_check`."""
 
     witness: str | Path | None = option(
         None,
@@ -104,7 +104,7 @@ class CrossOptions(Staged, Force):
 
 
 class PikeCheckCommand(PikeCheckOptions, CrossOptions, PikeCommand):
-    """Of `robust pike check`."""
+    """Options of `robust pike check`."""
 
     cross: bool = option(False, "ask all back ends and the oracle the same questions, and compare")
     patience: bool = option(
@@ -120,21 +120,21 @@ class PikeCheckCommand(PikeCheckOptions, CrossOptions, PikeCommand):
 
 
 class KnowledgeBaseOptions(Compiled):
-    """Of :func:`robust.pike.knowledge_base`."""
+    """Options of :func:`robust.pike.knowledge_base`."""
 
     backend: str = option("pitms", "the knowledge base to compile", choices=KNOWLEDGE_BASES)
     shortcut: bool = option(True, "let a solver check first whether there is any correct execution")
 
 
 class PikeCompileOptions(KnowledgeBaseOptions):
-    """Of :func:`robust.pike.compile`."""
+    """Options of :func:`robust.pike.compile`."""
 
     implicants: bool = option(False, "list the prime implicants (pitms, bdd)")
     models: bool = option(True, "count the models")
 
 
 class PikeCompileCommand(PikeCompileOptions, PikeCommand):
-    """Of `robust pike compile`."""
+    """Options of `robust pike compile`."""
 
 
 # -- executions --------------------------------------------------------------------------------------------------------
@@ -149,7 +149,7 @@ def _deciding_backend(name: str, place: Location) -> str:
 
 
 def _margin(value: Number, place: Location) -> Fraction | None:
-    """How long before the last moment waiting ends; None for `eager`."""
+    """The time before the last moment at which waiting ends; None for `eager`."""
     if value == EAGER:
         return None
     try:
@@ -165,7 +165,7 @@ _SERVED = ("journal", "clock", "rate")
 
 
 class StoryOptions(Options):
-    """Of :func:`robust.pike.story`: what a simulated team does."""
+    """Options of :func:`robust.pike.story`: what a simulated team does."""
 
     human: str = option(
         "rational",
@@ -194,7 +194,7 @@ class StoryOptions(Options):
 
 
 class PikeRunOptions(StoryOptions, Solving):
-    """Of :func:`robust.pike.run`."""
+    """Options of :func:`robust.pike.run`."""
 
     seed: int = option(0, "seed of what is drawn at random", metavar="N")
     reasoner: str | None = option(
@@ -236,12 +236,12 @@ class PikeRunOptions(StoryOptions, Solving):
 
     @property
     def margin(self) -> Fraction | None:
-        """How long before the last moment waiting ends; None: nothing is waited for."""
+        """The time before the last moment at which waiting ends; None: nothing is waited for."""
         return None if self.patience is None else Fraction(self.patience)
 
 
 class PikeRunCommand(PikeRunOptions, PikeCommand):
-    """Of `robust pike run`."""
+    """Options of `robust pike run`."""
 
     stdio: bool = option(False, "serve a real team through lines of JSON instead of simulating one")
     journal: Path | None = option(
@@ -271,7 +271,7 @@ class PikeRunCommand(PikeRunOptions, PikeCommand):
 
 
 class PikePlotCommand(TeamPlanFile, Output, Assuming):
-    """Of `robust pike plot`."""
+    """Options of `robust pike plot`."""
 
     output: Path = option(
         ...,
@@ -290,7 +290,7 @@ class PikePlotCommand(TeamPlanFile, Output, Assuming):
 
 
 class ParametricOptions(Solving, Assuming):
-    """Which bounds are parameters."""
+    """Options for the bounds that are parameters."""
 
     parameters: str | Sequence[str] = option(
         (),
@@ -311,7 +311,7 @@ def _names_or_none(value: str | Sequence[str], place: Location) -> tuple[str, ..
 
 
 class PikeRegionOptions(ParametricOptions):
-    """Of :func:`robust.pike.region`."""
+    """Options of :func:`robust.pike.region`."""
 
     choices: str | Sequence[str] | None = option(
         None,
@@ -324,7 +324,7 @@ class PikeRegionOptions(ParametricOptions):
 
 
 class PikeEnvelopeOptions(ParametricOptions, Staged):
-    """Of :func:`robust.pike.envelope`."""
+    """Options of :func:`robust.pike.envelope`."""
 
     for_all: str | Sequence[str] = option(
         (),
@@ -342,11 +342,11 @@ class PikeEnvelopeOptions(ParametricOptions, Staged):
 
 
 class PikeRegionCommand(PikeRegionOptions, PikeCommand, SliceOptions):
-    """Of `robust pike region`."""
+    """Options of `robust pike region`."""
 
 
 class PikeEnvelopeCommand(PikeEnvelopeOptions, PikeCommand, SliceOptions):
-    """Of `robust pike envelope`."""
+    """Options of `robust pike envelope`."""
 
 
 # -- new plans ---------------------------------------------------------------------------------------------------------
@@ -366,7 +366,7 @@ def _structure(text: str, place: Location) -> tuple[int, ...]:
 
 
 class PikeNewCommand(Force, Output):
-    """Of `robust pike new`."""
+    """Options of `robust pike new`."""
 
     kind: str = option(
         ..., "kitchen, wing or k-intents", metavar="KIND", choices=("kitchen", "wing", K_INTENTS), argument=True

@@ -34,7 +34,7 @@ class Separation(declare.Options):
 
 
 class PlanningOutput(declare.Options):
-    """Which plan of a planner's output is meant, and how exact its numbers are."""
+    """The plan that is meant in a planner's output, and how exact its numbers are."""
 
     plan_number: int | None = declare.option(
         None,
@@ -82,7 +82,7 @@ class Solving(Solver, Limited):
 
 
 def encoding_option(rank: int = ENCODING) -> Any:
-    """How the plan is encoded as formulas."""
+    """The option for encoding the plan as formulas."""
     return declare.option("relational", "how the plan is encoded as formulas", choices=ENCODINGS, rank=rank)
 
 
@@ -93,7 +93,7 @@ class Encoded(declare.Options):
 
 
 def method_option(**others: str) -> Any:
-    """How a box is found; `others` are more methods, with what they find."""
+    """The option for the method that finds a box; `others` are more methods, with what they find."""
     known = {
         "widen": "exact, no valid box contains the result",
         "irr": "step by step, up to a precision (IRR)",
@@ -107,7 +107,7 @@ _FOR_IRR = ("method", ("irr",))
 
 
 class BoxOptions(declare.Options):
-    """How a box around the nominal values is found."""
+    """Options for finding a box around the nominal values."""
 
     method: str = method_option()
     beta: Number | None = declare.option(
@@ -128,7 +128,7 @@ class BoxOptions(declare.Options):
 
 
 class AnyBoxOptions(BoxOptions):
-    """How a box of a plan is found, wherever it lies."""
+    """Options for finding a box of a plan, wherever it lies."""
 
     contain_nominal: bool = declare.option(
         False, "for optimal: only boxes around the nominal values", needs=("method", ("optimal",))
@@ -148,11 +148,11 @@ class AnyBoxOptions(BoxOptions):
 
 
 class SearchOptions(Separation, Encoded, Solving):
-    """What every question about a plan takes."""
+    """Options of every question about a plan."""
 
 
 class Force(declare.Options):
-    """Whether files that no option names are overwritten: those in a folder, or beside a file, that one names."""
+    """Permission to overwrite files that no option names: those in a folder, or beside a file, that one names."""
 
     force: bool = declare.option(False, "overwrite existing files that no option names", rank=EXPORT)
 
@@ -183,7 +183,7 @@ class Json(Colored):
 
 
 class Output(Json):
-    """How a command answers."""
+    """Options for the form of a command's answer."""
 
     quiet: bool = declare.option(
         False, "only the answer: no progress, no notes, no warnings", "--quiet", "-q", rank=OUTPUT
@@ -212,14 +212,14 @@ class SliceOptions(Plot):
 
 
 class Planning(declare.Options):
-    """Where the planning problem is."""
+    """The files of the planning problem."""
 
     domain: Path = declare.argument(..., "PDDL domain", "DOMAIN")
     problem: Path = declare.argument(..., "PDDL problem", "PROBLEM")
 
 
 class PlanFiles(Planning):
-    """Where the plan is."""
+    """The files of the planning problem and the plan."""
 
     plan: Path = declare.argument(
         ..., "network (.stn), time-triggered plan or log of a planner; - is standard input", "PLAN"
@@ -245,4 +245,4 @@ class PlanParameters(declare.Options):
 
 
 class AskCommand(PlanFiles, PlanningOutput, PlanParameters, Separation, Solving, Output):
-    """What every question about a plan takes on the command line."""
+    """Options of every question about a plan on the command line."""

@@ -21,7 +21,7 @@ from robust.options import declare, shared
 
 
 class CheckOptions(shared.SearchOptions, shared.Export):
-    """Of :func:`robust.check`."""
+    """Options of :func:`robust.check`."""
 
     at: declare.Settings | Box | EnvelopeResult = declare.option(
         (),
@@ -36,11 +36,11 @@ class CheckOptions(shared.SearchOptions, shared.Export):
 
 
 class CheckCommand(CheckOptions, shared.AskCommand):
-    """Of `robust check`."""
+    """Options of `robust check`."""
 
 
 def distributions_option(needs: tuple[str, tuple[str, ...]] | None = None) -> Any:
-    """How parameters are distributed."""
+    """The option for the distributions of parameters."""
     return declare.option(
         (),
         "how a parameter is distributed: NAME=normal:MEAN:DEVIATION, truncated-normal:MEAN:DEVIATION:MINIMUM:MAXIMUM, "
@@ -65,7 +65,7 @@ _FOR_RISK = ("method", ("risk",))
 
 
 class EnvelopeOptions(shared.Separation, shared.Solving, shared.Export, shared.AnyBoxOptions):
-    """Of :func:`robust.envelope`."""
+    """Options of :func:`robust.envelope`."""
 
     method: str = shared.method_option(risk="the most probable box")
     distribution: Mapping[str, str | Distribution] | Sequence[str] = distributions_option(_FOR_RISK)
@@ -88,7 +88,7 @@ EXPORTS = ("plansys2", "csv", "yaml")
 
 
 class EnvelopeCommand(EnvelopeOptions, shared.Plot, shared.AskCommand):
-    """Of `robust envelope`."""
+    """Options of `robust envelope`."""
 
     export: str | None = declare.option(
         None,
@@ -121,7 +121,7 @@ class EnvelopeCommand(EnvelopeOptions, shared.Plot, shared.AskCommand):
 
 
 class EliminationOptions(declare.Options):
-    """How an exact region is computed."""
+    """Options for computing an exact region."""
 
     backend: str = declare.option("project", "quantifier-elimination back end", choices=OFFERED)
     splitting: str = declare.option(
@@ -134,7 +134,7 @@ class EliminationOptions(declare.Options):
 
 
 class RegionOptions(EliminationOptions, shared.SearchOptions):
-    """Of :func:`robust.region`."""
+    """Options of :func:`robust.region`."""
 
     on_piece: Callable[[Polyhedron], None] | None = declare.option(
         None, "called with each polyhedron of bad parameter values when it is found", shown=False
@@ -145,7 +145,7 @@ class RegionOptions(EliminationOptions, shared.SearchOptions):
 
 
 class RegionCommand(RegionOptions, shared.SliceOptions, shared.AskCommand):
-    """Of `robust region`."""
+    """Options of `robust region`."""
 
     form: str | None = declare.option(
         None,
@@ -160,7 +160,7 @@ class RegionCommand(RegionOptions, shared.SliceOptions, shared.AskCommand):
 
 
 class CompareOptions(shared.SearchOptions):
-    """Of :func:`robust.compare`."""
+    """Options of :func:`robust.compare`."""
 
     beta: Number = declare.option("1", "the precision of irr", metavar="B", read=declare.positive)
     doubling: bool = declare.option(False, "steps of irr double until the first failure; ends are up to 2 B away")
@@ -168,7 +168,7 @@ class CompareOptions(shared.SearchOptions):
 
 
 class CompareCommand(CompareOptions, shared.SliceOptions, shared.AskCommand):
-    """Of `robust compare`."""
+    """Options of `robust compare`."""
 
     html: Path | None = declare.path_option(
         "write an interactive page as one HTML file: sliders for the parameters, what breaks where, boxes, schedule",
@@ -178,7 +178,7 @@ class CompareCommand(CompareOptions, shared.SliceOptions, shared.AskCommand):
 
 
 class RiskOptions(shared.SearchOptions):
-    """Of :func:`robust.risk`."""
+    """Options of :func:`robust.risk`."""
 
     distributions: Mapping[str, str | Distribution] | Sequence[str] = distributions_option()
     world: str | Path | None = world_file()
@@ -198,7 +198,7 @@ class RiskOptions(shared.SearchOptions):
 
 
 class RiskCommand(RiskOptions, shared.Plot, shared.AskCommand):
-    """Of `robust risk`."""
+    """Options of `robust risk`."""
 
     def check_combinations(self, given: Collection[str]) -> None:
         if not self.distributions and self.world is None:
@@ -206,7 +206,7 @@ class RiskCommand(RiskOptions, shared.Plot, shared.AskCommand):
 
 
 class RepairOptions(shared.Separation, shared.Solving):
-    """Of :func:`robust.repair`."""
+    """Options of :func:`robust.repair`."""
 
     require: declare.Settings | Box | EnvelopeResult = declare.option(
         (),
@@ -230,7 +230,7 @@ class RepairOptions(shared.Separation, shared.Solving):
 
 
 class RepairCommand(RepairOptions, shared.AskCommand):
-    """Of `robust repair`."""
+    """Options of `robust repair`."""
 
     output: Path | None = declare.output_option(
         "write the repaired plan to this file; PLAN must then be the file of a network (.stn)",
@@ -244,11 +244,11 @@ class RepairCommand(RepairOptions, shared.AskCommand):
 
 
 class ValidateOptions(shared.Separation, shared.PlanningOutput):
-    """Of :func:`robust.validate`."""
+    """Options of :func:`robust.validate`."""
 
 
 class ValidateCommand(ValidateOptions, shared.Output):
-    """Of `robust validate`."""
+    """Options of `robust validate`."""
 
     domain: Path | None = declare.argument(None, "PDDL domain", "DOMAIN")
     problem: Path | None = declare.argument(None, "PDDL problem", "PROBLEM")
@@ -262,5 +262,5 @@ class ValidateCommand(ValidateOptions, shared.Output):
 
     def check_combinations(self, given: Collection[str]) -> None:
         if (self.suite is None and not self.plans) or (self.suite is not None and self.domain is not None):
-            found = "no plan" if self.suite is None else "files beside --list"
-            raise InputError(f"found {found}, expected DOMAIN PROBLEM PLAN..., or else --list FILE")
+            fault = "no plan" if self.suite is None else "files beside --list"
+            raise InputError(f"found {fault}, expected DOMAIN PROBLEM PLAN..., or else --list FILE")

@@ -1,4 +1,4 @@
-"""What came of many plans: a table for people, JSON, and CSV."""
+"""Results of a batch of plans: a table for people, JSON, and CSV."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def box_texts(run: PlanRun) -> dict[str, str]:
 
 
 def first_lines(run: PlanRun) -> str:
-    """As many lines as fit into a table."""
+    """The first lines of an answer, as many as fit into a table."""
     lines = answer_lines(run)
     more = [] if len(lines) <= FIRST else [f"… and {plural(len(lines) - FIRST, 'more line')}"]
     return "\n".join([*lines[:FIRST], *more])
@@ -101,7 +101,7 @@ def _outcome(run: PlanRun | None) -> tuple[Text, str]:
 
 
 def summary_lines(batch: Batch) -> list[str]:
-    """How many ended how, what is compared, and what is missing."""
+    """The summary of a batch: the comparison, or counts by status, and then notes."""
     lines = []
     if batch.verb == "compare":
         lines += [_solved_line(batch, asked.name) for asked in batch.asked]
@@ -123,7 +123,7 @@ def _solved_line(batch: Batch, name: str) -> str:
 
 
 def _both_lines(batch: Batch) -> list[str]:
-    """Of plans that both answer: times, and volumes."""
+    """Lines about plans that both answer: times, and volumes."""
     both = [row for row in batch.plans if all(name in row.runs and row.runs[name].solved for name in (IRR, CCMMZ))]
     if not both:
         return []
@@ -141,7 +141,7 @@ def _both_lines(batch: Batch) -> list[str]:
 
 
 def volume_shares(batch: Batch) -> list[Fraction]:
-    """Those that are known, in ascending order."""
+    """The known shares of volume, in ascending order."""
     return sorted(share for row in batch.plans if (share := row.volume_ratio) is not None)
 
 
@@ -276,7 +276,7 @@ class BatchCompareDocument(Ran, tag_field="schema", tag="robust/batch-compare/1"
 
 @documenting.register(Batch)
 def batch_document(batch: Batch) -> Document:
-    """What `--json` prints."""
+    """The document that `robust batch --json` prints."""
     common = {"notes": list(batch.notes)}
     if batch.verb != "compare":
         runs = [(row, run) for row in batch.plans for run in row.runs.values()]

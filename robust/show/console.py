@@ -1,4 +1,4 @@
-"""Where answers are printed: lines with styles, which are plain text where nobody looks at a terminal."""
+"""Consoles for answers: styled lines on a terminal, plain text elsewhere."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class Console:
 
     @cached_property
     def rich(self) -> RichConsole:
-        """The same of rich."""
+        """The corresponding console of rich."""
         from robust.show.terminal import rich_console  # noqa: PLC0415 - rich takes longer to load than most checks
 
         return rich_console(self.file, self._width, NARROW, _COLORS[self._color])
@@ -101,7 +101,7 @@ class Console:
 
 
 def console(stream: TextIO | None = None, color: str = "auto", width: int | None = None) -> Console:
-    """Where to print, standard output if not given: texts of users are never taken for markup."""
+    """A console for a stream, by default standard output; text of users is never taken for markup."""
     return Console(stream or sys.stdout, color, width)
 
 

@@ -1,4 +1,4 @@
-"""What `--json` prints, as types: the fields, what they mean, and how they come from results.
+"""Documents that `--json` prints, as types: the fields, their meaning, and how results become documents.
 
 The published schemas in :mod:`robust.show.schemas` are those of these types. An object that `--json` prints is one of
 :data:`DOCUMENTS`, and names itself in `schema`. What a result holds is itself where JSON says the same; records are
@@ -32,8 +32,8 @@ DIGITS = 9
 def decimal(value: Fraction, places: int, *, up: bool) -> str:
     """A probability as a decimal, rounded up or down."""
     scaled = value * 10**places
-    whole = -floor(-scaled) if up else floor(scaled)
-    return f"{whole // 10**places}.{whole % 10**places:0{places}d}"
+    integer = -floor(-scaled) if up else floor(scaled)
+    return f"{integer // 10**places}.{integer % 10**places:0{places}d}"
 
 
 def places_for(within: Fraction) -> int:
@@ -78,19 +78,19 @@ Rationals = dict[str, Rational]
 
 
 def document(record: JsonObject) -> Document:
-    """What is printed."""
+    """The document of a record."""
     answer: Document = printed(record)
     return answer
 
 
 @singledispatch
 def documenting(result: object) -> Document:
-    """What makes the document of a result, by the type of the result: `documenting.dispatch(type(result))`."""
+    """The document of a result, by the type of the result: `documenting.dispatch(type(result))`."""
     raise TypeError(f"found {type(result).__name__}, expected a result that has a document")
 
 
 class Tabulated(NamedTuple):
-    """Where in its document the main table of a result is.
+    """The place of a result's main table in its document.
 
     Attributes:
         keys: which lead to it.

@@ -108,7 +108,7 @@ class Convert(Noted, tag_field="schema", tag="robust/convert/1"):
 
 @documenting.register(Conversion)
 def converted(conversion: Conversion, written: Mapping[str, str] = MappingProxyType({})) -> Document:
-    """Of a conversion, and by kind the files that were written."""
+    """The document of a conversion, with the files that were written, by kind."""
     return document(
         like(
             Convert,
@@ -137,7 +137,7 @@ has_table(Conversion, "tightened", numbers=("lower", "own"))
 
 
 def unconverted(options: ConvertCommand, violations: Sequence[Violation]) -> Document:
-    """Of a time-triggered plan that is invalid."""
+    """The document of a time-triggered plan that is invalid."""
     counts = dict.fromkeys(("instances", "constraints", "redundant", "obligations"), 0)
     return document(
         like(
@@ -168,7 +168,7 @@ def print_conversion(out: Console, conversion: Conversion, *, quiet: bool) -> No
 
 
 def conversion_lines(conversion: Conversion, written: Mapping[str, str] = MappingProxyType({})) -> list[str]:
-    """How a plan was made, where it was written, and what reading it needs."""
+    """Lines on how a plan was converted, where it was written, and which parameters must be given to read it."""
     instances, constraints = len(conversion.stn.instances), len(conversion.stn.constraints)
     size = f"{plural(instances, 'instance')}, {plural(constraints, 'constraint')}"
     lines = [f"{conversion.check.answer.value}: {size}, {plural(len(conversion.stn.parameters), 'parameter')}"]
@@ -313,13 +313,13 @@ class Execute(Noted, tag_field="schema", tag="robust/execute/1"):
 
 
 def execute(options: ExecuteCommand, runs: Sequence[ReplanningRun], status: str) -> Document:
-    """What `robust execute --json` prints."""
+    """The document that `robust execute --json` prints."""
     epsilon = options.separation
     return document(like(Execute, options, status=status, epsilon=epsilon, summary=summary(runs), runs=list(runs)))
 
 
 def print_run(out: Console, run: ReplanningRun, executor: str, *, quiet: bool) -> None:
-    """How a run ended; unless `quiet` also its timeline."""
+    """Print how a run ended; unless `quiet` also its timeline."""
     out.print(_verdict(run, executor), soft_wrap=True)
     if quiet:
         return
@@ -367,7 +367,7 @@ def _events(segment: Segment) -> Iterator[tuple[Fraction, str, str]]:
 
 
 def _remainder(remainder: Remainder) -> str:
-    """What is still unknown, and in which values the plan succeeds."""
+    """The parameters that are still unknown, and the values for which the plan succeeds."""
     if remainder.box is None:
         late = remainder.answer is SliceAnswer.OUT_OF_TIME
         return "not known in time; only the box promised before counts" if late else "nothing of the envelope"
@@ -381,7 +381,7 @@ def _remainder(remainder: Remainder) -> str:
 
 
 def print_runs(out: Console, runs: Sequence[ReplanningRun], executor: str, *, quiet: bool) -> None:
-    """How many runs succeeded; unless `quiet` also why the others failed."""
+    """Print how many runs succeeded; unless `quiet` also why the others failed."""
     figures = summary(runs)
     row = (
         executor,

@@ -76,8 +76,8 @@ def percentage_text(percent: Fraction, *, closed: bool) -> str:
     if Fraction(double) > percent or (not closed and Fraction(double) == percent):
         value = Decimal(repr(math.nextafter(double, -math.inf)))
     text = format(value, "f")
-    whole, _, digits = text.partition(".")
-    return f"{whole}.{digits.rstrip('0') or '0'}"
+    integer, _, digits = text.partition(".")
+    return f"{integer}.{digits.rstrip('0') or '0'}"
 
 
 # -- PlanSys2 ----------------------------------------------------------------------------------------------------------
@@ -87,26 +87,26 @@ def plansys2(plan: ParametrizedPlan, result: EnvelopeResult, controllable: str |
     """`action_timeouts` of PlanSys2's executor, in its YAML, with what is proved in comments."""
     if not _holds_plan(plan, result):
         raise InputError("found an envelope without the nominal values, expected one around them for percentages")
-    found = action_overruns(plan, result.box)
-    listed = [one for one in found if one.percent is not None]
+    limits = action_overruns(plan, result.box)
+    listed = [limit for limit in limits if limit.percent is not None]
     if not listed:
-        names = ", ".join(one.action for one in found)
-        why = f"any longer duration of {names} is proved" if found else "no action of the plan has a duration"
+        names = ", ".join(limit.action for limit in limits)
+        why = f"any longer duration of {names} is proved" if limits else "no action of the plan has a duration"
         raise InputError(f"found no action that needs a limit, expected one to export: {why}", place_of("export"))
-    for one in listed:
-        if one.action == "actions":
+    for limit in listed:
+        if limit.action == "actions":
             raise UnsupportedError("found an action named 'actions', expected another name: PlanSys2 needs it itself")
     lines = [*_obligation(result, controllable), ""]
-    for one in found:
-        if one.percent is None:
-            lines += [f"# {one.action}: left out, which is no limit; any longer duration is proved as well."]
-            lines += _instances(one)
+    for limit in limits:
+        if limit.percent is None:
+            lines += [f"# {limit.action}: left out, which is no limit; any longer duration is proved as well."]
+            lines += _instances(limit)
     lines += ["executor:", "  ros__parameters:", "    action_timeouts:"]
-    lines += ["      actions:", *(f"        - {_key(one.action)}" for one in listed)]
-    for one in listed:
-        lines += [f"      # {line}" for line in _explained(one)]
-        text = percentage_text(one.percent or Fraction(0), closed=one.closed)
-        lines += [f"      {_key(one.action)}:", f"        duration_overrun_percentage: {text}"]
+    lines += ["      actions:", *(f"        - {_key(limit.action)}" for limit in listed)]
+    for limit in listed:
+        lines += [f"      # {line}" for line in _explained(limit)]
+        text = percentage_text(limit.percent or Fraction(0), closed=limit.closed)
+        lines += [f"      {_key(limit.action)}:", f"        duration_overrun_percentage: {text}"]
     return "\n".join(lines) + "\n"
 
 
@@ -124,7 +124,7 @@ _KNOWN = {
 
 
 def _obligation(result: EnvelopeResult, controllable: str | None) -> list[str]:
-    """What is claimed, and under which conditions."""
+    """The claim, and the conditions under which it holds."""
     lines = [
         f"Written by robust {__version__}: by how much actions may exceed their planned durations, proved.",
         "Proof obligation: the plan is valid for every duration of every action from the planned one to the limit",
@@ -142,39 +142,37 @@ def _obligation(result: EnvelopeResult, controllable: str | None) -> list[str]:
     return [f"# {line}" for line in lines]
 
 
-def _explained(one: ActionOverrun) -> Iterator[str]:
+def _explained(limit: ActionOverrun) -> Iterator[str]:
     """Above an action: the exact percentage, why, and its instances."""
-    percent, decisive = one.percent, one.decisive
+    percent, decisive = limit.percent, limit.decisive
     if percent is None or decisive is None:
         return
-    exact = f"{percent} %" if one.closed else f"less than {percent} %"
-    of = (
-        ""
-        if len(one.overruns) == 1
-        else f", the least of {len(one.overruns)} instances: {decisive.instance.identifier}"
-    )
-    yield one_line(f"{one.action}: exactly {exact}{of}")
+    exact = f"{percent} %" if limit.closed else f"less than {percent} %"
+    count = len(limit.overruns)
+    of = "" if count == 1 else f", the least of {count} instances: {decisive.instance.identifier}"
+    yield one_line(f"{limit.action}: exactly {exact}{of}")
     if decisive.reason == FIXED:
-        yield one_line(f"for more: --parameter duration:{one.action}")
-    yield from (line.removeprefix("# ") for line in _instances(one))
+        yield one_line(f"for more: --parameter duration:{limit.action}")
+    yield from (line.removeprefix("# ") for line in _instances(limit))
 
 
-def _instances(one: ActionOverrun) -> list[str]:
-    return [f"#   {one_line(_instance(each))}" for each in one.overruns]
+def _instances(limit: ActionOverrun) -> list[str]:
+    return [f"#   {one_line(_instance(overrun))}" for overrun in limit.overruns]
 
 
-def _instance(one: Overrun) -> str:
+def _instance(overrun: Overrun) -> str:
     """`n0 (move dock shelf): planned 20, proved up to 24 (20 %)`."""
-    planned = "no planned duration" if one.planned is None else f"planned {readable(one.planned)}"
-    if one.proved is None:
-        proved = f"proved from {readable(one.shortest or Fraction(0))}"
-    elif one.reason is not None:
-        proved = f"nothing more: {one.reason}"
+    planned = "no planned duration" if overrun.planned is None else f"planned {readable(overrun.planned)}"
+    shortest = readable(overrun.shortest or Fraction(0))
+    if overrun.proved is None:
+        proved = f"proved from {shortest}"
+    elif overrun.reason is not None:
+        proved = f"nothing more: {overrun.reason}"
     else:
-        limit = "up to" if one.closed else "below"
-        share = "" if one.percent is None else f" ({percentage(one.percent)})"
-        proved = f"proved {limit} {readable(one.proved)}{share}, and from {readable(one.shortest or Fraction(0))}"
-    return f"{one.instance.identifier} {one.instance}: {planned}, {proved}"
+        limit = "up to" if overrun.closed else "below"
+        share = "" if overrun.percent is None else f" ({percentage(overrun.percent)})"
+        proved = f"proved {limit} {readable(overrun.proved)}{share}, and from {shortest}"
+    return f"{overrun.instance.identifier} {overrun.instance}: {planned}, {proved}"
 
 
 def _key(name: str) -> str:
@@ -185,12 +183,12 @@ def _key(name: str) -> str:
 
 
 def _parameters(plan: ParametrizedPlan, result: EnvelopeResult) -> list[dict[str, Any]]:
-    """What is said of each parameter, by the names of the columns."""
+    """A row for each parameter, by the names of the columns."""
     within = plan_documents.envelope(result)["parameters"]
     actions: dict[str, list[str]] = {}
-    for one in overruns(plan, result.box):
-        for name in one.parameters:
-            actions.setdefault(name, []).append(f"{one.instance.identifier} {one.instance}")
+    for overrun in overruns(plan, result.box):
+        for name in overrun.parameters:
+            actions.setdefault(name, []).append(f"{overrun.instance.identifier} {overrun.instance}")
     rows = (
         {"name": name, "action": "; ".join(actions.get(name, [])) or None, **facts} for name, facts in within.items()
     )
@@ -217,12 +215,12 @@ def yaml_document(plan: ParametrizedPlan, result: EnvelopeResult) -> str:
     """The parameters with their intervals, and the percentages of the actions."""
     actions = [
         {
-            "action": one.action,
-            "overrun_percentage": None if one.percent is None else str(one.percent),
-            "overrun_percentage_closed": one.closed,
-            "instances": [_instance(each) for each in one.overruns],
+            "action": limit.action,
+            "overrun_percentage": None if limit.percent is None else str(limit.percent),
+            "overrun_percentage_closed": limit.closed,
+            "instances": [_instance(overrun) for overrun in limit.overruns],
         }
-        for one in (action_overruns(plan, result.box) if _holds_plan(plan, result) else ())
+        for limit in (action_overruns(plan, result.box) if _holds_plan(plan, result) else ())
     ]
     answer = {
         "schema": "robust/envelope-export/1",

@@ -234,7 +234,7 @@ def compile_document(sizes: Sizes) -> Document:
 
 @printing.register(Sizes)
 def print_sizes(out: Console, sizes: Sizes, *, quiet: bool) -> None:
-    """Whether it was compiled; unless `quiet` also how large everything is."""
+    """Print whether the plan was compiled; unless `quiet` also the sizes."""
     out.print(_compile_headline(sizes))
     if quiet:
         return
@@ -284,7 +284,7 @@ def cross_document(crossed: Crossed) -> Document:
 
 @printing.register(Crossed)
 def print_cross(out: Console, crossed: Crossed, *, quiet: bool) -> None:
-    """Whether all agree; unless `quiet` also how much they were asked."""
+    """Print whether all agree; unless `quiet` also how many questions they were asked."""
     outcome = crossed.outcome
     if outcome is None:
         out.print("Undecided: out of time before the oracle had found every scenario.")
@@ -315,7 +315,7 @@ def patience_document(found: Moments) -> Document:
 
 @printing.register(Moments)
 def print_patience(out: Console, result: Moments, *, quiet: bool) -> None:
-    """Whether there is a correct execution; unless `quiet` also until when each value can be chosen."""
+    """Print whether a correct execution exists; unless `quiet` also until when each value can be chosen."""
     if result.feasible is None:
         out.print("Undecided: out of time.")
         return
@@ -334,7 +334,7 @@ def print_patience(out: Console, result: Moments, *, quiet: bool) -> None:
 
 
 def print_plot(out: Console, drawn: PikePlot, *, quiet: bool) -> None:
-    """What was drawn, unless `quiet`."""
+    """Print what was drawn, unless `quiet`."""
     if not quiet:
         links = "" if drawn.links is None else f", {drawn.links} labeled causal links"
         out.print(f"{drawn.plot}: {drawn.events} events, {drawn.activities} activities, {drawn.choices} choices{links}")
@@ -349,7 +349,7 @@ def new_document(instance: Instance, path: Path) -> Document:
     return document(
         PikeNew(
             name=instance.name,
-            files=[str(path), *(str(path.with_name(each)) for each in ("domain.pddl", "problem.pddl"))],
+            files=[str(path), *(str(path.with_name(file)) for file in ("domain.pddl", "problem.pddl"))],
             choices=len(network.choices),
             events=len(network.events),
             activities=len(network.activities),
@@ -421,7 +421,7 @@ def _with_reasons(step: ExecutionStep) -> Iterator[tuple[said.Decision, Explanat
 
 
 def _told(decision: said.Decision) -> tuple[str, str]:  # noqa: PLR0911 - one for each kind
-    """What was decided or noticed, for people: a kind and a text."""
+    """A decision or an observation, for people: a kind and a text."""
     match decision:
         case said.Executed(event, _, reported):
             return "event", f"{event}, reported" if reported else event
@@ -446,7 +446,7 @@ def _told(decision: said.Decision) -> tuple[str, str]:  # noqa: PLR0911 - one fo
 
 @printing.register(ExecutionRecord)
 def print_run(out: Console, record: ExecutionRecord, *, quiet: bool) -> None:
-    """How it ended; unless `quiet` also the timeline, and what contradicts each other if that was not explained."""
+    """Print how a run ended; unless `quiet` also the timeline, and contradictions that were not explained."""
     ending = record.ending.value
 
     headline = Text(ending, style=colour_of(ending))

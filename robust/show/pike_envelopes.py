@@ -179,9 +179,9 @@ def _polyhedra(pieces: Iterable[Polyhedron]) -> list[PolyhedronRecord]:
     return [PolyhedronRecord(constraints=list(map(_constraint, piece.constraints))) for piece in pieces]
 
 
-def _constraint(one: LinearConstraint) -> ConstraintRecord:
-    coefficients = {name: Fraction(factor) for name, factor in one.coefficients}
-    return ConstraintRecord(coefficients=coefficients, relation=one.relation.value, constant=one.constant)
+def _constraint(constraint: LinearConstraint) -> ConstraintRecord:
+    coefficients = {name: Fraction(factor) for name, factor in constraint.coefficients}
+    return ConstraintRecord(coefficients=coefficients, relation=constraint.relation.value, constant=constraint.constant)
 
 
 @documenting.register(LabeledRegion)
@@ -197,8 +197,8 @@ def cells_of(region: LabeledRegion) -> Cells | None:
 def region_document(region: LabeledRegion, cells: Cells | None) -> Document:
     """`robust/pike-region/1`."""
     combinations = [
-        PossibleCombination(choices=_choices(each.choices), polyhedra=_polyhedra(tidy(region.plan, each.polyhedra)))
-        for each in region.combinations
+        PossibleCombination(choices=_choices(entry.choices), polyhedra=_polyhedra(tidy(region.plan, entry.polyhedra)))
+        for entry in region.combinations
     ]
     exactly = None
     if cells is not None:
@@ -253,7 +253,7 @@ def envelope_document(envelope: TeamEnvelope) -> Document:
     telling = Telling(envelope.plan)
     broken = None
     if envelope.broken is not None:
-        needed = [telling.demand(one) for one in envelope.needed]
+        needed = [telling.demand(constraint) for constraint in envelope.needed]
         broken = BrokenCombination(choices=_choices(envelope.broken), possible=envelope.possible, needed=needed)
     known = not envelope.cut_short and bool(envelope.combinations)
     return document(
@@ -273,24 +273,24 @@ def envelope_document(envelope: TeamEnvelope) -> Document:
     )
 
 
-def _within(envelope: TeamEnvelope, one: TeamParameter, telling: Telling) -> TeamWithin:
-    interval = envelope.box[one.name]
+def _within(envelope: TeamEnvelope, parameter: TeamParameter, telling: Telling) -> TeamWithin:
+    interval = envelope.box[parameter.name]
 
     def stopped(side: Side) -> StoppedBy | None:
-        stop = envelope.stops.get((one.name, side))
+        stop = envelope.stops.get((parameter.name, side))
         if stop is None:
             return None
         constraint = None if stop.constraint is None else str(stop.constraint)
-        told = list(telling.statements(stop.statements))
+        statements = list(telling.statements(stop.statements))
         reason = telling.stop(stop)
-        return StoppedBy(choices=_choices(stop.choices), constraint=constraint, statements=told, reason=reason)
+        return StoppedBy(choices=_choices(stop.choices), constraint=constraint, statements=statements, reason=reason)
 
     return like(
         TeamWithin,
         ends_of(interval),
-        kind=one.kind.value,
-        meaning=one.meaning,
-        nominal=one.parameter.nominal,
+        kind=parameter.kind.value,
+        meaning=parameter.meaning,
+        nominal=parameter.parameter.nominal,
         stopped_below=stopped(Side.LOWER),
         stopped_above=stopped(Side.UPPER),
     )
@@ -299,7 +299,7 @@ def _within(envelope: TeamEnvelope, one: TeamParameter, telling: Telling) -> Tea
 def tidy(plan: ParametricPlan, pieces: Iterable[Polyhedron]) -> list[Polyhedron]:
     """The pieces within the declared bounds, without those that others contain, and without what follows."""
     bounds = tuple(plan.declared_box.constraints())
-    return [one.simplified() for one in absorb(piece.restricted(bounds) for piece in pieces)]
+    return [polyhedron.simplified() for polyhedron in absorb(piece.restricted(bounds) for piece in pieces)]
 
 
 def _tidied(region: Region) -> Sequence[Polyhedron]:
@@ -321,7 +321,7 @@ class Telling:
             self._events.setdefault(activity.target, f"the end of {activity.action}")
 
     def sentence(self, piece: Polyhedron) -> str:
-        """What a polyhedron demands, beyond the declared bounds: `a may take up to 5; limit must be at least 7`."""
+        """The demands of a polyhedron beyond the declared bounds: `a may take up to 5; limit must be at least 7`."""
         bounds = set(self._plan.declared_box.constraints())
         by_parameter: dict[str, list[LinearConstraint]] = {}
         joint: list[str] = []
@@ -343,7 +343,7 @@ class Telling:
         return self.interval(self._parameters[name], interval)
 
     def interval(self, parameter: TeamParameter, interval: Interval) -> str:
-        """What values a parameter may have, as a sentence."""
+        """The values that a parameter may have, as a sentence."""
         words, low, high = parameter.words, interval.lower, interval.upper
         least = None if low is None or low == parameter.parameter.lower else readable(low)
         above = "" if interval.lower_closed else "more than "
@@ -383,9 +383,9 @@ class Telling:
         return self._parameters[name].words
 
     def statements(self, statements: Iterable[Statement]) -> Iterator[str]:
-        """What of the plan says so; separations of ε that are only the order of a program are left out."""
-        for one in dict.fromkeys(statements):
-            match one:
+        """The statements of the plan as text, without separations of ε that are only the order of a program."""
+        for statement in dict.fromkeys(statements):
+            match statement:
                 case BoundStatement(place, upper):
                     if not self._is_order(place, upper=upper):
                         yield self._bound(place, upper=upper)
@@ -409,8 +409,8 @@ class Telling:
         first = len(network.constraints)
         if place >= first:
             return f"{network.activities[place - first].action} takes {word} {number}"
-        one = network.constraints[place]
-        return f"from {self._event(one.source)} to {self._event(one.target)} {word} {number}"
+        constraint = network.constraints[place]
+        return f"from {self._event(constraint.source)} to {self._event(constraint.target)} {word} {number}"
 
     def _number(self, bound: Polynomial[Any]) -> str:
         words = [self._words(unknown.name) for unknown, _ in bound.coefficients()]
@@ -421,7 +421,7 @@ class Telling:
         return self._events.get(name, name)
 
     def stop(self, stop: TeamStop) -> str:
-        """Why a side ends."""
+        """The reason why a side ends."""
         if stop.declared:
             return "declared bound"
         with_choices = f"with {guard_text(stop.choices)}: " if stop.choices else ""
@@ -491,7 +491,7 @@ def _ended(result: LabeledRegion | TeamEnvelope) -> str:
 
 @printing.register(TeamEnvelope)
 def print_envelope(out: Console, envelope: TeamEnvelope, *, quiet: bool) -> None:
-    """What is promised for which values; unless `quiet` also what ends each side."""
+    """Print what holds for which values; unless `quiet` also what limits each side."""
     telling = Telling(envelope.plan)
     promised = promise(envelope)
     if not envelope.verified:
@@ -501,11 +501,11 @@ def print_envelope(out: Console, envelope: TeamEnvelope, *, quiet: bool) -> None
         _line(out, f"{promised}: {'; '.join(ranges)}.")
         if not quiet:
             out.print()
-            for one in envelope.plan.parameters:
-                _line(out, f"{one.words} ∈ {interval_text(envelope.box[one.name])}: {one.meaning}, "
-                           f"{readable(one.parameter.nominal)} in the plan")  # fmt: skip
+            for parameter in envelope.plan.parameters:
+                _line(out, f"{parameter.words} ∈ {interval_text(envelope.box[parameter.name])}: {parameter.meaning}, "
+                           f"{readable(parameter.parameter.nominal)} in the plan")  # fmt: skip
                 for side, word in ((Side.UPPER, "above"), (Side.LOWER, "below")):
-                    stop = envelope.stops.get((one.name, side))
+                    stop = envelope.stops.get((parameter.name, side))
                     if stop is not None:
                         _line(out, f"  {word}: {telling.stop(stop)}")
     if not quiet:
@@ -515,7 +515,7 @@ def print_envelope(out: Console, envelope: TeamEnvelope, *, quiet: bool) -> None
 
 
 def promise(envelope: TeamEnvelope) -> str:
-    """What holds for all values in the box."""
+    """The statement that holds for all values in the box."""
     assumed = f"With {guard_text(envelope.assume)}" if envelope.assume else ""
     if not envelope.for_all:
         return assumed or "For some choice of values"
@@ -525,7 +525,7 @@ def promise(envelope: TeamEnvelope) -> str:
 
 
 def _failure(envelope: TeamEnvelope, telling: Telling, promised: str) -> str:
-    """Why there is no box."""
+    """The reason why there is no box."""
     if envelope.broken is None:
         return "Nothing is known yet."
     choices = f" with {guard_text(envelope.broken)}" if envelope.broken else ""

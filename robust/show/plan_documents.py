@@ -132,7 +132,9 @@ def check(result: CheckResult) -> documents.Document:
             result,
             verdict=result.answer.value,
             parameters=result.box,
-            obligations=[ObligationRecord(name=name, verdict=each.value) for name, each in result.obligations.items()],
+            obligations=[
+                ObligationRecord(name=name, verdict=answer.value) for name, answer in result.obligations.items()
+            ],
             counterexample=examples[0] if examples else None,
             counterexamples=examples,
             repair=None if result.repair is None else documents.changes_of(result.repair),
@@ -204,12 +206,12 @@ class Stopped(documents.Ends):
 
 def _stops_of(stops: Mapping[Face, Stop], name: str) -> dict[str, Any]:
     """The fields of :class:`Stopped` about what ends both sides of a parameter."""
-    found: dict[str, Any] = {}
+    fields: dict[str, Any] = {}
     for key, side in (("stopped_below", Side.LOWER), ("stopped_above", Side.UPPER)):
         stop = stops.get((name, side))
-        found[key] = None if stop is None else str(stop)
-        found[f"all_{key}"] = [] if stop is None else list(stop.every)
-    return found
+        fields[key] = None if stop is None else str(stop)
+        fields[f"all_{key}"] = [] if stop is None else list(stop.every)
+    return fields
 
 
 class ControllabilityRecord(JsonObject):
@@ -382,7 +384,7 @@ class Outer(JsonObject):
 
 
 class Factor(JsonObject):
-    """What is known of the values of an independent group of parameters
+    """bounds for the values of an independent group of parameters
 
     Attributes:
         ascending: lists of interchangeable parameters; a point is asked about with each of them in ascending order, to
@@ -445,7 +447,7 @@ class RegionDocument(documents.Noted, tag_field="schema", tag="robust/region/1",
 
 
 def region(result: RegionResult) -> documents.Document:
-    """Of a region in the form in which it is shown."""
+    """The document of a region in the form in which it is shown."""
     shown = {key: value for key, value in result.region.as_dict().items() if key != "schema"}
     shown["reason"] = UNSET if result.reason is None else result.reason
     more = not result.is_exact or len(result.factors) > 1 or any(factor.symmetry for factor in result.factors)
@@ -569,7 +571,7 @@ class Compare(documents.Noted, tag_field="schema", tag="robust/compare/1"):
 
 @documents.documenting.register(Comparison)
 def compare(result: Comparison) -> documents.Document:
-    """Of a comparison."""
+    """The document of a comparison."""
     volume = None
     if result.volume is not None:
         volume = Volume(lower=result.volume.lower, upper=exact_end(result.volume.upper, upper=True))

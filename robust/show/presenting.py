@@ -1,4 +1,4 @@
-"""How each kind of result is shown: what is behind `str`, notebooks, `as_dict` and `rows` of results.
+"""Presentation of each kind of result: `str`, notebooks, `as_dict` and `rows`.
 
 What shows a result is loaded when it is shown, and registers its functions then. Commands print by the same functions.
 """
@@ -77,7 +77,7 @@ def page(result: Presented) -> str:
 
 
 def document(result: Presented) -> Document:
-    """What is printed by `--json`."""
+    """The document that `--json` prints."""
     from robust.show.documents import documenting  # noqa: PLC0415 - for JSON only
 
     return documenting.dispatch(_load(result, 1))(result)
@@ -93,16 +93,16 @@ def rows(result: Presented) -> list[dict[str, Any]]:
 
     answer = document(result)
     table = table_of(result)
-    whole: Any = answer if table.rows is None else table.rows(answer)
+    content: Any = answer if table.rows is None else table.rows(answer)
     for key in table.keys:
-        whole = whole[key]
-    if isinstance(whole, dict):
-        whole = [{table.named: name, **row} for name, row in whole.items()]
-    return [dict(_cells(row, table.numbers)) for row in whole or ()]
+        content = content[key]
+    if isinstance(content, dict):
+        content = [{table.named: name, **row} for name, row in content.items()]
+    return [dict(_cells(row, table.numbers)) for row in content or ()]
 
 
 def _cells(row: Mapping[str, Any], numbers: Sequence[str], before: str = "") -> Iterator[tuple[str, Any]]:
-    """What is in a row; the fields of an object in it by their own names, behind that of the object."""
+    """The cells of a row; the fields of an object in it by their own names, behind that of the object."""
     for name, value in row.items():
         if isinstance(value, dict):
             yield from _cells(value, numbers, f"{before}{name}_")

@@ -115,7 +115,7 @@ def _ordering(factor: EnvelopeFactor) -> Iterator[str]:
 
 
 def _inner_lines(result: RegionResult) -> Iterator[str]:
-    """What is proved, group by group of parameters, or nothing."""
+    """The proved part, group by group of parameters, or nothing."""
     if not any(factor.inner.pieces or factor.inner.base is not None for factor in result.factors):
         return
     for factor in result.factors:
@@ -137,7 +137,7 @@ def _groups(pieces: Sequence[Polyhedron]) -> Iterator[str]:
 
 
 def _open_text(result: RegionResult) -> str:
-    """How much lies between both bounds."""
+    """The volume between both bounds, as text."""
     cells = sum(len(factor.inner.pieces) for factor in result.factors)
     proved = f"proved valid: {_polyhedra(cells)}"
     share = result.open_share
@@ -357,7 +357,7 @@ def _html_table(head: Row, rows: list[Row]) -> str:
 
 @dataclass(frozen=True)
 class Beside:
-    """What a command finds out in addition to a box: `counterexample` shows what breaks at the nominal point,
+    """Findings of a command in addition to a box: `counterexample` shows what breaks at the nominal point,
     `controllability` what a dispatcher need not know of the values in the box, `probability` how probable they are."""
 
     counterexample: Counterexample | None = None
@@ -381,15 +381,15 @@ def print_envelope(out: Console, result: EnvelopeResult, beside: Beside = NOTHIN
 
 
 def _greatest_text(result: EnvelopeResult, probability: Bounds) -> str:
-    """How probable a box is, and how much more probable another may be."""
-    own = f"probability of the box: {bounds_text(probability, 4)}"
+    """The probability of a box, and the greatest that another may have."""
+    text = f"probability of the box: {bounds_text(probability, 4)}"
     if result.bound is None:
-        return f"{own}; {'' if result.cut_short else 'a local optimum: '}how probable others may be is not known"
-    return f"{own}; no box has more than {decimal(min(Fraction(1), result.bound), 4, up=True)}"
+        return f"{text}; {'' if result.cut_short else 'a local optimum: '}how probable others may be is not known"
+    return f"{text}; no box has more than {decimal(min(Fraction(1), result.bound), 4, up=True)}"
 
 
 def _promise(result: EnvelopeResult) -> str:
-    """What a complete box is."""
+    """The property that a complete box has."""
     if result.beta is not None:
         gap = result.beta * 2 if result.doubling else result.beta
         return f"no end can move outwards by {readable(gap)} or more"
@@ -455,7 +455,7 @@ def _envelope_cells(parameter: Parameter, interval: Interval) -> Sequence[str]:
 
 
 def _print_stops(out: Console, result: EnvelopeResult) -> None:
-    """What ends the sides, those that end at the same together."""
+    """Print what limits the sides, those with the same limit together."""
     sides: dict[str, dict[str, None]] = {}
     for (name, side), stop in result.stops.items():
         sides.setdefault(stop.short, {})[_side(result, name, side)] = None

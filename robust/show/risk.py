@@ -99,7 +99,7 @@ def _(result: RiskResult) -> documents.Document:
         like(
             RiskAnswer,
             result,
-            distributions={name: str(each) for name, each in result.distributions.items()},
+            distributions={name: str(distribution) for name, distribution in result.distributions.items()},
             box=None if result.best is None else boxes[result.best.method],
             boxes=list(boxes.values()),
             by_obligation=result.shares,
@@ -156,7 +156,7 @@ def _estimate(estimate: SampledEstimate, places: int) -> Text:
 
 
 def _share_rows(shares: Sequence[BlameShare], within: Fraction, places: int) -> list[tuple[str, str]]:
-    """Those that matter, the greatest first; what is negligible is counted."""
+    """Rows for shares that matter, the greatest first; negligible ones are counted."""
     shown = [share for share in shares if share.probability.upper >= within]
     shown.sort(key=lambda share: share.probability.upper, reverse=True)
     rows = [(share.name, bounds_text(share.probability, places)) for share in shown]
@@ -166,11 +166,11 @@ def _share_rows(shares: Sequence[BlameShare], within: Fraction, places: int) -> 
 
 
 def _of_success(kept: Bounds, result: RiskResult) -> str:
-    """What share of all successes a box has."""
-    whole = result.probability
-    if not whole.lower:
+    """The share of all successes that lies in a box."""
+    total = result.probability
+    if not total.lower:
         return ""
-    low, high = kept.lower / whole.upper, min(Fraction(1), kept.upper / whole.lower)
+    low, high = kept.lower / total.upper, min(Fraction(1), kept.upper / total.lower)
     left, right = f"{float(low):.1%}", f"{float(high):.1%}"
     return left if left == right else f"{left} to {right}"
 

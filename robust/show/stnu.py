@@ -235,7 +235,7 @@ def _(edge: Edge) -> CycleEdge:
 
 
 def check_document(judged: Sequence[JudgedNetwork[NetworkCheck]], status: str) -> Document:
-    """What `robust stnu check --json` prints."""
+    """The document that `robust stnu check --json` prints."""
     return document(StnuCheck(status=status, results=[_checked(network) for network in judged]))
 
 
@@ -307,7 +307,7 @@ class StnuDispatch(Noted, tag_field="schema", tag="robust/stnu-dispatch/1"):
 
 
 def dispatch_document(judged: Sequence[JudgedNetwork[SimulatedDispatch]], status: str) -> Document:
-    """What `robust stnu dispatch --json` prints."""
+    """The document that `robust stnu dispatch --json` prints."""
     return document(StnuDispatch(status=status, results=[_dispatched(network) for network in judged]))
 
 
@@ -392,7 +392,7 @@ def _(change: LinkChange) -> BoundChange:
 def repair_document(
     judged: Sequence[JudgedNetwork[NetworkRepair]], status: str, written: str | None = None
 ) -> Document:
-    """What `robust stnu repair --json` prints."""
+    """The document that `robust stnu repair --json` prints."""
     return document(StnuRepair(status=status, results=[_repaired(network) for network in judged], written=written))
 
 
@@ -426,7 +426,7 @@ has_table(NetworkRepair, "results", 0, "changes", numbers=CHANGE)
 
 
 def ended(judged: Sequence[JudgedNetwork[Any]]) -> str:
-    """How it ended: a result that is not final was interrupted, or is out of time."""
+    """The status of a command: a result that is not final was interrupted, or is out of time."""
     short = [network.result for network in judged if network.error is None and network.code == UNDECIDED]
     if not short:
         return "complete"

@@ -1,4 +1,4 @@
-"""What rich shows: tables, and pages for notebooks."""
+"""Output that needs rich: tables, and pages for notebooks."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Page(Out):
 
     def print(self, *objects: Any, **_how: Any) -> None:
         """Keep lines of text."""
-        self._lines.append(" ".join(self._spans(rich_text(one)) for one in objects))
+        self._lines.append(" ".join(self._spans(rich_text(renderable)) for renderable in objects))
 
     def add_table(self, shown: Table) -> None:
         """Keep a table."""
@@ -53,7 +53,7 @@ class Page(Out):
         self._blocks.append(f"<table><thead><tr>{''.join(head)}</tr></thead><tbody>{body}</tbody></table>")
 
     def html(self) -> str:
-        """Everything that was printed."""
+        """All printed lines as HTML."""
         self._end_text()
         return f'<div class="robust">{"".join(self._blocks)}</div>'
 

@@ -35,10 +35,10 @@ class _RichConsole(Console):
         )
 
     def print(self, *objects: Any, **how: Any) -> None:
-        """As by rich; lines that may be longer than the terminal are broken between words if it is narrow."""
+        """Print as rich does; on a narrow terminal, lines that may be longer than it are broken between words."""
         if how.get("soft_wrap") and not how.get("no_wrap") and self.width < self.narrow:
-            for one in objects:
-                for line in rich_text(one).split("\n", allow_blank=True):
+            for renderable in objects:
+                for line in rich_text(renderable).split("\n", allow_blank=True):
                     self._print_broken(line)
             return
         super().print(*objects, **how)
@@ -53,7 +53,7 @@ class _RichConsole(Console):
 
 
 def rich_text(shown: object) -> Text:
-    """What is to be shown, as a text of rich."""
+    """An object to be shown, as a text of rich."""
     if hasattr(shown, "__rich__"):
         shown = shown.__rich__()
     return shown if isinstance(shown, Text) else Text(str(shown))

@@ -32,7 +32,7 @@ _WHEN = {
 
 
 class Words:
-    """What the names of one plan mean.
+    """Descriptions of the names in one plan.
 
     Args:
         plan: the plan.
@@ -46,36 +46,36 @@ class Words:
     @cached_property
     def actions(self) -> Mapping[str, str]:
         """By identifier: `move dock pharmacy`, and `(2nd)` and the like where the plan has it more than once."""
-        texts = {one.identifier: str(one)[1:-1] for one in self._plan.instances}
+        texts = {instance.identifier: str(instance)[1:-1] for instance in self._plan.instances}
         every = list(texts.values())
         seen: dict[str, int] = {}
-        found = {}
+        names = {}
         for identifier, text in texts.items():
             seen[text] = seen.get(text, 0) + 1
-            found[identifier] = text if every.count(text) == 1 else f"{text} ({_ordinal(seen[text])})"
-        return found
+            names[identifier] = text if every.count(text) == 1 else f"{text} ({_ordinal(seen[text])})"
+        return names
 
     @cached_property
     def parameters(self) -> Mapping[str, str]:
         """By name, all different: a duration is its action, others say what they are; the name where nothing does."""
-        found = {}
+        names = {}
         for parameter in self._plan.parameters:
             uses = dict.fromkeys(self._uses(parameter.name))
-            found[parameter.name] = next(iter(uses)) if len(uses) == 1 else parameter.name
-        texts = list(found.values())
-        return {name: text if texts.count(text) == 1 else f"{text} ({name})" for name, text in found.items()}
+            names[parameter.name] = next(iter(uses)) if len(uses) == 1 else parameter.name
+        texts = list(names.values())
+        return {name: text if texts.count(text) == 1 else f"{text} ({name})" for name, text in names.items()}
 
     def _uses(self, name: str) -> Iterator[str]:
-        """What a parameter stands for, as often as it does."""
+        """Each use of a parameter in the plan, as text."""
         itself = Polynomial.variable(model.ParameterReference(name))
         mentioned = False
-        for one in self._plan.constraints:
-            ends = one.lower == itself, one.upper == itself
+        for constraint in self._plan.constraints:
+            ends = constraint.lower == itself, constraint.upper == itself
             if any(ends):
-                yield self._between(one.source, one.target, ends)
+                yield self._between(constraint.source, constraint.target, ends)
             elif any(
                 bound is not None and model.ParameterReference(name) in bound.variables
-                for bound in (one.lower, one.upper)
+                for bound in (constraint.lower, constraint.upper)
             ):
                 mentioned = True
         if mentioned:
@@ -85,7 +85,7 @@ class Words:
                 yield f"{str(fluent)[1:-1]} at the beginning"
 
     def _between(self, source: model.TimePoint, target: model.TimePoint, ends: tuple[bool, bool]) -> str:
-        """What a time between two time points is, or a bound of it."""
+        """A description of the time between two time points, or of a bound of it."""
         kinds = source.kind, target.kind
         if source.instance == target.instance and kinds == (model.TimePointKind.START, model.TimePointKind.END):
             least, most, what = "shortest ", "longest ", self.actions[f"{target.instance}"]
@@ -122,26 +122,26 @@ class Words:
         return f"{what}: {demand}{line}"
 
     def obligation(self, name: str) -> str:
-        """What an obligation demands; its name where that is not one of the plan's obligations."""
+        """The demand of an obligation; the name itself if it is not one of the plan's obligations."""
         return self._obligations.get(name) or self._separation(name) or name
 
     @cached_property
     def _obligations(self) -> Mapping[str, str]:
-        found = {one.label: f"the goal {one.text} must hold at the end" for one in self._plan.goal}
+        texts = {goal.label: f"the goal {goal.text} must hold at the end" for goal in self._plan.goal}
         for instance in self._plan.instances:
             action = self.actions[instance.identifier]
-            found[f"{instance.identifier} {instance.action}: non-negative duration"] = (
+            texts[f"{instance.identifier} {instance.action}: non-negative duration"] = (
                 f"{action} must not end before it starts"
             )
             for constraint in instance.durations:
-                found[instance.label(constraint)] = (
+                texts[instance.label(constraint)] = (
                     f"the duration of {action} must be as the domain says: {constraint.text}"
                 )
             for condition in instance.demands:
-                found[instance.label(condition)] = (
+                texts[instance.label(condition)] = (
                     f"{action} needs {condition.text}{self._when(instance.durative, condition)}"
                 )
-        return found
+        return texts
 
     @staticmethod
     def _when(durative: bool, condition: model.TimedCondition) -> str:
@@ -156,13 +156,13 @@ class Words:
         """The two time points that an obligation separates; none if it is another one."""
         kind, _, pair = name.partition(": ")
         known = {str(point): point for point in self._plan.time_points}
-        found = tuple(known[one] for one in pair.split(", ") if one in known)
-        return found if kind == "separation" and len(found) == 2 else ()
+        points = tuple(known[text] for text in pair.split(", ") if text in known)
+        return points if kind == "separation" and len(points) == 2 else ()
 
     def concerned(self, name: str) -> tuple[str, ...]:
         """The identifiers of the instances that an obligation is about; none for goals."""
         known = name in self._obligations or self._separated(name)
-        return tuple(one for one in model.concerned(name) if known and one in self._plan.instance)
+        return tuple(identifier for identifier in model.concerned(name) if known and identifier in self._plan.instance)
 
 
 def named(name: str, words: Mapping[str, str] | None) -> str:
@@ -191,9 +191,9 @@ def print_check(out: Console, result: CheckResult, *, quiet: bool) -> None:
     out.print(_summary(result), soft_wrap=True)
     if result.every:
         _print_broken(out, result)
-    for found in list(result.counterexamples.values())[:1]:
+    for counterexample in list(result.counterexamples.values())[:1]:
         out.print()
-        print_counterexample(out, found)
+        print_counterexample(out, counterexample)
     if result.repair is not None:
         out.print()
         out.print(Text.assemble(("repair: ", "bold"), "; ".join(map(change_text, result.repair))), soft_wrap=True)
@@ -247,8 +247,8 @@ def _print_broken(out: Console, result: CheckResult) -> None:
     rows = []
     for name, answer in result.obligations.items():
         if answer is not Answer.PROVED:
-            found = result.counterexamples.get(name)
-            when, why = ("", "") if found is None else _when_and_why(found)
+            counterexample = result.counterexamples.get(name)
+            when, why = ("", "") if counterexample is None else _when_and_why(counterexample)
             rows.append((Text(answer.value, style=colour_of(answer.value)), name, when, why))
     if rows:
         from robust.show.tables import show_table, table  # noqa: PLC0415 - rich takes long to load
@@ -257,16 +257,17 @@ def _print_broken(out: Console, result: CheckResult) -> None:
         show_table(out, table(("verdict", "obligation", "time", "why"), rows, right=("time",)))
 
 
-def _when_and_why(found: Counterexample) -> tuple[str, str]:
-    one = next(one for one in found.simulation.violations if one.obligation == found.obligation)
-    return readable(one.time), readable_values(one.detail)
+def _when_and_why(example: Counterexample) -> tuple[str, str]:
+    violations = example.simulation.violations
+    violation = next(violation for violation in violations if violation.obligation == example.obligation)
+    return readable(violation.time), readable_values(violation.detail)
 
 
 # -- counterexamples -------------------------------------------------------------------------------------------------
 
 
 def print_counterexample(out: Console, found: Counterexample) -> None:
-    """What breaks, when and why, and the schedule in which it does, state by state."""
+    """Print what breaks, when and why, and the schedule that breaks it, state by state."""
     when, why = _when_and_why(found)
     out.print(Text.assemble(("broken: ", "bold red"), found.obligation), soft_wrap=True)
     out.print(Text(f"  at time {when}: {why}"), soft_wrap=True)
@@ -283,19 +284,19 @@ def print_counterexample(out: Console, found: Counterexample) -> None:
     show_table(out, table(("time", "happens", "changes", "fluents"), rows, right=("time",)))
 
 
-def _with_violations(found: Counterexample) -> Iterator[TraceStep | Violation]:
+def _with_violations(example: Counterexample) -> Iterator[TraceStep | Violation]:
     """Steps in order of time, each violation before what happens later."""
-    pending = sorted(found.simulation.violations, key=lambda one: one.time)
-    for step in found.simulation.trace:
+    pending = sorted(example.simulation.violations, key=lambda violation: violation.time)
+    for step in example.simulation.trace:
         while pending and pending[0].time < step.time:
             yield pending.pop(0)
         yield step
     yield from pending
 
 
-def _shown_steps(found: Counterexample, left_out: Set[model.Fluent]) -> Iterator[TraceStep | Violation]:
-    """What there is to tell: without steps that change nothing, and timed literals after all else."""
-    steps = list(_with_violations(found))
+def _shown_steps(example: Counterexample, left_out: Set[model.Fluent]) -> Iterator[TraceStep | Violation]:
+    """The steps to show: none that change nothing, and no timed literals after everything else."""
+    steps = list(_with_violations(example))
     while isinstance(last := steps[-1], TraceStep) and not any(point.instance for point in last.points):
         steps.pop()
     for step in steps:
@@ -325,7 +326,7 @@ def _violation_cells(violation: Violation) -> tuple[Text, ...]:
 
 
 def percentages(parameter: model.Parameter, interval: Interval) -> str:
-    """How far the ends are from the nominal value in per cent of it, `−12.5 %, +40 %`; nothing if that is 0."""
+    """Deviations of the ends from the nominal value in per cent, `−12.5 %, +40 %`; empty if that value is 0."""
     sides = [parameter.percent(interval.lower), parameter.percent(interval.upper)]
     shown = (f"{sign}∞" if side is None else percentage(side) for side, sign in zip(sides, "−+", strict=True))
     return ", ".join(shown) if any(side is not None for side in sides) else ""
@@ -338,11 +339,11 @@ def percentage(value: Fraction) -> str:
 
 
 def stopped(status: Enum, reason: str | None) -> str:
-    """Why a search did not come to its end."""
+    """The reason why a search did not come to its end."""
     return {"timeout": "out of time", "interrupted": "interrupted"}.get(status.value) or f"{reason}"
 
 
 def print_advice(out: Console, advice: Iterable[Advice]) -> None:
-    """What to type for parameters without room."""
-    for one in advice:
-        out.print(Text(str(one), style="yellow"), soft_wrap=True)
+    """Print which options to use for parameters without room."""
+    for hint in advice:
+        out.print(Text(str(hint), style="yellow"), soft_wrap=True)

@@ -133,7 +133,7 @@ def _alone(verdict: Verdict) -> JudgedPlan:
 
 
 def validate(judged: Sequence[JudgedPlan], status: str, epsilon: Fraction, tolerance: Fraction | None) -> Document:
-    """What `robust validate --json` prints."""
+    """The document that `robust validate --json` prints."""
     return document(
         Validate(
             status=status,
