@@ -163,7 +163,7 @@ class Reader:
 
     def read(self, point, answer):
         beyond = self.oracle.beyond(point)
-        refuted = self.oracle.at(point)
+        refuted = self.broken_at(point)
         within = [name for name, box in self.boxes.items() if point in box]
         mark, *_ = answer["mark"].split(" (at")
         self.hear(mark)
@@ -182,6 +182,14 @@ class Reader:
         self.chart(point, answer, said)
         self.slice(point, answer)
 
+    def broken_at(self, point):
+        """As by checks; None without any schedule, where a check may name an obligation that no schedule keeps."""
+        broken = self.oracle.at(point)
+        if contradictory(self.data["network"], point):
+            assert broken != set()
+            return None
+        return broken
+
     @staticmethod
     def paragraphs(reason):
         """Each paragraph with the list that follows it."""
@@ -194,7 +202,7 @@ class Reader:
         return found
 
     def reason(self, point, text, items, said):
-        broken = self.oracle.at(point)
+        broken = self.broken_at(point)
         match text:
             case "Outside the declared bounds:":
                 self.hear(text)
@@ -207,7 +215,7 @@ class Reader:
                 assert items == expected != []
             case "There is no schedule: these cannot all hold, nor begin before time 0.":
                 self.hear(text)
-                assert broken != set()  # a check may name an obligation that no schedule keeps, since there is none
+                assert broken is None
                 assert contradictory([one for one in self.data["network"] if one["words"] in items], point)
             case "Breaks first:" | "Can break as well:" | "Can break:":
                 self.hear(text)
@@ -279,7 +287,7 @@ class Reader:
         times = earliest(self.plan, point)
         if times is None or times[self.plan.time_points[0]] != 0:
             assert answer["chart"] == "There is none at these values."
-            assert self.oracle.at(point) is None
+            assert self.broken_at(point) is None
             return
         assert answer["chart"] != "There is none at these values."
         assert ("need not" in answer["chart"]) is answer["mark"].startswith("✗")
