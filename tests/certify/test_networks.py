@@ -37,13 +37,14 @@ def test_small_networks(tmp_path):
         ("(?o)", {"activities": {}}),
         ("(?o)", {"choices": [{**networks.document()["choices"][0], "domain": ["a", "a", "b=c"]}]}),
         ("(?o)", {"events": [*networks.document()["events"], {"name": "e1"}]}),
+        ("(?o)", {"constraints": [{"from": "e1", "to": "e2", "lower": "2", "upper": "1"}]}),
         ("(?o)", {"parameters": [5]}),
         ("(?o)", {"parameters": [{"name": "k", "x": "1"}]}),
         ("(?o)", {"parameters": [{"name": "k", "default": 2}]}),
     ],
 )
 def test_networks_of_which_nothing_is_proved(tmp_path, domain, document):
-    """Parameters of actions, objects where lists belong, values and events twice, malformed parameters."""
+    """Parameters of actions, no lists, values and events twice, empty ranges, malformed parameters."""
     text = networks.DOMAIN.replace("(?o)", domain)
     path = networks.files(tmp_path / "network", {**networks.document(), **document}, text, networks.PROBLEM)
     for lines in (networks.EXECUTION, networks.OUT_OF_NOTHING):
