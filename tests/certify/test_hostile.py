@@ -69,7 +69,7 @@ def refuting(part: str, before: str = "[[],[", after: str = "0]]") -> bytes:
 
 def cycles() -> bytes:
     """Bad values in one polyhedron after the other, all of them different."""
-    pieces = (["bad", [[[["k", "-1"], ["", "3"]], True], [[["k", "1"], ["", str(n)]], True]]] for n in range(1, 40_000))
+    pieces = (["bad", [[[["k", "-1"], ["", "3"]], True], [[["k", "1"], ["", str(n)]], True]]] for n in range(1, 35_000))
     return region(*(line for piece in pieces for line in (piece, ["cycle", [0, 2], [[0, 1]]])))
 
 
