@@ -22,7 +22,7 @@ from robust.records import atomic_write
 from robust.smt.limits import Deadline, OutOfTimeError
 
 if TYPE_CHECKING:
-    from robust.certify.produce import Verification
+    from robust.certify.verify import Verification
     from robust.cli.guard import Run
     from robust.execute.convert import Conversion
     from robust.plan.model import ParametrizedPlan
@@ -43,8 +43,8 @@ def certify(options: CertifyCommand, run: Run) -> int:
     written: dict[Path, str | bytes] = {}
 
     def work(folder: Path) -> tuple[int | None, float, Verification, float]:
-        from robust.certify.produce import verify
         from robust.certify.tape import packed
+        from robust.certify.verify import verify
 
         deadline = Deadline.after(run.remaining)
         started = time.perf_counter()
@@ -71,9 +71,9 @@ def certify(options: CertifyCommand, run: Run) -> int:
         reason = report.answer["reason"]
         raise InputError(f"the checker does not accept the certificate: {reason}; please report this as a bug")
 
-    from robust.show import documents, execution
+    from robust.show import certificates, documents
 
-    answer = execution.Certify(
+    answer = certificates.Certify(
         certificate=str(options.output),
         bytes=size,
         seconds=round(seconds, 6),
@@ -107,7 +107,7 @@ def verify(options: VerifyCommand, run: Run) -> int:
     box = run.only(lambda: demanded_box(options.box))
 
     def work() -> tuple[Verification, float]:
-        from robust.certify.produce import verify
+        from robust.certify.verify import verify
 
         started = time.perf_counter()
         report = verify(
@@ -123,8 +123,8 @@ def verify(options: VerifyCommand, run: Run) -> int:
 
     report, seconds = run.only(work)
 
-    from robust.certify.produce import CheckerOutcome
-    from robust.show import documents, execution
+    from robust.certify.verify import CheckerOutcome
+    from robust.show import certificates, documents
 
     if report.outcome is CheckerOutcome.UNREADABLE:
         raise InputError(f"cannot read ({report.answer['reason']}), expected {CERTIFICATE}", place)
@@ -132,7 +132,7 @@ def verify(options: VerifyCommand, run: Run) -> int:
         names = ", ".join(map(quoted, options.files))
         raise UnsupportedError(f"the checker of certificates does not read one of {names}: {report.answer['reason']}")
     said = ("kind", "claim", "epsilon", "box", "obligations", "refuted", "reason")
-    answer = execution.Verify(
+    answer = certificates.Verify(
         verdict=report.answer["verdict"],
         files=report.answer["files"],
         seconds=round(seconds, 6),
@@ -272,7 +272,7 @@ def _lines(options: CertifyCommand, deadline: Deadline, run: Run) -> tuple[list[
     lines = certificate.of_plan() if plain else certificate.of_box(box, maximal=options.kind == "maximal")
     if options.alethe is None:
         return lines, None
-    from robust.certify.produce import export
+    from robust.certify.alethe import export
     from robust.encode import create_encoding
 
     encoding = create_encoding(options.encoding, plan, options.separation, deadline)

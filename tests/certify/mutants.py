@@ -31,7 +31,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from robust.certify.produce import FOLDER
+from robust.certify.verify import FOLDER
 from tests.certify.tools import Checker
 
 ACCEPTED = Path(__file__).with_name("mutants_accepted.txt")

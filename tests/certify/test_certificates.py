@@ -10,10 +10,11 @@ import pytest
 from benchmarks.generators.team_plans import Shape, random_plan
 from benchmarks.suite import read_deliveries, read_suite
 from robust.api import check, envelope, region
+from robust.certify.alethe import export
 from robust.certify.bad import declared_bounds, face_lines, region_lines
 from robust.certify.checker import reader
 from robust.certify.checker.formulas import Formulas
-from robust.certify.produce import PlanCertificate, export, knowledge
+from robust.certify.produce import PlanCertificate, knowledge
 from robust.certify.tape import (
     OrderLemmas,
     affine_times,

@@ -15,8 +15,8 @@ import tokenize
 import pytest
 
 from robust.api import envelope
-from robust.certify.produce import FOLDER, CheckerOutcome, verify
 from robust.certify.tape import write
+from robust.certify.verify import FOLDER, CheckerOutcome, verify
 from robust.plan.load import load_plan
 from robust.qe.box import Interval
 from tests.certify import tools

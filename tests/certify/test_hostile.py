@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from robust.certify.produce import FOLDER
+from robust.certify.verify import FOLDER
 from tests.certify import tools
 from tests.certify.forgeries import FORMAT, LONGER, NOT_NEGATIVE, over
 

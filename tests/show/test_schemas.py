@@ -12,6 +12,7 @@ import pytest
 from robust.json_text import schema_of
 from robust.show import (
     batch,
+    certificates,
     documents,
     execution,
     pike,
@@ -25,7 +26,19 @@ from robust.show import (
 )
 from robust.show.schemas import FILES, schema
 
-MODULES = (batch, documents, execution, pike, pike_envelopes, plan_documents, repairs, risk, stnu, validation)
+MODULES = (
+    batch,
+    certificates,
+    documents,
+    execution,
+    pike,
+    pike_envelopes,
+    plan_documents,
+    repairs,
+    risk,
+    stnu,
+    validation,
+)
 DOCUMENTS = {one.__struct_config__.tag: one for module in MODULES for one in module.DOCUMENTS}
 
 
