@@ -22,7 +22,8 @@ from typing import Any, ClassVar, TypeVar
 from robust.draw.style import BLACK, BLUE
 from robust.errors import UNDECIDED, InputError
 from robust.pike_bridge.action_model import Instance
-from robust.pike_bridge.semantics import ExecutionExistence, Oracle, candidate_subplans
+from robust.pike_bridge.compile import candidate_subplans
+from robust.pike_bridge.semantics import ExecutionExistence, Oracle
 from robust.sweeps.batch import COMMAND, complaint, measured
 
 from ..catalogue import Figure20aOptions, Figure21Options

@@ -7,7 +7,7 @@ activities are bounded by the durations that their actions allow.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
@@ -82,81 +82,6 @@ Durations: TypeAlias = tuple[Fraction, Fraction | None]
 """How long an action may take: at least and at most; None is no upper bound."""
 
 
-class StaticFacts:
-    """The atoms that no effect of the plan touches, and the fluents that no action of the domain changes."""
-
-    def __init__(self, domain: Domain, problem: Problem, instances: Iterable[states.ActionInstance]) -> None:
-        self._initial = problem.atoms
-        self._touched = {effect.atom for instance in instances for effect in instance.atom_effects}
-        self._values: Mapping[states.Fluent, Fraction] = {
-            fluent: value for fluent, value in problem.fluents.items() if fluent.function not in domain.written
-        }
-        self._written = domain.written
-
-    def simplify(self, condition: states.Condition) -> states.Condition:
-        """The condition with what never changes decided."""
-        match condition:
-            case states.Truth():
-                return condition
-            case states.Holds(atom, value):
-                return condition if atom in self._touched else states.Truth((atom in self._initial) == value)
-            case states.NumericCondition(expression, relation):
-                known = self._known(expression)
-                return states.Truth(relation.holds(known.constant_term)) if known.is_constant else condition
-            case states.And(operands):
-                return states.junction([self.simplify(operand) for operand in operands], every=True)
-            case states.Or(operands):
-                return states.junction([self.simplify(operand) for operand in operands], every=False)
-            case _:
-                assert_never(condition)
-
-    def durations(self, instance: states.ActionInstance, schema: ActionSchema) -> Durations:
-        """The durations that the action allows.
-
-        Raises:
-            InputError: if a number that decides about the duration has no value.
-            UnsupportedError: if the duration depends on what changes or is a parameter, or has a strict bound.
-        """
-        lower: Fraction = Fraction(0)
-        upper: Fraction | None = None
-        for constraint in instance.durations:
-            slope, limit = self._limit(constraint, instance, schema)
-            both = constraint.condition.relation is states.Relation.EQUAL
-            if slope > 0 or both:
-                lower = max(lower, limit)
-            if slope < 0 or both:
-                upper = limit if upper is None else min(upper, limit)
-        return lower, upper
-
-    def _limit(
-        self, constraint: states.DurationConstraint, instance: states.ActionInstance, schema: ActionSchema
-    ) -> tuple[Fraction, Fraction]:
-        """A bound on the duration, and the factor whose sign says on which side it is."""
-        expression = self._known(constraint.condition.expression)
-        for variable in sorted(expression.variables, key=str):
-            if isinstance(variable, states.Fluent) and variable.function not in self._written:
-                reason = f"duration {constraint.text} of {instance} reads it"
-                remedy = f"add (= {variable} VALUE) to the problem's :init"
-                message = f"found no initial value of {variable}, expected one because {reason}: {remedy}"
-                raise InputError(message, schema.location)
-        slope = dict(expression.coefficients()).get(states.Duration(), Fraction(0))
-        strict = constraint.condition.relation not in {states.Relation.AT_LEAST, states.Relation.EQUAL}
-        if expression.variables != {states.Duration()} or not expression.is_linear or slope == 0 or strict:
-            message = f"found duration {constraint.text} of {instance}, expected <=, >= or = and a constant"
-            raise UnsupportedError(f"{message} in plans with choices", schema.location)
-        return slope, -expression.constant_term / slope
-
-    def _known(self, expression: states.Expression) -> states.Expression:
-        """With the values of fluents that never change."""
-
-        def value(variable: states.NumericVariable) -> states.Expression:
-            if isinstance(variable, states.Fluent) and variable in self._values:
-                return Polynomial.constant(self._values[variable])
-            return Polynomial.variable(variable)
-
-        return expression.substitute(value)
-
-
 def team_plan(
     network: model.Tpnu,
     domain: Domain,
@@ -189,14 +114,15 @@ class _Joining:
         for at, activity in enumerate(network.activities):
             if activity.action not in self._instances:
                 self._instances[activity.action] = self._ground(at, activity)
-        self._facts = StaticFacts(domain, problem, self._instances.values())
+        self._touched = {effect.atom for one in self._instances.values() for effect in one.atom_effects}
+        """What effects of the plan are about; other atoms never change."""
 
     def plan(self) -> model.TeamPlan:
         if self._problem.timed_literals:
             first = self._problem.timed_literals[0]
             message = f"found a timed initial literal at {format_number(first.time)}"
             raise UnsupportedError(f"{message}, expected an initial state at time 0 only", self._problem.location)
-        allowed = {name: self._facts.durations(one, self._schema(one)) for name, one in self._instances.items()}
+        allowed = {name: self._durations(one) for name, one in self._instances.items()}
         activities = tuple(
             self._bounded(at, activity, allowed[activity.action])
             for at, activity in enumerate(self._network.activities)
@@ -266,7 +192,7 @@ class _Joining:
         is what monitoring notices that by.
         """
         simplified = (
-            self._facts.simplify(condition) if isinstance(condition, states.NumericCondition | states.Or) else condition
+            self._simplified(condition) if isinstance(condition, states.NumericCondition | states.Or) else condition
         )
         match simplified:
             case states.Truth(value):
@@ -304,12 +230,75 @@ class _Joining:
                 yield model.Effect(model.Literal(atom, value), event, activity.guard, at)
 
     def _happens(self, effect: states.AtomEffect, instance: states.ActionInstance) -> bool:
-        condition = self._facts.simplify(effect.condition)
+        condition = self._simplified(effect.condition)
         if isinstance(condition, states.Truth):
             return condition.value
         message = f"found a conditional effect on {effect.atom} of {instance}"
         expected = "expected effects without conditions in plans with choices"
         raise UnsupportedError(f"{message}, {expected}", self._schema(instance).location)
+
+    # -- what never changes ----------------------------------------------------------------------------------------
+
+    def _simplified(self, condition: states.Condition) -> states.Condition:
+        """The condition with what never changes decided."""
+        match condition:
+            case states.Truth():
+                return condition
+            case states.Holds(atom, value):
+                return condition if atom in self._touched else states.Truth((atom in self._problem.atoms) == value)
+            case states.NumericCondition(expression, relation):
+                known = self._known(expression)
+                return states.Truth(relation.holds(known.constant_term)) if known.is_constant else condition
+            case states.And(operands):
+                return states.junction([self._simplified(operand) for operand in operands], every=True)
+            case states.Or(operands):
+                return states.junction([self._simplified(operand) for operand in operands], every=False)
+            case _:
+                assert_never(condition)
+
+    def _durations(self, instance: states.ActionInstance) -> Durations:
+        """The durations that the action allows."""
+        lower: Fraction = Fraction(0)
+        upper: Fraction | None = None
+        for constraint in instance.durations:
+            slope, limit = self._limit(constraint, instance)
+            both = constraint.condition.relation is states.Relation.EQUAL
+            if slope > 0 or both:
+                lower = max(lower, limit)
+            if slope < 0 or both:
+                upper = limit if upper is None else min(upper, limit)
+        return lower, upper
+
+    def _limit(
+        self, constraint: states.DurationConstraint, instance: states.ActionInstance
+    ) -> tuple[Fraction, Fraction]:
+        """A bound on the duration, and the factor whose sign says on which side it is."""
+        schema = self._schema(instance)
+        expression = self._known(constraint.condition.expression)
+        for variable in sorted(expression.variables, key=str):
+            if isinstance(variable, states.Fluent) and variable.function not in self._domain.written:
+                reason = f"duration {constraint.text} of {instance} reads it"
+                remedy = f"add (= {variable} VALUE) to the problem's :init"
+                message = f"found no initial value of {variable}, expected one because {reason}: {remedy}"
+                raise InputError(message, schema.location)
+        slope = dict(expression.coefficients()).get(states.Duration(), Fraction(0))
+        strict = constraint.condition.relation not in {states.Relation.AT_LEAST, states.Relation.EQUAL}
+        if expression.variables != {states.Duration()} or not expression.is_linear or slope == 0 or strict:
+            message = f"found duration {constraint.text} of {instance}, expected <=, >= or = and a constant"
+            raise UnsupportedError(f"{message} in plans with choices", schema.location)
+        return slope, -expression.constant_term / slope
+
+    def _known(self, expression: states.Expression) -> states.Expression:
+        """With the values of fluents that no action of the domain changes."""
+        values = self._problem.fluents
+
+        def value(variable: states.NumericVariable) -> states.Expression:
+            static = isinstance(variable, states.Fluent) and variable.function not in self._domain.written
+            if isinstance(variable, states.Fluent) and static and variable in values:
+                return Polynomial.constant(values[variable])
+            return Polynomial.variable(variable)
+
+        return expression.substitute(value)
 
 
 def _never(condition: states.Condition, text: str) -> model.Literal:

@@ -14,14 +14,15 @@ from enum import Enum
 from fractions import Fraction
 from typing import Any
 
-from robust.errors import Location, SolverError, UnsupportedError
+from robust.errors import InputError, Location, SolverError, UnsupportedError
 from robust.pike_bridge.causal import AugmentedPlan, augment
 from robust.pike_bridge.distance_graph import Precedence, StructuralPrecedence
 from robust.pike_bridge.knowledge import create_knowledge_base, interface, reasons_about_time
+from robust.pike_bridge.knowledge.goal import compile_goal
 from robust.pike_bridge.labeled_apsp import LabeledDistances, schedule, temporal_conflicts
-from robust.pike_bridge.model import ALWAYS, Assignment, Guard, TeamPlan, check_choice
+from robust.pike_bridge.model import ALWAYS, Assignment, Guard, TeamPlan, Tpnu, check_choice, circular
 from robust.pike_bridge.model import guard as conjunction
-from robust.pike_bridge.semantics import Execution, ExecutionExistence, Oracle, candidate_subplans, confirmed
+from robust.pike_bridge.semantics import Execution, ExecutionExistence, Oracle, confirmed
 from robust.presented import Presented, VerdictEnum
 from robust.searching import Announce, Searching, Status, Stoppable, unheard
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
@@ -120,20 +121,15 @@ class Compiling:
             self.seconds[name] = time.perf_counter() - started
 
     def _precedence(self) -> Precedence:
-        match self.temporal:
-            case Temporal.APSP:
-                return LabeledDistances(self.plan.network, self.deadline, epsilon=self.plan.separation)
-            case Temporal.LAZY:
-                return StructuralPrecedence(self.plan.network, self.deadline, epsilon=self.plan.separation)
+        precedence = LabeledDistances if self.temporal is Temporal.APSP else StructuralPrecedence
+        return precedence(self.plan.network, self.deadline, epsilon=self.plan.separation)
 
     def _conflicts(self, augmented: AugmentedPlan) -> tuple[tuple[Guard, ...], LabeledDistances | None]:
-        match self.temporal:
-            case Temporal.APSP:
-                distances = LabeledDistances(augmented.network, self.deadline)
-                return tuple(map(distances.vocabulary.decode, distances.conflicts)), distances
-            case Temporal.LAZY:
-                network, theory = augmented.network, augmented.theory
-                return temporal_conflicts(network, theory, self.deadline, solver=self.solver), None
+        network = augmented.network
+        if self.temporal is Temporal.APSP:
+            distances = LabeledDistances(network, self.deadline)
+            return tuple(map(distances.vocabulary.decode, distances.conflicts)), distances
+        return temporal_conflicts(network, augmented.theory, self.deadline, solver=self.solver), None
 
 
 ORACLE = "oracle"
@@ -191,6 +187,34 @@ class Sizes(Stoppable, ask="satisfiable"):
     seconds: dict[str, float] = field(default_factory=dict)
     statistics: dict[str, Any] = field(default_factory=dict)
     implicants: list[dict[str, str]] | None = None
+
+
+UNDECIDED = ""
+"""In place of the value of a choice that is not active."""
+
+
+def candidate_subplans(network: Tpnu) -> int:
+    """How many different sets of decisions there are: assignments to the choices that are active under them.
+
+    For plans that are built from sequences, parallel branches and choices it is the number that [PIKE §6.2.2] defines
+    by recursion. Decision diagrams count them.
+
+    Raises:
+        InputError: if choices depend on one another in a cycle.
+    """
+    if cycle := circular(network):
+        raise InputError(f"found choices that depend on one another in a cycle: {', '.join(cycle)}; expected none")
+    guards = network.guards
+    needs = {choice.name: ALWAYS if choice.event is None else guards[choice.event] for choice in network.choices}
+    domains = {name: (*values, UNDECIDED) for name, values in network.domains.items()}
+    labels = []
+    for name, guard in needs.items():
+        # What the choices that it depends on need themselves goes without saying.
+        direct = guard.difference(*(needs[variable] for variable, _ in guard))
+        active = [direct | {Assignment(name, value)} for value in network.domains[name]]
+        others = [Assignment(of, each) for of, value in direct for each in domains[of] if each != value]
+        labels.append([*active, *(frozenset({other, Assignment(name, UNDECIDED)}) for other in others)])
+    return compile_goal(domains, labels, (), NEVER).count(NEVER)
 
 
 @dataclass
@@ -325,9 +349,12 @@ class Checking(Compiling, Searching[PikeCheck]):
 
 
 def scenarios(
-    knowledge: interface.KnowledgeBase, domains: Mapping[str, tuple[str, ...]], deadline: Deadline
+    knowledge: interface.KnowledgeBase,
+    domains: Mapping[str, tuple[str, ...]],
+    deadline: Deadline,
+    environment: Guard = ALWAYS,
 ) -> Iterator[Guard]:
-    """Every assignment to the given variables that some model of the knowledge base extends.
+    """Every assignment to the given variables, in an environment, that some model of the knowledge base extends.
 
     Variable by variable, never entering an environment that could not be committed to: at most as many queries per
     scenario as there are values.
@@ -335,18 +362,19 @@ def scenarios(
     Raises:
         OutOfTimeError: if the deadline passes first.
     """
-    names = list(domains)
+    names = [name for name in domains if name not in dict(environment)]
     # Last in, first out: the next environment is the one with most assignments and the earliest values.
-    open_environments: list[tuple[int, Guard]] = [(0, ALWAYS)] if knowledge.satisfiable(deadline) else []
+    open_environments = [(0, environment)]
     while open_environments:
         depth, environment = open_environments.pop()
+        if not knowledge.could_commit([interface.Require(environment)], deadline):
+            continue
         if depth == len(names):
             yield environment
             continue
-        for value in reversed(domains[names[depth]]):
-            extended = environment | {Assignment(names[depth], value)}
-            if knowledge.could_commit([interface.Require(extended)], deadline):
-                open_environments.append((depth + 1, extended))
+        name = names[depth]
+        extended = (environment | {Assignment(name, value)} for value in reversed(domains[name]))
+        open_environments += ((depth + 1, each) for each in extended)
 
 
 def execution_in(compilation: Compilation, environment: Guard, deadline: Deadline) -> Execution:
@@ -356,36 +384,16 @@ def execution_in(compilation: Compilation, environment: Guard, deadline: Deadlin
         SolverError: if there is none after all, so that the back end or the augmented plan is wrong.
         OutOfTimeError: if the deadline passes first.
     """
-    model = extension(compilation.knowledge, compilation.augmented.theory.domains, environment, deadline)
-    times_or_conflict = schedule(compilation.augmented.network, conjunction(model))
+    knowledge, augmented = compilation.knowledge, compilation.augmented
+    model = next(scenarios(knowledge, augmented.theory.domains, deadline, environment), None)
+    if model is None:
+        raise SolverError(f"{knowledge.name} allows an environment, but no model in it; please report this")
+    times_or_conflict = schedule(augmented.network, model)
     if isinstance(times_or_conflict, frozenset):
         message = f"{compilation.backend} allows choices that have no schedule: {sorted(times_or_conflict)}"
         raise SolverError(f"{message}; please report this")
-    plan = compilation.augmented.plan
     start = min(times_or_conflict.values(), default=Fraction(0))
-    scenario = {name: model[name] for name in plan.network.domains}
+    plan, chosen = augmented.plan, dict(model)
+    scenario = {name: chosen[name] for name in plan.network.domains}
     times = {event: when - start for event, when in times_or_conflict.items()}
     return confirmed(plan, Execution(scenario, times), compilation.backend)
-
-
-def extension(
-    knowledge: interface.KnowledgeBase, domains: Mapping[str, tuple[str, ...]], environment: Guard, deadline: Deadline
-) -> dict[str, str]:
-    """A model of the knowledge base in an environment, found by asking for one value after the other.
-
-    Raises:
-        SolverError: if the back end contradicts itself: no value of some variable could be committed to.
-        OutOfTimeError: if the deadline passes first.
-    """
-    model = dict(environment)
-    for name, values in domains.items():
-        if name in model:
-            continue
-        for value in values:
-            if knowledge.could_commit([interface.Require(conjunction({**model, name: value}))], deadline):
-                model[name] = value
-                break
-        else:
-            message = f"{knowledge.name} allows an environment, but no value of {name} in it"
-            raise SolverError(f"{message}; please report this")
-    return model

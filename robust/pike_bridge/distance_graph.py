@@ -16,7 +16,7 @@ from math import inf, lcm
 from operator import itemgetter
 from typing import Generic, NamedTuple, Protocol, TypeAlias, TypeVar
 
-from robust.pike_bridge.model import AssignmentVocabulary, Constraint, Environment, Tpnu, bits, entails, union
+from robust.pike_bridge.model import AssignmentVocabulary, Environment, Tpnu, bits, entails, union
 from robust.smt.limits import NEVER, Deadline
 
 
@@ -39,14 +39,12 @@ class Precedence(Protocol):
 
 
 class LabeledEdge(NamedTuple):
-    """t(target) − t(source) ≤ weight in every scenario of the label; events and constraints by their places."""
+    """t(target) − t(source) ≤ weight in every scenario of the label; events by their places."""
 
     source: int
     target: int
     weight: int
     label: Environment
-    constraint: int
-    """The place in `Tpnu.temporal_constraints` of the constraint that says so."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +55,6 @@ class DistanceGraph:
     events: tuple[str, ...]
     guards: tuple[Environment, ...]
     """The guard of each event, by place."""
-    constraints: tuple[Constraint, ...]
     edges: tuple[LabeledEdge, ...]
     scale: int
     """How many units of weight are one unit of time."""
@@ -81,20 +78,19 @@ def distance_graph(network: Tpnu) -> DistanceGraph:
     vocabulary = AssignmentVocabulary(network.domains)
     places = {event.name: place for place, event in enumerate(network.events)}
     guards = tuple(vocabulary.encode(event.guard) for event in network.events)
-    constraints = network.temporal_constraints
     scale = lcm(*(bound.denominator for bound in network.bounds))
     edges: list[LabeledEdge] = []
-    for number, entry in enumerate(constraints):
+    for entry in network.temporal_constraints:
         source, target = places[entry.source], places[entry.target]
         label = vocabulary.encode(entry.guard) | guards[source] | guards[target]
         if not vocabulary.consistent(label):
             continue
         if entry.upper is not None:
-            edges.append(LabeledEdge(source, target, int(entry.upper * scale), label, number))
+            edges.append(LabeledEdge(source, target, int(entry.upper * scale), label))
         if entry.lower is not None:
-            edges.append(LabeledEdge(target, source, int(-entry.lower * scale), label, number))
+            edges.append(LabeledEdge(target, source, int(-entry.lower * scale), label))
     events = tuple(event.name for event in network.events)
-    return DistanceGraph(vocabulary, events, guards, constraints, tuple(edges), scale)
+    return DistanceGraph(vocabulary, events, guards, tuple(edges), scale)
 
 
 V = TypeVar("V", int, Fraction)

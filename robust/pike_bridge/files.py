@@ -13,10 +13,10 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final, TypeVar
+from typing import Any, Final, TypeAlias, TypeVar
 
 from robust.errors import InputError, Location, did_you_mean
 from robust.json_text import Array, Constant, Json, JsonPath, JsonText, Key, Numeral, Object, describe, parse_json, walk
@@ -53,12 +53,8 @@ def validate(network: model.Tpnu, places: Places = NOWHERE) -> None:
         InputError: at the first thing that is wrong.
     """
     checks = _Checks(network, places)
-    checks.names()
-    checks.choices()
-    checks.guards()
-    checks.edges()
-    checks.containment()
-    checks.timeliness()
+    for check in (checks.names, checks.guards, checks.edges, checks.containment, checks.timeliness):
+        check()
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,9 +77,12 @@ class _Checks:
     # -- names ---------------------------------------------------------------------------------------------------
 
     def names(self) -> None:
-        """Names are unique, and all that is mentioned exists."""
-        self._unique("choice", "choices", [choice.name for choice in self._network.choices])
-        self._unique("event", "events", [event.name for event in self._network.events])
+        """Names are unique, all that is mentioned exists, and each choice has values, all different."""
+        for kind, plural, parts in (
+            ("choice", "choices", self._network.choices),
+            ("event", "events", self._network.events),
+        ):
+            self._unique(kind, plural, [part.name for part in parts])
         for at, choice in enumerate(self._network.choices):
             if choice.event is not None:
                 self._event(choice.event, "choices", at, "at")
@@ -92,10 +91,13 @@ class _Checks:
             self._event(edge.target, kind, at, "to")
         for at, event in enumerate(self._network.events):
             if event.name in {model.INITIAL, model.GOAL} and event.guard:
-                message = (
-                    f"found guard {{{model.guard_text(event.guard)}}} of {event.name}, expected none: it always happens"
-                )
-                raise self._fault(message, "events", at, "guard")
+                message = f"found guard {{{model.guard_text(event.guard)}}} of {event.name}, expected none"
+                raise self._fault(f"{message}: it always happens", "events", at, "guard")
+        for at, choice in enumerate(self._network.choices):
+            if not choice.domain or len(set(choice.domain)) < len(choice.domain):
+                values = ", ".join(choice.domain) or "no values"
+                message = f"found {values} for choice {choice.name!r}, expected at least one value and each once"
+                raise self._fault(message, "choices", at, "domain")
 
     def _unique(self, kind: str, plural: str, names: list[str]) -> None:
         seen: set[str] = set()
@@ -108,14 +110,6 @@ class _Checks:
         if name not in self._guards:
             hint = did_you_mean(name, self._guards)
             raise self._fault(f"found event {shorten(name)}, expected one of the plan{hint}", *path)
-
-    def choices(self) -> None:
-        """Each choice has values, all different."""
-        for at, choice in enumerate(self._network.choices):
-            if not choice.domain or len(set(choice.domain)) < len(choice.domain):
-                values = ", ".join(choice.domain) or "no values"
-                message = f"found {values} for choice {choice.name!r}, expected at least one value and each once"
-                raise self._fault(message, "choices", at, "domain")
 
     # -- guards --------------------------------------------------------------------------------------------------
 
@@ -160,7 +154,14 @@ class _Checks:
     def edges(self) -> None:
         """Constraints and activities imply their events, and their bounds leave something between them."""
         for edge, name, kind, at in self._edges():
-            self._edge(edge, name, kind, at)
+            for event in (edge.source, edge.target):
+                missing = self._guards[event] - edge.guard
+                if missing:
+                    message = f"found {name} without {model.guard_text(missing)} in its guard"
+                    raise self._fault(f"{message}, expected all of event {event}'s", kind, at, "guard")
+            if edge.lower is not None and edge.upper is not None and edge.lower > edge.upper:
+                bounds = f"[{format_number(edge.lower)}, {format_number(edge.upper)}]"
+                raise self._fault(f"found bounds {bounds} of {name}, expected a lower bound up to the upper", kind, at)
             if isinstance(edge, model.Activity):
                 self._activity(edge, at)
 
@@ -177,18 +178,6 @@ class _Checks:
                 message = f"found activity {activity.action} at {event}, expected an event of its own"
                 reason = "nothing happens before the initial state or after the goal"
                 raise self._fault(f"{message}: {reason}", "activities", at, key)
-
-    def _edge(self, edge: model.Constraint | model.Activity, name: str, kind: str, at: int) -> None:
-        for event in (edge.source, edge.target):
-            missing = self._guards[event] - edge.guard
-            if missing:
-                message = (
-                    f"found {name} without {model.guard_text(missing)} in its guard, expected all of event {event}'s"
-                )
-                raise self._fault(message, kind, at, "guard")
-        if edge.lower is not None and edge.upper is not None and edge.lower > edge.upper:
-            bounds = f"[{format_number(edge.lower)}, {format_number(edge.upper)}]"
-            raise self._fault(f"found bounds {bounds} of {name}, expected a lower bound up to the upper", kind, at)
 
     # -- choices before what depends on them ---------------------------------------------------------------------
 
@@ -214,13 +203,7 @@ class _Checks:
                     raise self._fault(f"{message}, expected that too: {reason}", *guarded.path, "guard", variable)
 
     def _acyclic(self) -> None:
-        """Remove choices whose event depends on no choice that is left, until none is left."""
-        needs = {
-            name: {variable for variable, _ in self._guards[choice.event]} if choice.event is not None else set()
-            for name, choice in self._choices.items()
-        }
-        while free := {name for name, needed in needs.items() if not needed}:
-            needs = {name: needed - free for name, needed in needs.items() if name not in free}
+        needs = model.circular(self._network)
         if needs:
             at, choice = next((at, one) for at, one in enumerate(self._network.choices) if one.name in needs)
             cycle = " needs ".join(_cycle(choice.name, needs))
@@ -231,14 +214,30 @@ class _Checks:
 
     def timeliness(self) -> None:
         """Nothing that depends on a choice is left unordered with it."""
-        order = _EventOrder(self._network)
+        constraints = self._network.temporal_constraints
+        edges = [(*pair, each.guard) for each in constraints for pair in _not_before(each)]
+
+        @cache
+        def following(guard: model.Guard) -> dict[str, list[str]]:
+            """Where constraints lead that say "not before" and do not contradict a guard."""
+            targets = defaultdict[str, list[str]](list)
+            for source, target, label in edges:
+                if not model.contradicts(guard, label):
+                    targets[source].append(target)
+            return targets
+
+        led_to = cache(lambda event, guard: model.reachable(following(guard), event))
+
+        def may_follow(earlier: str, later: str, guard: model.Guard) -> bool:
+            return earlier == model.INITIAL or later in led_to(earlier, guard)
+
         for guarded in self._guarded():
             for variable, _ in sorted(guarded.guard):
                 choice = self._choices[variable]
                 event = guarded.event
-                if choice.event is None or event is None or order.may_follow(choice.event, event, guarded.guard):
+                if choice.event is None or event is None or may_follow(choice.event, event, guarded.guard):
                     continue
-                if order.may_follow(event, choice.event, guarded.guard):
+                if may_follow(event, choice.event, guarded.guard):
                     when, remedy = "is ordered before", f"let the constraints put {choice.event} before {event}"
                 else:
                     when = "may come before"
@@ -260,25 +259,6 @@ def _cycle(start: str, needs: dict[str, set[str]]) -> Iterable[str]:
     return [*path[path.index(following) :], following]
 
 
-class _EventOrder:
-    """Which events are led to from an event by constraints that say "not before" and do not contradict a guard."""
-
-    def __init__(self, network: model.Tpnu) -> None:
-        self._edges = [(*pair, each.guard) for each in network.temporal_constraints for pair in _not_before(each)]
-        self._under: dict[model.Guard, dict[str, list[str]]] = {}
-        self._led_to: dict[tuple[model.Guard, str], set[str]] = {}
-
-    def may_follow(self, earlier: str, later: str, guard: model.Guard) -> bool:
-        if guard not in self._under:
-            following = self._under[guard] = defaultdict(list)
-            for source, target, label in self._edges:
-                if not model.contradicts(guard, label):
-                    following[source].append(target)
-        if (guard, earlier) not in self._led_to:
-            self._led_to[guard, earlier] = model.reachable(self._under[guard], earlier)
-        return earlier == model.INITIAL or later in self._led_to[guard, earlier]
-
-
 def _not_before(constraint: model.Constraint) -> Iterator[tuple[str, str]]:
     if constraint.lower is not None and constraint.lower >= 0:
         yield constraint.source, constraint.target
@@ -291,7 +271,7 @@ SCHEMA_FILE: Final = Path(__file__).with_name("tpnu.schema.json")
 """The JSON Schema of the format."""
 
 _KINDS_OF_PARAMETERS = ("duration", "at-least", "at-most", "hesitation")
-_NUMBERS_OF_PARAMETERS = (("default", None), ("lower", "-inf"), ("upper", "inf"), ("weight", None))
+_NUMBERS_OF_PARAMETERS = {"default": None, "lower": "-inf", "upper": "inf", "weight": None}
 T = TypeVar("T")
 
 
@@ -489,24 +469,22 @@ def _json(value: object) -> str:
 
 # -- objects ---------------------------------------------------------------------------------------------------------
 
-
-@dataclass(frozen=True, slots=True)
-class _Member:
-    """A key of an object, the field that it is, and how its value is read."""
-
-    key: str
-    field: str
-    read: Callable[[Json], object]
-    required: bool = True
-    """What is not may be missing, and is not written if it is None or empty."""
+Members: TypeAlias = Mapping[str, Callable[[Json], object]]
+"""How the value of each key is read."""
+_FIELDS: Final = {"at": "event", "from": "source", "to": "target"}
+"""The fields that have other names than their keys."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """A kind of object: what messages call it, and its members, the required ones first."""
+    """A kind of object: what messages call it, what is made of it, and its members.
+
+    Optional ones may be missing, and are not written if they are None or empty.
+    """
 
     what: str
-    members: tuple[_Member, ...]
+    required: Members
+    optional: Members
     make: Callable[..., Any] = dict
     located: bool = False
     """Whether it keeps its place."""
@@ -515,85 +493,46 @@ class _Part:
         """What is made of the fields that are there; InputError if keys are unknown or missing, or values wrong."""
         if not isinstance(value, Object):
             raise _fault(value, f"{self.what}: an object in braces")
-        known = {member.key: member for member in self.members}
+        known = {**self.required, **self.optional}
         for key in value.keys:
             if key.value not in known:
                 hint = did_you_mean(key.value, known)
                 raise InputError(f"found key {shorten(key.value)}, expected one of {self.what}{hint}", key.location)
-        required = [member.key for member in self.members if member.required]
-        for name in required:
+        for name in self.required:
             if name not in value.members:
-                message = f"found {self.what} without {name!r}, expected all of {', '.join(required)}"
+                message = f"found {self.what} without {name!r}, expected all of {', '.join(self.required)}"
                 raise InputError(message, value.location)
-        there = (member for member in self.members if member.key in value.members)
-        fields = {member.field: member.read(value.members[member.key]) for member in there}
-        return self.make(**fields, **({"location": value.location} if self.located else {}))
+        place = {"location": value.location} if self.located else {}
+        there = {key: read(value.members[key]) for key, read in known.items() if key in value.members}
+        return self.make(**{_FIELDS.get(key, key): member for key, member in there.items()}, **place)
 
     def text(self, part: object) -> str:
         """The object in one line."""
-        values = ((member, getattr(part, member.field)) for member in self.members)
-        written = (f"{_json(member.key)}: {_json(value)}" for member, value in values if member.required or value)
+        values = {key: getattr(part, _FIELDS.get(key, key)) for key in (*self.required, *self.optional)}
+        written = (f"{_json(key)}: {_json(value)}" for key, value in values.items() if key in self.required or value)
         return f"{{{', '.join(written)}}}"
 
 
-_GUARD_MEMBER = _Member("guard", "guard", _guard, required=False)
-_ENDS = (_Member("from", "source", _text), _Member("to", "target", _text))
+_GUARDED: Final[Members] = {"guard": _guard}
+_BETWEEN: Final[Members] = {"from": _text, "to": _text, "lower": _bound, "upper": _bound}
+_CHOICE: Final[Members] = {"name": _text, "domain": _domain, "controllable": _boolean, "at": _text}
+_ACTIVITY: Final[Members] = {"action": _action, **_BETWEEN, "lower": _number}
 _LISTS: Final[Mapping[str, _Part]] = {
-    "choices": _Part(
-        "a choice",
-        (
-            _Member("name", "name", _text),
-            _Member("domain", "domain", _domain),
-            _Member("controllable", "controllable", _boolean),
-            _Member("at", "event", _text),
-        ),
-        model.Choice,
-    ),
-    "events": _Part("an event", (_Member("name", "name", _text), _GUARD_MEMBER), model.Event),
-    "constraints": _Part(
-        "a constraint",
-        (*_ENDS, _Member("lower", "lower", _bound), _Member("upper", "upper", _bound), _GUARD_MEMBER),
-        model.Constraint,
-    ),
-    "activities": _Part(
-        "an activity",
-        (
-            _Member("action", "action", _action),
-            *_ENDS,
-            _Member("lower", "lower", _number),
-            _Member("upper", "upper", _bound),
-            _Member("agent", "agent", _text_or_null, required=False),
-            _GUARD_MEMBER,
-        ),
-        model.Activity,
-        located=True,
-    ),
+    "choices": _Part("a choice", _CHOICE, {}, model.Choice),
+    "events": _Part("an event", {"name": _text}, _GUARDED, model.Event),
+    "constraints": _Part("a constraint", _BETWEEN, _GUARDED, model.Constraint),
+    "activities": _Part("an activity", _ACTIVITY, {"agent": _text_or_null, **_GUARDED}, model.Activity, located=True),
 }
-
-
-def _parameter(*, location: Location, **members: str) -> TeamParameterSpec:
-    return of_members({key.replace("_", "-"): value for key, value in members.items()}, location)
-
-
 _PARAMETER: Final = _Part(
     "a parameter",
-    (
-        _Member("name", "name", _text),
-        *(_Member(key, key.replace("-", "_"), _text, False) for key in _KINDS_OF_PARAMETERS),
-        *(_Member(key, key, partial(_number_text, infinite), False) for key, infinite in _NUMBERS_OF_PARAMETERS),
-    ),
-    _parameter,
+    {"name": _text},
+    dict.fromkeys(_KINDS_OF_PARAMETERS, _text)
+    | {key: partial(_number_text, infinite) for key, infinite in _NUMBERS_OF_PARAMETERS.items()},
+    lambda *, location, **members: of_members(members, location),
     located=True,
 )
 _DOCUMENT: Final = _Part(
     "a plan with choices",
-    (
-        _Member("format", "format", _format),
-        *(_Member(key, key, _text) for key in ("name", "domain", "problem")),
-        *(
-            _Member(key, key, _list(_LISTS[key].read), required=key == "events")
-            for key in ("events", "choices", "constraints", "activities")
-        ),
-        _Member("parameters", "parameters", _list(_PARAMETER.read), required=False),
-    ),
+    {"format": _format, **dict.fromkeys(("name", "domain", "problem"), _text), "events": _list(_LISTS["events"].read)},
+    {key: _list(part.read) for key, part in _LISTS.items() if key != "events"} | {"parameters": _list(_PARAMETER.read)},
 )

@@ -75,13 +75,13 @@ class LabeledElimination(Elimination[Numbers]):
                 self.eliminate(event)
                 waiting.extend((self.before[event].keys() | self.after[event].keys()) - set(waiting))
 
-    def edges(self) -> Iterator[tuple[int, int, int, Environment]]:
-        """Source, target, distance and full label of what is left between the events that are left."""
+    def edges(self) -> Iterator[LabeledEdge]:
+        """What is left between the events that are left, with full labels."""
         for source in sorted(self.remaining):
             for target, distances in self.after[source].items():
                 guard = self._guards[source] | self._guards[target]
                 for value, label in distances:
-                    yield source, target, value, label | guard
+                    yield LabeledEdge(source, target, value, label | guard)
 
     def join(self, source: int, first: Numbers, node: int, second: Numbers, target: int) -> None:
         """Replace a path through an event; one that leads back to its source is contradicted where it is negative."""
@@ -333,8 +333,6 @@ def _label(cycle: Cycle, edges: Sequence[LabeledEdge]) -> Environment:
 
 GROWTH = 2
 """How many edges more than an event has may replace it: by measurement, that halves the time of the solver."""
-DERIVED = -1
-"""Stands for the constraint of an edge that follows from several."""
 
 
 def temporal_conflicts(
@@ -399,7 +397,7 @@ class _ConflictSearch:
             conflict = self._conflict(label)
             if conflict is not None and self._open(conflict, session):
                 self._note(conflict, session)
-        return replace(self.graph, edges=tuple(LabeledEdge(*edge, constraint=DERIVED) for edge in elimination.edges()))
+        return replace(self.graph, edges=tuple(elimination.edges()))
 
     def _open(self, conflict: Environment, session: Session) -> bool:
         with session.frame(self.propositions.guard(self.graph.vocabulary.decode(conflict))):

@@ -157,6 +157,18 @@ class Tpnu:
         return {event.name: event.guard for event in self.events}
 
 
+def circular(network: Tpnu) -> dict[str, set[str]]:
+    """Choices that depend on themselves, through the guards of events where choices are made, and what each needs."""
+    guards = network.guards
+    needs = {
+        choice.name: set() if choice.event is None else {variable for variable, _ in guards[choice.event]}
+        for choice in network.choices
+    }
+    while free := {name for name, needed in needs.items() if not needed}:
+        needs = {name: needed - free for name, needed in needs.items() if name not in free}
+    return needs
+
+
 def check_choice(
     domains: Mapping[str, Sequence[str]], name: str, value: str | None = None, place: Location | None = None
 ) -> None:

@@ -1,25 +1,22 @@
 """What a correct execution is [PIKE, Definitions 2.5 to 2.8]: as formulas, as an oracle, and as a referee.
 
 The formulas are over choices and event times. The oracle asks a solver about them. The referee simulates one execution,
-and confirms every execution that a solver or a knowledge base gives. Scenarios are enumerated and counted here, and
-plans restricted to some of them.
+and confirms every execution that a solver or a knowledge base gives. Scenarios are enumerated here, and plans
+restricted to some of them.
 """
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import chain, product
-from math import prod
 from types import MappingProxyType
 from typing import TypeAlias, TypeVar
 
 from robust.errors import InputError, SolverError, did_you_mean
 from robust.pike_bridge import model
 from robust.pike_bridge.knowledge.sat import Propositions, satisfiable
-from robust.pike_bridge.theory import evaluate
 from robust.plan.model import Atom
 from robust.plan.polynomial import Polynomial
 from robust.presented import NoTruthValue, VerdictEnum
@@ -421,94 +418,6 @@ def team_scenarios(network: model.Tpnu, environment: model.Guard = model.ALWAYS)
     ]
     for values in product(*domains):
         yield dict(zip(names, values, strict=True))
-
-
-# -- candidate subplans ----------------------------------------------------------------------------------------------
-
-_Component: TypeAlias = frozenset[tuple[str, model.Guard]]
-"""Choices that depend on one another, each with the guard that is left of its event's."""
-
-
-def candidate_subplans(network: model.Tpnu) -> int:
-    """How many different sets of decisions there are: assignments to the choices that are active under them.
-
-    For plans that are built from sequences, parallel branches and choices it is the number that [PIKE §6.2.2] defines
-    by recursion. Choices that do not depend on one another are counted separately, so that time grows with the nesting
-    of choices and not with the number of scenarios; many choices at one level that all decide about a common one are
-    the exception.
-
-    Raises:
-        InputError: if choices depend on one another in a cycle.
-    """
-    counts: dict[_Component, int] = {}
-    branches: dict[_Component, list[list[_Component]]] = {}
-
-    def step(component: _Component) -> int | list[_Component]:
-        if component not in branches:
-            branches[component] = _branches(component, network.domains)
-        missing = [part for branch in branches[component] for part in branch if part not in counts]
-        return missing or sum(prod(counts[part] for part in branch) for branch in branches[component])
-
-    parts = _components(frozenset(_direct(network).items()))
-    return prod(evaluate(part, counts, step, NEVER) for part in parts)
-
-
-def _direct(network: model.Tpnu) -> dict[str, model.Guard]:
-    """For each choice, what its event needs, without what the choices needed need themselves."""
-    guards = network.guards
-    needs = {choice.name: model.ALWAYS if choice.event is None else guards[choice.event] for choice in network.choices}
-    return {
-        name: guard
-        - frozenset[model.Assignment]().union(*(needs[variable] for variable, _ in guard if variable != name))
-        for name, guard in needs.items()
-    }
-
-
-def _branches(component: _Component, domains: Mapping[str, tuple[str, ...]]) -> list[list[_Component]]:
-    """For each value of one choice that is certainly made: what is left, in parts that do not depend on one another."""
-    mentions = Counter(variable for _, guard in component for variable, _ in guard)
-    roots = [name for name, guard in component if not guard]
-    if not roots:
-        names = ", ".join(sorted(name for name, _ in component))
-        raise InputError(f"found choices that depend on one another in a cycle: {names}; expected none")
-    root = max(roots, key=lambda name: (mentions[name], name))
-    branches = []
-    for value in domains[root]:
-        dependent = [
-            (name, frozenset(each for each in guard if each.variable != root))
-            for name, guard in component
-            if name != root and all(each.value == value for each in guard if each.variable == root)
-        ]
-        branches.append(_components(frozenset(dependent)))
-    return branches
-
-
-def _components(choices: _Component) -> list[_Component]:
-    """Choices in groups; those of different groups do not depend on one another.
-
-    A choice that mentions one that is not there, because that is inactive, is inactive itself.
-    """
-    guards = _supported(dict(choices))
-    neighbours: dict[str, set[str]] = {name: set() for name in guards}
-    for name, conditions in guards.items():
-        for variable, _ in conditions:
-            neighbours[name].add(variable)
-            neighbours[variable].add(name)
-    groups = []
-    while neighbours:
-        group = model.reachable(neighbours, next(iter(neighbours)))
-        groups.append(frozenset((name, guards[name]) for name in group))
-        neighbours = {name: others for name, others in neighbours.items() if name not in group}
-    return groups
-
-
-def _supported(guards: dict[str, model.Guard]) -> dict[str, model.Guard]:
-    """Without the choices that mention a missing one, or one that is left out itself."""
-    while missing := {
-        name for name, guard in guards.items() if not {variable for variable, _ in guard} <= guards.keys()
-    }:
-        guards = {name: guard for name, guard in guards.items() if name not in missing}
-    return guards
 
 
 # -- restriction -----------------------------------------------------------------------------------------------------

@@ -220,8 +220,8 @@ def test_schema_has_the_members_that_are_read_and_written(key):
     if key is not None:
         part = documents._LISTS[key]
         schema = schema["$defs"][schema["properties"][key]["items"]["$ref"].rpartition("/")[2]]
-    assert set(schema["properties"]) == {member.key for member in part.members}
-    assert schema["required"] == [member.key for member in part.members if member.required]
+    assert set(schema["properties"]) == {*part.required, *part.optional}
+    assert schema["required"] == [*part.required]
 
 
 def test_schema_is_a_schema_and_packaged():

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from robust.errors import InputError
 from robust.pike_bridge.action_model import with_ends
 from robust.pike_bridge.builder import Act, Choose, InParallel, InSequence, Within, act, build, choose, sequence, within
+from robust.pike_bridge.compile import candidate_subplans
 from robust.pike_bridge.files import validate
 from robust.pike_bridge.model import (
     EPSILON,
@@ -24,7 +25,7 @@ from robust.pike_bridge.model import (
     Tpnu,
     guard,
 )
-from robust.pike_bridge.semantics import candidate_subplans, restrict, team_scenarios
+from robust.pike_bridge.semantics import restrict, team_scenarios
 from tests.pike_bridge.brute_force import admits_correct_execution, candidate_subplan, holds, scenarios
 from tests.pike_bridge.kitchen import kitchen
 from tests.pike_bridge.knowledge.theories import environments

@@ -8,7 +8,7 @@ exact widening, as for plans without choices, inside polyhedra instead of formul
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 from fractions import Fraction
 
 from robust.errors import InputError, Location
@@ -113,6 +113,7 @@ class LabeledRegion(Stoppable, ask="combinations"):
         return tuple((possible, Region.union_of(self.plan.names, parts)) for possible, parts in cells)
 
 
+@dataclass
 class LabeledRegionSearch(Searching[LabeledRegion]):
     """Finds a labeled region.
 
@@ -126,27 +127,25 @@ class LabeledRegionSearch(Searching[LabeledRegion]):
         InputError: if a choice is unknown.
     """
 
-    def __init__(
-        self,
-        plan: ParametricPlan,
-        key: Sequence[str] | None = None,
-        *,
-        assume: Guard = ALWAYS,
-        solver: str = "z3",
-        deadline: Deadline = NEVER,
-        on_piece: Callable[[GoodPiece], None] = lambda _piece: None,
-    ) -> None:
+    plan: ParametricPlan
+    key: Sequence[str] | None = None
+    _: KW_ONLY
+    assume: Guard = ALWAYS
+    solver: str = "z3"
+    deadline: Deadline = NEVER
+    on_piece: Callable[[GoodPiece], None] = lambda _piece: None
+
+    def __post_init__(self) -> None:
         super().__init__()
-        names = uncontrollable(plan) if key is None else checked_choices(plan, key, "choices")
+        plan, assume = self.plan, self.assume
+        names = uncontrollable(plan) if self.key is None else checked_choices(plan, self.key, "choices")
         self._known = LabeledRegion(plan, tuple(name for name in names if name not in dict(assume)), assume)
         asked = pieces.question(plan, self._known.key, assume)
-        self._pieces = pieces.GoodPieces(asked, plan.declared, solver=solver)
-        self._deadline = deadline
-        self._on_piece = on_piece
+        self._pieces = pieces.GoodPieces(asked, plan.declared, solver=self.solver)
 
     def _search(self) -> None:
-        for piece in self._pieces.search(self._deadline):
-            self._on_piece(piece)
+        for piece in self._pieces.search(self.deadline):
+            self.on_piece(piece)
 
     def _result(self, status: Status, reason: str | None = None) -> LabeledRegion:
         known = self._known
@@ -278,6 +277,7 @@ class UnionBadSet:
         return TeamStop(stop.choices, *towards[0]) if towards else stop
 
 
+@dataclass
 class TeamEnvelopeSearch(Searching[TeamEnvelope]):
     """Finds a box of parameter values around the nominal ones.
 
@@ -291,38 +291,32 @@ class TeamEnvelopeSearch(Searching[TeamEnvelope]):
         InputError: if a choice is unknown, or assumed and asked about for all values.
     """
 
-    def __init__(
-        self,
-        plan: ParametricPlan,
-        *,
-        assume: Guard = ALWAYS,
-        for_all: Sequence[str] = (),
-        waiting: bool = False,
-        solver: str = "z3",
-        deadline: Deadline = NEVER,
-        on_stage: Announce = unheard,
-    ) -> None:
+    plan: ParametricPlan
+    _: KW_ONLY
+    assume: Guard = ALWAYS
+    for_all: Sequence[str] = ()
+    waiting: bool = False
+    solver: str = "z3"
+    deadline: Deadline = NEVER
+    on_stage: Announce = unheard
+
+    def __post_init__(self) -> None:
         super().__init__()
-        names = checked_choices(plan, for_all, "--for-all")
-        for variable, value in sorted(assume):
+        names = checked_choices(self.plan, self.for_all, "--for-all")
+        for variable, value in sorted(self.assume):
             if variable in names:
-                expected = "expected a choice that is not assumed"
-                raise InputError(
-                    f"found {variable!r}, which is assumed to be {value}, {expected}", Location("--for-all")
-                )
-        self._known = TeamEnvelope(plan, assume, names, waiting, Box.nothing(plan.declared))
-        self._solver = solver
-        self._deadline = deadline
-        self._say = on_stage
-        self._bad = UnionBadSet(plan.declared, ())
+                message = f"found {variable!r}, which is assumed to be {value}, expected a choice that is not assumed"
+                raise InputError(message, Location("--for-all"))
+        self._known = TeamEnvelope(self.plan, self.assume, names, self.waiting, Box.nothing(self.plan.declared))
+        self._bad = UnionBadSet(self.plan.declared, ())
 
     def _search(self) -> None:
         """Find a box; whenever that is ended, what is promised holds for all values in the best one by then."""
-        known, remaining = self._known, self._deadline.remaining
+        known, remaining = self._known, self.deadline.remaining
         known.combinations = self._alternatives(Deadline.after(None if remaining is None else remaining * ENUMERATING))
         self._bad = UnionBadSet(known.plan.declared, known.combinations)
         if self._is_inside():
-            self._say("widening")
+            self.on_stage("widening")
             self._widen()
 
     def _result(self, status: Status, reason: str | None = None) -> TeamEnvelope:
@@ -337,22 +331,22 @@ class TeamEnvelopeSearch(Searching[TeamEnvelope]):
     def _alternatives(self, deadline: Deadline) -> tuple[Combination, ...]:
         """The combinations in all of which the box must be, as far as they are found in time."""
         known = self._known
-        self._say("choices and polyhedra")
+        self.on_stage("choices and polyhedra")
         good = self._enumerated(pieces.question(known.plan, known.for_all, known.assume), deadline)
         alternatives = tuple(pieces.combinations(good, known.plan.plan.network.domains))
         if not known.waiting or len(alternatives) < 2 or not all(alternative.pieces for alternative in alternatives):
             return alternatives
-        self._say("waiting")
+        self.on_stage("waiting")
         asked = pieces.waiting_question(known.plan, [alternative.choices for alternative in alternatives], known.assume)
         return (Combination(ALWAYS, tuple(self._enumerated(asked, deadline))),)
 
     def _enumerated(self, asked: pieces.ParametricQuestion, deadline: Deadline) -> list[GoodPiece]:
         """All good pieces, or those that are found in time and before a solver fails."""
         known = self._known
-        search = pieces.GoodPieces(asked, known.plan.declared, solver=self._solver)
+        search = pieces.GoodPieces(asked, known.plan.declared, solver=self.solver)
         try:
             for number, _ in enumerate(search.search(deadline), 1):
-                self._say(f"polyhedra: {number}")
+                self.on_stage(f"polyhedra: {number}")
         except OutOfTimeError as stopped:
             known.status, known.reason = stopped_as(stopped)
         known.queries += search.queries
@@ -381,7 +375,7 @@ class TeamEnvelopeSearch(Searching[TeamEnvelope]):
             parameters=parameters,
             pieces=bad_pieces,
             groups=[faces_of(parameters)],
-            deadline=self._deadline,
+            deadline=self.deadline,
             on_box=self._keep,
         ).run()
         for face in faces_of(parameters):
@@ -396,7 +390,7 @@ class TeamEnvelopeSearch(Searching[TeamEnvelope]):
         box = self._known.box
         touched = list(touching(bad_pieces, box, face))
         if not touched:
-            beyond = self._bad.piece_in(box.moved(face, end + face[1].sign * JUST), self._deadline)
+            beyond = self._bad.piece_in(box.moved(face, end + face[1].sign * JUST), self.deadline)
             touched = [] if beyond is None else [beyond]
         stops = (self._bad.stop(bad, face, box) for bad in touched)
         stop = min(stops, key=lambda each: (not each.declared, len(each.statements)), default=TeamStop(ALWAYS, None))

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import reduce
-from math import prod
 from operator import and_, invert, or_
 from typing import Any, TypeAlias
 
 from robust.errors import from_extra
 from robust.pike_bridge.knowledge import interface
-from robust.pike_bridge.knowledge.goal import NOTHING, UNIT, Families
+from robust.pike_bridge.knowledge.goal import NOTHING, UNIT, Families, count_models
 from robust.pike_bridge.knowledge.orders import race
 from robust.pike_bridge.model import Assignment, Guard
-from robust.pike_bridge.theory import Formula, Theory, assignments_of, evaluate, interpret, is_consistent
+from robust.pike_bridge.theory import Formula, Theory, assignments_of, interpret, is_consistent
 from robust.smt.limits import NEVER, Deadline
 
 LARGEST_DIAGRAM = 5_000_000
@@ -64,23 +63,22 @@ class BinaryDiagrams:
 
     def valid(self, variable: str) -> Node:
         """That the digits are the number of some value."""
-        return self.any(self._values[Assignment(variable, value)] for value in self._domains[variable])
+        values = (self._values[Assignment(variable, value)] for value in self._domains[variable])
+        return reduce(or_, values, self.manager.false)
 
     def environment(self, assignments: Iterable[Assignment]) -> Node:
         """The conjunction of assignments."""
-        return self.all(self._values[assignment] for assignment in assignments)
-
-    def all(self, parts: Iterable[Node]) -> Node:
-        """The conjunction of diagrams."""
-        return reduce(and_, parts, self.manager.true)
-
-    def any(self, parts: Iterable[Node]) -> Node:
-        """The disjunction of diagrams."""
-        return reduce(or_, parts, self.manager.false)
+        return reduce(and_, map(self._values.__getitem__, assignments), self.manager.true)
 
     def formula(self, formula: Formula) -> Node:
         """The diagram of a formula."""
-        return interpret(formula, self._values.__getitem__, invert, self.all, self.any)
+        return interpret(
+            formula,
+            self._values.__getitem__,
+            invert,
+            lambda parts: reduce(and_, parts, self.manager.true),
+            lambda parts: reduce(or_, parts, self.manager.false),
+        )
 
     def cofactors(self, node: Node, place: int) -> list[Node]:
         """What is left of a diagram for each value of the variable at that place of the order."""
@@ -159,16 +157,14 @@ class BddKnowledgeBase(interface.KnowledgeBase):
     def _count(self, deadline: Deadline) -> int:
         """Exact: CUDD's own count is a floating-point number."""
         diagrams = self._diagrams
-        known: dict[Node, int] = {diagrams.manager.false: 0, diagrams.manager.true: 1}
-        sizes = [len(self.theory.domains[variable]) for variable in diagrams.order]
-
-        def step(node: Node) -> int | list[Node]:
-            place = diagrams.depth(node)
-            parts = diagrams.cofactors(node, place)
-            missing = [part for part in parts if part not in known]
-            return missing or sum(known[part] * prod(sizes[place + 1 : diagrams.depth(part)]) for part in parts)
-
-        return evaluate(self._root, known, step, deadline) * prod(sizes[: diagrams.depth(self._root)])
+        return count_models(
+            self._root,
+            {diagrams.manager.false: 0, diagrams.manager.true: 1},
+            diagrams.depth,
+            lambda node: diagrams.cofactors(node, diagrams.depth(node)),
+            sizes=[len(self.theory.domains[variable]) for variable in diagrams.order],
+            deadline=deadline,
+        )
 
     def implicant_count(self, deadline: Deadline = NEVER) -> int:
         """How many prime implicants what is left of the theory has, computed without listing them.
@@ -202,23 +198,20 @@ class BddKnowledgeBase(interface.KnowledgeBase):
         conflicts = [each for each in dict.fromkeys(self.theory.conflicts) if is_consistent(each)]
         parts += [({assignment.variable for assignment in conflict}, 1, conflict) for conflict in conflicts]
         domains: list[_Item] = [({variable}, 0, variable) for variable in self.theory.domains]
+
+        def conjoined(order: Sequence[str], space: int) -> Node:
+            """From the last variables to the first, so that what is built already stays as it is below what is new."""
+            self._diagrams = BinaryDiagrams(self.theory.domains, order)
+            place = {variable: at for at, variable in enumerate(order)}
+            root = self._diagrams.manager.true
+            for _, _, item in sorted([*parts, *domains], key=lambda part: (-_first(part[0], place), part[1])):
+                root &= self._part(item)
+                self._look(deadline, space)
+                self.statistics.sizes["diagram nodes"] = len(root)
+            return root
+
         groups = [variables for variables, _, _ in parts]
-
-        def compile_in(order: Sequence[str], space: int) -> Node:
-            return self._conjoined([*parts, *domains], order, space, deadline)
-
-        return race(tuple(self.theory.domains), groups, self._largest_diagram, compile_in)
-
-    def _conjoined(self, parts: Iterable[_Item], order: Sequence[str], space: int, deadline: Deadline) -> Node:
-        """From the last variables to the first, so that what is built already stays as it is below what is new."""
-        self._diagrams = BinaryDiagrams(self.theory.domains, order)
-        place = {variable: at for at, variable in enumerate(order)}
-        root = self._diagrams.manager.true
-        for _, _, item in sorted(parts, key=lambda part: (-_first(part[0], place), part[1])):
-            root &= self._part(item)
-            self._look(deadline, space)
-            self.statistics.sizes["diagram nodes"] = len(root)
-        return root
+        return race(tuple(self.theory.domains), groups, self._largest_diagram, conjoined)
 
     def _part(self, item: Formula | frozenset[Assignment] | str) -> Node:
         match item:

@@ -111,20 +111,15 @@ class Functions:
     def both(self, first: int, second: int, deadline: Deadline = NEVER) -> int:
         """The conjunction of two; errors as of :meth:`all`."""
         known = self._meet(first, second)
-        if known != _UNKNOWN:
-            return known
-        return evaluate((min(first, second), max(first, second)), self._conjunctions, self._both, deadline)
+        pair = (min(first, second), max(first, second))
+        return evaluate(pair, self._conjunctions, self._both, deadline) if known == _UNKNOWN else known
 
     def _both(self, pair: tuple[int, int]) -> int | list[tuple[int, int]]:
         first, second = pair
         variable = min(self._variables[first], self._variables[second])
-        pairs = zip(self._at(first, variable), self._at(second, variable), strict=True)
-        missing, parts = [], []
-        for one, other in pairs:
-            known = self._meet(one, other)
-            parts.append(known)
-            if known == _UNKNOWN:
-                missing.append((one, other) if one < other else (other, one))
+        pairs = list(zip(self._at(first, variable), self._at(second, variable), strict=True))
+        parts = [self._meet(*each) for each in pairs]
+        missing = [(min(each), max(each)) for each, known in zip(pairs, parts, strict=True) if known == _UNKNOWN]
         self._look(len(self._conjunctions))
         return missing or self.branch(variable, tuple(parts))
 
@@ -184,19 +179,14 @@ class Functions:
 
     def count(self, function: int, deadline: Deadline = NEVER) -> int:
         """Of how many assignments to all variables a function is true."""
-        known = {FALSE: 0, TRUE: 1}
-        ends = len(self.sizes)
-
-        def place(one: int) -> int:
-            return min(self._variables[one], ends)
-
-        def step(one: int) -> int | list[int]:
-            parts = self._parts[one]
-            missing = [part for part in parts if part not in known]
-            after = place(one) + 1
-            return missing or sum(known[part] * prod(self.sizes[after : place(part)]) for part in parts)
-
-        return evaluate(function, known, step, deadline) * prod(self.sizes[: place(function)])
+        return count_models(
+            function,
+            {FALSE: 0, TRUE: 1},
+            lambda node: min(self._variables[node], len(self.sizes)),
+            self._parts.__getitem__,
+            sizes=self.sizes,
+            deadline=deadline,
+        )
 
     def primes(self, function: int, deadline: Deadline = NEVER) -> int:
         """The prime implicants of a function, as one of `families`; errors as of :meth:`all`."""
@@ -208,6 +198,31 @@ class Functions:
             return self._variables[one], parts, always
 
         return self.families.primes(function, self._primes, split, deadline)
+
+
+def count_models(
+    root: Key,
+    known: dict[Key, int],
+    place: Callable[[Key], int],
+    parts: Callable[[Key], Sequence[Key]],
+    *,
+    sizes: Sequence[int],
+    deadline: Deadline,
+) -> int:
+    """Of how many assignments to all variables a function is true, which may be of any kind of diagram.
+
+    Args:
+        known: the counts of the constants.
+        place: which variable a function depends on first; after all of them for the constants.
+        parts: what remains of a function for each value of that variable.
+    """
+
+    def step(function: Key) -> int | list[Key]:
+        missing = [part for part in parts(function) if part not in known]
+        after = place(function) + 1
+        return missing or sum(known[part] * prod(sizes[after : place(part)]) for part in parts(function))
+
+    return evaluate(root, known, step, deadline) * prod(sizes[: place(root)])
 
 
 NOTHING: Final = 0
@@ -258,9 +273,7 @@ class Families:
     def difference(self, first: int, second: int, deadline: Deadline) -> int:
         """The environments of the first set that are not in the second."""
         known = self._known_difference(first, second)
-        if known != _UNKNOWN:
-            return known
-        return evaluate((first, second), self._differences, self._difference, deadline)
+        return evaluate((first, second), self._differences, self._difference, deadline) if known == _UNKNOWN else known
 
     def primes(
         self,
@@ -386,12 +399,54 @@ class Goal:
         return Goal(self.diagrams, (FALSITY,) if any(part.function == FALSE for part in parts) else parts)
 
     def possible(self, asked: Narrowing, deadline: Deadline) -> bool:
-        """Whether some model satisfies what is asked, of which only the parts that it is about need be searched."""
-        question = self._asked(asked)
-        mentioned = {variable for conflict in question.conflicts for variable, _ in conflict}
-        mentioned |= question.required.keys()
+        """Whether some model satisfies what is asked, of which only the parts that it is about need be searched.
+
+        The search is led by conflicts: one that a model of the parts manifests is resolved in each way in turn. So
+        variables that no conflict is about are never decided upon, as they would be if conflicts were conjoined.
+        """
+        required = self.diagrams.choices(asked.required.items())
+        conflicts = [self.diagrams.choices(conflict) for conflict in asked.conflicts]
+        mentioned = {variable for choices in (required, *conflicts) for variable, _ in choices}
         relevant = [part for part in self.parts if part.function == FALSE or part.variables & mentioned]
-        return _ModelSearch(self.diagrams.functions, relevant, question, deadline).succeeds()
+        begin = dict.fromkeys(range(len(self.diagrams.functions.sizes)), 0) | dict(required)
+        stack = [frozenset(other for choice in required for other in self._others(choice))]
+        while stack:
+            deadline.enforce()
+            forbidden = stack.pop()
+            model = self._model(relevant, begin, forbidden, deadline)
+            if model is None:
+                continue
+            conflict = next((conflict for conflict in conflicts if model.items() >= set(conflict)), None)
+            if conflict is None:
+                return True
+            earlier: set[Choice] = set()
+            for choice in conflict:
+                stack.append(forbidden | earlier | {choice})
+                earlier.update(self._others(choice))
+        return False
+
+    def _model(
+        self, parts: Iterable[Part], begin: Mapping[int, int], forbidden: frozenset[Choice], deadline: Deadline
+    ) -> dict[int, int] | None:
+        """Of the parts, with what no part says as in the beginning, if that is not forbidden."""
+        functions, model = self.diagrams.functions, dict(begin)
+        for variable in {variable for variable, _ in forbidden}:
+            values = [number for number in range(functions.sizes[variable]) if (variable, number) not in forbidden]
+            if not values:
+                return None
+            if model[variable] not in values:
+                model[variable] = values[0]
+        for part in parts:
+            part_model = functions.find(part.function, forbidden, model, deadline)
+            if part_model is None:
+                return None
+            model |= part_model
+        return model
+
+    def _others(self, choice: Choice) -> Iterator[Choice]:
+        """All other values of a variable."""
+        variable, number = choice
+        return ((variable, each) for each in range(self.diagrams.functions.sizes[variable]) if each != number)
 
     def count(self, deadline: Deadline) -> int:
         """How many models there are."""
@@ -423,12 +478,6 @@ class Goal:
         """How many nodes the functions have."""
         return self.diagrams.functions.size(part.function for part in self.parts)
 
-    def _asked(self, asked: Narrowing) -> _Question:
-        choices = self.diagrams.choices
-        required = dict(choices(asked.required.items()))
-        values = dict.fromkeys(range(len(self.diagrams.functions.sizes)), 0) | required
-        return _Question(required, [choices(conflict) for conflict in asked.conflicts], values)
-
     def _joined(self, parts: Iterable[Part], new: Part, deadline: Deadline) -> tuple[Part, ...]:
         """Parts with one more, which those that it shares variables with become one with."""
         apart = []
@@ -455,72 +504,6 @@ class Goal:
                 open_choices = [choice for choice in open_choices if choice not in own]
         new = Part(frozenset(variable for variable, _ in open_choices), functions.excluded(open_choices))
         return self._joined(parts, new, deadline)
-
-
-@dataclass(frozen=True, slots=True)
-class _Question:
-    """What is asked, by numbers."""
-
-    required: Mapping[int, int]
-    conflicts: Sequence[Sequence[Choice]]
-    begin: Mapping[int, int]
-    """A value of every variable, with which the search begins."""
-
-
-@dataclass(slots=True)
-class _ModelSearch:
-    """A search for a model, led by conflicts: one that a model of the parts manifests is resolved in each way in turn.
-
-    So variables that no conflict is about are never decided upon, as they would be if conflicts were conjoined.
-    """
-
-    functions: Functions
-    parts: Sequence[Part]
-    question: _Question
-    deadline: Deadline
-
-    def succeeds(self) -> bool:
-        """Whether there is a model."""
-        required = [choice for item in self.question.required.items() for choice in self._others(*item)]
-        stack = [frozenset(required)]
-        while stack:
-            self.deadline.enforce()
-            forbidden = stack.pop()
-            model = self._model(forbidden)
-            if model is None:
-                continue
-            conflict = next((conflict for conflict in self.question.conflicts if _manifests(model, conflict)), None)
-            if conflict is None:
-                return True
-            earlier: set[Choice] = set()
-            for choice in conflict:
-                stack.append(forbidden | earlier | {choice})
-                earlier.update(self._others(*choice))
-        return False
-
-    def _model(self, forbidden: frozenset[Choice]) -> dict[int, int] | None:
-        """Of the parts, with what no part says as in the beginning, if that is not forbidden."""
-        model = dict(self.question.begin)
-        for variable in {variable for variable, _ in forbidden}:
-            values = [number for number in range(self.functions.sizes[variable]) if (variable, number) not in forbidden]
-            if not values:
-                return None
-            if model[variable] not in values:
-                model[variable] = values[0]
-        for part in self.parts:
-            part_model = self.functions.find(part.function, forbidden, model, self.deadline)
-            if part_model is None:
-                return None
-            model |= part_model
-        return model
-
-    def _others(self, variable: int, number: int) -> Iterator[Choice]:
-        """All other values of a variable."""
-        return ((variable, each) for each in range(self.functions.sizes[variable]) if each != number)
-
-
-def _manifests(model: Mapping[int, int], conflict: Sequence[Choice]) -> bool:
-    return all(model[variable] == number for variable, number in conflict)
 
 
 class ChoiceDiagrams:
@@ -551,7 +534,7 @@ def compile_goal(
     deadline: Deadline,
     largest: int = LARGEST_GOAL,
 ) -> Goal:
-    """The goal that all constraints and conflicts justify, and its label.
+    """The goal that all constraints and conflicts justify.
 
     Args:
         labels: of the nodes of the constraints.
@@ -567,7 +550,6 @@ def compile_goal(
 
     goal = race(tuple(domains), groups, largest, compile_in)
     goal.diagrams.functions.largest = largest
-    goal.label(deadline)
     return goal
 
 

@@ -21,8 +21,6 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from enum import Enum
-from heapq import heappop, heappush
-from math import prod
 from typing import TypeAlias, assert_never
 
 from robust.pike_bridge import theory as logic
@@ -34,8 +32,6 @@ Scope: TypeAlias = int
 """The bits of all assignments to some variables."""
 Label: TypeAlias = dict[Scope, set[Environment]]
 """A disjunction of environments by scope; none entails another, and no scope is without environments."""
-Remainder: TypeAlias = tuple[int, frozenset[Environment]]
-"""How many variables have a value already, and what is left of environments then."""
 
 BATCH = 100_000
 """Candidates that a conjunction collects before it drops those that entail others."""
@@ -65,11 +61,6 @@ class LabelConflict:
     scope: Scope
     resolutions: tuple[tuple[Scope, tuple[Environment, ...]], ...]
     """For each variable, its scope and the assignments that differ."""
-
-    def within(self, scope: Scope) -> LabelConflict:
-        """The part about the variables of a scope."""
-        kept = tuple(resolution for resolution in self.resolutions if resolution[0] & scope)
-        return LabelConflict(self.environment & scope, self.scope & scope, kept)
 
 
 def conflict_of(environment: Environment, vocabulary: AssignmentVocabulary) -> LabelConflict:
@@ -315,35 +306,6 @@ def consistent_with(label: Label, environment: Environment, scope: Scope) -> Ite
             yield from ((member, each) for member in members if member & shared == part)
 
 
-def count_models(label: Label, scope: Scope, vocabulary: AssignmentVocabulary, deadline: Deadline) -> int:
-    """How many assignments to the variables of a scope entail some environment of a label about them.
-
-    One variable after the other is given each of its values; what is left to count is looked up if it was met before.
-
-    Raises:
-        OutOfTimeError: if the deadline passes.
-    """
-    fields = [vocabulary.field(variable) for variable in vocabulary.variables if vocabulary.field(variable) & scope]
-    fields.sort(key=lambda field: -sum(len(members) for each, members in label.items() if each & field))
-    sizes = [field.bit_count() for field in fields]
-    known: dict[Remainder, int] = {}
-
-    def step(key: Remainder) -> int | list[Remainder]:
-        depth, remainder = key
-        if not remainder or 0 in remainder:
-            return prod(sizes[depth:]) if remainder else 0
-        field = fields[depth]
-        parts = [(depth + 1, _restricted(remainder, field, 1 << at)) for at in bits(field)]
-        return [part for part in parts if part not in known] or sum(known[part] for part in parts)
-
-    return logic.evaluate((0, frozenset(environments(label))), known, step, deadline)
-
-
-def _restricted(members: frozenset[Environment], field: Scope, assignment: Environment) -> frozenset[Environment]:
-    """What is left of environments once a variable has the assigned value."""
-    return frozenset(member & ~assignment for member in members if member & assignment or not member & field)
-
-
 def simplify(theory: logic.Theory, deadline: Deadline) -> logic.Theory:
     """An equivalent theory over the same domains, by unit propagation to a fixed point.
 
@@ -444,25 +406,14 @@ class Node:
     formula: logic.Formula
 
 
-@dataclass(frozen=True, slots=True)
-class Justification:
-    """The conjunction of the antecedents implies the consequent."""
-
-    antecedents: tuple[int, ...]
-    consequent: int
-
-
 @dataclass(slots=True)
 class JustificationNetwork:
     """Nodes, each after its antecedents, and their justifications."""
 
     theory: logic.Theory
     nodes: list[Node] = field(default_factory=list)
-    justifications: list[Justification] = field(default_factory=list)
-    incoming: list[list[Justification]] = field(default_factory=list)
-    """By node: those that it is the consequent of."""
-    outgoing: list[list[Justification]] = field(default_factory=list)
-    """By node: those that it is an antecedent of."""
+    justifications: list[list[tuple[int, ...]]] = field(default_factory=list)
+    """By node: the antecedents of each; their conjunction implies the node."""
     constraints: list[int] = field(default_factory=list)
     """The nodes of the theory's constraints, each once."""
     _known: dict[tuple[str, frozenset[int]], int] = field(default_factory=dict)
@@ -480,9 +431,8 @@ class JustificationNetwork:
 
     def contradict(self, conflict: Guard) -> int:
         """A new contradiction node, justified by the conflict's assignments."""
-        index = self._node(NodeKind.CONTRADICTION, logic.conjunction(conflict))
-        self._justify([self.assumption(assignment) for assignment in sorted(conflict)], index)
-        return index
+        antecedents = tuple(self.assumption(assignment) for assignment in sorted(conflict))
+        return self._node(NodeKind.CONTRADICTION, logic.conjunction(conflict), antecedents)
 
     def _literal(self, assignment: Assignment, positive: bool) -> logic.Formula:
         if positive:
@@ -496,36 +446,26 @@ class JustificationNetwork:
             case logic.Is(assignment):
                 return self.assumption(assignment)
             case logic.All():
-                return self._junction("all", formula, parts, [list(dict.fromkeys(parts))])
+                return self._junction("all", formula, parts, [tuple(dict.fromkeys(parts))])
             case logic.Some():
-                return self._junction("some", formula, parts, [[part] for part in dict.fromkeys(parts)])
+                return self._junction("some", formula, parts, [(part,) for part in dict.fromkeys(parts)])
             case logic.Not():
                 raise ValueError(f"negation in normal form: {formula}")
             case _:
                 assert_never(formula)
 
-    def _junction(self, kind: str, formula: logic.Formula, parts: list[int], tails: list[list[int]]) -> int:
+    def _junction(self, kind: str, formula: logic.Formula, parts: list[int], tails: list[tuple[int, ...]]) -> int:
         key = (kind, frozenset(parts))
         if len(key[1]) == 1:
             return parts[0]
         if key not in self._known:
-            index = self._known[key] = self._node(NodeKind.DERIVED, formula)
-            for tail in tails:
-                self._justify(tail, index)
+            self._known[key] = self._node(NodeKind.DERIVED, formula, *tails)
         return self._known[key]
 
-    def _node(self, kind: NodeKind, formula: logic.Formula) -> int:
+    def _node(self, kind: NodeKind, formula: logic.Formula, *justifications: tuple[int, ...]) -> int:
         self.nodes.append(Node(len(self.nodes), kind, formula))
-        self.incoming.append([])
-        self.outgoing.append([])
+        self.justifications.append(list(justifications))
         return len(self.nodes) - 1
-
-    def _justify(self, antecedents: Iterable[int], consequent: int) -> None:
-        justification = Justification(tuple(antecedents), consequent)
-        self.justifications.append(justification)
-        self.incoming[consequent].append(justification)
-        for antecedent in justification.antecedents:
-            self.outgoing[antecedent].append(justification)
 
 
 def encode(theory: logic.Theory) -> JustificationNetwork:
@@ -564,23 +504,20 @@ class TruthMaintenance:
         self._resolve = resolve
         self._fields = tuple(vocabulary.field(variable) for variable in vocabulary.variables)
         self._labels: list[Label] = []
-        self._queue: list[int] = []
-        self._pending: dict[int, list[Label]] = {}
 
     def run(self, effort: Effort) -> None:
-        """Propagate every assumption, and what needs no assumptions.
+        """Propagate from assumptions, and from what needs none, to all nodes.
 
         Raises:
             OutOfTimeError: if the deadline passes; labels are incomplete then.
         """
         self._labels = [{} for _ in self.network.nodes]
-        for node in self.network.nodes:
+        for node, justifications in zip(self.network.nodes, self.network.justifications, strict=True):
+            effort.deadline.enforce()
             if node.kind is NodeKind.ASSUMPTION:
-                self._enqueue(node.index, self._assumed(node.index))
-        for justification in self.network.justifications:
-            if not justification.antecedents:
-                self._enqueue(justification.consequent, true_label())
-        self._work_off(effort)
+                self._update(node.index, self._assumed(node.index), effort)
+            for antecedents in justifications:
+                self._update(node.index, self._conjoined(antecedents, effort), effort)
 
     def own_label(self, node: int) -> Label:
         """The label of a node as its justifications give it, before conflicts are resolved."""
@@ -612,42 +549,28 @@ class TruthMaintenance:
             return true_label()
         return {self.vocabulary.field(variable): {self.vocabulary.assign(variable, value) & self.vocabulary.made}}
 
-    def _enqueue(self, node: int, added: Label) -> None:
-        if added:
-            if node not in self._pending:
-                heappush(self._queue, node)
-            self._pending.setdefault(node, []).append(added)
-
-    def _work_off(self, effort: Effort) -> None:
-        while self._queue:
-            effort.deadline.enforce()
-            node = heappop(self._queue)
-            for new in self._pending.pop(node):
-                self._update(node, new, effort)
+    def _conjoined(self, antecedents: tuple[int, ...], effort: Effort) -> Label:
+        """The label of a conjunction of nodes, from the last one, which is the most specific."""
+        last = max(antecedents, default=None)
+        result = true_label() if last is None else self._labels[last]
+        for antecedent in antecedents:
+            if antecedent != last and result:
+                result = weave(result, self._labels[antecedent], effort)
+        return result
 
     def _update(self, node: int, new: Label, effort: Effort) -> None:
-        """UPDATE [PIKE, Algorithm 6]."""
+        """UPDATE [PIKE, Algorithm 6]; nodes come after their antecedents, so that each label is propagated once."""
+        if not new:
+            return
         effort.statistics.propagations += 1
+        label = self._labels[node]
+        if self._consensus and len(self.network.justifications[node]) > 1:
+            mentioned = union(label) | union(new)
+            fields = [field for field in self._fields if field & mentioned]
+            add_and_generate_prime_implicants(label, new, fields, effort)
+        else:
+            add_minimally(label, new, effort)
         if self.network.nodes[node].kind is NodeKind.CONTRADICTION:
-            add_minimally(self._labels[node], new, effort)
             for scope, members in new.items():
                 for environment in members:
                     insert(self.nogoods, environment, scope)
-            return
-        label = self._labels[node]
-        if self._consensus and len(self.network.incoming[node]) > 1:
-            mentioned = union(label) | union(new)
-            fields = [field for field in self._fields if field & mentioned]
-            added = add_and_generate_prime_implicants(label, new, fields, effort)
-        else:
-            added = add_minimally(label, new, effort)
-        for justification in self.network.outgoing[node]:
-            self._enqueue(justification.consequent, self._propagate(justification, node, added, effort))
-
-    def _propagate(self, justification: Justification, source: int, added: Label, effort: Effort) -> Label:
-        """PROPAGATE: what new environments of one antecedent mean for the consequent."""
-        result = added
-        for antecedent in justification.antecedents:
-            if antecedent != source and result:
-                result = weave(result, self._labels[antecedent], effort)
-        return result

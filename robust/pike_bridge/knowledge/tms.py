@@ -15,8 +15,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from itertools import product
-from math import log2, prod
-from typing import Any, ClassVar
+from math import log2
+from typing import Any, ClassVar, NamedTuple
 
 from robust.pike_bridge.knowledge import interface
 from robust.pike_bridge.knowledge import labels as labeling
@@ -24,7 +24,7 @@ from robust.pike_bridge.knowledge.goal import LARGEST_GOAL, compile_goal
 from robust.pike_bridge.knowledge.interface import Effort
 from robust.pike_bridge.knowledge.orders import connected
 from robust.pike_bridge.knowledge.sat import SatKnowledgeBase
-from robust.pike_bridge.model import Assignment, AssignmentVocabulary, Environment, Guard, bits, union
+from robust.pike_bridge.model import Assignment, AssignmentVocabulary, Environment, Guard, bits, guard, union
 from robust.pike_bridge.theory import FALSE, Theory
 from robust.smt.limits import NEVER, Deadline
 
@@ -58,31 +58,15 @@ def factors(
     independent: list[LabelFactor] = []
     scopes = [scope for scope, _ in parts] + [conflict.scope for conflict in conflicts]
     for scope in dict.fromkeys(map(union, connected(scopes, lambda scope: frozenset(bits(scope))))):
-        own = [conflict for conflict in conflicts if _touch(conflict.scope, scope)]
-        independent.append(
-            joined([label for each, label in parts if _touch(each, scope)], own, scope, vocabulary, effort)
-        )
+        own = tuple(conflict for conflict in conflicts if _touch(conflict.scope, scope))
+        touching = [label for each, label in parts if _touch(each, scope)]
+        independent.append(LabelFactor(scope, _Join(vocabulary, effort, touching, list(own)).run(), own))
     return independent
 
 
 def _touch(first: labeling.Scope, second: labeling.Scope) -> bool:
     """Whether scopes share variables; falsity, which has none, is apart from everything else."""
     return bool(first & second) or first == second
-
-
-def joined(
-    labels: Sequence[labeling.Label],
-    conflicts: Sequence[labeling.LabelConflict],
-    scope: labeling.Scope,
-    vocabulary: AssignmentVocabulary,
-    effort: Effort,
-) -> LabelFactor:
-    """The conjunction of all labels and conflicts, which are about the variables of a scope.
-
-    Raises:
-        OutOfTimeError: if the deadline passes.
-    """
-    return LabelFactor(scope, _Join(vocabulary, effort, labels, list(conflicts)).run(), tuple(conflicts))
 
 
 class _Join:
@@ -150,16 +134,11 @@ class _Join:
         return self._parts.pop(index)
 
 
-@dataclass(frozen=True, slots=True)
-class Partial:
+class Partial(NamedTuple):
     """A consistent environment, with the scope of the variables that it assigns."""
 
     environment: Environment = 0
     scope: labeling.Scope = 0
-
-    def with_assignment(self, assignment: Environment, field: labeling.Scope) -> Partial:
-        """The environment with one more variable assigned."""
-        return Partial(self.environment | assignment, self.scope | field)
 
 
 def could_hold(
@@ -203,7 +182,8 @@ def resolutions(
         elif all(allows(factor, current, deadline) for factor in factors):
             for field, values in reversed(conflicts[done].resolutions):
                 if not field & current.scope:
-                    stack.extend((current.with_assignment(value, field), done + 1) for value in reversed(values))
+                    more = (Partial(current.environment | value, current.scope | field) for value in reversed(values))
+                    stack.extend((extended, done + 1) for extended in more)
 
 
 def resolves(partial: Partial, conflict: labeling.LabelConflict) -> bool:
@@ -226,79 +206,6 @@ def extensions(factor: LabelFactor, asked: Partial, deadline: Deadline) -> Itera
 def allows(factor: LabelFactor, asked: Partial, deadline: Deadline) -> bool:
     """Whether a factor has a model that extends what is asked."""
     return next(extensions(factor, asked, deadline), None) is not None
-
-
-def require(factors: Sequence[LabelFactor], asked: Partial, effort: Effort) -> list[LabelFactor]:
-    """The factors with all assignments of an environment conjoined.
-
-    Raises:
-        OutOfTimeError: if the deadline passes.
-    """
-    narrowed = []
-    free = asked.scope
-    for factor in factors:
-        shared = factor.scope & asked.scope
-        free &= ~factor.scope
-        if not shared:
-            narrowed.append(factor)
-            continue
-        label = labeling.weave(factor.label, {shared: {asked.environment & shared}}, effort)
-        for conflict in factor.conflicts:
-            label = labeling.without_manifest(label, conflict, effort)
-        narrowed.append(LabelFactor(factor.scope, label, factor.conflicts))
-    if free:
-        narrowed.append(LabelFactor(free, {free: {asked.environment & free}}))
-    return narrowed
-
-
-def exclude(
-    factors: Sequence[LabelFactor], conflict: labeling.LabelConflict, vocabulary: AssignmentVocabulary, effort: Effort
-) -> list[LabelFactor]:
-    """The factors with one more conflict.
-
-    A conflict about several factors joins them, except where all of a factor's label agrees about it.
-
-    Raises:
-        OutOfTimeError: if the deadline passes.
-    """
-    apart, together = [], []
-    scope = conflict.scope
-    for factor in factors:
-        if not factor.scope & scope:
-            apart.append(factor)
-        elif _all_resolve(factor.label, conflict):
-            return list(factors)
-        elif _all_manifest(factor.label, conflict, factor.scope):
-            apart.append(factor)
-            scope &= ~factor.scope
-        else:
-            together.append(factor)
-    if not scope:
-        return [FALSITY]
-    open_conflict = conflict.within(scope)
-    whole = scope | union(factor.scope for factor in together)
-    conflicts = [conflict for factor in together for conflict in factor.conflicts]
-    labels = [factor.label for factor in together]
-    return [*apart, joined(labels, [*conflicts, open_conflict], whole, vocabulary, effort)]
-
-
-def _all_resolve(label: labeling.Label, conflict: labeling.LabelConflict) -> bool:
-    """Whether some variable of every environment has another value than in the conflict."""
-    for scope, members in label.items():
-        shared = scope & conflict.scope
-        part = conflict.environment & shared
-        if not shared or any(member & shared == part for member in members):
-            return False
-    return True
-
-
-def _all_manifest(label: labeling.Label, conflict: labeling.LabelConflict, within: labeling.Scope) -> bool:
-    """Whether every environment has all assignments that the conflict makes to variables of a scope."""
-    scope = conflict.scope & within
-    part = conflict.environment & scope
-    return all(
-        other & scope == scope and {member & scope for member in members} <= {part} for other, members in label.items()
-    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -400,7 +307,7 @@ class LabelKnowledgeBase(interface.KnowledgeBase):
         sizes = self.statistics.sizes
         sizes |= {
             "nodes": len(network.nodes),
-            "justifications": len(network.justifications),
+            "justifications": sum(map(len, network.justifications)),
             "conflicts": len(self.simplified.conflicts),
             "variables": len(self.theory.domains),
         }
@@ -446,15 +353,27 @@ class Atms(LabelKnowledgeBase):
     def _compile(self, deadline: Deadline) -> None:
         conflicts = self._maintenance.conflicts()
         self._factors = factors(list(self._constraints()), conflicts, self._vocabulary, self._effort(deadline))
+        self._required: dict[str, str] = {}
 
     def _narrow(self, asked: interface.Narrowing, deadline: Deadline) -> None:
-        effort = self._effort(deadline)
+        """Join what is committed to with the factors about the same variables.
+
+        What is known to hold goes without saying in conflicts, which so join fewer factors.
+        """
+        known = {**self._required, **asked.required}
+        excluded = map(interface.Exclude, asked.conflicts)
+        whole = interface.narrowing([interface.Require(guard(known)), *excluded], self.theory)
         narrowed = [FALSITY]
-        if asked.consistent:
-            narrowed = require(self._factors, self._partial(asked.required), effort)
-            for each in map(self._conflict, asked.conflicts):
-                narrowed = exclude(narrowed, each, self._vocabulary, effort)
-        self._factors = narrowed
+        if asked.consistent and whole.consistent:
+            new = [self._partial({variable: value}) for variable, value in asked.required.items()]
+            conflicts = list(map(self._conflict, whole.conflicts))
+            scope = union([*(partial.scope for partial in new), *(conflict.scope for conflict in conflicts)])
+            narrowed = [factor for factor in self._factors if not factor.scope & scope]
+            together = [factor for factor in self._factors if factor.scope & scope]
+            labels = [*(factor.label for factor in together), *({part.scope: {part.environment}} for part in new)]
+            conflicts += (conflict for factor in together for conflict in factor.conflicts)
+            narrowed += factors(labels, conflicts, self._vocabulary, self._effort(deadline))
+        self._factors, self._required = narrowed, known
 
     def _measure(self) -> None:
         self.statistics.sizes["factors"] = len(self._factors)
@@ -465,16 +384,11 @@ class Atms(LabelKnowledgeBase):
         return could_hold(self._factors, self._partial(asked.required), conflicts, deadline)
 
     def _count(self, deadline: Deadline) -> int:
-        effort = self._effort(deadline)
-        covered = union(factor.scope for factor in self._factors)
-        field = self._vocabulary.field
-        count = prod(len(values) for name, values in self.theory.domains.items() if not field(name) & covered)
-        for factor in self._factors:
-            label = factor.label
-            for conflict in factor.conflicts:
-                label = labeling.split(label, conflict, effort)
-            count *= labeling.count_models(label, factor.scope, self._vocabulary, deadline)
-        return count
+        """As decision diagrams of what the labels and conflicts of all factors say."""
+        labels = [list(self._decoded(factor.label)) for factor in self._factors]
+        environments = (conflict.environment for factor in self._factors for conflict in factor.conflicts)
+        conflicts = list(map(self._vocabulary.decode, environments))
+        return compile_goal(self.theory.domains, labels, conflicts, deadline).count(deadline)
 
     def _partial(self, required: Mapping[str, str]) -> Partial:
         """An environment; what variables without another value have goes without saying."""
@@ -483,7 +397,7 @@ class Atms(LabelKnowledgeBase):
             if len(self.theory.domains[variable]) == 1:
                 continue
             made = self._vocabulary.assign(variable, value) & self._vocabulary.made
-            partial = partial.with_assignment(made, self._vocabulary.field(variable))
+            partial = Partial(partial.environment | made, partial.scope | self._vocabulary.field(variable))
         return partial
 
 
@@ -527,6 +441,7 @@ class PiTms(LabelKnowledgeBase):
         labels = [list(self._decoded(label)) for label in self._constraints()]
         conflicts = [self._vocabulary.decode(conflict.environment) for conflict in self._maintenance.conflicts()]
         self._goal = compile_goal(self.theory.domains, labels, conflicts, deadline, self._largest_goal)
+        self._goal.label(deadline)
         self.statistics.sizes["label nodes"] = len(self._goal.diagrams.functions.families)
 
     def _narrow(self, asked: interface.Narrowing, deadline: Deadline) -> None:

@@ -19,6 +19,7 @@ from robust.pike_bridge.knowledge.sat import satisfiable
 from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.online.semantic import OnlineSemantics, SemanticReasoner
 from robust.pike_bridge.semantics import Execution
+from robust.qe.eliminate.enumerate import minimal
 from robust.smt.limits import NEVER, Deadline
 from robust.smt.session import Session
 from robust.smt.terms import Formula
@@ -327,25 +328,16 @@ class Situation:
         return None if span is None else span[1]
 
     def _minimal(self, facts: Sequence[Fact]) -> list[Fact] | None:
-        """QuickXplain [Junker 2004]: earlier facts are kept rather than later ones."""
+        """As few of the facts as contradict each other, earlier ones rather than later ones; None if they do not."""
         with self._given(facts):
             if not self._contradictory():
                 return None
-        return self._needed(list(facts), grown=True) if facts else []
 
-    def _needed(self, facts: list[Fact], *, grown: bool) -> list[Fact]:
-        """Of facts that contradict what is asserted, as few as do; `grown`: more is asserted than before."""
-        if grown and self._contradictory():
-            return []
-        if len(facts) == 1:
-            return facts
-        half = len(facts) // 2
-        first, second = facts[:half], facts[half:]
-        with self._given(first):
-            late = self._needed(second, grown=True)
-        with self._given(late):
-            early = self._needed(first, grown=bool(late))
-        return [*early, *late]
+        def enough(part: tuple[Fact, ...]) -> bool:
+            with self._given(part):
+                return self._contradictory()
+
+        return list(minimal(tuple(reversed(facts)), enough))[::-1]
 
     def _given(self, facts: Iterable[Fact]) -> AbstractContextManager[None]:
         return self._session.frame(*(fact.formula for fact in facts))

@@ -140,7 +140,9 @@ class Patience:
             if values is not None:
                 return DueAct(event, values)
         while True:
-            events = self._reached([opening.event for opening in waiting], acts)
+            shown = {opening.event for opening in waiting if self._seen_before(opening.event, acts)}
+            others = [opening.event for opening in waiting if opening.event not in shown]
+            events = shown | self._asked.coming_before(others, acts.keys(), self.deadline)
             reached = [opening for opening in waiting if opening.event in events]
             if len(reached) == len(waiting):
                 return self._at_last(acts, kept, everything)
@@ -178,12 +180,9 @@ class Patience:
     def _values(self, event: str, alternatives: Mapping[str, Sequence[str]]) -> Iterator[Guard]:
         """The values of the executive's choices that are made at an event."""
         progress = self.progress
-        controllable = {choice.name for choice in progress.plan.network.choices if choice.controllable}
-        names = [
-            name
-            for name in progress.structure.made_at.get(event, ())
-            if name in controllable and name not in progress.chosen
-        ]
+        made = progress.structure.made_at.get(event, ())
+        choices = (choice for choice in progress.plan.network.choices if choice.controllable)
+        names = [each.name for each in choices if each.name in made and each.name not in progress.chosen]
         for values in product(*(alternatives[name] for name in names)):
             yield frozenset(map(Assignment, names, values))
 
@@ -242,7 +241,11 @@ class Patience:
             self._ceiling = (moment, least)
             self.withheld, self.alarm = withheld, None if least is None else least - self.margin
             return None
-        due = {intent: self._latest(intent, withheld) or now for intent in kept if intent not in staying}
+        due = {
+            intent: self._asked.latest(intent.guard, intent.events | withheld, self.deadline) or now
+            for intent in kept
+            if intent not in staying
+        }
         contested = [each for each, last in due.items() if self._waits([each], frozenset(), last)]
         over = min(due.values())
         act = self._best(acts, [*staying, *contested], len(staying))
@@ -291,25 +294,13 @@ class Patience:
         self._remember(continuation)
         return self._asked.wait(continuation, events)
 
-    def _latest(self, intent: Intent, others: frozenset[str]) -> Fraction | None:
-        """L of an intent; None if it can wait forever."""
-        return self._asked.latest(intent.guard, intent.events | others, self.deadline)
-
-    def _reached(self, events: Sequence[str], withheld: Collection[str]) -> set[str]:
-        """The events that may happen before each of those that are withheld."""
-        shown = {event for event in events if self._seen_before(event, withheld)}
-        others = [event for event in events if event not in shown]
-        return shown | self._asked.coming_before(others, withheld, self.deadline)
-
     def _seen_before(self, event: str, withheld: Collection[str]) -> bool:
         """Whether an event happens before each of those that are withheld in a known continuation."""
         guard = self.progress.structure.guards[event]
-        for continuation in self._found:
-            if holds(guard, continuation.scenario):
-                moment = continuation.schedule[event]
-                if all(continuation.schedule[other] > moment for other in withheld if other in continuation.schedule):
-                    return True
-        return False
+        schedules = (each.schedule for each in self._found if holds(guard, each.scenario))
+        return any(
+            all(schedule[other] > schedule[event] for other in withheld if other in schedule) for schedule in schedules
+        )
 
     def _least(self, waits: Mapping[Intent, Fraction | None], withheld: frozenset[str]) -> Fraction | None:
         """The least L of intents, given how late each can be at least; None if all can wait forever."""

@@ -7,6 +7,7 @@ Labeled execution windows come from the labeled shortest paths of the augmented 
 from __future__ import annotations
 
 from bisect import bisect_left
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -25,84 +26,7 @@ from robust.pike_bridge.online.semantic import News, Reasoner, SemanticReasoner
 from robust.smt.limits import NEVER, Deadline
 from robust.smt.terms import Terms
 
-
-class ExecutionFacts:
-    """What a knowledge base is told of one execution.
-
-    Facts wait until something is asked, because only questions have deadlines.
-    """
-
-    def __init__(self, compilation: Compilation, progress: Progress) -> None:
-        self._progress = progress
-        self.knowledge = compilation.knowledge
-        self.vocabulary = model.AssignmentVocabulary(compilation.augmented.network.domains)
-        self.known: model.Environment = 0
-        """All assignments that hold by what has happened."""
-        self._conflicts: list[model.Environment] = []
-        self._waiting: list[Commitment] = []
-        self._links: dict[tuple[str, model.Guard], list[tuple[model.Condition, model.Environment]]] = {}
-        for link in compilation.augmented.links:
-            # A condition without support variable has this support only, so that it cannot be met at all.
-            chosen = self.vocabulary.encode(link.selection | link.consumer.guard)
-            broken = self._links.setdefault((link.producer.event, link.producer.guard), [])
-            broken += ((condition, chosen) for condition in link.consumer.conditions)
-
-    def learn(self, news: News) -> None:
-        """Choices are made, events were executed, and effects support conditions no more."""
-        guards = self._progress.structure.guards
-        environment = news.chosen.union(*(guards[event] for event in news.times))
-        encoded = self.vocabulary.encode(environment)
-        if not model.entails(self.known, encoded):
-            self.known |= encoded
-            self._waiting.append(Require(environment))
-        for effect, condition in news.void:
-            self._void(effect, condition)
-
-    def exclude(self, labels: Iterable[model.Environment]) -> None:
-        """None of the environments holds."""
-        for label in labels:
-            if self.possible(label) and not any(model.entails(label, conflict) for conflict in self._conflicts):
-                self._conflicts = [conflict for conflict in self._conflicts if not model.entails(conflict, label)]
-                self._conflicts.append(label)
-                self._waiting.append(Exclude(self.vocabulary.decode(label)))
-
-    def possible(self, environment: model.Environment) -> bool:
-        """Whether the assignments that are known do not contradict the environment."""
-        return self.vocabulary.consistent(self.known | environment)
-
-    def settle(self, deadline: Deadline) -> None:
-        """Tell the knowledge base what waits.
-
-        Raises:
-            OutOfTimeError: if the deadline passes; then it goes on waiting.
-        """
-        if self._waiting:
-            self.knowledge.commit(self._waiting, deadline)
-            self._waiting = []
-
-    def excluding(self, labels: Iterable[model.Environment], given: model.Environment) -> list[Commitment] | None:
-        """As commitments that none of the labels holds, when `given` does; None if that cannot be."""
-        whole = self.known | given
-        remainders = (
-            label & ~whole & self.vocabulary.made for label in labels if self.vocabulary.consistent(whole | label)
-        )
-        general = most_general(sorted(remainders, key=int.bit_count))
-        return None if 0 in general else [Exclude(self.vocabulary.decode(label)) for label in general]
-
-    def external(self, event: str) -> list[model.Environment]:
-        """In which environments an event is not the executive's to execute."""
-        return [self.vocabulary.encode(label) for label in self._progress.external(event)]
-
-    def _void(self, effect: model.Effect, condition: model.Condition) -> None:
-        """A link is broken once no effect at its event, of the same guard, supports the condition."""
-        alike = [
-            each
-            for each in self._progress.plan.effects
-            if (each.event, each.guard) == (effect.event, effect.guard) and model.may_produce(each, condition)
-        ]
-        if all((effect, condition) in self._progress.void for effect in alike):
-            links = self._links.get((effect.event, effect.guard), ())
-            self.exclude(chosen for each, chosen in links if each == condition)
+NOTHING_MORE = Require(model.ALWAYS)
 
 
 class LabeledReach(NamedTuple):
@@ -167,6 +91,8 @@ class WindowReasoner(Reasoner):
 
     Both hold ε against all events. Once something was reported less than ε after another event, which was before it
     all the same, they would exclude too much, and the semantic reasoner answers instead.
+
+    What has happened becomes commitments, which wait until something is asked, because only questions have deadlines.
     """
 
     def __init__(self, progress: Progress, compilation: Compilation, deadline: Deadline, solver: str = "z3") -> None:
@@ -174,24 +100,66 @@ class WindowReasoner(Reasoner):
         self._solver = solver
         self._instead: SemanticReasoner | None = None
         self.name = compilation.backend
+        self._knowledge = compilation.knowledge
         network = compilation.augmented.network
         # A back end that reasons about time itself needs no conflicts, and so had no distances.
         distances = compilation.distances or LabeledDistances(network, deadline)
-        self._facts = ExecutionFacts(compilation, progress)
         self._windows = LabeledWindows(network, distances, deadline)
+        self._vocabulary = self._windows.vocabulary
         self._epsilon = progress.plan.separation
+        self._known: model.Environment = 0
+        """All assignments that hold by what has happened."""
+        self._conflicts: list[model.Environment] = []
+        self._waiting: list[Commitment] = []
+        self._links: dict[tuple[str, model.Guard], list[tuple[model.Condition, model.Environment]]] = defaultdict(list)
+        for link in compilation.augmented.links:
+            # A condition without support variable has this support only, so that it cannot be met at all.
+            chosen = self._vocabulary.encode(link.selection | link.consumer.guard)
+            self._links[link.producer] += ((condition, chosen) for condition in link.consumer.conditions)
+
+    # -- what has happened -------------------------------------------------------------------------------------------
 
     def _learn(self, news: News) -> None:
         if self._instead is None and self.progress.close(news.times):
             self._instead = SemanticReasoner(self.progress, solver=self._solver)
         if self._instead is not None:
             return
-        facts, windows = self._facts, self._windows
-        facts.learn(news)
+        guards, windows = self.progress.structure.guards, self._windows
+        environment = news.chosen.union(*(guards[event] for event in news.times))
+        encoded = self._vocabulary.encode(environment)
+        if not model.entails(self._known, encoded):
+            self._known |= encoded
+            self._waiting.append(Require(environment))
+        for effect, condition in news.void:
+            self._void(effect, condition)
         for event, time in news.times.items():
-            facts.exclude([*windows.early(event, time), *windows.missed(event, time)])
-            windows.executed(event, time, facts.known)
-        facts.exclude(self._missed(self.progress.now))  # windows that are missed by now [PIKE, Algorithm 1, line 6]
+            self._exclude([*windows.early(event, time), *windows.missed(event, time)])
+            windows.executed(event, time, self._known)
+        self._exclude(self._missed(self.progress.now))  # windows that are missed by now [PIKE, Algorithm 1, line 6]
+
+    def _exclude(self, labels: Iterable[model.Environment]) -> None:
+        """None of the environments holds."""
+        for label in labels:
+            if self._possible(label) and not any(model.entails(label, conflict) for conflict in self._conflicts):
+                self._conflicts = [conflict for conflict in self._conflicts if not model.entails(conflict, label)]
+                self._conflicts.append(label)
+                self._waiting.append(Exclude(self._vocabulary.decode(label)))
+
+    def _void(self, effect: model.Effect, condition: model.Condition) -> None:
+        """A link is broken once no effect at its event, of the same guard, supports the condition."""
+        alike = [
+            each
+            for each in self.progress.plan.effects
+            if (each.event, each.guard) == (effect.event, effect.guard) and model.may_produce(each, condition)
+        ]
+        if all((effect, condition) in self.progress.void for effect in alike):
+            self._exclude(chosen for each, chosen in self._links[effect.event, effect.guard] if each == condition)
+
+    def _possible(self, environment: model.Environment) -> bool:
+        """Whether the assignments that are known do not contradict the environment."""
+        return self._vocabulary.consistent(self._known | environment)
+
+    # -- questions ---------------------------------------------------------------------------------------------------
 
     def executable(self, event: str, deadline: Deadline) -> bool:
         self.catch_up()
@@ -203,7 +171,7 @@ class WindowReasoner(Reasoner):
         self.catch_up()
         if self._instead is not None:
             return self._instead.could(environment, deadline)
-        return self.progress.compatible(environment) and self._ask([Require(environment)], deadline)
+        return self.progress.compatible(environment) and self._ask(deadline, Require(environment))
 
     def next_time(self, deadline: Deadline) -> Fraction | None:
         """When something is executable first; if nothing is without a message, when it is too late for any."""
@@ -216,7 +184,7 @@ class WindowReasoner(Reasoner):
             for event in self.progress.frontier
             if self.progress.ours(event)
             for bound, label in self._windows.lower[event]
-            if -bound > self.progress.now and self._facts.possible(label | self._windows.guards[event])
+            if -bound > self.progress.now and self._possible(label | self._windows.guards[event])
         }
         for moment, event in sorted(openings):
             if self._executable_at(event, moment, deadline):
@@ -230,7 +198,7 @@ class WindowReasoner(Reasoner):
                 bound
                 for event in self.progress.pending
                 for bound, label in self._windows.upper[event]
-                if self._facts.possible(label | self._windows.guards[event])
+                if self._possible(label | self._windows.guards[event])
             }
         )
         first = bisect_left(closings, True, key=lambda moment: not self._possible_after(moment, deadline))
@@ -238,29 +206,23 @@ class WindowReasoner(Reasoner):
 
     def _possible_after(self, moment: Fraction, deadline: Deadline) -> bool:
         """Whether there is a continuation in which nothing happens until after a time."""
-        excluded = self._facts.excluding(self._missed(moment + self.progress.grid), 0)
-        return excluded is not None and self._ask(excluded, deadline)
+        return self._ask(deadline, excluded=self._missed(moment + self.progress.grid))
 
     def _executable_at(self, event: str, moment: Fraction, deadline: Deadline) -> bool:
         """CanExecuteEventNow?, if nothing happens before a time that is not in the past [PIKE, Algorithm 2]."""
-        guard = self._windows.guards[event]
-        if not self._facts.possible(guard):
+        if not self._possible(self._windows.guards[event]):
             return False
-        excluded = self._facts.excluding(self._required(event, moment), guard)
-        if excluded is None:
-            return False
-        return self._ask([Require(self.progress.structure.guards[event]), *excluded], deadline)
+        guard = self.progress.structure.guards[event]
+        return self._ask(deadline, Require(guard), self._required(event, moment))
 
     def _required(self, event: str, moment: Fraction) -> Iterator[model.Environment]:
         """GetConstraintsRequiredToExecute: what must not hold [PIKE §3, constraints 2 to 6]."""
-        yield from self._facts.external(event)
+        yield from self._external(event)
         yield from self._windows.early(event, moment)
         if moment > self.progress.now:
             yield from self._missed(moment)
         theirs = {
-            other: labels
-            for other in self.progress.pending
-            if other != event and (labels := self._facts.external(other))
+            other: labels for other in self.progress.pending if other != event and (labels := self._external(other))
         }
         for other, labels in theirs.items():
             for label in self._windows.missed(other, moment + self._epsilon):
@@ -277,9 +239,29 @@ class WindowReasoner(Reasoner):
         for event in self.progress.pending:
             yield from self._windows.missed(event, moment)
 
-    def _ask(self, commitments: list[Commitment], deadline: Deadline) -> bool:
-        self._facts.settle(deadline)
-        return self._facts.knowledge.could_commit(commitments, deadline)
+    def _external(self, event: str) -> list[model.Environment]:
+        """In which environments an event is not the executive's to execute."""
+        return [self._vocabulary.encode(label) for label in self.progress.external(event)]
+
+    def _ask(
+        self, deadline: Deadline, given: Require = NOTHING_MORE, excluded: Iterable[model.Environment] = ()
+    ) -> bool:
+        """Whether something is left in an environment where none of the labels holds.
+
+        Raises:
+            OutOfTimeError: if the deadline passes; what waits goes on waiting then, unless it was committed to.
+        """
+        made, consistent = self._vocabulary.made, self._vocabulary.consistent
+        whole = self._known | self._vocabulary.encode(given.environment)
+        remainders = (label & ~whole & made for label in excluded if consistent(whole | label))
+        labels = most_general(sorted(remainders, key=int.bit_count))
+        if 0 in labels:
+            return False
+        if self._waiting:
+            self._knowledge.commit(self._waiting, deadline)
+            self._waiting = []
+        asked: list[Commitment] = [given, *(Exclude(self._vocabulary.decode(label)) for label in labels)]
+        return self._knowledge.could_commit(asked, deadline)
 
 
 @dataclass

@@ -12,7 +12,7 @@ shortest paths, no causal links and no knowledge base, so that it is also what e
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence, Set
+from collections.abc import Collection, Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass
 from fractions import Fraction
 from heapq import heappop, heappush
@@ -244,7 +244,7 @@ class SemanticReasoner(Reasoner):
         for event, time in news.times.items():
             self._session.add(semantics.guard(guards[event]), semantics.at(event, time))
         if news.later:  # no pending event is in the past; it is enough to say so of the frontier
-            self._session.add(*(semantics.not_earlier(event, now) for event in self.progress.frontier))
+            self._session.add(*self._from(now, ALWAYS))
 
     def executable(self, event: str, deadline: Deadline) -> bool:
         self.catch_up()
@@ -261,10 +261,9 @@ class SemanticReasoner(Reasoner):
 
     def next_time(self, deadline: Deadline) -> Fraction | None:
         """When something is executable first; if nothing is without a message, when it is too late for any."""
-        self.catch_up()
-        earliest = self._earliest_execution(deadline)
-        if earliest is not None:
-            return self._opening(earliest)
+        opening = self.next_execution((), deadline)
+        if opening is not None:
+            return opening
         last = self.quiet_until(deadline)
         return None if last is None else self._closing(last)
 
@@ -286,8 +285,7 @@ class SemanticReasoner(Reasoner):
         self.catch_up()
         guard = self.progress.structure.guards[event]
         same = [self._terms.equal(self._semantics.time_of(event) - self._first)]
-        if first:
-            same += [self._semantics.not_earlier(event, self._first) for event in self.progress.frontier]
+        same += self._from(self._first, ALWAYS) if first else ()
         with self._session.frame(*same, *self._from(moment, guard)):
             least = self._best(moment, deadline, sign=1)
             if least is None:
@@ -323,42 +321,18 @@ class SemanticReasoner(Reasoner):
         Now they may happen before what happens at the same moment, unless the plan puts that first.
         """
         self.catch_up()
-        guards, structure = self.progress.structure.guards, self.progress.structure
-        remaining = [event for event in events if structure.preceding(event).isdisjoint(others)]
+        structure, semantics = self.progress.structure, self._semantics
         coming: set[str] = set()
-        while len(remaining) > 1 and (together := self._together_before(remaining, others, deadline)):
-            coming |= together
-            remaining = [each for each in remaining if each not in together]
-        for event in remaining:
-            activated = self._semantics.guard(guards[event])
-            with self._session.frame(activated, *self._all_before([event], others)):
-                comes = self._check(deadline)
-            if not comes:
-                with self._session.frame(activated, self._semantics.at(event, self.progress.now)):
-                    comes = self._check(deadline)
-            if comes:
-                coming.add(event)
+        for event in events:
+            if not structure.preceding(event).isdisjoint(others):
+                continue
+            time, activated = semantics.time_of(event), semantics.guard(structure.guards[event])
+            for then in ([semantics.later(other, time) for other in others], [semantics.at(event, self.progress.now)]):
+                with self._session.frame(activated, *then):
+                    if self._check(deadline):
+                        coming.add(event)
+                        break
         return coming
-
-    def _together_before(self, events: Sequence[str], others: Collection[str], deadline: Deadline) -> set[str]:
-        """Some of the events, such that a continuation has them, and no more, before each of the others; none if there
-        are no such.
-        """
-        terms, guards = self._terms, self.progress.structure.guards
-        one = terms.disjunction(self._semantics.guard(guards[event]) for event in events)
-        with self._session.frame(one, *self._all_before(events, others)):
-            if not self._check(deadline):
-                return set()
-            scenario = self._semantics.chosen(self._session.values(self._semantics.choices))
-        return {event for event in events if holds(guards[event], scenario | self.progress.chosen)}
-
-    def _all_before(self, events: Iterable[str], others: Iterable[str]) -> list[Formula]:
-        """That each of the events, if it is activated, is before all of the others that are."""
-        guards, later = self.progress.structure.guards, self._semantics.later
-        moments = ((event, self._semantics.time_of(event)) for event in events)
-        return [
-            self._semantics.unless(guards[event], later(other, moment)) for event, moment in moments for other in others
-        ]
 
     def all_later(
         self, environment: Guard, events: Iterable[str], moment: Fraction, deadline: Deadline
@@ -390,7 +364,7 @@ class SemanticReasoner(Reasoner):
         earliest = self._earliest_execution(deadline, withheld)
         return None if earliest is None else self._opening(earliest)
 
-    def _from(self, moment: Fraction, environment: Guard) -> Iterator[Formula]:
+    def _from(self, moment: Time, environment: Guard) -> Iterator[Formula]:
         yield self._semantics.guard(environment)
         for event in self.progress.frontier:
             yield self._semantics.not_earlier(event, moment)
@@ -452,7 +426,7 @@ class SemanticReasoner(Reasoner):
                 )
                 for event in candidates
             ),
-            *(self._semantics.not_earlier(event, self._first) for event in self.progress.frontier),
+            *self._from(self._first, ALWAYS),
             *self._externals_after(self._first),
             self._terms.at_least(self._first - first),
         ]

@@ -21,6 +21,7 @@ from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Satisfiability, Session
 
 L = TypeVar("L", bound=Leaf)
+Part = TypeVar("Part")
 
 
 class Outlook:
@@ -65,13 +66,13 @@ class Outlook:
         return minimal(leaves, self.excludes)
 
 
-def minimal(leaves: tuple[L, ...], enough: Callable[[tuple[L, ...]], bool]) -> tuple[L, ...]:
+def minimal(leaves: tuple[Part, ...], enough: Callable[[tuple[Part, ...]], bool]) -> tuple[Part, ...]:
     """A part of the leaves that is still enough, of which no single one can be left out [Junker 2004, QuickXplain].
 
     All of them together are enough; those in front are dropped rather than those behind.
     """
 
-    def search(fixed: tuple[L, ...], open_: tuple[L, ...], changed: bool) -> tuple[L, ...]:
+    def search(fixed: tuple[Part, ...], open_: tuple[Part, ...], changed: bool) -> tuple[Part, ...]:
         if changed and enough(fixed):
             return ()
         if len(open_) <= 1:

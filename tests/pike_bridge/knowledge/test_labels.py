@@ -116,11 +116,6 @@ def test_what_manifests_a_conflict_is_dropped(found, excluded):
     assert decoded(after) == {one for one in decoded(before) if not guard(excluded) <= one}
 
 
-@given(several)
-def test_counting_models(found):
-    assert labels.count_models(label(found), sum(FIELDS), VOCABULARY, Deadline()) == len(covered(found))
-
-
 def test_long_work_looks_at_the_clock():
     many = AssignmentVocabulary({f"v{at}": ("1", "2") for at in range(24)})
     halves = [
