@@ -49,7 +49,6 @@ from robust.pike_bridge.envelopes.parameters import ParametricPlan, parametrize,
 from robust.pike_bridge.envelopes.search import LabeledRegion, LabeledRegionSearch, TeamEnvelope, TeamEnvelopeSearch
 from robust.pike_bridge.files import read_tpnu, write_tpnu
 from robust.pike_bridge.knowledge import knowledge_bases
-from robust.pike_bridge.knowledge.interface import KnowledgeBase
 from robust.pike_bridge.model import EPSILON, Guard, Literal, TeamPlan, Tpnu, check_choice
 from robust.pike_bridge.online.executive import LatestMoments, Moment, Moments, PlanExecutive
 from robust.pike_bridge.online.inquiry import why, why_failed, why_not
@@ -67,6 +66,7 @@ from robust.pike_bridge.online.world import (
     Story,
 )
 from robust.pike_bridge.semantics import Execution, Oracle
+from robust.pike_bridge.theory import KnowledgeBase
 from robust.smt.limits import Deadline, OutOfTimeError
 
 __all__ = [

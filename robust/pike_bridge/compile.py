@@ -15,9 +15,10 @@ from fractions import Fraction
 from typing import Any
 
 from robust.errors import InputError, Location, SolverError, UnsupportedError
+from robust.pike_bridge import theory as logic
 from robust.pike_bridge.causal import AugmentedPlan, augment
 from robust.pike_bridge.distance_graph import Precedence, StructuralPrecedence
-from robust.pike_bridge.knowledge import create_knowledge_base, interface, reasons_about_time
+from robust.pike_bridge.knowledge import create_knowledge_base, reasons_about_time
 from robust.pike_bridge.knowledge.goal import compile_goal
 from robust.pike_bridge.labeled_apsp import LabeledDistances, schedule, temporal_conflicts
 from robust.pike_bridge.model import ALWAYS, Assignment, Guard, TeamPlan, Tpnu, check_choice, circular
@@ -47,7 +48,7 @@ class Compilation:
     augmented: AugmentedPlan
     conflicts: tuple[Guard, ...]
     """Temporal conflicts of the augmented plan; none if the back end reasons about time itself."""
-    knowledge: interface.KnowledgeBase
+    knowledge: logic.KnowledgeBase
     distances: LabeledDistances | None = None
     """Of the augmented plan, where they were computed to find the conflicts."""
 
@@ -75,7 +76,7 @@ class Compiling:
     """By stage: precedence, links, conflicts, knowledge."""
     counts: dict[str, int] = field(default_factory=dict)
     """The sizes of what the stages that ended have made."""
-    statistics: interface.KnowledgeStatistics = field(default_factory=interface.KnowledgeStatistics)
+    statistics: logic.KnowledgeStatistics = field(default_factory=logic.KnowledgeStatistics)
 
     def compile(self) -> Compilation:
         """Compile.
@@ -253,13 +254,13 @@ class Measuring(Compiling, Searching[Sizes]):
         for question in reversed(questions) if self.backend == PITMS else questions:
             question(knowledge)
 
-    def _ask_models(self, knowledge: interface.KnowledgeBase) -> None:
+    def _ask_models(self, knowledge: logic.KnowledgeBase) -> None:
         if self.models:
             self.on_stage("counting models")
             self._sizes.models = knowledge.count_models(self.deadline)
 
-    def _ask_implicants(self, knowledge: interface.KnowledgeBase) -> None:
-        if not isinstance(knowledge, interface.HasImplicants):
+    def _ask_implicants(self, knowledge: logic.KnowledgeBase) -> None:
+        if not isinstance(knowledge, logic.HasImplicants):
             return
         self.on_stage("counting prime implicants")
         count = self._sizes.prime_implicants = knowledge.implicant_count(self.deadline)
@@ -340,7 +341,7 @@ class Checking(Compiling, Searching[PikeCheck]):
         compilation = self.compile()
         with self.stage("search"):
             knowledge = compilation.knowledge
-            knowledge.commit([interface.Require(self.assume)], self.deadline)
+            knowledge.commit([logic.Require(self.assume)], self.deadline)
             if self.all_scenarios:
                 for scenario in scenarios(knowledge, self.plan.network.domains, self.deadline):
                     yield execution_in(compilation, scenario, self.deadline)
@@ -349,7 +350,7 @@ class Checking(Compiling, Searching[PikeCheck]):
 
 
 def scenarios(
-    knowledge: interface.KnowledgeBase,
+    knowledge: logic.KnowledgeBase,
     domains: Mapping[str, tuple[str, ...]],
     deadline: Deadline,
     environment: Guard = ALWAYS,
@@ -367,7 +368,7 @@ def scenarios(
     open_environments = [(0, environment)]
     while open_environments:
         depth, environment = open_environments.pop()
-        if not knowledge.could_commit([interface.Require(environment)], deadline):
+        if not knowledge.could_commit([logic.Require(environment)], deadline):
             continue
         if depth == len(names):
             yield environment

@@ -19,12 +19,11 @@ from robust.pike_bridge.compile import Compilation, Compiling, Temporal, scenari
 from robust.pike_bridge.files import validate
 from robust.pike_bridge.knowledge import reasons_about_time
 from robust.pike_bridge.knowledge.bdd import BddKnowledgeBase
-from robust.pike_bridge.knowledge.interface import Commitment, Exclude, KnowledgeBase, Require
 from robust.pike_bridge.knowledge.labels import NodeKind
 from robust.pike_bridge.knowledge.tms import PiTms
 from robust.pike_bridge.model import GOAL, INITIAL, Activity, Assignment, Guard, Literal, TeamPlan
 from robust.pike_bridge.semantics import Oracle, holds, moved, restrict
-from robust.pike_bridge.theory import Theory
+from robust.pike_bridge.theory import Commitment, Exclude, KnowledgeBase, Require, Theory
 from robust.plan.model import Atom
 from robust.plan.pddl.write import ActionText, sketched_domain, sketched_problem
 from robust.presented import NoTruthValue

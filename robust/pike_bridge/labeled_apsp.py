@@ -24,7 +24,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import cached_property
-from heapq import heapify, heappop, heappush
 from typing import Final, TypeAlias
 
 from robust.network.differences import Cycle, DifferenceNetwork, Elimination
@@ -186,7 +185,6 @@ class LabeledDistances:
         self._elimination.eliminate_all()
         self._completions = completions
         self._deadline = deadline
-        self._rank = {event: rank for rank, event in enumerate(self._elimination.order)}
         self._rows: dict[int, list[Numbers]] = {}
         self._closed: dict[tuple[int, int], Numbers] = {}
 
@@ -263,23 +261,15 @@ class LabeledDistances:
         """
         row = [Numbers(self.vocabulary) for _ in self._graph.events]
         row[source].add(0, 0)
-        self._climb(source, row)
-        for event in reversed(self._elimination.order):
+        order = self._elimination.order
+        for middle in order[order.index(source) :]:
+            for event, distances in self._elimination.after[middle].items():
+                self._extend(row, source, middle, event, distances)
+        for event in reversed(order):
             if event != source:
                 for middle, distances in self._elimination.before[event].items():
                     self._extend(row, source, middle, event, distances)
         return row
-
-    def _climb(self, source: int, row: list[Numbers]) -> None:
-        reached, ranks = {source}, [self._rank[source]]
-        heapify(ranks)
-        while ranks:
-            middle = self._elimination.order[heappop(ranks)]
-            for event, distances in self._elimination.after[middle].items():
-                self._extend(row, source, middle, event, distances)
-                if event not in reached:
-                    reached.add(event)
-                    heappush(ranks, self._rank[event])
 
     def _extend(self, row: list[Numbers], source: int, middle: int, event: int, distances: Numbers) -> None:
         both = self._both(source, event)

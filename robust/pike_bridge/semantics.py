@@ -304,7 +304,9 @@ def faults(plan: model.TeamPlan, execution: Execution, *, reported: Collection[s
             time to exactly the activated events.
     """
     _validate(plan.network, execution)
-    unmet = _Simulation(plan, execution, frozenset(reported)).run()
+    simulation = _Simulation(plan, execution, frozenset(reported))
+    activated = (condition for condition in plan.conditions if holds(condition.guard, execution.scenario))
+    unmet = [fault for condition in activated if (fault := simulation.fault(condition)) is not None]
     return (*_broken(plan.network, execution), *sorted(unmet, key=lambda each: each.time))
 
 
@@ -348,26 +350,19 @@ def _broken(network: model.Tpnu, execution: Execution) -> Iterator[BrokenConstra
 
 
 class _Simulation:
-    """The effects and the conditions of an execution, and the order of their events."""
+    """The effects of an execution, and the order of its events."""
 
     def __init__(self, plan: model.TeamPlan, execution: Execution, reported: frozenset[str]) -> None:
         self._plan = plan
         self._time = execution.schedule
         self._reported = reported
-        self._conditions = [condition for condition in plan.conditions if holds(condition.guard, execution.scenario)]
         self._effects: dict[Atom, list[model.Effect]] = {}
         """By atom, in the order of time."""
         for effect in sorted(plan.effects, key=lambda effect: self._time.get(effect.event, Fraction(0))):
             if holds(effect.guard, execution.scenario):
                 self._effects.setdefault(effect.literal.atom, []).append(effect)
 
-    def run(self) -> Iterator[UnmetCondition]:
-        for condition in self._conditions:
-            fault = self._fault(condition)
-            if fault is not None:
-                yield fault
-
-    def _fault(self, condition: model.Condition) -> UnmetCondition | None:
+    def fault(self, condition: model.Condition) -> UnmetCondition | None:
         """The latest producer that is early enough decides: what would threaten it would threaten all before it."""
         first = condition.first
         producer: model.Effect | None = None

@@ -25,11 +25,11 @@ from robust.pike_bridge.cross_check import (
     subjects,
 )
 from robust.pike_bridge.knowledge import Registration
-from robust.pike_bridge.knowledge.interface import Require
 from robust.pike_bridge.knowledge.sat import SatKnowledgeBase
 from robust.pike_bridge.knowledge.tms import PiTms
 from robust.pike_bridge.model import ALWAYS, Activity, Assignment, Condition, Effect, TeamPlan, guard
 from robust.pike_bridge.semantics import Execution, ExecutionExistence, Oracle, faults
+from robust.pike_bridge.theory import Require
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.pike_bridge.brute_force import broken_constraints, correct_scenarios, holds, is_met
 from tests.pike_bridge.online.examples import kitchen

@@ -18,13 +18,12 @@ from hypothesis import given, settings
 from robust.pike_bridge.causal import Contexts, LabeledHappening, augment, open_conditions, prune
 from robust.pike_bridge.compile import Compiling, Temporal
 from robust.pike_bridge.distance_graph import StructuralPrecedence
-from robust.pike_bridge.knowledge.interface import Require
 from robust.pike_bridge.knowledge.sat import SatKnowledgeBase
 from robust.pike_bridge.knowledge.tms import PiTms
 from robust.pike_bridge.labeled_apsp import LabeledDistances, temporal_conflicts
 from robust.pike_bridge.model import ALWAYS, EPSILON, INITIAL, Activity, Condition, Effect, TeamPlan, guard, may_produce
 from robust.pike_bridge.semantics import Execution, ExecutionExistence, Oracle, faults
-from robust.pike_bridge.theory import Not, Some, Theory, conjunction, is_consistent
+from robust.pike_bridge.theory import Not, Require, Some, Theory, conjunction, is_consistent
 from tests.pike_bridge.brute_force import (
     ExactPrecedence,
     HalfKnowledge,

@@ -8,9 +8,8 @@ from importlib import import_module
 from typing import Any
 
 from robust.errors import InputError, did_you_mean
-from robust.pike_bridge.knowledge.interface import KnowledgeBase, KnowledgeStatistics
 from robust.pike_bridge.model import Tpnu
-from robust.pike_bridge.theory import Theory
+from robust.pike_bridge.theory import KnowledgeBase, KnowledgeStatistics, Theory
 from robust.smt.limits import NEVER, Deadline
 
 

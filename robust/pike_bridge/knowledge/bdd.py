@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import reduce
-from operator import and_, invert, or_
+from operator import and_, invert, methodcaller, or_
 from typing import Any, TypeAlias
 
 from robust.errors import from_extra
-from robust.pike_bridge.knowledge import interface
+from robust.pike_bridge import theory as logic
 from robust.pike_bridge.knowledge.goal import NOTHING, UNIT, Families, count_models
-from robust.pike_bridge.knowledge.orders import race
 from robust.pike_bridge.model import Assignment, Guard
-from robust.pike_bridge.theory import Formula, Theory, assignments_of, interpret, is_consistent
+from robust.pike_bridge.theory import Formula, Theory, assignments_of, interpret, is_consistent, race
 from robust.smt.limits import NEVER, Deadline
 
 LARGEST_DIAGRAM = 5_000_000
@@ -22,8 +21,9 @@ GLANCE = 32
 
 Node: TypeAlias = Any
 """A function in `dd`, which has no types."""
-_Item: TypeAlias = tuple[Collection[str], int, "Formula | frozenset[Assignment] | str"]
-"""A constraint, conflict, or variable whose digits must be a value, with its variables and its rank among equals."""
+_Item: TypeAlias = tuple[Collection[str], int, "Callable[[BinaryDiagrams], Node]"]
+"""The variables of a constraint, of a conflict or of digits that must be a value, its rank among equals, and how its
+diagram is made."""
 
 
 def create_manager() -> Any:
@@ -69,6 +69,10 @@ class BinaryDiagrams:
     def environment(self, assignments: Iterable[Assignment]) -> Node:
         """The conjunction of assignments."""
         return reduce(and_, map(self._values.__getitem__, assignments), self.manager.true)
+
+    def excluded(self, conflict: Guard) -> Node:
+        """That not all assignments of a conflict hold."""
+        return ~self.environment(conflict)
 
     def formula(self, formula: Formula) -> Node:
         """The diagram of a formula."""
@@ -117,7 +121,7 @@ class BinaryDiagrams:
         return families.primes(root, {self.manager.false: NOTHING, self.manager.true: UNIT}, split, deadline)
 
 
-class BddKnowledgeBase(interface.KnowledgeBase):
+class BddKnowledgeBase(logic.KnowledgeBase):
     """One decision diagram, into which constraints are conjoined one at a time; questions conjoin a few more.
 
     Args:
@@ -138,7 +142,7 @@ class BddKnowledgeBase(interface.KnowledgeBase):
         theory: Theory,
         *,
         deadline: Deadline = NEVER,
-        statistics: interface.KnowledgeStatistics | None = None,
+        statistics: logic.KnowledgeStatistics | None = None,
         largest_diagram: int = LARGEST_DIAGRAM,
     ) -> None:
         super().__init__(theory, statistics)
@@ -146,12 +150,11 @@ class BddKnowledgeBase(interface.KnowledgeBase):
         with self._compiling(deadline):
             self._root = self._compile(deadline)
 
-    def commit(self, commitments: Sequence[interface.Commitment], deadline: Deadline = NEVER) -> None:
-        deadline.enforce()
-        self._root = self._narrowed(interface.narrowing(commitments, self.theory), deadline)
+    def _narrow(self, asked: logic.Narrowing, deadline: Deadline) -> None:
+        self._root = self._narrowed(asked, deadline)
         self.statistics.sizes["diagram nodes"] = len(self._root)
 
-    def _possible(self, asked: interface.Narrowing, deadline: Deadline) -> bool:
+    def _possible(self, asked: logic.Narrowing, deadline: Deadline) -> bool:
         return bool(self._narrowed(asked, deadline) != self._diagrams.manager.false)
 
     def _count(self, deadline: Deadline) -> int:
@@ -194,18 +197,25 @@ class BddKnowledgeBase(interface.KnowledgeBase):
         return families, implicants
 
     def _compile(self, deadline: Deadline) -> Node:
-        parts: list[_Item] = [(_variables(constraint), 2, constraint) for constraint in self.theory.constraints]
+        parts: list[_Item] = [
+            ({one.variable for one in assignments_of(constraint)}, 2, methodcaller("formula", constraint))
+            for constraint in self.theory.constraints
+        ]
         conflicts = [each for each in dict.fromkeys(self.theory.conflicts) if is_consistent(each)]
-        parts += [({assignment.variable for assignment in conflict}, 1, conflict) for conflict in conflicts]
-        domains: list[_Item] = [({variable}, 0, variable) for variable in self.theory.domains]
+        parts += [({one.variable for one in conflict}, 1, methodcaller("excluded", conflict)) for conflict in conflicts]
+        domains: list[_Item] = [({variable}, 0, methodcaller("valid", variable)) for variable in self.theory.domains]
 
         def conjoined(order: Sequence[str], space: int) -> Node:
             """From the last variables to the first, so that what is built already stays as it is below what is new."""
             self._diagrams = BinaryDiagrams(self.theory.domains, order)
             place = {variable: at for at, variable in enumerate(order)}
             root = self._diagrams.manager.true
-            for _, _, item in sorted([*parts, *domains], key=lambda part: (-_first(part[0], place), part[1])):
-                root &= self._part(item)
+
+            def turn(item: _Item) -> tuple[int, int]:
+                return -min((place[variable] for variable in item[0]), default=len(place)), item[1]
+
+            for _, _, diagram in sorted([*parts, *domains], key=turn):
+                root &= diagram(self._diagrams)
                 self._look(deadline, space)
                 self.statistics.sizes["diagram nodes"] = len(root)
             return root
@@ -213,16 +223,7 @@ class BddKnowledgeBase(interface.KnowledgeBase):
         groups = [variables for variables, _, _ in parts]
         return race(tuple(self.theory.domains), groups, self._largest_diagram, conjoined)
 
-    def _part(self, item: Formula | frozenset[Assignment] | str) -> Node:
-        match item:
-            case str():
-                return self._diagrams.valid(item)
-            case frozenset():
-                return ~self._diagrams.environment(item)
-            case _:
-                return self._diagrams.formula(item)
-
-    def _narrowed(self, asked: interface.Narrowing, deadline: Deadline) -> Node:
+    def _narrowed(self, asked: logic.Narrowing, deadline: Deadline) -> Node:
         if not asked.consistent:
             return self._diagrams.manager.false
         root = self._root & self._diagrams.environment(Assignment(*item) for item in asked.required.items())
@@ -230,18 +231,10 @@ class BddKnowledgeBase(interface.KnowledgeBase):
             deadline.enforce()
             if number % GLANCE == GLANCE - 1:
                 self._look(deadline, self._largest_diagram)
-            root &= ~self._diagrams.environment(conflict)
+            root &= self._diagrams.excluded(conflict)
         return root
 
     def _look(self, deadline: Deadline, space: int) -> None:
         deadline.enforce()
         if len(self._diagrams.manager) > space:
-            raise interface.OutOfSpaceError
-
-
-def _variables(formula: Formula) -> set[str]:
-    return {one.variable for one in assignments_of(formula)}
-
-
-def _first(group: Collection[str], place: Mapping[str, int]) -> int:
-    return min((place[variable] for variable in group), default=len(place))
+            raise logic.OutOfSpaceError

@@ -19,10 +19,8 @@ from dataclasses import dataclass
 from math import prod
 from typing import Final, NamedTuple, TypeAlias
 
-from robust.pike_bridge.knowledge.interface import Narrowing, OutOfSpaceError
-from robust.pike_bridge.knowledge.orders import connected, race
 from robust.pike_bridge.model import Assignment, Guard
-from robust.pike_bridge.theory import Key, evaluate
+from robust.pike_bridge.theory import Key, Narrowing, OutOfSpaceError, connected, evaluate, race
 from robust.smt.limits import NEVER, Deadline
 
 Choice: TypeAlias = tuple[int, int]

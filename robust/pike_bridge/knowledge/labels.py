@@ -21,11 +21,11 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TypeAlias, assert_never
+from typing import TypeAlias
 
 from robust.pike_bridge import theory as logic
-from robust.pike_bridge.knowledge.interface import Effort
 from robust.pike_bridge.model import Assignment, AssignmentVocabulary, Environment, Guard, bits, union
+from robust.pike_bridge.theory import Effort
 from robust.smt.limits import Deadline
 
 Scope: TypeAlias = int
@@ -416,7 +416,7 @@ class JustificationNetwork:
     """By node: the antecedents of each; their conjunction implies the node."""
     constraints: list[int] = field(default_factory=list)
     """The nodes of the theory's constraints, each once."""
-    _known: dict[tuple[str, frozenset[int]], int] = field(default_factory=dict)
+    _known: dict[tuple[type[logic.All | logic.Some], frozenset[int]], int] = field(default_factory=dict)
     _assumptions: dict[Assignment, int] = field(default_factory=dict)
 
     def assumption(self, assignment: Assignment) -> int:
@@ -427,7 +427,8 @@ class JustificationNetwork:
 
     def encode(self, formula: logic.Formula) -> int:
         """The node of a formula, which holds if and only if the formula does."""
-        return logic.fold(logic.normal_form(formula, self._literal), self._encode)
+        normal = logic.normal_form(formula, self._literal)
+        return logic.interpret(normal, self.assumption, self._negated, self._conjoined, self._disjoined)
 
     def contradict(self, conflict: Guard) -> int:
         """A new contradiction node, justified by the conflict's assignments."""
@@ -441,24 +442,21 @@ class JustificationNetwork:
         others = [logic.Is(Assignment(variable, value)) for value in self.theory.domains[variable] if value != excluded]
         return others[0] if len(others) == 1 else logic.Some(tuple(others))
 
-    def _encode(self, formula: logic.Formula, parts: list[int]) -> int:
-        match formula:
-            case logic.Is(assignment):
-                return self.assumption(assignment)
-            case logic.All():
-                return self._junction("all", formula, parts, [tuple(dict.fromkeys(parts))])
-            case logic.Some():
-                return self._junction("some", formula, parts, [(part,) for part in dict.fromkeys(parts)])
-            case logic.Not():
-                raise ValueError(f"negation in normal form: {formula}")
-            case _:
-                assert_never(formula)
+    def _negated(self, node: int) -> int:
+        raise ValueError(f"negation in normal form: of {self.nodes[node].formula}")
 
-    def _junction(self, kind: str, formula: logic.Formula, parts: list[int], tails: list[tuple[int, ...]]) -> int:
+    def _conjoined(self, parts: list[int]) -> int:
+        return self._junction(logic.All, parts, [tuple(dict.fromkeys(parts))])
+
+    def _disjoined(self, parts: list[int]) -> int:
+        return self._junction(logic.Some, parts, [(part,) for part in dict.fromkeys(parts)])
+
+    def _junction(self, kind: type[logic.All | logic.Some], parts: list[int], tails: list[tuple[int, ...]]) -> int:
         key = (kind, frozenset(parts))
         if len(key[1]) == 1:
             return parts[0]
         if key not in self._known:
+            formula = kind(tuple(self.nodes[part].formula for part in parts))
             self._known[key] = self._node(NodeKind.DERIVED, formula, *tails)
         return self._known[key]
 

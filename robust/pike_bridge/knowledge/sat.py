@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain, combinations
 
 from robust.errors import InputError, SolverError, did_you_mean
-from robust.pike_bridge.knowledge.interface import Commitment, KnowledgeBase, KnowledgeStatistics, Narrowing, narrowing
 from robust.pike_bridge.model import Assignment, Constraint, Guard, Tpnu, guard
-from robust.pike_bridge.theory import Theory, interpret
+from robust.pike_bridge.theory import KnowledgeBase, KnowledgeStatistics, Narrowing, Theory, interpret
 from robust.plan.polynomial import Polynomial
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Satisfiability, Session, Value
@@ -151,14 +150,13 @@ class SatKnowledgeBase(KnowledgeBase):
             self._session = self._start(deadline)
         self.statistics.sizes["formulas"] = len(self._formulas)
 
-    def commit(self, commitments: Sequence[Commitment], deadline: Deadline = NEVER) -> None:
-        deadline.enforce()
-        terms = self._narrow(narrowing(commitments, self.theory))
+    def _narrow(self, asked: Narrowing, deadline: Deadline) -> None:
+        terms = self._formulated(asked)
         self._formulas += terms
         self._session.add(*terms)
 
     def _possible(self, asked: Narrowing, deadline: Deadline) -> bool:
-        with self._session.frame(*self._narrow(asked)):
+        with self._session.frame(*self._formulated(asked)):
             return satisfiable(self._session, "models left", deadline)
 
     def _count(self, deadline: Deadline) -> int:
@@ -176,7 +174,7 @@ class SatKnowledgeBase(KnowledgeBase):
         session.add_all(self._formulas, deadline)
         return session
 
-    def _narrow(self, asked: Narrowing) -> list[Term]:
+    def _formulated(self, asked: Narrowing) -> list[Term]:
         if not asked.consistent:
             return [self._propositions.terms.false]
         return [self._propositions.guard(guard(asked.required)), *map(self._propositions.excluded, asked.conflicts)]

@@ -11,21 +11,19 @@ manifest a conflict, so queries look for environments that resolve all conflicts
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from heapq import heappop, heappush
-from itertools import product
+from itertools import count, product
 from math import log2
 from typing import Any, ClassVar, NamedTuple
 
-from robust.pike_bridge.knowledge import interface
+from robust.pike_bridge import theory as logic
 from robust.pike_bridge.knowledge import labels as labeling
 from robust.pike_bridge.knowledge.goal import LARGEST_GOAL, compile_goal
-from robust.pike_bridge.knowledge.interface import Effort
-from robust.pike_bridge.knowledge.orders import connected
 from robust.pike_bridge.knowledge.sat import SatKnowledgeBase
 from robust.pike_bridge.model import Assignment, AssignmentVocabulary, Environment, Guard, bits, guard, union
-from robust.pike_bridge.theory import FALSE, Theory
+from robust.pike_bridge.theory import FALSE, Effort, Theory, connected
 from robust.smt.limits import NEVER, Deadline
 
 
@@ -60,7 +58,7 @@ def factors(
     for scope in dict.fromkeys(map(union, connected(scopes, lambda scope: frozenset(bits(scope))))):
         own = tuple(conflict for conflict in conflicts if _touch(conflict.scope, scope))
         touching = [label for each, label in parts if _touch(each, scope)]
-        independent.append(LabelFactor(scope, _Join(vocabulary, effort, touching, list(own)).run(), own))
+        independent.append(LabelFactor(scope, _joined(touching, own, vocabulary, effort), own))
     return independent
 
 
@@ -69,69 +67,47 @@ def _touch(first: labeling.Scope, second: labeling.Scope) -> bool:
     return bool(first & second) or first == second
 
 
-class _Join:
-    def __init__(
-        self,
-        vocabulary: AssignmentVocabulary,
-        effort: Effort,
-        labels: Sequence[labeling.Label],
-        conflicts: list[labeling.LabelConflict],
-    ) -> None:
-        self._effort = effort
-        self._parts: dict[int, labeling.Label] = {}
-        self._scopes: dict[int, labeling.Scope] = {}
-        self._open = conflicts
-        self._weights = {vocabulary.field(name): log2(len(values)) for name, values in vocabulary.domains.items()}
-        """For each variable, the binary logarithm of the number of its values."""
-        self._pairs: list[tuple[float, int, int]] = []
-        self._next = 0
-        for label in labels:
-            self._put(label)
+def _joined(
+    labels: Sequence[labeling.Label],
+    conflicts: Iterable[labeling.LabelConflict],
+    vocabulary: AssignmentVocabulary,
+    effort: logic.Effort,
+) -> labeling.Label:
+    """The conjunction of labels, two at a time, such that the estimated result is the smallest.
 
-    def run(self) -> labeling.Label:
-        while len(self._parts) > 1 and all(self._parts.values()):
-            first, second = self._best()
-            self._put(labeling.weave(self._take(first), self._take(second), self._effort))
-        if not all(self._parts.values()):
-            return {}
-        return next(iter(self._parts.values()), labeling.true_label())
+    What manifests a conflict is dropped as soon as a label mentions all of its variables.
+    """
+    weights = {vocabulary.field(name): log2(len(values)) for name, values in vocabulary.domains.items()}
+    sizes = effort.statistics.sizes
+    parts: dict[int, tuple[labeling.Label, labeling.Scope]] = {}
+    pairs: list[tuple[float, int, int]] = []
+    waiting, numbers = list(conflicts), count()
 
-    def _put(self, label: labeling.Label) -> None:
-        """Add a part, without what manifests conflicts that it knows all variables of."""
-        scope = union(label)
-        for known in [each for each in self._open if each.scope & scope == each.scope]:
-            self._open.remove(known)
-            label = labeling.without_manifest(label, known, self._effort)
-            self._note(label)
-        scope = union(label)
-        index, self._next = self._next, self._next + 1
-        for other in self._parts:
-            heappush(self._pairs, (self._cost(label, scope, other), index, other))
-        self._parts[index] = label
-        self._scopes[index] = scope
-
-    def _note(self, label: labeling.Label) -> None:
-        sizes = self._effort.statistics.sizes
+    def noted(label: labeling.Label) -> labeling.Label:
         sizes["largest label"] = max(sizes.get("largest label", 0), labeling.size(label))
+        return label
 
-    def _cost(self, label: labeling.Label, scope: labeling.Scope, other: int) -> float:
-        """Estimated size of the join, as a logarithm."""
-        partner = self._parts[other]
-        if not label or not partner:
-            return 0.0
-        shared = scope & self._scopes[other]
-        agreement = sum(weight for field, weight in self._weights.items() if field & shared)
-        return log2(labeling.size(label)) + log2(labeling.size(partner)) - agreement
+    def put(label: labeling.Label) -> None:
+        scope = union(label)
+        for known in [each for each in waiting if each.scope & scope == each.scope]:
+            waiting.remove(known)
+            label = noted(labeling.without_manifest(label, known, effort))
+        scope, number = union(label), next(numbers)
+        for other, (partner, partner_scope) in parts.items():
+            agreement = sum(weight for field, weight in weights.items() if field & scope & partner_scope)
+            size = log2(labeling.size(label)) + log2(labeling.size(partner)) if label and partner else agreement
+            heappush(pairs, (size - agreement, number, other))
+        parts[number] = label, scope
 
-    def _best(self) -> tuple[int, int]:
-        while True:
-            _, first, second = heappop(self._pairs)
-            if first in self._parts and second in self._parts:
-                return first, second
-
-    def _take(self, index: int) -> labeling.Label:
-        self._note(self._parts[index])
-        return self._parts.pop(index)
+    for label in labels:
+        put(label)
+    while len(parts) > 1 and all(label for label, _ in parts.values()):
+        _, first, second = heappop(pairs)
+        if first in parts and second in parts:
+            one, other = noted(parts.pop(first)[0]), noted(parts.pop(second)[0])
+            put(labeling.weave(one, other, effort))
+    remaining = [label for label, _ in parts.values()]
+    return next(iter(remaining), labeling.true_label()) if all(remaining) else {}
 
 
 class Partial(NamedTuple):
@@ -216,7 +192,7 @@ class NodeLabel:
     environments: frozenset[Guard]
 
 
-class LabelKnowledgeBase(interface.KnowledgeBase):
+class LabelKnowledgeBase(logic.KnowledgeBase):
     """What the πTMS and the ATMS have in common: the encoding, and propagation to the nodes of all constraints.
 
     Args:
@@ -244,8 +220,8 @@ class LabelKnowledgeBase(interface.KnowledgeBase):
         shortcut: bool = True,
         solver: str = "z3",
         deadline: Deadline = NEVER,
-        statistics: interface.KnowledgeStatistics | None = None,
-        largest_label: int = interface.LARGEST_LABEL,
+        statistics: logic.KnowledgeStatistics | None = None,
+        largest_label: int = logic.LARGEST_LABEL,
     ) -> None:
         super().__init__(theory, statistics)
         self._vocabulary = AssignmentVocabulary(theory.domains)
@@ -255,14 +231,22 @@ class LabelKnowledgeBase(interface.KnowledgeBase):
             possible = not shortcut or SatKnowledgeBase(theory, solver=solver, deadline=deadline).satisfiable(deadline)
             self.simplified = labeling.simplify(theory, deadline) if possible else Theory(theory.domains, (FALSE,))
             """The equivalent theory that was encoded."""
-            self._propagate(self._effort(deadline))
+            network = labeling.encode(self.simplified)
+            self.statistics.sizes |= {
+                "nodes": len(network.nodes),
+                "justifications": sum(map(len, network.justifications)),
+                "conflicts": len(self.simplified.conflicts),
+                "variables": len(theory.domains),
+            }
+            self._maintenance = labeling.TruthMaintenance(
+                network, self._vocabulary, consensus=self.consensus, resolve=self.resolve
+            )
+            self._maintenance.run(self._effort(deadline))
             self._compile(deadline)
         self._measure()
 
-    def commit(self, commitments: Sequence[interface.Commitment], deadline: Deadline = NEVER) -> None:
-        deadline.enforce()
-        asked = interface.narrowing(commitments, self.theory)
-        self._narrow(asked, deadline)
+    def _narrow(self, asked: logic.Narrowing, deadline: Deadline) -> None:
+        self._narrow_goal(asked, deadline)
         if asked.consistent:
             # Requiring a value is excluding the others [PIKE §5.7].
             domains = self.theory.domains
@@ -295,33 +279,19 @@ class LabelKnowledgeBase(interface.KnowledgeBase):
         """Find the goal."""
 
     @abstractmethod
-    def _narrow(self, asked: interface.Narrowing, deadline: Deadline) -> None:
+    def _narrow_goal(self, asked: logic.Narrowing, deadline: Deadline) -> None:
         """Find what is left of the goal."""
 
     @abstractmethod
     def _measure(self) -> None:
         """Note the size of the goal."""
 
-    def _propagate(self, effort: interface.Effort) -> None:
-        network = labeling.encode(self.simplified)
-        sizes = self.statistics.sizes
-        sizes |= {
-            "nodes": len(network.nodes),
-            "justifications": sum(map(len, network.justifications)),
-            "conflicts": len(self.simplified.conflicts),
-            "variables": len(self.theory.domains),
-        }
-        self._maintenance = labeling.TruthMaintenance(
-            network, self._vocabulary, consensus=self.consensus, resolve=self.resolve
-        )
-        self._maintenance.run(effort)
-
     def _constraints(self) -> Iterator[labeling.Label]:
         """The labels of the goal's antecedents, which are its own only where nothing else has to hold."""
         return map(self._maintenance.own_label, self._maintenance.network.constraints)
 
-    def _effort(self, deadline: Deadline) -> interface.Effort:
-        return interface.Effort(self.statistics, deadline, self._largest_label)
+    def _effort(self, deadline: Deadline) -> logic.Effort:
+        return logic.Effort(self.statistics, deadline, self._largest_label)
 
     def _conflict(self, environment: Guard) -> labeling.LabelConflict:
         return labeling.conflict_of(self._vocabulary.encode(environment), self._vocabulary)
@@ -355,14 +325,14 @@ class Atms(LabelKnowledgeBase):
         self._factors = factors(list(self._constraints()), conflicts, self._vocabulary, self._effort(deadline))
         self._required: dict[str, str] = {}
 
-    def _narrow(self, asked: interface.Narrowing, deadline: Deadline) -> None:
+    def _narrow_goal(self, asked: logic.Narrowing, deadline: Deadline) -> None:
         """Join what is committed to with the factors about the same variables.
 
         What is known to hold goes without saying in conflicts, which so join fewer factors.
         """
         known = {**self._required, **asked.required}
-        excluded = map(interface.Exclude, asked.conflicts)
-        whole = interface.narrowing([interface.Require(guard(known)), *excluded], self.theory)
+        excluded = map(logic.Exclude, asked.conflicts)
+        whole = logic.narrowing([logic.Require(guard(known)), *excluded], self.theory)
         narrowed = [FALSITY]
         if asked.consistent and whole.consistent:
             new = [self._partial({variable: value}) for variable, value in asked.required.items()]
@@ -379,7 +349,7 @@ class Atms(LabelKnowledgeBase):
         self.statistics.sizes["factors"] = len(self._factors)
         self.statistics.sizes["environments"] = sum(labeling.size(factor.label) for factor in self._factors)
 
-    def _possible(self, asked: interface.Narrowing, deadline: Deadline) -> bool:
+    def _possible(self, asked: logic.Narrowing, deadline: Deadline) -> bool:
         conflicts = list(map(self._conflict, asked.conflicts))
         return could_hold(self._factors, self._partial(asked.required), conflicts, deadline)
 
@@ -444,14 +414,14 @@ class PiTms(LabelKnowledgeBase):
         self._goal.label(deadline)
         self.statistics.sizes["label nodes"] = len(self._goal.diagrams.functions.families)
 
-    def _narrow(self, asked: interface.Narrowing, deadline: Deadline) -> None:
+    def _narrow_goal(self, asked: logic.Narrowing, deadline: Deadline) -> None:
         self._goal = self._goal.narrowed(asked, deadline)
 
     def _measure(self) -> None:
         self.statistics.sizes["factors"] = len(self._goal.parts)
         self.statistics.sizes["diagram nodes"] = self._goal.size()
 
-    def _possible(self, asked: interface.Narrowing, deadline: Deadline) -> bool:
+    def _possible(self, asked: logic.Narrowing, deadline: Deadline) -> bool:
         return self._goal.possible(asked, deadline)
 
     def _count(self, deadline: Deadline) -> int:

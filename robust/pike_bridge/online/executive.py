@@ -83,8 +83,8 @@ class PlanExecutive:
         self._values: Mapping[str, str] = {}
         """Of the choices that are made at the event that is being executed, as far as they are decided."""
         self._deadline = deadline
-        self._wake: Fraction | None = None
-        self._wake_known = False
+        self._wake: tuple[Fraction | None] | None = None
+        """When to step again, once it is known."""
         self._changed = True
         self._recorded: Mapping[str, str] | None = None
         """The choices of the step that is being repeated."""
@@ -102,10 +102,9 @@ class PlanExecutive:
         """When to step again if nothing is reported before; it is found out when it is asked for."""
         if self.ended:
             return None
-        if not self._wake_known:
-            self._wake = self._next_time()
-            self._wake_known = True
-        return self._wake
+        if self._wake is None:
+            self._wake = (self._next_time(),)
+        return self._wake[0]
 
     @property
     def withheld(self) -> frozenset[str]:
@@ -147,18 +146,15 @@ class PlanExecutive:
         self._advance(now, decisions)
         for message in messages:
             decisions += self._take(message)
-        if messages:
-            self._patience.told()
         if self._changed and not self.reasoner.possible(self._deadline):
             self.outcome = said.Failed(self.progress.now, "no correct execution is left")
             return [*decisions, self.outcome]
         self._changed = False
         decisions += self._execute_all()
-        self._wake_known = False
+        self._wake = None
         if self._is_finished():
-            self.outcome = said.Succeeded(
-                self.progress.now, tuple(Assignment(*each) for each in sorted(self.progress.chosen.items()))
-            )
+            scenario = tuple(Assignment(*each) for each in sorted(self.progress.chosen.items()))
+            self.outcome = said.Succeeded(self.progress.now, scenario)
             decisions.append(self.outcome)
         return decisions
 
@@ -167,9 +163,7 @@ class PlanExecutive:
         if self.ended:
             return
         decisions = tuple(decisions)
-        self._recorded = {
-            decision.choice: decision.value for decision in decisions if isinstance(decision, said.Chosen)
-        }
+        self._recorded = {each.choice: each.value for each in decisions if isinstance(each, said.Chosen)}
         self._advance(now, [])
         for message in messages:
             list(self._take(message))
@@ -179,7 +173,7 @@ class PlanExecutive:
             elif isinstance(decision, said.Failed | said.Succeeded):
                 self.outcome = decision
         self._recorded = None
-        self._wake_known = False
+        self._wake = None
 
     def possible_values(self, choice: str) -> tuple[str, ...]:
         """The values that a choice may still have [PIKE §1.1: inferred intent].
@@ -203,22 +197,24 @@ class PlanExecutive:
 
     def _take(self, message: said.Message) -> Iterator[said.Decision]:
         match message:
-            case said.Outcome():
-                yield from self._take_outcome(message)
+            case said.Outcome(choice, value):
+                reason = objection(self.plan, self.progress.chosen, message)
+                if reason is not None:
+                    yield self._rejected(message, reason)
+                else:
+                    self._choose(choice, value)
+                    yield said.Chosen(choice, value, self.progress.now, observed=True)
             case said.Completion():
                 yield from self._take_completion(message)
+            case said.Estimate(true, false) if contradictory := sorted(true & false):
+                yield self._rejected(message, f"{contradictory[0]} is said to be both true and false")
             case said.Estimate():
-                yield from self._take_estimate(message)
+                for violation, broken in () if self._monitor is None else self._monitor.compare(message):
+                    self.progress.void.update(broken)
+                    self._changed = True
+                    yield violation
             case _:
                 assert_never(message)
-
-    def _take_outcome(self, message: said.Outcome) -> Iterator[said.Decision]:
-        reason = objection(self.plan, self.progress.chosen, message)
-        if reason is not None:
-            yield self._rejected(message, reason)
-        else:
-            self._choose(message.choice, message.value)
-            yield said.Chosen(message.choice, message.value, self.progress.now, observed=True)
 
     def _take_completion(self, message: said.Completion) -> Iterator[said.Decision]:
         activities = self.plan.network.activities
@@ -238,16 +234,6 @@ class PlanExecutive:
                 del self.running[place]
             if not any(activities[place].target == end for place in self.running):
                 yield from self._mark(end, reported=True)
-
-    def _take_estimate(self, message: said.Estimate) -> Iterator[said.Decision]:
-        contradictory = sorted(message.true & message.false)
-        if contradictory:
-            yield self._rejected(message, f"{contradictory[0]} is said to be both true and false")
-        elif self._monitor is not None:
-            for violation, broken in self._monitor.compare(message):
-                self.progress.void.update(broken)
-                self._changed = True
-                yield violation
 
     # -- what is done ------------------------------------------------------------------------------------------------
 

@@ -22,7 +22,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from fractions import Fraction
-from itertools import chain, islice, product
+from itertools import chain, product
 from math import prod
 from operator import itemgetter
 from typing import NamedTuple
@@ -38,8 +38,6 @@ JOINT = 64
 """The most joint intents that are all kept; if there are more, every single value is."""
 _REMEMBERED = 256
 """Continuations."""
-_LOOKED_AT = 3
-"""The most continuations that are tried before a solver is asked how long something can wait."""
 _NAMED = 3
 """The most intents that a message names."""
 
@@ -98,18 +96,6 @@ class Patience:
         self.alarm: Fraction | None = None
         self._found: list[Execution] = []
         """Continuations in which everything that is not the executive's is later than now."""
-        self._refuted: set[Guard] = set()
-        """Intents that are not kept; that stays so as long as nothing is reported."""
-        self._excluding: tuple[Fraction, set[tuple[Guard, str]]] = (self.progress.now, set())
-        """Acts of this moment, with intents that they exclude; that stays so, too."""
-        self._ceiling: tuple[object, Fraction | None] = (None, None)
-        """The least L, and of what."""
-
-    def told(self) -> None:
-        """Take note that something was reported: what is not the executive's may have become so."""
-        self._refuted.clear()
-        self._excluding[1].clear()
-        self._ceiling = (None, None)
 
     def decide(self, executable: Iterable[str], alternatives: Mapping[str, Sequence[str]]) -> DueAct | None:
         """What to do now; None: nothing.
@@ -129,12 +115,10 @@ class Patience:
         waiting = [] if self.patience is None else openings(self.progress)
         if not waiting:
             return DueAct(first)
-        self._forget()
-        self._remember(self._asked.witness)
+        self._found = [continuation for continuation in self._found[-_REMEMBERED:] if self._continues(continuation)]
         everything = kept = self._kept(waiting)
         acts: dict[str, list[Guard]] = {}
         for event in chain((first,), candidates):
-            self._remember(self._asked.witness)
             acts[event] = list(self._values(event, alternatives))
             values = self._free(event, acts[event], kept)
             if values is not None:
@@ -167,12 +151,8 @@ class Patience:
         """Joint intents that are kept, and single values that are in none of them but are kept by themselves."""
         kept: list[Intent] = []
         for intent in chain(intents(choices, self.progress), values_of(choices, self.progress)):
-            if any(intent.values <= other.values for other in kept) or intent.guard in self._refuted:
-                continue
-            if self._shown(intent.guard, None) or self._find(intent.guard, None):
+            if not any(intent.values <= other.values for other in kept) and self._continues_in(intent.guard, None):
                 kept.append(intent)
-            else:
-                self._refuted.add(intent.guard)
         return kept
 
     # -- acts --------------------------------------------------------------------------------------------------------
@@ -195,50 +175,29 @@ class Patience:
 
     def _keeps(self, intent: Guard, event: str, values: Guard) -> bool:
         """Whether an act leaves a continuation with an intent."""
-        asked = intent | values
-        if contradicts(intent, values) or (asked, event) in self._excluding[1]:
-            return False
-        if self._shown(asked, event) or self._find(asked, event):
-            return True
-        self._excluding[1].add((asked, event))
-        return False
+        return not contradicts(intent, values) and self._continues_in(intent | values, event)
 
-    def _shown(self, environment: Guard, event: str | None) -> bool:
-        """Whether a known continuation answers :meth:`_find`."""
+    def _continues_in(self, environment: Guard, event: str | None) -> bool:
+        """Whether a continuation in an environment does an event, if given, now; known ones are looked at first."""
         progress = self.progress
-        return any(
-            holds(environment, continuation.scenario)
-            and (
-                event is None
-                or (
-                    continuation.schedule.get(event) == progress.now
-                    and not progress.theirs(event, continuation.scenario)
-                )
-            )
-            for continuation in self._found
-        )
-
-    def _find(self, environment: Guard, event: str | None) -> bool:
-        """Look for a continuation in an environment that does an event, if given, now."""
+        fitting = (known for known in self._found if holds(environment, known.scenario))
+        if any(
+            event is None or (known.schedule.get(event) == progress.now and not progress.theirs(event, known.scenario))
+            for known in fitting
+        ):
+            return True
         continuation = self._asked.continuation(environment, event, self.deadline)
-        if continuation is not None:
-            self._found.append(continuation)
+        self._found += [] if continuation is None else [continuation]
         return continuation is not None
 
     # -- waiting -----------------------------------------------------------------------------------------------------
 
     def _at_last(self, acts: Mapping[str, list[Guard]], kept: list[Intent], everything: list[Intent]) -> DueAct | None:
         """Wait, unless that loses more than an act does."""
-        now, progress, withheld = self.progress.now, self.progress, frozenset(acts)
-        moment = (withheld, frozenset(kept), len(progress.times), len(progress.chosen))
-        known, least = self._ceiling
-        if known == moment and (least is None or least - self.margin > now):
-            self.withheld, self.alarm = withheld, None if least is None else least - self.margin
-            return None
+        now, withheld = self.progress.now, frozenset(acts)
         staying = self._waits(kept, withheld, now + self.margin)
         if len(staying) == len(kept):
             least = self._least(staying, withheld)
-            self._ceiling = (moment, least)
             self.withheld, self.alarm = withheld, None if least is None else least - self.margin
             return None
         due = {
@@ -283,16 +242,8 @@ class Patience:
     def _wait(self, intent: Intent, others: frozenset[str], moment: Fraction) -> Fraction | None:
         """A time until which an intent and other events can wait: after a moment, if they can wait that long."""
         events = intent.events | others
-        agreeing = (known for known in reversed(self._found) if holds(intent.guard, known.scenario))
-        for known in islice(agreeing, _LOOKED_AT):
-            wait = self._asked.wait(known, events)
-            if wait is None or wait > moment:
-                return wait
         continuation = self._asked.all_later(intent.guard, events, moment, self.deadline)
-        if continuation is None:
-            return moment
-        self._remember(continuation)
-        return self._asked.wait(continuation, events)
+        return moment if continuation is None else self._asked.wait(continuation, events)
 
     def _seen_before(self, event: str, withheld: Collection[str]) -> bool:
         """Whether an event happens before each of those that are withheld in a known continuation."""
@@ -351,18 +302,6 @@ class Patience:
         if self.reasoner is None:
             self.reasoner = SemanticReasoner(self.progress, solver=self.solver)
         return self.reasoner
-
-    def _remember(self, execution: Execution | None) -> None:
-        """Keep a continuation in mind, if it is one in which what is not the executive's is later than now."""
-        if execution is not None and execution not in self._found[-1:] and self._continues(execution):
-            self._found.append(execution)
-
-    def _forget(self) -> None:
-        """Leave out what the present has overtaken."""
-        progress = self.progress
-        if self._excluding[0] != progress.now:
-            self._excluding = (progress.now, set())
-        self._found = [continuation for continuation in self._found[-_REMEMBERED:] if self._continues(continuation)]
 
     def _continues(self, execution: Execution) -> bool:
         progress = self.progress

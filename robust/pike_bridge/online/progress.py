@@ -361,21 +361,15 @@ class Monitor:
 
     def compare(self, estimate: Estimate) -> Iterator[tuple[Violated, list[tuple[model.Effect, model.Condition]]]]:
         """Each expectation that is contradicted and that a later condition may rely on, and the links that break."""
-        for atom, effect in list(self._latest.items()):
-            if effect not in self._broken and self._contradicts(estimate, atom, effect.literal.positive):
-                links = [
-                    (producer, condition)
-                    for producer in self._producers[effect.literal]
-                    for condition in self._relying(producer)
-                ]
+        for atom, effect in self._latest.items():
+            absent = atom in estimate.false or (estimate.complete and atom not in estimate.true)
+            contradicted = absent if effect.literal.positive else atom in estimate.true
+            if contradicted and effect not in self._broken:
+                producers = self._producers[effect.literal]
+                links = [(producer, condition) for producer in producers for condition in self._relying(producer)]
                 if links:
                     self._broken.add(effect)
                     yield self._announcement(effect, [condition for _, condition in links]), links
-
-    def _contradicts(self, estimate: Estimate, atom: Atom, expected: bool) -> bool:
-        if expected:
-            return atom in estimate.false or (estimate.complete and atom not in estimate.true)
-        return atom in estimate.true
 
     def _relying(self, effect: model.Effect) -> Iterator[model.Condition]:
         for condition in self._conditions[effect.literal]:

@@ -19,10 +19,10 @@ from robust.pike_bridge import model
 from robust.pike_bridge.compile import Compilation, Compiling, Temporal
 from robust.pike_bridge.distance_graph import LabeledValueSet
 from robust.pike_bridge.knowledge import knowledge_bases
-from robust.pike_bridge.knowledge.interface import Commitment, Exclude, Require
 from robust.pike_bridge.labeled_apsp import LabeledDistances, most_general
 from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.online.semantic import News, Reasoner, SemanticReasoner
+from robust.pike_bridge.theory import Commitment, Exclude, Require
 from robust.smt.limits import NEVER, Deadline
 from robust.smt.terms import Terms
 

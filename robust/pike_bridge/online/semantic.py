@@ -15,10 +15,10 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass
 from fractions import Fraction
-from heapq import heappop, heappush
 from itertools import islice
-from math import ceil, floor, lcm
+from math import ceil, floor
 
+from robust.network.differences import Distances
 from robust.pike_bridge.knowledge.sat import satisfiable
 from robust.pike_bridge.model import ALWAYS, Condition, Effect, Guard, guard
 from robust.pike_bridge.online.progress import Progress
@@ -109,7 +109,6 @@ class OnlineSemantics(Semantics):
         self._progress = progress
         self._void: dict[tuple[Effect, Condition], Formula] = {}
         super().__init__(progress.plan, terms, epsilon=progress.plan.separation)
-        self._constraints = list(self._scaled())
 
     def ours(self, event: str) -> Formula:
         """That the event is activated, and the executive's to execute."""
@@ -142,48 +141,29 @@ class OnlineSemantics(Semantics):
         It counts executions with the same choices and the same facts that keep every order on which conditions may
         rest. None if there is no such time.
         """
-        schedule, grid = execution.schedule, self._progress.grid
-        scale = lcm(*((time / grid).denominator for time in schedule.values()))
-        times = {event: int(time / grid * scale) for event, time in schedule.items()}
-        # What the execution itself leaves of each bound is not negative, so that the shortest paths are found greedily.
-        slack: dict[str, list[tuple[str, int]]] = {event: [] for event in schedule}
-        for source, target, bound in self._bounds(execution.scenario, times, scale):
-            slack[source].append((target, bound * scale + times[source] - times[target]))
-        queue = [(0, event) for event in self._progress.times]
-        distances: dict[str, int] = {}
-        while queue:
-            distance, event = heappop(queue)
-            if event not in distances:
-                distances[event] = distance
-                for target, more in slack[event]:
-                    if target not in distances:
-                        heappush(queue, (distance + more, target))
-        least = min((distances[event] + times[event] for event in events if event in distances), default=None)
-        return None if least is None else Fraction(least, scale) * grid
+        executed = self._progress.times
+        if not executed:
+            return None
+        first, start = next(iter(executed.items()))
+        known = ((event, time - start) for event, time in executed.items())
+        fixed = [bound for event, time in known for bound in ((first, event, -time), (event, first, time))]
+        # Backwards in time, so that the greatest time of an event is a greatest lower bound.
+        distances = Distances(execution.schedule, [*fixed, *self._kept(execution)])
+        bounds = (distances.least(first, event) for event in events if event in execution.schedule)
+        return min((start - bound for bound in bounds if bound is not None), default=None)
 
-    def _bounds(
-        self, scenario: Mapping[str, str], times: Mapping[str, int], scale: int
-    ) -> Iterator[tuple[str, str, int]]:
-        """By how much of the grid an event is later than another at most: by constraints, and orders that are kept.
-
-        Times are in units of the grid divided by the scale.
-        """
-        for source, target, bound, label in self._constraints:
-            if holds(label, scenario):
-                yield source, target, bound
-        apart = int(self._epsilon / self._progress.grid)
-        for earlier, later in self._orders:
-            if earlier in times and later in times and times[later] - times[earlier] >= apart * scale:
-                yield later, earlier, -apart
-
-    def _scaled(self) -> Iterator[tuple[str, str, int, Guard]]:
-        """The constraints as bounds on how much later one event is than another, in units of the grid."""
-        grid = self._progress.grid
+    def _kept(self, execution: Execution) -> Iterator[tuple[str, str, Fraction]]:
+        """How much earlier one event is than another at least: by constraints, and by orders that are kept."""
+        times = execution.schedule
         for constraint in self._progress.plan.network.temporal_constraints:
-            if constraint.upper is not None:
-                yield constraint.source, constraint.target, int(constraint.upper / grid), constraint.guard
-            if constraint.lower is not None:
-                yield constraint.target, constraint.source, -int(constraint.lower / grid), constraint.guard
+            if holds(constraint.guard, execution.scenario):
+                if constraint.upper is not None:
+                    yield constraint.source, constraint.target, -constraint.upper
+                if constraint.lower is not None:
+                    yield constraint.target, constraint.source, constraint.lower
+        for earlier, later in self._orders:
+            if earlier in times and later in times and times[later] - times[earlier] >= self._epsilon:
+                yield later, earlier, self._epsilon
 
     def void(self, effect: Effect, condition: Condition) -> Formula:
         """That the effect does not support the condition."""
@@ -295,12 +275,6 @@ class SemanticReasoner(Reasoner):
         return least, None if greatest == horizon else greatest
 
     # -- patience ----------------------------------------------------------------------------------------------------
-
-    @property
-    def witness(self) -> Execution | None:
-        """A continuation, if one is known."""
-        self.catch_up()
-        return self._witness
 
     def continuation(self, environment: Guard, event: str | None, deadline: Deadline) -> Execution | None:
         """A continuation in the environment in which what is not the executive's to execute comes after now.

@@ -9,10 +9,9 @@ from hypothesis import strategies as st
 
 from robust.errors import InputError, SolverError
 from robust.pike_bridge.knowledge import create_knowledge_base, knowledge_bases, reasons_about_time
-from robust.pike_bridge.knowledge.interface import Exclude, KnowledgeStatistics, Require
 from robust.pike_bridge.knowledge.sat import SatKnowledgeBase
 from robust.pike_bridge.model import Assignment, guard
-from robust.pike_bridge.theory import All, Is, Not, Some, Theory
+from robust.pike_bridge.theory import All, Exclude, Is, KnowledgeStatistics, Not, Require, Some, Theory
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.pike_bridge.brute_force import candidate_subplan, scenarios
 from tests.pike_bridge.knowledge.theories import allowed, commitments, models, theories

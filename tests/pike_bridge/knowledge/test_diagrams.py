@@ -15,13 +15,24 @@ from robust.pike_bridge.compile import Compiling
 from robust.pike_bridge.knowledge import create_knowledge_base
 from robust.pike_bridge.knowledge.bdd import BddKnowledgeBase
 from robust.pike_bridge.knowledge.goal import FALSE, NOTHING, TRUE, UNIT, Families, Functions
-from robust.pike_bridge.knowledge.interface import Effort, Exclude, KnowledgeStatistics, OutOfSpaceError, Require
 from robust.pike_bridge.knowledge.labels import TruthMaintenance, encode, environments, split
-from robust.pike_bridge.knowledge.orders import FIRST_TRY, MORE, elimination_order, force_order, race
 from robust.pike_bridge.knowledge.tms import PiTms
 from robust.pike_bridge.model import Assignment, AssignmentVocabulary, guard
 from robust.pike_bridge.semantics import ExecutionExistence, Oracle
-from robust.pike_bridge.theory import All, Theory
+from robust.pike_bridge.theory import (
+    FIRST_TRY,
+    MORE,
+    All,
+    Effort,
+    Exclude,
+    KnowledgeStatistics,
+    OutOfSpaceError,
+    Require,
+    Theory,
+    elimination_order,
+    force_order,
+    race,
+)
 from robust.smt.limits import Deadline
 from tests.pike_bridge.knowledge.theories import allowed, models, theories
 

@@ -6,11 +6,23 @@ from hypothesis import strategies as st
 
 from robust.pike_bridge.knowledge import labels
 from robust.pike_bridge.knowledge.bdd import BddKnowledgeBase
-from robust.pike_bridge.knowledge.interface import Effort, Exclude, KnowledgeStatistics, OutOfSpaceError, Require
 from robust.pike_bridge.knowledge.labels import NodeKind, simplify
 from robust.pike_bridge.knowledge.tms import Atms, PiTms
 from robust.pike_bridge.model import Assignment, AssignmentVocabulary, guard
-from robust.pike_bridge.theory import All, Is, Not, Some, Theory, conjunction, is_consistent
+from robust.pike_bridge.theory import (
+    All,
+    Effort,
+    Exclude,
+    Is,
+    KnowledgeStatistics,
+    Not,
+    OutOfSpaceError,
+    Require,
+    Some,
+    Theory,
+    conjunction,
+    is_consistent,
+)
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.pike_bridge.brute_force import scenarios
 from tests.pike_bridge.knowledge.theories import allowed, commitments, models, prime_implicants, satisfies, theories

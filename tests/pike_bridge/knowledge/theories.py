@@ -4,9 +4,8 @@ from collections.abc import Mapping
 
 from hypothesis import strategies as st
 
-from robust.pike_bridge.knowledge.interface import Exclude, Require
 from robust.pike_bridge.model import Assignment, guard
-from robust.pike_bridge.theory import All, Is, Not, Some, Theory
+from robust.pike_bridge.theory import All, Exclude, Is, Not, Require, Some, Theory
 from tests.pike_bridge.brute_force import scenarios
 
 Model = Mapping[str, str]
