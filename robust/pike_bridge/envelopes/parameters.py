@@ -28,7 +28,7 @@ from typing import TypeAlias
 
 from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import format_number, shorten
-from robust.pike_bridge.model import Activity, Constraint, TeamPlan, Tpnu, check_choice
+from robust.pike_bridge.model import Constraint, TeamPlan, Tpnu, check_choice
 from robust.plan.model import Parameter, ParameterReference
 from robust.plan.parameters import ATTRIBUTES, attributes_of, kind_of, number_text, set_attribute, toml_document
 from robust.plan.pddl.forms import read_text
@@ -279,9 +279,8 @@ class _Parametrization:
             remedy = f"write NAME={spec.kind.value}:{spec.subject} with another name"
             raise InputError(f"found parameter {name!r} twice, expected a new name: {remedy}", spec.location)
         given = spec.attributes
-        lower = None if any(self._own(place) is None for place in places) else Fraction(0)
-        if spec.kind is TeamParameterKind.HESITATION:
-            lower = Fraction(0)
+        durations = min(places) >= len(self._network.constraints)
+        lower = Fraction(0) if durations or spec.kind is TeamParameterKind.HESITATION else None
         declaration = ParameterDeclaration(
             name,
             weight=given.get("weight") or Fraction(1),
@@ -323,11 +322,6 @@ class _Parametrization:
             message = f"found several values of {what} ({shown}), expected a nominal value: default=D"
             raise InputError(message, spec.location)
         return values.pop() if len(values) == 1 else None
-
-    def _own(self, place: int) -> Activity | None:
-        """The activity whose duration a temporal constraint is."""
-        at = place - len(self._network.constraints)
-        return self._network.activities[at] if at >= 0 else None
 
     def _subject(self, spec: TeamParameterSpec) -> tuple[tuple[int, ...], str, str]:
         """The temporal constraints that are meant, what their parameter is for people, and a short name of them."""

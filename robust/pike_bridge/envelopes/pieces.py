@@ -82,6 +82,7 @@ class _ParametricElimination(Elimination[list[_Weight]]):
         super().__init__(size)
         self.ranges = ranges
         self.cycles: list[_Weight] = []
+        self._zero = _Weight((0,) * (len(ranges) + 1), False, ())
         self.ends: dict[tuple[int, bool], _Weight] = {}
         """The cycles that `ranges` come from, by the parameter and whether it is the lower end."""
 
@@ -89,7 +90,7 @@ class _ParametricElimination(Elimination[list[_Weight]]):
         """Add an edge, or a cycle."""
         if source != target:
             self._keep(self.after[source].get(target) or self.connect(source, target, []), weight)
-        elif not self._never_below_zero(weight) and not self._tighten(weight):
+        elif not self._implies(self._zero, weight) and not self._tighten(weight):
             self._keep(self.cycles, weight)
 
     def join(self, source: int, first: list[_Weight], node: int, second: list[_Weight], target: int) -> None:
@@ -125,10 +126,6 @@ class _ParametricElimination(Elimination[list[_Weight]]):
         """Whether the first bound is at least as tight as the second wherever the parameters may be."""
         greatest = self._greatest([a - b for a, b in zip(one.form, other.form, strict=True)])
         return greatest is not None and (greatest < 0 or (greatest == 0 and (one.strict or not other.strict)))
-
-    def _never_below_zero(self, cycle: _Weight) -> bool:
-        greatest = self._greatest([-factor for factor in cycle.form])
-        return greatest is not None and (greatest < 0 or (greatest == 0 and not cycle.strict))
 
     def _greatest(self, form: Sequence[int]) -> Fraction | int | None:
         """The greatest value of a form within the parameters' bounds; None if there is none."""

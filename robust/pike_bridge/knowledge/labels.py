@@ -501,7 +501,8 @@ class TruthMaintenance:
         self._consensus = consensus
         self._resolve = resolve
         self._fields = tuple(vocabulary.field(variable) for variable in vocabulary.variables)
-        self._labels: list[Label] = []
+        self.labels: list[Label] = []
+        """Of the nodes, as their justifications give them, before conflicts are resolved."""
 
     def run(self, effort: Effort) -> None:
         """Propagate from assumptions, and from what needs none, to all nodes.
@@ -509,17 +510,13 @@ class TruthMaintenance:
         Raises:
             OutOfTimeError: if the deadline passes; labels are incomplete then.
         """
-        self._labels = [{} for _ in self.network.nodes]
+        self.labels = [{} for _ in self.network.nodes]
         for node, justifications in zip(self.network.nodes, self.network.justifications, strict=True):
             effort.deadline.enforce()
             if node.kind is NodeKind.ASSUMPTION:
                 self._update(node.index, self._assumed(node.index), effort)
             for antecedents in justifications:
                 self._update(node.index, self._conjoined(antecedents, effort), effort)
-
-    def own_label(self, node: int) -> Label:
-        """The label of a node as its justifications give it, before conflicts are resolved."""
-        return self._labels[node]
 
     def label(self, node: int, effort: Effort) -> Label:
         """The label of a node: all prime implicants of its formula and all conflicts [PIKE, Invariant 5.2].
@@ -529,7 +526,7 @@ class TruthMaintenance:
         Raises:
             OutOfTimeError: if the deadline passes.
         """
-        label = self._labels[node]
+        label = self.labels[node]
         for conflict in self.conflicts():
             label = self._resolve(label, conflict, effort)
         return label
@@ -550,10 +547,10 @@ class TruthMaintenance:
     def _conjoined(self, antecedents: tuple[int, ...], effort: Effort) -> Label:
         """The label of a conjunction of nodes, from the last one, which is the most specific."""
         last = max(antecedents, default=None)
-        result = true_label() if last is None else self._labels[last]
+        result = true_label() if last is None else self.labels[last]
         for antecedent in antecedents:
             if antecedent != last and result:
-                result = weave(result, self._labels[antecedent], effort)
+                result = weave(result, self.labels[antecedent], effort)
         return result
 
     def _update(self, node: int, new: Label, effort: Effort) -> None:
@@ -561,7 +558,7 @@ class TruthMaintenance:
         if not new:
             return
         effort.statistics.propagations += 1
-        label = self._labels[node]
+        label = self.labels[node]
         if self._consensus and len(self.network.justifications[node]) > 1:
             mentioned = union(label) | union(new)
             fields = [field for field in self._fields if field & mentioned]

@@ -288,7 +288,7 @@ class LabelKnowledgeBase(logic.KnowledgeBase):
 
     def _constraints(self) -> Iterator[labeling.Label]:
         """The labels of the goal's antecedents, which are its own only where nothing else has to hold."""
-        return map(self._maintenance.own_label, self._maintenance.network.constraints)
+        return (self._maintenance.labels[node] for node in self._maintenance.network.constraints)
 
     def _effort(self, deadline: Deadline) -> logic.Effort:
         return logic.Effort(self.statistics, deadline, self._largest_label)

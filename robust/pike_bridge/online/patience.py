@@ -243,7 +243,7 @@ class Patience:
         """A time until which an intent and other events can wait: after a moment, if they can wait that long."""
         events = intent.events | others
         continuation = self._asked.all_later(intent.guard, events, moment, self.deadline)
-        return moment if continuation is None else self._asked.wait(continuation, events)
+        return moment if continuation is None else self._asked.semantics.latest(continuation, events)
 
     def _seen_before(self, event: str, withheld: Collection[str]) -> bool:
         """Whether an event happens before each of those that are withheld in a known continuation."""

@@ -201,12 +201,13 @@ class WindowReasoner(Reasoner):
                 if self._possible(label | self._windows.guards[event])
             }
         )
-        first = bisect_left(closings, True, key=lambda moment: not self._possible_after(moment, deadline))
-        return None if first == len(closings) else self._closing(closings[first])
 
-    def _possible_after(self, moment: Fraction, deadline: Deadline) -> bool:
-        """Whether there is a continuation in which nothing happens until after a time."""
-        return self._ask(deadline, excluded=self._missed(moment + self.progress.grid))
+        def lost(moment: Fraction) -> bool:
+            """Whether there is no continuation in which nothing happens until after a time."""
+            return not self._ask(deadline, excluded=self._missed(moment + self.progress.grid))
+
+        first = bisect_left(closings, True, key=lost)
+        return None if first == len(closings) else self._closing(closings[first])
 
     def _executable_at(self, event: str, moment: Fraction, deadline: Deadline) -> bool:
         """CanExecuteEventNow?, if nothing happens before a time that is not in the past [PIKE, Algorithm 2]."""

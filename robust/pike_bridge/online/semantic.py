@@ -201,10 +201,10 @@ class SemanticReasoner(Reasoner):
         """What was said last of events that are not the executive's to execute, and at which moment."""
 
     def _begin(self) -> None:
-        self._semantics = OnlineSemantics(self.progress, self._terms)
+        self.semantics = OnlineSemantics(self.progress, self._terms)
         # Proving is quicker here for what has a model as well: the median of many small questions halves.
         self._session = Session(self._terms, solver=self._solver, proving=True)
-        self._session.add(*self._semantics.formulas)
+        self._session.add(*self.semantics.formulas)
 
     def _learn(self, news: News) -> None:
         witness, now = self._witness, self.progress.now
@@ -219,7 +219,7 @@ class SemanticReasoner(Reasoner):
             self._begin()
             everything = guard(self.progress.chosen)
             news = News(everything, dict(self.progress.times), set(self.progress.void), later=True)
-        semantics, guards = self._semantics, self.progress.structure.guards
+        semantics, guards = self.semantics, self.progress.structure.guards
         self._session.add(semantics.guard(news.chosen), *(semantics.void(*link) for link in news.void))
         for event, time in news.times.items():
             self._session.add(semantics.guard(guards[event]), semantics.at(event, time))
@@ -228,16 +228,16 @@ class SemanticReasoner(Reasoner):
 
     def executable(self, event: str, deadline: Deadline) -> bool:
         self.catch_up()
-        now, ours = self.progress.now, self._semantics.ours(event)
+        now, ours = self.progress.now, self.semantics.ours(event)
         if self._executes_at(event, now) or ours is self._terms.false:
             return ours is not self._terms.false
-        return self._ask([ours, self._semantics.at(event, now), *self._unreported()], deadline)
+        return self._ask([ours, self.semantics.at(event, now), *self._unreported()], deadline)
 
     def could(self, environment: Guard, deadline: Deadline) -> bool:
         self.catch_up()
         if self._witness is not None and holds(environment, self._witness.scenario):
             return True
-        return self.progress.compatible(environment) and self._ask([self._semantics.guard(environment)], deadline)
+        return self.progress.compatible(environment) and self._ask([self.semantics.guard(environment)], deadline)
 
     def next_time(self, deadline: Deadline) -> Fraction | None:
         """When something is executable first; if nothing is without a message, when it is too late for any."""
@@ -250,7 +250,7 @@ class SemanticReasoner(Reasoner):
     def allows(self, moment: Fraction, environment: Guard, event: str | None, deadline: Deadline) -> bool:
         """Whether some continuation in the environment has nothing before a moment, and then the event, if given."""
         self.catch_up()
-        then = [] if event is None else [self._semantics.at(event, moment)]
+        then = [] if event is None else [self.semantics.at(event, moment)]
         with self._session.frame(*self._from(moment, environment), *then):
             return self._check(deadline)
 
@@ -264,7 +264,7 @@ class SemanticReasoner(Reasoner):
         """
         self.catch_up()
         guard = self.progress.structure.guards[event]
-        same = [self._terms.equal(self._semantics.time_of(event) - self._first)]
+        same = [self._terms.equal(self.semantics.time_of(event) - self._first)]
         same += self._from(self._first, ALWAYS) if first else ()
         with self._session.frame(*same, *self._from(moment, guard)):
             least = self._best(moment, deadline, sign=1)
@@ -284,9 +284,9 @@ class SemanticReasoner(Reasoner):
         self.catch_up()
         if not self.progress.compatible(environment):
             return None
-        asked = [self._semantics.guard(environment), *self._unreported()]
+        asked = [self.semantics.guard(environment), *self._unreported()]
         if event is not None:
-            asked += [self._semantics.ours(event), self._semantics.at(event, self.progress.now)]
+            asked += [self.semantics.ours(event), self.semantics.at(event, self.progress.now)]
         return self._witness if self._ask(asked, deadline) else None
 
     def coming_before(self, events: Iterable[str], others: Collection[str], deadline: Deadline) -> set[str]:
@@ -295,7 +295,7 @@ class SemanticReasoner(Reasoner):
         Now they may happen before what happens at the same moment, unless the plan puts that first.
         """
         self.catch_up()
-        structure, semantics = self.progress.structure, self._semantics
+        structure, semantics = self.progress.structure, self.semantics
         coming: set[str] = set()
         for event in events:
             if not structure.preceding(event).isdisjoint(others):
@@ -313,12 +313,8 @@ class SemanticReasoner(Reasoner):
     ) -> Execution | None:
         """A continuation in the environment that has those of the events that it has after a moment; None without."""
         self.catch_up()
-        later = (self._semantics.later(event, moment) for event in sorted(events))
-        return self._witness if self._ask([self._semantics.guard(environment), *later], deadline) else None
-
-    def wait(self, continuation: Execution, events: Collection[str]) -> Fraction | None:
-        """A time before which none of the events need be executed, by a continuation; None: none ever need."""
-        return self._semantics.latest(continuation, events)
+        later = (self.semantics.later(event, moment) for event in sorted(events))
+        return self._witness if self._ask([self.semantics.guard(environment), *later], deadline) else None
 
     def latest(self, environment: Guard, events: Collection[str], deadline: Deadline) -> Fraction | None:
         """The greatest time before which none of the events need be executed in some continuation in the environment.
@@ -328,7 +324,7 @@ class SemanticReasoner(Reasoner):
         latest: Fraction | None = self.progress.now
         continuation = self._witness if self.could(environment, deadline) else None
         while continuation is not None:
-            latest = self.wait(continuation, events)
+            latest = self.semantics.latest(continuation, events)
             continuation = None if latest is None else self.all_later(environment, events, latest, deadline)
         return latest
 
@@ -339,9 +335,9 @@ class SemanticReasoner(Reasoner):
         return None if earliest is None else self._opening(earliest)
 
     def _from(self, moment: Time, environment: Guard) -> Iterator[Formula]:
-        yield self._semantics.guard(environment)
+        yield self.semantics.guard(environment)
         for event in self.progress.frontier:
-            yield self._semantics.not_earlier(event, moment)
+            yield self.semantics.not_earlier(event, moment)
 
     def _executes_at(self, event: str, moment: Fraction) -> bool:
         """Whether the witness shows that an event would be executable at a moment, if it has nothing before."""
@@ -362,7 +358,7 @@ class SemanticReasoner(Reasoner):
         with self._session.frame(*hypothesis):
             if not self._check(deadline):
                 return False
-            self._witness = self._semantics.execution(self._session)
+            self._witness = self.semantics.execution(self._session)
             return True
 
     def _check(self, deadline: Deadline) -> bool:
@@ -381,7 +377,7 @@ class SemanticReasoner(Reasoner):
         pending, before = self.progress.pending, self.progress.structure.before
         for event in pending:
             if not any(earlier in pending for earlier in before[event]):
-                yield from self._semantics.not_ours_before(event, moment + self._epsilon)
+                yield from self.semantics.not_ours_before(event, moment + self._epsilon)
 
     def _earliest_execution(self, deadline: Deadline, withheld: Collection[str] = ()) -> Fraction | None:
         """The least time after now at which an event is executable if nothing happens before."""
@@ -396,7 +392,7 @@ class SemanticReasoner(Reasoner):
         hypothesis = [
             self._terms.disjunction(
                 self._terms.conjunction(
-                    (self._semantics.ours(event), self._terms.equal(self._semantics.time_of(event) - self._first))
+                    (self.semantics.ours(event), self._terms.equal(self.semantics.time_of(event) - self._first))
                 )
                 for event in candidates
             ),

@@ -59,12 +59,6 @@ class Disturbance:
     time: Fraction
     literal: Literal
 
-    @property
-    def seen(self) -> said.Estimate:
-        """What is seen of it."""
-        atoms = frozenset({self.literal.atom})
-        return said.Estimate(true=atoms) if self.literal.positive else said.Estimate(false=atoms)
-
 
 @dataclass(frozen=True, slots=True)
 class Story:
@@ -115,7 +109,8 @@ class SimulatedTeam:
         self._advised = True
         self._number = 0
         for disturbance in self.story.disturbances:
-            self._plan_for(disturbance.time, disturbance.seen)
+            atoms, positive = frozenset({disturbance.literal.atom}), disturbance.literal.positive
+            self._plan_for(disturbance.time, said.Estimate(true=atoms) if positive else said.Estimate(false=atoms))
         for name, (value, moment) in (self.story.outcomes or {}).items():
             if moment is not None:
                 self._due.add(name)
