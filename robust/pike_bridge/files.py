@@ -332,12 +332,7 @@ def write_tpnu(path: str | os.PathLike[str], network: model.Tpnu, *, domain: str
     Raises:
         InputError: if the file cannot be written, or the network is not one that :func:`tpnu_text` can write.
     """
-    text = tpnu_text(network, domain=domain, problem=problem)
-    try:
-        atomic_write(path, text, None)
-    except (OSError, ValueError) as error:
-        reason = (getattr(error, "strerror", None) or str(error)).lower()
-        raise InputError(f"cannot write ({reason}), expected a file that can be written", Location(str(path))) from None
+    atomic_write(path, tpnu_text(network, domain=domain, problem=problem), Location(str(path)))
 
 
 def tpnu_text(network: model.Tpnu, *, domain: str, problem: str) -> str:

@@ -258,6 +258,11 @@ def answer(value: object) -> Any:
             return plain(value)
 
 
+def _contradicted(clashes: Mapping[str, Clash | None]) -> dict[str, Clash]:
+    """The values that something contradicts."""
+    return {value: clash for value, clash in clashes.items() if clash is not None}
+
+
 def _excluding(impossible: Mapping[str, Clash]) -> tuple[str, ...]:
     """What contradicts each of the values."""
     return tuple(line for values, clash in impossible.items() for line in clash.under(f"not {values}"))
@@ -385,7 +390,7 @@ class Inquiry(Situation):
             if value != assignment.value
         }
         possible = tuple(value for value, clash in clashes.items() if clash is None)
-        impossible = {value: clash for value, clash in clashes.items() if clash is not None}
+        impossible = _contradicted(clashes)
         continuation = self._with(assignment)
         serves = () if continuation is None else tuple(self._served_by(assignment, continuation))
         return WhyChosen(choice, assignment.value, possible, impossible, serves, continuation)
@@ -396,14 +401,10 @@ class Inquiry(Situation):
         That a choice must have its value, which has been explained, is then a fact for the next.
         """
         domains = self._plan.network.domains
-        clashes: dict[str, dict[str, Clash]] = {
-            choice: {
-                value: clash
-                for value in domains[choice]
-                if value not in values and (clash := self.conflict_with(Assignment(choice, value))) is not None
-            }
-            for choice, values in possible.items()
-        }
+        clashes: dict[str, dict[str, Clash]] = {}
+        for choice, values in possible.items():
+            others = (value for value in domains[choice] if value not in values)
+            clashes[choice] = _contradicted({each: self.conflict_with(Assignment(choice, each)) for each in others})
         ordered = sorted(clashes, key=lambda choice: sum(len(each.facts) for each in clashes[choice].values()))
         known: list[Assignment] = []
         answers = {}
@@ -470,8 +471,7 @@ class Inquiry(Situation):
         ]
         done = [*then.assignments(About.CHOICE, decided), then.executed_now(event), *then.unreported()]
         clashes = {values: then._told(then.conflict([*then.meaning(values), *done])) for values in excluded.lost}
-        impossible = {values: clash for values, clash in clashes.items() if clash is not None}
-        return WhyExcluded(event, excluded.reason, impossible)
+        return WhyExcluded(event, excluded.reason, _contradicted(clashes))
 
     def meaning(self, values: str) -> list[Fact]:
         """That open choices have values, `x = 1, y = 2`, and come up."""
