@@ -1,7 +1,5 @@
 """Questions to encodings, and what their answers have in common with each other and with simulations."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from itertools import product

@@ -1,7 +1,5 @@
 """Both encodings against the concrete simulator, on drawn plans and sampled schedules, and against each other."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """What plans mean in both encodings, case by case [docs/semantics.md]; over-all conditions where they are delicate."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Times: solved equalities, what is left to assert, durations, independent parts, known orders, and mutex pairs."""
 
-from __future__ import annotations
-
 from collections import Counter
 from fractions import Fraction
 from itertools import product

@@ -3,8 +3,6 @@
 `m` lasts from 1 to 11. `w` changes `(f)` or `(p)` at one moment: that of a reader, one shortly after it, or another.
 """
 
-from __future__ import annotations
-
 from contextlib import nullcontext
 from fractions import Fraction
 from pathlib import Path

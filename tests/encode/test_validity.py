@@ -1,7 +1,5 @@
 """enc_valid: which parameter values leave a schedule, against its definition with quantifiers and at single points."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import replace
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Short ways to write plans, and schedules whose outcome is known by hand [docs/semantics.md]."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace

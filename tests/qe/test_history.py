@@ -1,7 +1,5 @@
 """Regions and risks do not depend on what else the process was asked before."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

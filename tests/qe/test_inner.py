@@ -1,7 +1,5 @@
 """Both bounds of regions, wherever they are cut short: against other back ends, the checker at points, and counting."""
 
-from __future__ import annotations
-
 from collections import Counter
 from fractions import Fraction
 from itertools import permutations

@@ -1,7 +1,5 @@
 """Exported queries: z3's and cvc5's own parsers read them and reach the verdict that the file claims."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import cvc5

@@ -1,7 +1,5 @@
 """Formulas: constants are folded, what is built means what it says."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import pytest

@@ -1,7 +1,5 @@
 """Every test of all elimination back ends is one of the referees, too: z3's older tactic, and cvc5 in one go."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 
 from robust.backends import ELIMINATORS

@@ -5,8 +5,6 @@ changes at the lines on which constraints are equalities, so that it is enough t
 places and beyond them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from fractions import Fraction
 from itertools import combinations, pairwise

@@ -1,7 +1,5 @@
 """Formulas in negation normal form, and back ends that eliminate from random ones what z3 does with quantifiers."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from typing import Any
 
