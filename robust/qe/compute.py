@@ -401,7 +401,7 @@ class RegionSearch(Searching[RegionResult]):
     @property
     def open_share(self) -> OpenShare | None:
         """The share of open points, if random points have been drawn already."""
-        return self._share or inner.drawn_share(self._factors)
+        return self._share or inner.open_share(self._factors, draw=False)
 
     @property
     def _bad(self) -> list[Conjunction]:

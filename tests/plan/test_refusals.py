@@ -70,7 +70,7 @@ def test_text_is_refused(group: str, text: str, message: str) -> None:
     content = frame.replace("{}", text)
     before, mark, after = content.partition("@")
     if mark:
-        place += f":{before.count(chr(10)) + 1}:{len(before) - before.rfind(chr(10))}: "
+        place += f":{before.count(chr(10)) + 1}:{len(before) - before.rfind(chr(10))}: found "
     else:
         place = place.replace("{!r}", repr(text.split(" & ")[-1]))
     refused(lambda: read(before + after), place, message.split(" | "), 4 if group.startswith("unsupported") else 2)

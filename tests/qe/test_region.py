@@ -7,7 +7,7 @@ from itertools import combinations
 
 import pytest
 import z3
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from robust.errors import InputError, SolverError
@@ -26,6 +26,7 @@ some = st.integers(0, 3).flatmap(lambda count: regions(NAMES[:count]))
 pairs = spaces.flatmap(lambda names: st.tuples(regions(names), regions(names, 2)))
 SQUARE = rectangle(0, 10, 0, 10)
 HOLES = (rectangle(2, 3, 2, 3), polygon(le(5, x=1, y=-1), le("-49/10", x=-1, y=1)), polygon(eq(7, y=1)))
+SLABS = Region.difference(SQUARE, HOLES)
 
 
 def without_one(region: Region) -> Iterator[Region]:
@@ -45,6 +46,7 @@ def without_constraint(piece: Polyhedron) -> Iterator[Polyhedron]:
 
 
 @QUICK
+@example(SLABS)
 @given(some)
 def test_simplification_keeps_the_set_and_nothing_superfluous(region):
     simple = region.simplified()
@@ -54,6 +56,7 @@ def test_simplification_keeps_the_set_and_nothing_superfluous(region):
 
 
 @QUICK
+@example(SLABS)
 @given(some)
 def test_forms_describe_the_same_points(region):
     meaning = region_z3(region)
@@ -204,28 +207,21 @@ def test_pieces_are_merged(pieces, count, union):
     assert simple.equals(Region.union_of(PLANE, union))
 
 
-def test_difference_with_slabs():
+def test_differences_keep_their_form():
     assert Region.union_of(PLANE, [SQUARE]).as_difference() == Region(PLANE, (), SQUARE)
-    region = Region.difference(SQUARE, HOLES)
-    assert region.form == "difference"
-    slab = HOLES[1].intersection(SQUARE).volume()
-    hole = HOLES[0].volume() - HOLES[0].intersection(HOLES[1]).volume()
-    assert region.volume() == 100 - slab - hole
-    assert region.simplified().form == "difference"
-    assert len(region.simplified().pieces) == 3
-    assert {"x": Fraction(1), "y": Fraction(7)} not in region
-    assert {"x": Fraction(1), "y": Fraction(69, 10)} in region
-
-
-def test_removing_a_half_space_makes_a_side():
-    region = Region.difference(SQUARE, [polygon(lt(-4, x=-1)), polygon(lt(20, y=1), lt(-3, y=-1))]).simplified()
-    assert region.pieces == ()
+    simple = SLABS.simplified()
+    assert (simple.form, len(simple.pieces)) == ("difference", 3)
+    slab, hole = HOLES[1].intersection(SQUARE).volume(), HOLES[0].volume()
+    assert SLABS.volume() == 100 - slab - hole + HOLES[0].intersection(HOLES[1]).volume()
+    halves = [polygon(lt(-4, x=-1)), polygon(lt(20, y=1), lt(-3, y=-1))]
+    region = Region.difference(SQUARE, halves).simplified()
+    assert region.pieces == (), "removing a half-space makes a side"
     assert region.base.equals(rectangle(0, 4, 0, 3))
     assert Region.difference(SQUARE, [Polyhedron.universe(PLANE)]).simplified().is_empty
 
 
 def test_boxes():
-    region = Region.difference(SQUARE, HOLES)
+    region = SLABS
     inside = Box({"x": Interval(Fraction(0), Fraction(4)), "y": Interval(Fraction(7), Fraction(10), False)})
     assert region.contains_box(inside)
     assert not region.contains_box(inside.replace("y", Interval(Fraction(7), Fraction(10))))
