@@ -95,12 +95,15 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 KINDS = {"any": plans(**SMALL), "alike": alike_plans()}
-by_kind = pytest.mark.parametrize(
-    ("kind", "count"), [("any", 24), ("alike", 10), *(pytest.param(kind, 200, marks=SLOW) for kind in KINDS)]
-)
 
 
-@by_kind
+def by_kind(**counts: int) -> pytest.MarkDecorator:
+    """That many plans of each kind, and many more if there is time."""
+    many = (pytest.param(kind, 200, marks=SLOW) for kind in counts)
+    return pytest.mark.parametrize(("kind", "count"), [*counts.items(), *many])
+
+
+@by_kind(any=24, alike=8)
 def test_the_envelope_lies_between_both_bounds_wherever_the_search_is_cut(
     kind: str, count: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -136,7 +139,7 @@ def test_the_envelope_lies_between_both_bounds_wherever_the_search_is_cut(
         assert met[kind_of_end] >= 1, met
 
 
-@by_kind
+@by_kind(any=10, alike=6)
 def test_cells_alone_and_symmetry_come_to_the_same_envelope(
     kind: str, count: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
