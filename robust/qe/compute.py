@@ -433,7 +433,7 @@ class RegionSearch(Searching[RegionResult]):
         builder = ProblemBuilder(encoding, context)
         violations = builder.violations(self.splitting)
         if self.splitting == "monolithic" and eliminator.alternation:
-            self._add(eliminator.eliminate_nested(*violations, builder.existence(), self._deadline))
+            self._add(eliminator.eliminate_nested(violations[0], builder.existence(), self._deadline))
             return
         if self.backend == "project":
             existence = builder.without_schedule(self._deadline)

@@ -204,7 +204,7 @@ def test_timed_literals_are_mutex_with_actions_but_not_with_each_other():
 EPSILON = Fraction(1, 8)
 
 
-@pytest.mark.parametrize("count", [80, pytest.param(600, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [60, pytest.param(600, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "options",
     [
