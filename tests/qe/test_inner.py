@@ -103,7 +103,7 @@ def by_kind(**counts: int) -> pytest.MarkDecorator:
     return pytest.mark.parametrize(("kind", "count"), [*counts.items(), *many])
 
 
-@by_kind(any=24, alike=8)
+@by_kind(any=24, alike=14)
 def test_the_envelope_lies_between_both_bounds_wherever_the_search_is_cut(
     kind: str, count: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
