@@ -356,7 +356,8 @@ class _Work:
                 for instance in self.timed_instances(spec):
                     self.vary_duration(instance, spec)
             case Target.START:
-                self.vary_start(self.instance(spec), spec)
+                start = self.instance(spec).start
+                self.vary_time(f"start_{spec.subject}", f"the start of {spec.subject}", ZERO, start, spec)
             case Target.FLUENT:
                 self.vary_fluent(spec)
             case Target.EXISTING:
@@ -395,10 +396,6 @@ class _Work:
             raise InputError(f"found {found}, expected an instance of a durative action", spec.location)
         name = self.vary_time(f"dur_{identifier}", f"the duration of {identifier}", instance.start, instance.end, spec)
         self.durations[identifier] = name
-
-    def vary_start(self, instance: stn.InstanceDeclaration, spec: ParameterSpec) -> None:
-        identifier = instance.identifier
-        self.vary_time(f"start_{identifier}", f"the start of {identifier}", ZERO, instance.start, spec)
 
     def vary_time(self, generated: str, what: str, source: TimePoint, target: TimePoint, spec: ParameterSpec) -> str:
         """Replace all constraints between two time points by [γ, γ]; the name of γ."""

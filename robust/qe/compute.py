@@ -45,24 +45,6 @@ from robust.smt.limits import Deadline, DiedError, OutOfTimeError
 from robust.smt.session import Satisfiability, Session, Statistics
 
 
-@dataclass(frozen=True)
-class EliminationProblem:
-    """What is to be eliminated for one plan.
-
-    `exists` is the query of enc_valid, and the union of `violations` and of its complement is the bad set.
-    """
-
-    parameters: tuple[str, ...]
-    exists: Query
-    violations: tuple[Query, ...]
-
-    @property
-    def violation(self) -> Query:
-        """The only query of a monolithic problem."""
-        nothing = Query("no obligation", self.parameters, (), FALSE)
-        return self.violations[0] if self.violations else nothing
-
-
 class ProblemBuilder:
     """Builds queries from an encoding.
 
@@ -80,17 +62,16 @@ class ProblemBuilder:
         self._unknowns = {symbol.symbol_name() for symbol in encoding.unknowns()} | set(self._kept)
         self._defined: dict[Nnf, Mapping[str, bool]] = {}
 
-    def build(self, splitting: str) -> EliminationProblem:
-        """The problems of a splitting, quickest first."""
+    def violations(self, splitting: str) -> tuple[Query, ...]:
+        """The queries of a splitting, quickest first; just one unless it is full."""
         queries = [
             self.query(obligation)
             for obligation in self._encoding.obligations
             if obligation.violation is not self._encoding.terms.false
         ]
         if splitting != "full":
-            queries = [merged("all obligations", self._kept, queries)] if queries else []
-        queries.sort(key=lambda query: len(query.eliminated))
-        return EliminationProblem(self._kept, self.existence(), tuple(queries))
+            return (merged("all obligations", self._kept, queries),)
+        return tuple(sorted(queries, key=lambda query: len(query.eliminated)))
 
     def existence(self) -> Query:
         """∃ times. enc_tn."""
@@ -420,7 +401,7 @@ class RegionSearch(Searching[RegionResult]):
     @property
     def open_share(self) -> OpenShare | None:
         """The share of open points, if random points have been drawn already."""
-        return self._share or inner.drawn_share(self._factors)
+        return self._share or inner.open_share(self._factors, draw=False)
 
     @property
     def _bad(self) -> list[Conjunction]:
@@ -450,28 +431,31 @@ class RegionSearch(Searching[RegionResult]):
         context = Solvers(encoding.terms, FormulaReader(encoding.terms), self.solver, self._statistics)
         eliminator = create_eliminator(self.backend, context)
         builder = ProblemBuilder(encoding, context)
-        problem = builder.build(self.splitting)
+        violations = builder.violations(self.splitting)
         if self.splitting == "monolithic" and eliminator.alternation:
-            self._add(eliminator.eliminate_nested(problem.violation, problem.exists, self._deadline))
+            self._add(eliminator.eliminate_nested(violations[0], builder.existence(), self._deadline))
             return
         if self.backend == "project":
             existence = builder.without_schedule(self._deadline)
         else:
             # What none of the pieces that leave a schedule covers, within the declared bounds.
-            rest = conjunction(map(outside, eliminator.eliminate(problem.exists, (), self._deadline)))
+            rest = conjunction(map(outside, eliminator.eliminate(builder.existence(), (), self._deadline)))
             existence = polyhedra_of(rest, context, self._deadline, beyond_bounds(self.plan))
         if self.splitting == "monolithic":
             # Only one quantifier at a time: the inner one goes first, and its result becomes part of the outer formula.
-            self._add(eliminator.eliminate(_with_existence(problem, existence), self._known(), self._deadline))
-            return
-        self._add(existence)
+            (query,) = violations
+            beyond = disjunction(conjunction(piece) for piece in existence)
+            whole = disjunction((beyond, conjunction((query.violation, query.remainder))))
+            violations = (replace(query, name="the whole envelope", violation=whole, remainder=TRUE),)
+        else:
+            self._add(existence)
         if self.backend == "project" and self.splitting == "full" and self.learning:
-            self._search_factors(context, problem)
+            self._search_factors(context, violations)
             return
-        for query in problem.violations:
+        for query in violations:
             self._add(eliminator.eliminate(query, self._known(), self._deadline))
 
-    def _search_factors(self, context: Solvers, problem: EliminationProblem) -> None:
+    def _search_factors(self, context: Solvers, violations: Sequence[Query]) -> None:
         """Group by group, up to symmetry; again without where that leaves too much to describe."""
         facets = list(self._pieces)
         symmetry = find_symmetry(self.plan, self._deadline)
@@ -483,7 +467,7 @@ class RegionSearch(Searching[RegionResult]):
             inner.ParameterGroup(
                 names, queries, base.project(names), tuple(self._known()), self.plan.nominal, symmetry.within(names)
             )
-            for names, queries in inner.independent_groups(self._parameters, problem.violations, facets)
+            for names, queries in inner.independent_groups(self._parameters, violations, facets)
         ]
         search = partial(FactorSearch, context, deadline=self._deadline, on_piece=self._tell, on_cell=self.on_cell)
         self._factors = [search(group) for group in groups]
@@ -510,14 +494,6 @@ class RegionSearch(Searching[RegionResult]):
         self._count += 1
         if self.on_piece is not None:
             self.on_piece(piece)
-
-
-def _with_existence(problem: EliminationProblem, existence: Iterable[Conjunction]) -> Query:
-    """All violations, and what leaves no schedule, as one query."""
-    query = problem.violation
-    beyond = disjunction(conjunction(piece) for piece in existence)
-    violation = disjunction((beyond, conjunction((query.violation, query.remainder))))
-    return Query("the whole envelope", query.kept, query.network, violation, query.definitions)
 
 
 MOST = 1000

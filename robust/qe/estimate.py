@@ -102,6 +102,7 @@ class Samples:
     def __init__(self, box: Box, symmetry: Symmetry) -> None:
         random = Random(",".join(box.intervals))  # noqa: S311 - reproducible samples, no secrets
         ends = {name: (interval.lower or ZERO, interval.upper or ZERO) for name, interval in box.intervals.items()}
+        self.box = box
         self._scale = GRID * lcm(*(end.denominator for pair in ends.values() for end in pair))
         self._points = [
             symmetry.sorted({name: self._coordinate(*pair, random.randint(0, GRID)) for name, pair in ends.items()})

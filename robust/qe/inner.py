@@ -314,7 +314,7 @@ class FactorSearch:
         for piece in self._known:
             self._widening.exclude(piece)
         self._lifting = Lifting(self.context, self._base, group.symmetry, deadline) if group.symmetry else None
-        self._samples: tuple[Polyhedron, Box, Samples] | None = None
+        self._samples: tuple[Polyhedron, Samples] | None = None
         remaining = deadline.remaining
         patience = PATIENCE if remaining is None else min(PATIENCE, remaining / 3)
         self._outside, self._inside = -patience, 0.0
@@ -380,7 +380,7 @@ class FactorSearch:
         if (half := half_space(mine)) is not None:
             self._base = self._base.restricted(half.negation())
         if self._samples is not None:
-            self._samples[2].exclude(mine)
+            self._samples[1].exclude(mine)
         self.on_piece(piece)
         if self._lifting is not None:
             self._lifting.add(mine)
@@ -487,8 +487,7 @@ class FactorSearch:
     def samples(self) -> Samples:
         """Random points of the box."""
         if self._samples is None or self._samples[0] is not self._base:
-            box = self.box
-            samples = Samples(box, self.symmetry)
+            samples = Samples(self.box, self.symmetry)
             for constraint in self._base.constraints:
                 for half in constraint.negation():
                     samples.exclude((half,))
@@ -496,25 +495,16 @@ class FactorSearch:
                 samples.exclude(piece.constraints)
             for cell in self.good:
                 samples.include(cell)
-            self._samples = self._base, box, samples
-        return self._samples[2]
+            self._samples = self._base, samples
+        return self._samples[1]
 
-    @property
-    def judged(self) -> Judged:
-        """Which random points are not bad, and which are good."""
-        return self._judged(self.samples)
-
-    def _judged(self, samples: Samples) -> Judged:
-        possible = samples.undecided | samples.good
-        return possible, possible if self.done else set(samples.good)
-
-    @property
-    def drawn(self) -> tuple[Box, Judged] | None:
-        """The last box and what is known of its random points; None if there are none yet."""
-        if self._samples is None:
+    def judged(self, *, draw: bool) -> tuple[Box, Judged] | None:
+        """The box, and which of its random points are not bad, and which are good; None if none are to be drawn yet."""
+        if self._samples is None and not draw:
             return None
-        _, box, samples = self._samples
-        return box, self._judged(samples)
+        samples = self.samples if draw or self._samples is None else self._samples[1]
+        possible = samples.undecided | samples.good
+        return samples.box, (possible, possible if self.done else set(samples.good))
 
     @property
     def box(self) -> Box:
@@ -558,25 +548,20 @@ class FactorSearch:
         return EnvelopeFactor(self._parameters, self.symmetry, outer, inner)
 
 
-def open_share(factors: Sequence[FactorSearch]) -> OpenShare | None:
-    """How much of the product of the boxes is open, exactly where volumes are quick to compute; None without any."""
-    if not factors:
-        return None
-    box = _product(factor.box for factor in factors)
-    sizes = [factor.volumes for factor in factors]
-    exact = [size for size in sizes if size is not None]
-    if len(exact) == len(factors):
-        return product_share(exact, box)
-    return OpenShare.estimated(open_points([factor.judged for factor in factors]), POINTS, box)
+def open_share(factors: Sequence[FactorSearch], *, draw: bool = True) -> OpenShare | None:
+    """How much of the product of the boxes is open, exactly where volumes are quick to compute; None if not known.
 
-
-def drawn_share(factors: Sequence[FactorSearch]) -> OpenShare | None:
-    """The open share from random points that have been drawn already, which takes no time; None if there are none."""
-    known = [drawn for drawn in (factor.drawn for factor in factors) if drawn is not None]
-    if not known or len(known) < len(factors):
+    Without `draw`, from random points that have been drawn already, which takes no time.
+    """
+    sizes = [size for factor in factors if draw and (size := factor.volumes) is not None]
+    if factors and len(sizes) == len(factors):
+        return product_share(sizes, _product(factor.box for factor in factors))
+    judged = [share for factor in factors if (share := factor.judged(draw=draw)) is not None]
+    if not judged or len(judged) < len(factors):
         return None
-    judged = [share for _, share in known]
-    return OpenShare.estimated(open_points(judged), POINTS, _product(box for box, _ in known))
+    return OpenShare.estimated(
+        open_points([points for _, points in judged]), POINTS, _product(box for box, _ in judged)
+    )
 
 
 def _product(boxes: Iterable[Box]) -> Box:

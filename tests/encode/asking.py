@@ -1,7 +1,5 @@
 """Questions to encodings, and what their answers have in common with each other and with simulations."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from itertools import product
@@ -40,25 +38,26 @@ def first_broken(plan: ParametrizedPlan, broken: Iterable[str]) -> list[str]:
     return [name for name in stage if name in broken and stage[name] == earliest]
 
 
-def is_broken(
-    encoding: PositionsEncoding,
-    obligation: Obligation,
-    parameters: Mapping[str, Fraction],
-    schedule: Mapping[TimePoint, Fraction],
-) -> bool:
-    """Whether the encoding says that one schedule breaks an obligation."""
-    terms = encoding.terms
+Point = tuple[Mapping[str, Fraction], Mapping[TimePoint, Fraction]]
+"""Values of parameters, and a schedule."""
+
+
+def where_broken(encoding: PositionsEncoding, obligation: Obligation, points: Iterable[Point]) -> list[bool]:
+    """Whether the encoding says that an obligation breaks, at each point."""
+    terms, answers = encoding.terms, []
     session = Session(terms)
     session.add(*encoding.query(obligation))
-    for unknown in {unknown for place in encoding.network.places.values() for unknown in place.variables}:
-        known = parameters | {f"t({point})": time for point, time in schedule.items()}
-        session.add(terms.manager.Equals(terms.real(unknown), terms.number(known[str(unknown)])))
-    for name, value in parameters.items():
-        symbol = next(s for s in encoding.unknowns() if s.symbol_name() == name)
-        session.add(terms.manager.Equals(symbol, terms.number(value)))
-    verdict = session.check(obligation.name)
-    assert verdict is not Satisfiability.UNKNOWN
-    return verdict is Satisfiability.SATISFIABLE
+    unknowns = {unknown for place in encoding.network.places.values() for unknown in place.variables}
+    symbols = {symbol.symbol_name(): symbol for symbol in encoding.unknowns()}
+    for values, schedule in points:
+        known = {**values, **{f"t({point})": time for point, time in schedule.items()}}
+        pairs = [(terms.real(unknown), known[str(unknown)]) for unknown in unknowns]
+        pairs += [(symbols[name], value) for name, value in values.items()]
+        with session.frame(*(terms.manager.Equals(symbol, terms.number(value)) for symbol, value in pairs)):
+            verdict = session.check(obligation.name)
+        assert verdict is not Satisfiability.UNKNOWN
+        answers.append(verdict is Satisfiability.SATISFIABLE)
+    return answers
 
 
 def follows(encoding: Encoding, facet: Facet, ranges: Mapping[str, Range]) -> None:

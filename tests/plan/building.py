@@ -1,11 +1,11 @@
 """Short ways to write plans, and schedules whose outcome is known by hand [docs/semantics.md]."""
 
-from __future__ import annotations
-
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
+from pathlib import Path
 from typing import NamedTuple
 
 from hypothesis import HealthCheck, settings
@@ -156,13 +156,13 @@ def windows(plan: model.ParametrizedPlan, schedule: dict[model.TimePoint, Fracti
 
 def error_of(call: Callable[[], object]) -> RobustError | None:
     """The error of the package that the call ends with, if any, in one line; other errors are not caught."""
-    found = None
+    raised = None
     try:
         call()
     except RobustError as error:
-        found = error
-    assert "\n" not in str(found)
-    return found
+        raised = error
+    assert "\n" not in str(raised)
+    return raised
 
 
 def refused(call: Callable[[], object], place: str, parts: Iterable[str], exit_code: int = 2) -> None:
@@ -201,6 +201,8 @@ STRICT, WEAK = above(f, 0), at_least(f, 0)
 ADDER, DELETER, READER = instant("a", add(P)), instant("b", delete(P)), instant("b", (START, model.Holds(P)))
 READ, CONTRADICTORY = plan_of(ADDER, READER), plan_of(ADDER, DELETER)
 OWN = action("a", (START, model.Holds(P, False)), (END, model.Holds(P)), add(P))
+AT_ENDS = (START, equal(f, 0)), (END, equal(f, 4))
+JUST_BEFORE = plan_of(action("a", *AT_ENDS, flow(F, 1), increase(F, 10, END)), goal=equal(f, 14))
 LEVEL = plan_of(action("a", (END, at_least(f, 6)), flow(F, 2)))
 SWAP = plan_of(instant("a", assign(F, g), assign(G, f)), f=1, g=2, goal=model.And((equal(f, 2), equal(g, 1))))
 BOTH = instant("a", increase(F, 3), assign(F, 5))
@@ -250,6 +252,7 @@ EXAMPLES = [
     Example("an earlier effect", READ, {"a": 1, "b": 1 + EPSILON}),
     Example("its own start effect at its end only", plan_of(OWN), {"a": (0, 1)}),
     Example("continuous change up to the end", LEVEL, {"a": (0, 3)}),
+    Example("conditions read the state just before", JUST_BEFORE, {"a": (3, 7)}),
     Example("continuous change that falls short", LEVEL, {"a": (0, TENTHS[1])}, (FALLS_SHORT,)),
     Example("simultaneous effects read the state before", SWAP, {"a": 1}),
     Example("an assignment and an increase", plan_of(BOTH), {"a": 1}, (DISAGREES,)),
@@ -378,44 +381,12 @@ def delicate(case: Case) -> tuple[model.ParametrizedPlan, Times]:
 
 # -- texts -------------------------------------------------------------------------------------------------------------
 
-EVERYTHING = """; everything the reader knows
-(define (domain Everything)
-  (:requirements :adl :typing :durative-actions :continuous-effects :numeric-fluents)
-  (:types robot truck - vehicle place vehicle - object cargo)
-  (:constants Hub - place)
-  (:synth-parameters ?speed)
-  (:predicates (at ?v - vehicle ?p - place) (open ?p - place) (linked ?a ?b - place) (holds ?x - (either robot place))
-    (busy))
-  (:functions (charge ?v - vehicle) - number (distance ?a ?b - place) (drag) (total) - number)
-  (:action toggle
-    :parameters (?p - place)
-    :precondition (and (not (busy)) (or (open ?p) (= ?p hub)) (> (total) -1.5))
-    :effect (and (busy) (when (open ?p) (not (open ?p))) (forall (?v - robot) (assign (charge ?v) 1))))
-  (:durative-action Move
-    :parameters (?v - robot ?from ?to - place)
-    :synth-parameters (?rate)
-    :duration (and (>= ?duration (/ (distance ?from ?to) (drag))) (at end (<= ?duration (+ 1e2 ?speed))))
-    :condition (and
-      (at start (and (at ?v ?from) (or (linked ?from ?to) (linked ?to ?from)) (not (= ?from ?to))))
-      (forall (?p - place) (and (over all (imply (open ?p) (holds ?v))) (at end (open ?p))))
-      (at end (exists (?y - place) (and (not (= ?to ?y)) (not (>= (distance ?to ?y) .5)))))
-      (over all (>= (charge ?v) (* ?duration ?rate))))
-    :effect (and
-      (at start (not (at ?v ?from)))
-      (at end (at ?v ?to))
-      (decrease (charge ?v) (* #t (/ ?rate 2)))
-      (increase (total) #t)
-      (forall (?p - place) (when (at start (open ?p)) (at start (not (open ?p)))))
-      (at start (decrease (total) 3))
-      (at end (when (busy) (and (not (busy)) (increase (total) ?duration)))))))
-"""
-
-TOUR = """(define (problem tour)
-  (:domain EVERYTHING)
-  (:objects R1 - robot a b - place)
-  (:init (at r1 a) (linked a b) (not (busy)) (= (charge r1) 10.5) (= (drag) 2) (= total -1e-3)
-    (= (distance a b) 8) (at 5.0 (open a)) (at 6 (not (open a))) (at 7 (= (charge r1) 3)))
-  (:goal (and (at r1 b) (forall (?v - vehicle) (>= (charge ?v) ?speed))))
-  (:metric minimize (+ total-time (total))))
-"""
+TEXTS = Path(__file__).parent / "texts"
+EVERYTHING, TOUR = ((TEXTS / f"{name}.pddl").read_text(encoding="utf-8") for name in ("everything", "tour"))
 """A domain and a problem that use every construct."""
+
+
+def groups(path: Path) -> dict[str, str]:
+    """The parts of a file of texts, each below its headline `== NAME`."""
+    _, *parts = re.split(r"^== (.*)\n", path.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    return {headline: text.rstrip("\n") for headline, text in zip(parts[::2], parts[1::2], strict=True)}

@@ -13,28 +13,14 @@ from robust.plan.parameters import parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.stn import ParameterDeclaration, STNConstraint, parse_stn
 from tests.execute.plans import TASKS, TWO_TASKS
-from tests.plan.building import DURATION, EVERYTHING, TOUR, at, between, equal, number, reference, refused
+from tests.plan.building import DURATION, EVERYTHING, TEXTS, TOUR, at, between, equal, number, reference, refused
 
 PROBLEM = TWO_TASKS.replace("(= (need a) 3) ", "")
 
-PLAN = """\
-parameter pause default 3 weight 2 lb 1 ub 10;
-durative-action instance n0 : (FETCH B);
-durative-action instance n1 : (work a);
-action instance n2 : (call a);
-c: n0.start - .zero in [0, 0];
-c: n0.end - n0.start in [2, 2];
-c: n1.end - n1.start in [pause, pause];
-c: n1.start - n0.end in [1/1000, inf];
-c: n2 - n1.end in [-inf, 7.5];
-"""
+PLAN = (TEXTS / "mission.stn").read_text(encoding="utf-8")
 
-SYNTH_PLAN = """\
-parameter speed default 9;
-parameter n0.rate default 1.5;
-durative-action instance n0 : (move r1 a b);
-c: n0.end - n0.start in [5, 5];
-"""
+MOVE = "durative-action instance n0 : (move r1 a b);\nc: n0.end - n0.start in [5, 5];\n"
+SYNTH_PLAN = f"parameter speed default 9;\nparameter n0.rate default 1.5;\n{MOVE}"
 
 STOCK, NEED = model.Fluent("stock"), model.Fluent("need", ("b",))
 FILES = {"domain": TASKS, "problem": PROBLEM, "plan": PLAN}
@@ -43,10 +29,16 @@ SYNTH = {"domain": EVERYTHING, "problem": MEASURED, "plan": SYNTH_PLAN}
 
 
 def build(
-    *specs: str, domain: str = TASKS, problem: str = PROBLEM, plan: str = PLAN, name: str = "mission.stn"
+    *specs: str,
+    domain: str = TASKS,
+    problem: str = PROBLEM,
+    plan: str = PLAN,
+    name: str = "mission.stn",
+    nominal_needed: bool = True,
 ) -> model.ParametrizedPlan:
     parsed = parse_domain(domain)
-    return assemble(parsed, parse_problem(problem, parsed), parse_stn(plan, name), parse_specs(specs))
+    parts = parsed, parse_problem(problem, parsed), parse_stn(plan, name), parse_specs(specs)
+    return assemble(*parts, nominal_needed=nominal_needed)
 
 
 def test_parts() -> None:
@@ -54,7 +46,7 @@ def test_parts() -> None:
     n0, n1, n2 = plan.instances
     assert plan.name == "mission"
     assert plan.parameters == (model.Parameter("pause", Fraction(3), Fraction(2), Fraction(1), Fraction(10)),)
-    assert [str(one) for one in plan.instances] == ["(fetch b)", "(work a)", "(call a)"]
+    assert list(map(str, plan.instances)) == ["(fetch b)", "(work a)", "(call a)"]
     assert plan.constraints == (
         at(n0.start, 0),
         between(n0.start, n0.end, 2, 2),
@@ -75,39 +67,31 @@ def test_varied_durations_replace_equalities_only() -> None:
     (duration,) = build("d=duration:n0").instance["n0"].durations
     assert (duration.condition, duration.text) == (equal(DURATION, reference("d")), "(= ?duration d)")
     plan = PLAN.replace("[pause, pause]", "[3, 3]").replace("parameter pause default 3 weight 2 lb 1 ub 10;", "")
-    varied = build("duration:n1", plan=plan)
-    assert varied.instance["n1"].durations == build().instance["n1"].durations
+    varied, plain = build("duration:n1", plan=plan), build()
+    assert varied.instance["n1"].durations == plain.instance["n1"].durations
     assert varied.nominal == {"dur_n1": 3}
     twice = TASKS.replace("(= ?duration 2)", "(and (>= ?duration 2) (<= ?duration 2))")
     assert len(build(domain=twice).instance["n0"].durations) == 2
     (varied_twice,) = build("d=duration:n0", domain=twice).instance["n0"].durations
     assert (varied_twice.condition, varied_twice.text) == (duration.condition, duration.text)
     in_the_plan = build(plan=PLAN.replace("[2, 2]", "[pause, pause]"))
-    assert in_the_plan.instance["n0"].durations == build().instance["n0"].durations
+    assert in_the_plan.instance["n0"].durations == plain.instance["n0"].durations
 
 
 def test_parameters_without_nominal_values() -> None:
     """The message says what to type; regions and optimal boxes need none."""
     plan = PLAN.replace("default 3 ", "")
-    domain = parse_domain(TASKS)
-    parts = domain, parse_problem(PROBLEM, domain), parse_stn(plan, "mission.stn"), parse_specs(["start:n2"])
-    found = assemble(*parts, nominal_needed=False)
-    assert [(one.name, one.nominal, one.has_nominal) for one in found.parameters] == [
-        ("pause", 1, False),  # within its bounds
-        ("start_n2", 0, False),
-    ]
-    assert not found.has_nominal
-    assert [one.percent(Fraction(3)) for one in found.parameters] == [None, None]
+    without = build("start:n2", plan=plan, nominal_needed=False)
+    assert not without.has_nominal
+    for parameter, name, nominal in zip(without.parameters, ("pause", "start_n2"), (1, 0), strict=True):
+        assert (parameter.name, parameter.nominal, parameter.has_nominal) == (name, nominal, False), "within its bounds"
+        assert parameter.percent(Fraction(3)) is None
     for given, option in (((), "start:n2,default=4"), (("start:n2,default=4",), "pause,default=2")):
         with pytest.raises(InputError, match=f"--parameter {option.split('=')[0]}="):
             build(*(given or ["start:n2"]), plan=plan)
     assert build("start:n2,default=4", "pause,default=2", plan=plan).nominal == {"pause": 2, "start_n2": 4}
-    synthesised = assemble(
-        *(domain := parse_domain(EVERYTHING), parse_problem(MEASURED, domain)),
-        parse_stn("durative-action instance n0 : (move r1 a b);c: n0.end - n0.start in [5, 5];"),
-        nominal_needed=False,
-    )
-    assert [one.name for one in synthesised.parameters] == ["speed", "n0.rate"]
+    synthesised = build(**{**SYNTH, "plan": MOVE}, nominal_needed=False)
+    assert [parameter.name for parameter in synthesised.parameters] == ["speed", "n0.rate"]
 
 
 def test_varied_initial_values() -> None:
@@ -119,8 +103,7 @@ def test_varied_initial_values() -> None:
 
 
 def test_synthesis_parameters_in_the_plan_or_as_options() -> None:
-    bare = "".join(SYNTH_PLAN.splitlines(keepends=True)[2:])
-    for plan, options in ((SYNTH_PLAN, ()), (bare, ("speed,default=9", "n0.rate,default=1.5,lb=0"))):
+    for plan, options in ((SYNTH_PLAN, ()), (MOVE, ("speed,default=9", "n0.rate,default=1.5,lb=0"))):
         built = build(*options, **{**SYNTH, "plan": plan})
         assert built.nominal == {"speed": 9, "n0.rate": Fraction(3, 2)}
         assert built.instance["n0"].continuous_effects[0].rate == reference("n0.rate").scaled(Fraction(-1, 2))

@@ -1,47 +1,29 @@
-"""The simulator on plans whose outcome is known by hand, and which time points it separates [docs/semantics.md]."""
+"""The simulator: on plans whose outcome is known by hand [docs/semantics.md], against VAL, and on drawn plans."""
 
+from collections import Counter
 from fractions import Fraction
+from random import Random
 
 import pytest
+from hypothesis import given
 
 from robust.errors import InputError, UnsupportedError
 from robust.plan import model
+from robust.plan.model import ZERO, Holds, ParametrizedPlan
 from robust.plan.simulate import Violation, simulate
 from robust.plan.timeline import TimedExecution
-from tests.plan.building import (
-    ALL,
-    CONTRADICTORY,
-    DURATION,
-    END,
-    EXAMPLES,
-    OVER_ALL,
-    START,
-    F,
-    G,
-    P,
-    Q,
-    action,
-    add,
-    assign,
-    at_least,
-    between,
-    broken,
-    delete,
-    delicate,
-    flow,
-    increase,
-    instant,
-    plan_of,
-    reference,
-    run,
-    schedule_of,
-    value,
-)
+from tests.plan import building
+from tests.plan.building import END, START, F, G, P, Q, action, add, assign, at_least, flow, increase, instant, plan_of
+from tests.sampling import sample_parameters, sample_schedule, sample_schedules
+from tests.strategies import plans
+from tests.val import judged_by_val, validate
+
+f, g = building.value(F), building.value(G)
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=[example.name for example in EXAMPLES])
+@pytest.mark.parametrize("example", building.EXAMPLES, ids=[example.name for example in building.EXAMPLES])
 def test_examples(example):
-    result = simulate(example.plan, example.parameters, schedule_of(example.plan, example.times))
+    result = simulate(example.plan, example.parameters, building.schedule_of(example.plan, example.times))
     assert result.network_violations == ()
     assert result.valid == (not example.broken)
     assert len(result.violations) == len(example.broken)
@@ -49,53 +31,66 @@ def test_examples(example):
         assert (violation if isinstance(expected, Violation) else violation.obligation) == expected
 
 
-@pytest.mark.parametrize("case", OVER_ALL, ids=[case.name for case in OVER_ALL])
-def test_delicate_over_all_conditions(case):
-    plan, times = delicate(case)
-    assert ("i act: over all c0" not in broken(run(plan, times))) is case.holds
-
-
 def test_epsilon_says_how_far_apart():
-    schedule = schedule_of(CONTRADICTORY, {"a": 1, "b": 2})
-    assert simulate(CONTRADICTORY, {}, schedule, epsilon=Fraction(1)).valid
-    assert broken(simulate(CONTRADICTORY, {}, schedule, epsilon=Fraction(3, 2))) == ["separation: a, b"]
-
-
-def test_over_all_that_is_not_linear_in_time_is_unsupported():
-    plan = plan_of(action("a", (ALL, at_least(value(F) * value(G), 0)), flow(F, 1), flow(G, 1)))
-    with pytest.raises(UnsupportedError, match="linear in time"):
-        run(plan, {"a": (0, 1)})
+    schedule = building.schedule_of(building.CONTRADICTORY, {"a": 1, "b": 2})
+    assert simulate(building.CONTRADICTORY, {}, schedule, epsilon=Fraction(1)).valid
+    assert building.broken(simulate(building.CONTRADICTORY, {}, schedule, epsilon=Fraction(3, 2))) == [
+        "separation: a, b"
+    ]
 
 
 def test_a_rate_is_read_after_the_start_effects():
-    plan = plan_of(action("a", assign(G, 3), flow(F, value(G))), goal=at_least(value(F), 6))
-    assert run(plan, {"a": (0, 2)}).valid
+    plan = plan_of(action("a", assign(G, 3), flow(F, g)), goal=at_least(f, 6))
+    assert building.run(plan, {"a": (0, 2)}).valid
 
 
-@pytest.mark.parametrize("other", [instant("b", increase(G, 1)), action("b", flow(G, 1))])
-def test_rate_that_changes_while_it_acts_is_unsupported(other):
-    plan = plan_of(action("a", flow(F, value(G))), other)
-    with pytest.raises(UnsupportedError, match="a \\(act\\): the rate"):
-        run(plan, {"a": (0, 3), "b": (1, 2) if other.durative else 1})
+RATE = r"a \(act\): the rate"
+PRODUCT = action("a", (building.ALL, at_least(f * g, 0)), flow(F, 1), flow(G, 1))
+VALUELESS = r"numeric fluent \(f\) .* no value"
+
+
+@pytest.mark.parametrize(
+    ("plan", "error", "message"),
+    [
+        (plan_of(PRODUCT), UnsupportedError, "linear in time"),
+        (plan_of(action("a", flow(F, g)), instant("b", increase(G, 1))), UnsupportedError, RATE),
+        (plan_of(action("a", flow(F, g)), action("b", flow(G, 1))), UnsupportedError, RATE),
+        (plan_of(instant("a", (START, model.Or((model.Truth(True), at_least(f, 0))))), f=None), InputError, VALUELESS),
+        (plan_of(instant("a", increase(F, 1)), f=None), InputError, VALUELESS),
+        (plan_of(instant("a", assign(G, f)), f=None), InputError, VALUELESS),
+        (plan_of(action("a", flow(F, 1)), f=None), InputError, VALUELESS),
+        (plan_of(goal=at_least(building.DURATION, 0)), InputError, r"\?duration"),
+    ],
+)
+def test_what_cannot_be_simulated(plan, error, message):
+    times = {i.identifier: ((0, 3) if i.durative else 1) for i in plan.instances}
+    if "b" in plan.instance and plan.instance["b"].durative:
+        times["b"] = (1, 2)
+    with pytest.raises(error, match=message):
+        building.run(plan, times)
+
+
+def test_a_fluent_without_value_may_be_assigned():
+    assert building.run(plan_of(instant("a", assign(F, 1)), f=None, goal=at_least(f, 1)), {"a": 1}).valid
 
 
 def test_network_violations_are_not_obligations():
     a, literal = instant("a"), model.TimedLiteral(Fraction(2), P, True)
     plan = plan_of(
         a,
-        constraints=(between(model.ZERO, a.start, 2, reference("k") + 1),),
+        constraints=(building.between(ZERO, a.start, 2, building.reference("k") + 1),),
         parameters=(model.Parameter("k", Fraction(3), lower=Fraction(1), upper=Fraction(5)),),
         literals=(literal,),
     )
-    assert run(plan, {"a": 4}, k=3).valid
+    assert building.run(plan, {"a": 4}, k=3).valid
     for time, k, violations in (
         (5, 3, ("a - .zero = 5 > k + 1 = 4",)),
         (1, 3, ("a - .zero = 1 < 2",)),
         (2, 6, ("parameter k = 6 > upper bound 5",)),
         (0, 0, ("parameter k = 0 < lower bound 1", "a - .zero = 0 < 2")),
     ):
-        assert run(plan, {"a": time}, k=k).network_violations == violations
-    shifted = {a.start: Fraction(-1), literal.point: Fraction(3), model.ZERO: Fraction(1)}
+        assert building.run(plan, {"a": time}, k=k).network_violations == violations
+    shifted = {a.start: Fraction(-1), literal.point: Fraction(3), ZERO: Fraction(1)}
     result = simulate(plan, {"k": Fraction(3)}, shifted)
     assert result.network_violations[:3] == (".zero = 1, expected 0", "a = -1 < 0", "@2 = 3, expected 2")
     assert result.violations == ()
@@ -103,21 +98,12 @@ def test_network_violations_are_not_obligations():
 
 
 def test_trace_lists_what_changed_at_each_happening():
-    plan = plan_of(action("a", add(P), delete(Q), flow(F, 2), increase(G, 1, END)), atoms=(Q,), g=5)
+    plan = plan_of(action("a", add(P), building.delete(Q), flow(F, 2), increase(G, 1, END)), atoms=(Q,), g=5)
     start, end = plan.instances[0].time_points
-    steps = run(plan, {"a": (1, 3)}).trace
-    assert [(step.time, step.points) for step in steps] == [(0, (model.ZERO,)), (1, (start,)), (3, (end,))]
+    steps = building.run(plan, {"a": (1, 3)}).trace
+    assert [(step.time, step.points) for step in steps] == [(0, (ZERO,)), (1, (start,)), (3, (end,))]
     assert [step.atoms_changed for step in steps] == [(), ((P, True), (Q, False)), ()]
     assert [dict(step.fluents) for step in steps] == [{F: 0, G: 5}, {}, {F: 4, G: 6}]
-
-
-def test_reading_a_fluent_without_value_is_an_error():
-    condition = instant("a", (START, model.Or((model.Truth(True), at_least(value(F), 0)))))
-    for pieces in (condition, instant("a", increase(F, 1)), instant("a", assign(G, value(F))), action("a", flow(F, 1))):
-        plan = plan_of(pieces, f=None)
-        with pytest.raises(InputError, match=r"numeric fluent \(f\) .* no value"):
-            run(plan, {"a": (1, 2) if pieces.durative else 1})
-    assert run(plan_of(instant("a", assign(F, 1)), f=None, goal=at_least(value(F), 1)), {"a": 1}).valid
 
 
 @pytest.mark.parametrize(
@@ -135,80 +121,157 @@ def test_missing_and_unknown_names_are_errors(times, parameters, message):
         simulate(plan_of(instant("abc"), parameters=(model.Parameter("k", Fraction(1)),)), parameters, schedule)
 
 
-def test_duration_outside_of_an_action_is_an_error():
-    with pytest.raises(InputError, match=r"\?duration"):
-        run(plan_of(goal=at_least(DURATION, 0)), {})
-
-
 def test_a_deep_condition_does_not_exhaust_the_stack():
-    deep: model.Condition = model.Holds(P)
+    deep: model.Condition = Holds(P)
     for _ in range(3000):
         deep = model.Or((model.And((deep, model.Truth(True))),))
     plan = plan_of(instant("a", (START, deep)), atoms=(P,))
-    assert run(plan, {"a": 1}).valid
-    assert (
-        TimedExecution(plan, {}, {model.ZERO: Fraction(0), plan.instances[0].start: Fraction(1)}).happenings[0].time
-        == 0
-    )
+    assert building.run(plan, {"a": 1}).valid
+    happenings = TimedExecution(plan, {}, {ZERO: Fraction(0), plan.instances[0].start: Fraction(1)}).happenings
+    assert happenings[0].time == 0
 
 
-POURING, WAITING = action("a", flow(F, 1)), instant("w", (START, at_least(value(F), 0)))
-BOUNDED = action("a", model.DurationConstraint(START, at_least(DURATION, value(F)), ">= (f)"))
-KEEPING = action("a", (ALL, model.And((model.Holds(P), at_least(value(F), 0)))))
+# -- mutex pairs -------------------------------------------------------------------------------------------------------
+
+READ_P, READ_F = (START, Holds(P)), (START, at_least(f, 0))
+POURING, WAITING, LOOKING = action("a", flow(F, 1)), instant("w", READ_F), instant("a", READ_P)
+BOUNDED = action("a", model.DurationConstraint(START, at_least(building.DURATION, f), ">= (f)"))
+KEEPING = action("a", (building.ALL, model.And((Holds(P), at_least(f, 0)))))
+ADD, DELETE, SET, RAISE = (
+    instant("b", add(P)),
+    instant("b", building.delete(P)),
+    instant("b", assign(F, 1)),
+    instant("b", increase(F, 1)),
+)
 
 
 def separated(*instances: model.ActionInstance, literals: tuple[model.TimedLiteral, ...] = ()) -> list[str]:
     """The mutex pairs of a plan, found by putting everything at one time."""
     time = literals[0].time if literals else Fraction(1)
     plan = plan_of(*instances, atoms=(P, Q), literals=literals)
-    schedule = {point: time for i in plan.instances for point in i.time_points}
-    labels = broken(simulate(plan, {}, schedule))
+    labels = building.broken(simulate(plan, {}, {point: time for i in plan.instances for point in i.time_points}))
     return [label.removeprefix("separation: ") for label in labels if label.startswith("separation")]
 
 
 @pytest.mark.parametrize(
     ("a", "b", "pairs"),
     [
-        (instant("a", (START, model.Holds(P))), instant("b", add(P)), ["a, b"]),
-        (instant("a", (START, model.Holds(P, False))), instant("b", delete(P)), ["a, b"]),
-        (instant("a", (START, model.Or((model.Holds(Q), model.Holds(P))))), instant("b", add(P)), ["a, b"]),
-        (instant("a", add(P)), instant("b", delete(P)), ["a, b"]),
-        (instant("a", add(P), delete(P)), instant("b", add(P)), ["a, b"]),
-        (instant("a", add(Q, START, model.Holds(P))), instant("b", add(P)), ["a, b"]),
-        (instant("a", add(P, START, at_least(value(F), 9))), instant("b", delete(P)), ["a, b"]),
-        (instant("a", assign(F, 1)), instant("b", assign(F, 1)), ["a, b"]),
-        (instant("a", assign(F, 1)), instant("b", increase(F, 1)), ["a, b"]),
-        (instant("a", (START, at_least(value(F), -9))), instant("b", increase(F, 1)), ["a, b"]),
-        (instant("a", increase(G, value(F))), instant("b", increase(F, 1)), ["a, b"]),
-        (instant("a", add(P, START, at_least(value(F), 0))), instant("b", increase(F, 1)), ["a, b"]),
-        (instant("a", add(P)), instant("b", add(P)), []),
-        (instant("a", delete(P)), instant("b", delete(P)), []),
-        (instant("a", (START, model.Holds(P))), instant("b", (START, model.Holds(P, False)), add(Q)), []),
-        (instant("a", increase(F, 1)), instant("b", increase(F, -2)), []),
-        (instant("a", assign(F, 1)), instant("b", assign(G, 1)), []),
-        (instant("a", (START, at_least(value(F), 0))), instant("b", increase(G, value(F))), []),
-        (KEEPING, instant("b", delete(P), assign(F, 1)), []),
-        (action("a", (END, model.Holds(P))), instant("b", delete(P)), ["a.end, b"]),
-        (BOUNDED, instant("b", increase(F, 1)), ["a.start, b"]),
-        (POURING, instant("b", increase(F, 1)), []),
-        (POURING, action("b", flow(F, 1)), []),
-        (POURING, instant("b", assign(F, 1)), ["a.start, b", "a.end, b"]),
-        (POURING, WAITING, ["a.start, w", "a.end, w"]),
-        (action("a", flow(F, value(G))), instant("b", increase(G, 1)), ["a.start, b", "a.end, b"]),
+        (LOOKING, ADD, "a, b"),
+        (instant("a", (START, Holds(P, False))), DELETE, "a, b"),
+        (instant("a", (START, model.Or((Holds(Q), Holds(P))))), ADD, "a, b"),
+        (instant("a", add(P)), DELETE, "a, b"),
+        (instant("a", add(P), building.delete(P)), ADD, "a, b"),
+        (instant("a", add(Q, START, Holds(P))), ADD, "a, b"),
+        (instant("a", add(P, START, at_least(f, 9))), DELETE, "a, b"),
+        (instant("a", assign(F, 1)), SET, "a, b"),
+        (instant("a", assign(F, 1)), RAISE, "a, b"),
+        (instant("a", (START, at_least(f, -9))), RAISE, "a, b"),
+        (instant("a", increase(G, f)), RAISE, "a, b"),
+        (instant("a", add(P, START, at_least(f, 0))), RAISE, "a, b"),
+        (instant("a", add(P)), ADD, ""),
+        (instant("a", building.delete(P)), DELETE, ""),
+        (LOOKING, instant("b", (START, Holds(P, False)), add(Q)), ""),
+        (instant("a", increase(F, 1)), instant("b", increase(F, -2)), ""),
+        (instant("a", assign(F, 1)), instant("b", assign(G, 1)), ""),
+        (instant("a", READ_F), instant("b", increase(G, f)), ""),
+        (KEEPING, instant("b", building.delete(P), assign(F, 1)), ""),
+        (action("a", (END, Holds(P))), DELETE, "a.end, b"),
+        (BOUNDED, RAISE, "a.start, b"),
+        (POURING, RAISE, ""),
+        (POURING, action("b", flow(F, 1)), ""),
+        (POURING, SET, "a.start, b; a.end, b"),
+        (POURING, WAITING, "a.start, w; a.end, w"),
+        (action("a", flow(F, g)), instant("b", increase(G, 1)), "a.start, b; a.end, b"),
     ],
 )
 def test_mutex_pairs(a, b, pairs):
-    assert separated(a, b) == pairs
+    assert "; ".join(separated(a, b)) == pairs
 
 
 def test_timed_literals_are_mutex_with_actions_but_not_with_each_other():
-    reader = instant("a", (START, model.Holds(P)), (START, at_least(value(F), 0)))
-    at_two = (
-        model.TimedLiteral(Fraction(2), P, False),
-        model.TimedLiteral(Fraction(2), P, True),
-        model.TimedLiteral(Fraction(2), F, Fraction(4)),
-    )
-    assert separated(reader, literals=at_two) == ["a, @2"]
+    changes = (P, False), (P, True), (F, Fraction(4))
+    at_two = tuple(model.TimedLiteral(Fraction(2), *change) for change in changes)
+    assert separated(instant("a", READ_P, READ_F), literals=at_two) == ["a, @2"]
     assert separated(instant("a", increase(F, 1)), literals=at_two[2:]) == ["a, @2"]
     assert separated(instant("a", add(P)), literals=at_two[1:2]) == []
-    assert separated(instant("a", delete(P)), literals=at_two[1:2]) == ["a, @2"]
+    assert separated(instant("a", building.delete(P)), literals=at_two[1:2]) == ["a, @2"]
+
+
+# -- VAL ---------------------------------------------------------------------------------------------------------------
+
+# VAL merges happenings that are nearer than half its tolerance and separates no others, so times are multiples of 1/8
+# and mutex time points are to be 1/8 apart: separated unless simultaneous. Binary fractions keep VAL's floats exact.
+EPSILON = Fraction(1, 8)
+
+
+@pytest.mark.parametrize("count", [60, pytest.param(600, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"tame": False, "instances": 3, "atoms": 2},
+        {"instances": 3, "atoms": 1, "fluents": 1, "durative_only": True, "conditional": False, "parameters": 0},
+    ],
+    ids=["all features", "untamed", "continuous"],
+)
+def test_simulator_agrees_with_val(options, count):
+    agreed: Counter[bool] = Counter()
+
+    @building.drawn(count)
+    @given(plans(dyadic=True, **options), building.RANDOM)
+    def check(plan: ParametrizedPlan, random: Random) -> None:
+        for parameters in (plan.nominal, sample_parameters(plan, random)):
+            for schedule in sample_schedules(plan, parameters, random, 2, epsilon=EPSILON):
+                if any(schedule[i.end] < schedule[i.start] for i in plan.instances):
+                    continue  # a plan file cannot say a negative duration
+                simulation = simulate(plan, parameters, schedule, epsilon=EPSILON)
+                assert simulation.network_violations == ()
+                if judged_by_val(plan, simulation.violations):
+                    verdict = validate(plan, parameters, schedule)
+                    assert verdict.valid == simulation.valid, f"{simulation.violations}\n{verdict.report}"
+                    agreed[verdict.valid] += 1
+
+    check()
+    assert agreed[True] > count / 8
+    assert agreed[False] > count / 20
+
+
+@pytest.mark.parametrize("case", building.OVER_ALL, ids=[case.name for case in building.OVER_ALL])
+def test_delicate_over_all_conditions(case):
+    """Known by hand, and by VAL, which does not look at the one instant to which something jumps."""
+    plan, times = building.delicate(case)
+    assert ("i act: over all c0" not in building.broken(building.run(plan, times))) is case.holds
+    schedule = {ZERO: Fraction(0), **building.schedule_of(plan, times)}
+    simulation = simulate(plan, {}, schedule, epsilon=EPSILON)
+    if building.RESET not in case.others and judged_by_val(plan, simulation.violations):
+        assert validate(plan, {}, schedule).valid == simulation.valid
+
+
+# -- what is drawn -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("count", [100, pytest.param(1000, marks=pytest.mark.slow)])
+def test_drawn_plans_and_schedules(count):
+    """Schedules satisfy the network and repeat; many plans are valid at nominal values, some have no schedule."""
+    kinds: Counter[str] = Counter()
+
+    @building.drawn(count)
+    @given(plans(), building.RANDOM)
+    def check(plan: ParametrizedPlan, random: Random) -> None:
+        parameters = sample_parameters(plan, random)
+        sampled = sample_schedules(plan, parameters, random, 5)
+        for schedule in sampled:
+            assert set(schedule) == set(plan.time_points)
+            assert simulate(plan, parameters, schedule).network_violations == ()
+        seed = random.randint(0, 1000)
+        first, second = (sample_schedule(plan, plan.nominal, Random(seed)) for _ in range(2))  # noqa: S311
+        assert first == second
+        schedules = sample_schedules(plan, plan.nominal, random, 8)
+        valid = all(simulate(plan, plan.nominal, schedule).valid for schedule in schedules)
+        kinds["valid" if valid and schedules else "invalid" if schedules else "infeasible"] += 1
+        kinds["infeasible elsewhere"] += not sampled
+
+    check()
+    assert kinds["valid"] >= 0.4 * count
+    assert kinds["invalid"] >= 0.1 * count
+    assert kinds["infeasible"] + kinds["infeasible elsewhere"] >= 1

@@ -1,7 +1,5 @@
 """Random small polyhedra and regions, and their translation to z3 that shares no code with the package."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from itertools import product

@@ -1,26 +1,55 @@
 """Polyhedra against z3, a grid of points, and shapes with known answers."""
 
 from fractions import Fraction
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, product
 
 import pytest
 import z3
-from hypothesis import given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from robust.errors import InputError, UnsupportedError
 from robust.qe.box import Interval
 from robust.qe.conjunctions import project_at
 from robust.qe.polyhedron import Polyhedron
+from tests.plan.building import drawn
 from tests.qe import polyhedra as shapes
 from tests.qe.polyhedra import NAMES, SYMBOLS, as_z3, cube, eq, is_valid, le, lt, polygon, polyhedra, rectangle, same
 
-QUICK = settings(deadline=None, max_examples=60)
+QUICK = drawn(50)
+SQUARE = rectangle(0, 1, 0, 1)
+LINE, POINT = polygon(eq(1, x=1, y=1)), polygon(le(2, x=1, y=1), le(-1, x=-1), le(-1, y=-1))
+COUPLED = Polyhedron(NAMES, (eq(0, y=1, z=1), eq(0, x=1, z=1), lt(1, y=1)))
+WITHOUT_CORNER = SQUARE.restricted([lt(2, x=1, y=1)])
+SHAPES = (
+    Polyhedron(()),
+    Polyhedron.nothing(()),
+    Polyhedron.nothing(NAMES),
+    Polyhedron.universe(NAMES),
+    polygon(le(1, x=1), lt(-1, x=-1)),
+    POINT,
+    LINE,
+    LINE.restricted([le(0, x=-1), lt(0, y=-1)]),
+    polygon(lt(0, x=1)),
+    WITHOUT_CORNER,
+    WITHOUT_CORNER.restricted([lt(1, x=1)]),
+    COUPLED,
+)
+"""Empty by strictness, flat, unbounded, or with a side that excludes a corner only."""
+
+
+def of_every_shape(test):
+    for shape in SHAPES:
+        test = example(shape)(test)
+    return test
+
+
 some = st.integers(0, 3).flatmap(lambda count: polyhedra(NAMES[:count]))
 pairs = shapes.spaces.flatmap(lambda names: st.tuples(polyhedra(names), polyhedra(names, 4)))
 
 
 @QUICK
+@of_every_shape
 @given(some)
 def test_membership_points_and_emptiness(polyhedron):
     inside = as_z3(polyhedron)
@@ -35,6 +64,7 @@ def test_membership_points_and_emptiness(polyhedron):
 
 
 @QUICK
+@of_every_shape
 @given(some)
 def test_simplification_keeps_the_set_and_nothing_else(polyhedron):
     simple = polyhedron.simplified()
@@ -47,6 +77,8 @@ def test_simplification_keeps_the_set_and_nothing_else(polyhedron):
 
 
 @QUICK
+@example((SQUARE, WITHOUT_CORNER))
+@example((WITHOUT_CORNER.restricted([lt(3, x=2, y=1)]), WITHOUT_CORNER))
 @given(pairs)
 def test_subsets_and_differences(pair):
     left, right = pair
@@ -60,6 +92,9 @@ def test_subsets_and_differences(pair):
 
 
 @QUICK
+@example(COUPLED, {"y", "z"})
+@example(COUPLED, {"y"})
+@example(Polyhedron.nothing(NAMES), set(NAMES))
 @given(polyhedra(NAMES), st.sets(st.sampled_from(NAMES), max_size=3))
 def test_projection_is_the_existential_quantifier(polyhedron, dropped):
     kept = [name for name in NAMES if name not in dropped]
@@ -87,8 +122,9 @@ def test_projection_at_a_point_puts_what_is_eliminated_at_its_tightest_bound(x, 
 
 
 @QUICK
+@of_every_shape
 @given(some)
-def test_bounding_box(polyhedron):
+def test_bounding_boxes_and_vertices(polyhedron):
     box = polyhedron.bounding_box()
     assert (box is None) == polyhedron.is_empty
     for name, extent in (box or {}).items():
@@ -100,32 +136,34 @@ def test_bounding_box(polyhedron):
                 beyond = z3.Implies(as_z3(polyhedron), sign * (SYMBOLS[name] - shapes.number(end)) < 0)
                 assert is_valid(z3.Implies(as_z3(polyhedron), sign * (SYMBOLS[name] - shapes.number(end)) <= 0))
                 assert is_valid(beyond) == (not closed)
-
-
-@QUICK
-@given(some)
-def test_vertices_span_bounded_polyhedra(polyhedron):
     vertices = polyhedron.vertices()
     assert all(vertex in polyhedron.closure() for vertex in vertices)
     if polyhedron.is_bounded and vertices:
-        for name, extent in polyhedron.bounding_box().items():
+        for name, extent in box.items():
             assert extent.lower == min(vertex[name] for vertex in vertices)
             assert extent.upper == max(vertex[name] for vertex in vertices)
 
 
-def test_shapes():
-    assert len(cube(1).vertices()) == 8
-    assert cube(2).volume() == 8
-    assert cube(2).restricted([le(3, x=1, y=1, z=1)]).volume() == 4
-    simplex = Polyhedron(NAMES, (le(1, x=1, y=1, z=1), *(le(0, **{n: -1}) for n in NAMES)))
-    assert simplex.volume() == Fraction(1, 6)
-    octahedron = Polyhedron(NAMES, tuple(le(1, x=a, y=b, z=c) for a in (1, -1) for b in (1, -1) for c in (1, -1)))
-    assert octahedron.volume() == Fraction(4, 3)
-    assert len(octahedron.vertices()) == 6
-    pyramid = Polyhedron(NAMES, (*(le(0, z=1, **{n: s}) for n in "xy" for s in (1, -1)), le(2, z=-1)))
-    assert pyramid.volume() == Fraction(32, 3)
-    assert pyramid.restricted([lt(1, x=1), lt(0, z=1)]).volume() == pyramid.volume() - Fraction(5, 3)
-    assert cube(3, "abcd").volume() == 81
+def test_volumes_of_shapes():
+    signs = (1, -1)
+    tetrahedron = Polyhedron(NAMES, (le(1, x=1, y=1, z=1), *(le(0, **{n: -1}) for n in NAMES)))
+    octahedron = Polyhedron(NAMES, tuple(le(1, x=a, y=b, z=c) for a, b, c in product(signs, signs, signs)))
+    pyramid = Polyhedron(NAMES, (*(le(0, z=1, **{n: s}) for n in "xy" for s in signs), le(2, z=-1)))
+    assert (len(cube(1).vertices()), len(octahedron.vertices())) == (8, 6)
+    for shape, volume in (
+        (cube(2), 8),
+        (cube(2).restricted([le(3, x=1, y=1, z=1)]), 4),
+        (tetrahedron, Fraction(1, 6)),
+        (octahedron, Fraction(4, 3)),
+        (pyramid, Fraction(32, 3)),
+        (pyramid.restricted([lt(1, x=1), lt(0, z=1)]), 9),
+        (cube(3, "abcd"), 81),
+        (Polyhedron.universe(NAMES), None),
+        (polygon(lt(0, x=1)), None),
+        *((shape, 0) for shape in (POINT, LINE, Polyhedron.nothing(()))),
+        (Polyhedron(()), 1),
+    ):
+        assert shape.volume() == volume
 
 
 @QUICK
@@ -136,87 +174,45 @@ def test_volumes_add_up(pair):
     assert sum(parts) + whole.intersection(pair[1]).volume() == whole.volume()
 
 
-def test_without_parameters():
+def test_answers_without_a_choice():
     everything, nothing = Polyhedron(()), Polyhedron.nothing(())
-    assert (everything.volume(), nothing.volume()) == (1, 0)
     assert (everything.dimension, everything.is_universal, everything.vertices()) == (0, True, [{}])
     assert cube(1).project(()) == everything
-    assert Polyhedron.nothing(NAMES).project(()) == nothing
     assert everything.minus(nothing) == [everything]
     assert (str(everything), str(nothing)) == ("true", "false")
-
-
-def test_empty_by_strictness():
-    empty = polygon(le(1, x=1), lt(-1, x=-1))
-    assert empty.is_empty
+    empty = SHAPES[4]
     assert empty.simplified() == Polyhedron.nothing(("x", "y"))
     assert empty.closure().is_empty
-    assert empty.bounding_box() is None
-    assert empty.some_point() is None
-    assert empty.interior_point() is None
-    assert empty.maximize({"x": 1}) is None
-
-
-def test_single_point_hidden_in_inequalities():
-    point = polygon(le(2, x=1, y=1), le(-1, x=-1), le(-1, y=-1))
-    assert point.dimension == 0
-    assert point.simplified() == polygon(eq(1, x=1), eq(1, y=1))
-    assert point.vertices() == [{"x": 1, "y": 1}]
-    assert point.volume() == 0
-    assert point.bounding_box()["x"] == Interval(Fraction(1), Fraction(1), True, True)
-
-
-def test_segment_and_line():
-    line = polygon(eq(1, x=1, y=1))
-    assert line.dimension == 1
-    assert not line.is_bounded
-    assert (line.volume(), line.vertices()) == (0, [])
-    segment = line.restricted([le(0, x=-1), lt(0, y=-1)])
+    assert empty.some_point() is empty.interior_point() is empty.maximize({"x": 1}) is None
+    assert (POINT.dimension, POINT.simplified()) == (0, polygon(eq(1, x=1), eq(1, y=1)))
+    assert POINT.vertices() == [{"x": 1, "y": 1}]
+    assert POINT.bounding_box()["x"] == Interval(Fraction(1), Fraction(1), True, True)
+    segment = SHAPES[7]
+    assert (LINE.dimension, LINE.is_bounded, LINE.vertices()) == (1, False, [])
     assert segment.vertices() == [{"x": 0, "y": 1}, {"x": 1, "y": 0}]
     assert segment.extent("x") == Interval(Fraction(0), Fraction(1), True, False)
-    assert segment.project(["x"]).equals(Polyhedron(("x",), (lt(1, x=1), le(0, x=-1))))
     assert segment.slice({"x": Fraction(1, 3)}).vertices() == [{"y": Fraction(2, 3)}]
-
-
-def test_unbounded_and_universal():
-    half = polygon(lt(0, x=1))
-    assert half.volume() is None
-    assert not half.is_bounded
-    assert half.extent("x") == Interval(None, Fraction(0), False, False)
-    assert half.project(["y"]).is_universal
-    assert Polyhedron.universe(NAMES).volume() is None
+    assert polygon(lt(0, x=1)).extent("x") == Interval(None, Fraction(0), False, False)
     assert Polyhedron.universe(NAMES).complement() == []
     assert [piece.is_universal for piece in Polyhedron.nothing(NAMES).complement()] == [True]
+    assert len(WITHOUT_CORNER.simplified().constraints) == 5
+    assert COUPLED.project(["x"]) == Polyhedron(("x",), (lt(1, x=1),))
 
 
-def test_a_strict_side_that_only_excludes_a_corner_is_kept():
-    square = rectangle(0, 1, 0, 1)
-    without_corner = square.restricted([lt(2, x=1, y=1)])
-    assert len(without_corner.simplified().constraints) == 5
-    assert not square.is_subset_of(without_corner)
-    assert without_corner.restricted([lt(3, x=2, y=1)]).equals(square.restricted([lt(3, x=2, y=1), lt(2, x=1, y=1)]))
-    assert len(without_corner.restricted([lt(1, x=1)]).simplified().constraints) == 4
-
-
-def test_projection_along_coupled_equalities():
-    coupled = Polyhedron(NAMES, (eq(0, y=1, z=1), eq(0, x=1, z=1), lt(1, y=1)))
-    assert coupled.project(["x"]) == Polyhedron(("x",), (lt(1, x=1),))
-    assert coupled.project(["x", "z"]).equals(Polyhedron(("x", "z"), (eq(0, x=1, z=1), lt(1, x=1))))
-
-
-def test_errors():
-    with pytest.raises(InputError, match="'z', which is not a parameter"):
-        polygon(le(1, z=1))
-    with pytest.raises(InputError, match="a name occurs twice"):
-        Polyhedron(("x", "x"))
-    with pytest.raises(InputError, match="'a' is not a parameter"):
-        rectangle(0, 1, 0, 1).project(["a"])
-    with pytest.raises(InputError, match="'a' is not a parameter"):
-        rectangle(0, 1, 0, 1).slice({"a": Fraction(1)})
-    with pytest.raises(InputError, match="the same parameters"):
-        rectangle(0, 1, 0, 1).intersection(cube(1))
-    with pytest.raises(UnsupportedError, match="dimension 4"):
-        cube(1, "abcd").vertices()
+@pytest.mark.parametrize(
+    ("call", "error", "message"),
+    [
+        (lambda: polygon(le(1, z=1)), InputError, "'z', which is not a parameter"),
+        (lambda: Polyhedron(("x", "x")), InputError, "a name occurs twice"),
+        (lambda: rectangle(0, 1, 0, 1).project(["a"]), InputError, "'a' is not a parameter"),
+        (lambda: rectangle(0, 1, 0, 1).slice({"a": Fraction(1)}), InputError, "'a' is not a parameter"),
+        (lambda: rectangle(0, 1, 0, 1).intersection(cube(1)), InputError, "the same parameters"),
+        (lambda: cube(1, "abcd").vertices(), UnsupportedError, "dimension 4"),
+    ],
+)
+def test_errors(call, error, message):
+    with pytest.raises(error, match=message):
+        call()
 
 
 def test_projection_of_a_long_chain_stays_small():

@@ -1,7 +1,5 @@
 """Exported queries: z3's and cvc5's own parsers read them and reach the verdict that the file claims."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import cvc5
@@ -73,18 +71,13 @@ def test_any_parameter_name_can_be_exported(tmp_path, name) -> None:
     assert [agree(path.read_text(encoding="utf-8")) for path in sorted(tmp_path.iterdir())] == ["sat", "unsat"]
 
 
-def test_questions_of_several_lines_stay_comments() -> None:
+def test_scripts_of_nothing_of_exact_numbers_and_of_questions_of_several_lines() -> None:
     terms = Terms()
-    x = variable(Auxiliary("x", 1))
+    tiny, x = Fraction(-1, 3**40), variable(Auxiliary("x", 1))
     text = smtlib(terms, [terms.greater(x), terms.greater(-x)], "first\nsecond (assert true)", "unsat")
     assert text.splitlines()[:3] == ["; first", "; second (assert true)", "; answer: unsat"]
     assert agree(text) == "unsat"
-
-
-def test_no_assertions_make_a_script_too_and_rationals_are_exact() -> None:
     assert agree(smtlib(Terms(), [], "nothing", "sat")) == "sat"
-    terms = Terms()
-    tiny, x = Fraction(-1, 3**40), variable(Auxiliary("x", 1))
     for relation, answer in ((terms.equal, "sat"), (terms.greater, "unsat")):
         text = smtlib(terms, [terms.equal(x.scaled(tiny) - tiny * 2), relation(x - 2)], "exact", answer)
         assert agree(text) == answer

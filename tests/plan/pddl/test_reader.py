@@ -1,25 +1,25 @@
-"""Valid texts are read, whatever their layout; whatever else a file has is an error with a place, never a traceback."""
+"""Valid texts are read, whatever their layout and dialect; all else is an error with a place, never a traceback."""
 
-import os
 import re
 from fractions import Fraction
+from itertools import product
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robust.errors import Location
-from robust.plan.model import Atom, Fluent, TimedLiteral, Timing
+from robust.errors import InputError, InputWarning
+from robust.plan.load import assemble
+from robust.plan.model import Atom, Fluent, ParametrizedPlan, TimedLiteral, Timing
 from robust.plan.pddl.forms import read_text
 from robust.plan.pddl.grounding import ground_action, ground_goal
 from robust.plan.pddl.reader import parse_domain, parse_problem, read_domain, read_problem
 from robust.plan.pddl.syntax import Comparator, Proposition
-from tests.plan.building import EVERYTHING, TOUR, error_of, refused
+from robust.plan.stn import parse_stn
+from tests.plan.building import EVERYTHING, TEXTS, TOUR, error_of, run
 
-
-def with_section(section: str) -> str:
-    return f"(define (domain d) (:types t u) (:predicates (p) (q ?x)) (:functions (f) (g ?x)) {section})"
+DOMAIN = parse_domain(EVERYTHING, "d.pddl")
 
 
 def problem_with(init: str, goal: str = "()") -> str:
@@ -27,29 +27,20 @@ def problem_with(init: str, goal: str = "()") -> str:
 
 
 def test_declarations() -> None:
-    domain = parse_domain(EVERYTHING)
-    assert (domain.name, domain.parameters, domain.location.line) == ("everything", ("speed",), 2)
-    assert domain.types["robot"] == {"robot", "vehicle", "object"}
-    assert domain.types["cargo"] == {"cargo", "object"}
-    assert domain.constants["hub"].types == ("place",)
-    assert [parameter.types for parameter in domain.predicates["holds"].parameters] == [("robot", "place")]
-    assert str(domain.predicates["at"]) == "(at ?v ?p)"
-    assert (list(domain.functions), domain.written) == (["charge", "distance", "drag", "total"], {"charge", "total"})
+    assert (DOMAIN.name, DOMAIN.parameters, DOMAIN.location.line) == ("everything", ("speed",), 2)
+    assert DOMAIN.types["robot"] == {"robot", "vehicle", "object"}
+    assert DOMAIN.types["cargo"] == {"cargo", "object"}
+    assert DOMAIN.constants["hub"].types == ("place",)
+    assert [parameter.types for parameter in DOMAIN.predicates["holds"].parameters] == [("robot", "place")]
+    assert str(DOMAIN.predicates["at"]) == "(at ?v ?p)"
+    assert (list(DOMAIN.functions), DOMAIN.written) == (["charge", "distance", "drag", "total"], {"charge", "total"})
 
 
 def test_actions() -> None:
-    actions = parse_domain(EVERYTHING, "d.pddl").actions
-    move, toggle = actions["move"], actions["toggle"]
-    assert (move.durative, move.synth_parameters, toggle.durative, toggle.synth_parameters) == (
-        True,
-        ("rate",),
-        False,
-        (),
-    )
-    assert ([parameter.name for parameter in move.parameters], str(move.location)) == (
-        ["v", "from", "to"],
-        "d.pddl:14:3",
-    )
+    move, toggle = DOMAIN.actions["move"], DOMAIN.actions["toggle"]
+    assert (move.durative, move.synth_parameters, str(move.location)) == (True, ("rate",), "d.pddl:14:3")
+    assert (toggle.durative, toggle.synth_parameters) == (False, ())
+    assert [parameter.name for parameter in move.parameters] == ["v", "from", "to"]
     bounds = [(bound.timing, bound.comparator) for bound in move.durations]
     assert bounds == [(Timing.AT_START, Comparator.AT_LEAST), (Timing.AT_END, Comparator.AT_MOST)]
     timings = [timed.timing.value for timed in move.conditions]
@@ -58,64 +49,40 @@ def test_actions() -> None:
 
 
 def test_problem() -> None:
-    problem = parse_problem(TOUR, parse_domain(EVERYTHING))
+    problem = parse_problem(TOUR, DOMAIN)
     assert (problem.name, problem.domain, list(problem.objects)) == ("tour", "everything", ["hub", "r1", "a", "b"])
     assert problem.atoms == {Atom("at", ("r1", "a")), Atom("linked", ("a", "b"))}
     assert problem.fluents[Fluent("total")] == Fraction(-1, 1000)
     assert problem.fluents[Fluent("charge", ("r1",))] == Fraction(21, 2)
     opened, charge = Atom("open", ("a",)), Fluent("charge", ("r1",))
     literals = (Fraction(5), opened, True), (Fraction(6), opened, False), (Fraction(7), charge, Fraction(3))
-    assert problem.timed_literals == tuple(TimedLiteral(*one) for one in literals)
+    assert problem.timed_literals == tuple(TimedLiteral(*literal) for literal in literals)
 
 
 def test_case_and_layout_do_not_matter() -> None:
-    domain = parse_domain(EVERYTHING)
     squeezed = " ".join(line.partition(";")[0] for line in EVERYTHING.splitlines()).replace(" (", "(")
     spread = EVERYTHING.replace("(", " ( ").replace(")", " )\n")
     for variant in (EVERYTHING.upper(), EVERYTHING.replace("\n", "\r\n"), spread, squeezed):
-        assert parse_domain(variant) == domain
-    assert parse_problem(TOUR.upper(), domain) == parse_problem(TOUR, domain)
-    assert parse_domain(EVERYTHING.replace("1e2", "1e3")) != domain
+        assert parse_domain(variant) == DOMAIN
+    assert parse_problem(TOUR.upper(), DOMAIN) == parse_problem(TOUR, DOMAIN)
+    assert parse_domain(EVERYTHING.replace("1e2", "1e3")) != DOMAIN
 
 
 @pytest.mark.parametrize("text", ["5", "5.", ".5", "-0.1", "+3", "1e-3", "1.5E+2", "0.1000000000000000000001", "(- 7)"])
 def test_numbers_are_exact(text: str) -> None:
-    problem = parse_problem(problem_with(f"(= (total) {text})"), parse_domain(EVERYTHING))
+    problem = parse_problem(problem_with(f"(= (total) {text})"), DOMAIN)
     assert problem.fluents == {Fluent("total"): Fraction(text.strip("()").replace("- ", "-"))}
 
 
-@pytest.mark.parametrize(
-    "section",
-    [
-        "(:requirements)",
-        "(:requirements :strips :time :continuous-effects :timed-initial-literals :adl :negative-preconditions)",
-        "(:requirements :duration-inequalities :numeric-fluents :preferences :object-fluents :derived-predicates)",
-        "(:action a)",
-        "(:action a :parameters () :precondition () :effect ())",
-        "(:action a :parameters (?x ?y - (either t u) ?z) :effect (q ?y))",
-        "(:action a :effect (and))",
-        "(:action a :precondition (and (or) (and) (exists () (p))))",
-        "(:action a :parameters (?x) :precondition (forall (?x - t) (exists (?x - u) (q ?x))))",
-        "(:action a :synth-parameters ?s ?r - number :effect (increase (f) (* ?s ?r)))",
-        "(:action a (:synth-parameters ?s) :effect (increase f ?s))",
-        "(:action a :precondition (>=(f)-1))",
-        "(:action a :parameters (?x) :precondition (>(g ?x)(-(f))))",
-        "(:durative-action a :duration())",
-        "(:durative-action a :duration (=?duration 5))",
-        "(:durative-action a :duration (and) :condition () :effect ())",
-        "(:durative-action a :duration (at start (and (>= ?duration 1) (<= ?duration ?duration))))",
-        "(:durative-action a :duration () :condition (forall (?x) (and (at start (q ?x)) (over all (q ?x)))))",
-        "(:durative-action a :duration () :effect (when (and) (at start (p))))",
-        "(:durative-action a :duration () :effect (when (and (at end (p)) (at end (q x))) (at end (not (p)))))",
-    ],
-)
+@pytest.mark.parametrize("section", (TEXTS / "accepted.txt").read_text(encoding="utf-8").splitlines())
 def test_accepted(section: str) -> None:
-    domain = parse_domain(with_section(section + " (:constants x - t)"))
+    before = "(:types t t u) (:predicates (p) (q ?x)) (:functions (f) (g ?x))"
+    domain = parse_domain(f"(define (domain d) {before} {section} (:constants x - t))")
     assert list(domain.actions) == (["a"] if "action" in section else [])
 
 
 def test_predicate_called_at_is_no_time() -> None:
-    problem = parse_problem(problem_with("(at r1 a) (at 3 (at r1 a))", "(at r1 a)"), parse_domain(EVERYTHING))
+    problem = parse_problem(problem_with("(at r1 a) (at 3 (at r1 a))", "(at r1 a)"), DOMAIN)
     place = Atom("at", ("r1", "a"))
     assert (problem.atoms, [literal.target for literal in problem.timed_literals]) == ({place}, [place])
     condition = "(:constants start end) (:predicates (at ?a ?b)) (:action a :precondition (at start end))"
@@ -138,7 +105,7 @@ def test_harmless_repetitions_and_orders() -> None:
     assert "a" in parse_domain(f"(define (domain d) {backwards})").actions
     for metric in ("total-time", "(total-time)", "(+ (total) (* 2 total-time))"):
         text = problem_with("")[:-1] + f"(:requirements :fluents) (:metric maximize {metric}))"
-        assert parse_problem(text, parse_domain(EVERYTHING)).name == "p"
+        assert parse_problem(text, DOMAIN).name == "p"
 
 
 def test_text_of_files_is_normalised(tmp_path: Path) -> None:
@@ -147,54 +114,18 @@ def test_text_of_files_is_normalised(tmp_path: Path) -> None:
     assert read_text(path) == read_text(str(path)) == "a\nb\nc\né"
     path.write_text(EVERYTHING)
     domain = read_domain(path)
-    assert (domain, domain.location.file) == (parse_domain(EVERYTHING), str(path))
+    assert (domain, domain.location.file) == (DOMAIN, str(path))
     path.write_text(TOUR)
     assert read_problem(str(path), domain) == parse_problem(TOUR, domain)
 
 
-@pytest.mark.parametrize(
-    ("name", "parts"),
-    [
-        ("domian.pddl", ["domian.pddl: found no such file", "did you mean 'domain.pddl'?"]),
-        ("zzz", ["zzz: found no such file, expected a readable text file"]),
-        ("broken-link", ["broken-link: found a link to a file that does not exist, expected a readable text file"]),
-        ("nowhere/zzz", ["nowhere does not exist either"]),
-        ("", [": found a directory"]),
-        ("zero", ["zero: found binary data, expected a UTF-8 text file"]),
-        ("latin", ["latin: found byte 0xff in line 2, expected a UTF-8 text file"]),
-        *(
-            (name, ["expected a readable text file"])
-            for name in ("x" * 5000, "a\0b", "zero/inside", "(define\n(domain d))")
-        ),
-    ],
-)
-def test_what_cannot_be_read(tmp_path: Path, name: str, parts: list[str]) -> None:
-    for file, data in {"domain.pddl": b"", "zero": b"a\0b", "latin": b"a\nb\xff"}.items():
-        (tmp_path / file).write_bytes(data)
-    (tmp_path / "broken-link").symlink_to("nowhere.pddl")
-    refused(lambda: read_text(tmp_path / name), str(Location(str(tmp_path / name))), parts)
-
-
-@pytest.mark.parametrize("found", [None, 3, b"domain.pddl", ""])
-def test_what_is_no_path(found: object) -> None:
-    refused(lambda: read_text(found), f"found {repr(found)!r}, expected the path of a readable text file", [])  # type: ignore[arg-type]
-
-
-def test_no_permission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object) -> None:  # the superuser may read everything
-        raise PermissionError(13, os.strerror(13))
-
-    monkeypatch.setattr("robust.plan.pddl.forms.open", refuse, raising=False)
-    refused(lambda: read_text("secret"), "secret: found a file that you may not read", [])
-
-
-TOKENS = re.compile(r"[()]|[^\s()]+")
+# -- mutations ---------------------------------------------------------------------------------------------------------
 
 
 def read(domain_text: str, problem_text: str) -> None:
     """Read and ground; an error of the package, in one line, is an answer too."""
 
-    def run() -> None:
+    def ground() -> None:
         domain = parse_domain(domain_text)
         problem = parse_problem(problem_text, domain)
         for name, schema in domain.actions.items():
@@ -202,12 +133,12 @@ def read(domain_text: str, problem_text: str) -> None:
             ground_action(domain, problem, "n0", name, arguments, schema.durative, None)
         ground_goal(domain, problem)
 
-    error = error_of(run)
+    error = error_of(ground)
     assert error is None or "expected" in str(error)
 
 
 def words(text: str) -> list[str]:
-    return TOKENS.findall(re.sub(";.*", "", text))
+    return re.findall(r"[()]|[^\s()]+", re.sub(";.*", "", text))
 
 
 @st.composite
@@ -217,13 +148,10 @@ def mutations(draw: st.DrawFn, text: str) -> str:
     for _ in range(draw(st.integers(1, 3))):
         first, second = (draw(st.integers(0, len(tokens) - 2)) for _ in range(2))
         a, b = tokens[first], tokens[second]
-        kinds = (
-            {first: st.sampled_from(["", f"{a} {a}", b])}
-            if draw(st.booleans())
-            else {first: st.just(b), second: st.just(a)}
-        )
-        for place, new in kinds.items():
-            tokens[place] = draw(new)
+        if draw(st.booleans()):
+            tokens[first] = draw(st.sampled_from(["", f"{a} {a}", b]))
+        else:
+            tokens[first], tokens[second] = b, a
         tokens = words(" ".join(tokens))
     return " ".join(tokens)
 
@@ -252,9 +180,128 @@ def test_random_text(text: str, tokens: list[str]) -> None:
         read(EVERYTHING, f"(define (problem p) (:domain everything) (:init {inside}) (:goal {inside}))")
 
 
-@given(data=st.binary())
-def test_random_bytes(tmp_path_factory, data: bytes) -> None:
-    path = tmp_path_factory.getbasetemp() / "random.pddl"
-    path.write_bytes(data)
-    # No random bytes are a domain.
-    assert str(error_of(lambda: parse_domain(read_text(path), str(path)))).startswith(str(path))
+# -- dialects: what they are taken for, and what is said about it ------------------------------------------------------
+
+TYPES = "(:types truck ship place crate) (:predicates (idle ?t - truck) (in ?x - (either crate place)))"
+TRUCKS = f"(define (domain d) {TYPES}"
+
+
+@pytest.mark.parametrize(
+    ("domain", "problem", "warning", "atoms"),
+    [
+        (
+            TRUCKS + "(:constants a - truck))",
+            "(:objects a - ship) (:init (idle a)) (:goal (idle a))",
+            r"p\.pddl:1:43: found object 'a' with another type, took both; .*d\.pddl:1:",
+            "(idle a)",
+        ),
+        (
+            TRUCKS + ")",
+            "(:objects k - crate) (:init (in_crate k)) (:goal (in k))",
+            "found undeclared predicate 'in_crate', took it for 'in' of type 'crate'",
+            "(in k)",
+        ),
+        (
+            "(define (domain d) (:types a b - object c - a c - b) (:predicates (p ?x - a) (q ?x - b)))",
+            "(:objects k - c) (:init (p k) (q k)) (:goal (p k))",
+            r"d\.pddl:1:47: found a second, different type 'c', took both",
+            "(p k) (q k)",
+        ),
+    ],
+    ids=["objects of two types", "predicates that are split by type", "types below two others"],
+)
+def test_what_is_declared_twice_or_not_at_all(domain: str, problem: str, warning: str, atoms: str) -> None:
+    text = f"(define (problem p) (:domain d) {problem})"
+    with pytest.warns(InputWarning, match=warning):
+        parsed = parse_problem(text, parse_domain(domain, "d.pddl"), "p.pddl")
+    assert " ".join(sorted(map(str, parsed.atoms))) == atoms
+    assert "a" not in parsed.objects or set(parsed.objects["a"].types) == {"truck", "ship"}
+
+
+@pytest.mark.parametrize(
+    ("written", "word"),
+    [
+        ("(:types goods place) (:predicates (at ?g -goods ?p - place))", "-goods"),
+        ("(:types goods place -object) (:predicates (at ?g - goods ?p - place))", "-object"),
+        ("(:types goods place) (:predicates (at ?g - goods ?p - place)) (:functions (f) -number)", "-number"),
+    ],
+)
+def test_a_type_need_not_have_a_blank_before_it(written: str, word: str) -> None:
+    text = f"(define (domain d) {written} (:constants g - goods p - place))"
+    with pytest.warns(InputWarning, match=rf"d\.pddl:1:\d+: found '{word}', took it for '- {word[1:]}'"):
+        domain = parse_domain(text, "d.pddl")
+    assert [parameter.types for parameter in domain.predicates["at"].parameters] == [("goods",), ("place",)]
+
+
+SHADOWED = (TEXTS / "shadowed.pddl").read_text(encoding="utf-8")
+
+
+def test_names_of_an_action_hide_synthesis_parameters_of_the_domain() -> None:
+    domain = parse_domain(SHADOWED, "d.pddl")
+    text = "(define (problem p) (:domain d) (:objects l - lamp) (:init (= (level) 0)) (:goal (lit l)))"
+    steps = "".join(f"action instance {step};" for step in ("a : (outer)", "b : (lamp l)", "c : (own)"))
+    plan = parse_stn("parameter s default 1; parameter c.s default 2;" + steps)
+    outer, lamp, own = assemble(domain, parse_problem(text, domain, "p.pddl"), plan).instances
+    assert [str(instance.numeric_effects[0].expression) for instance in (outer, own)] == ["s", "c.s"]
+    assert str(lamp.atom_effects[0].atom) == "(lit l)"
+    with pytest.raises(InputError, match=r"found '\?s', expected a number; it is a variable for objects"):
+        parse_domain(SHADOWED.replace("(lit ?s)", "(assign (level) ?s)"), "d.pddl")
+
+
+# -- `=` between names that objects, constants and functions without arguments share: objects come first ---------------
+
+NAMED = """(define (domain d) (:types t) {} (:predicates (p) (of ?x - t)) (:functions (f) (g) (h ?x - t))
+ (:action a :parameters (?x - t) :precondition {} :effect (and (of ?x) {})))"""
+OBJECTS = (
+    "(define (problem x) (:domain d) (:objects {} o - t) (:init (= (f) {}) (= (g) 1) (= (h o) 0)) (:goal (and {})))"
+)
+PLACES = {
+    "condition": {"condition": "{}"},
+    "goal": {"goal": "{}"},
+    "effect": {"effect": "(when {} (p))", "goal": "(p)"},
+    "forall": {"condition": "(forall (?y - t) {})"},
+    "exists": {"condition": "(exists (?y - t) (and (= ?y ?x) {}))"},
+}
+AS_NUMBERS = {"(= (f) (g))": None, "(= f (g))": None, "(= (f) g)": None}
+AS_OBJECTS = {"(= f g)": False, "(= f f)": True, "(not (= f g))": True, **AS_NUMBERS}
+
+
+def named(
+    condition: str = "()", effect: str = "", goal: str = "", objects: str = "f g", constants: str = "", f: int = 1
+) -> ParametrizedPlan:
+    domain = parse_domain(NAMED.format(constants, condition, effect))
+    return assemble(
+        domain, parse_problem(OBJECTS.format(objects, f, goal), domain), parse_stn("action instance n : (a o);")
+    )
+
+
+@pytest.mark.parametrize(
+    ("objects", "constants", "texts"),
+    [
+        ("f g", "", AS_OBJECTS),
+        ("", "(:constants f g - t)", AS_OBJECTS),
+        ("g", "(:constants f - t)", AS_OBJECTS),
+        ("f", "(:constants g - t)", AS_OBJECTS),
+        *((objects, "", dict.fromkeys(["(= f g)", "(= f 1)", "(= 1 f)"])) for objects in ("", "f", "g")),
+    ],
+)
+@pytest.mark.parametrize("place", PLACES)
+def test_equality_of_names(place: str, objects: str, constants: str, texts: dict[str, bool | None]) -> None:
+    """Of objects only where both are, else of numbers: true if f is 1."""
+    for (text, truth), f in product(texts.items(), (1, 2)):
+        parts = {part: frame.format(text) for part, frame in PLACES[place].items()}
+        simulation = run(named(**parts, objects=objects, constants=constants, f=f), {"n": 1})
+        assert simulation.valid == (f == 1 if truth is None else truth), text
+
+
+def test_other_comparisons_and_effects_are_about_numbers() -> None:
+    plan = named("(and (>= f g) (<= (h ?x) f))", "(assign f (+ f g)) (when (= f g) (increase g f))", "(= (f) 2)")
+    assert run(plan, {"n": 1}).valid
+    (instance,) = plan.instances
+    assert [str(effect.fluent) for effect in instance.numeric_effects] == ["(f)"], "f and g are two objects"
+    assert list(instance.mentioned()) == []
+
+
+def test_texts_say_what_was_written() -> None:
+    goals = named(goal="(= f g) (= (f) (g))", objects="").goal
+    assert [goal.label for goal in goals] == ["goal: (= f g)", "goal: (= (f) (g))"]

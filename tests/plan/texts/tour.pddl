@@ -1,0 +1,7 @@
+(define (problem tour)
+  (:domain EVERYTHING)
+  (:objects R1 - robot a b - place)
+  (:init (at r1 a) (linked a b) (not (busy)) (= (charge r1) 10.5) (= (drag) 2) (= total -1e-3)
+    (= (distance a b) 8) (at 5.0 (open a)) (at 6 (not (open a))) (at 7 (= (charge r1) 3)))
+  (:goal (and (at r1 b) (forall (?v - vehicle) (>= (charge ?v) ?speed))))
+  (:metric minimize (+ total-time (total))))
