@@ -20,62 +20,56 @@ from proofs.theorems._library.terms import const, integer, num
 
 ROOT = Path(__file__).resolve().parents[2]
 PLAIN = Statement((const("x", "Real"),), {"positive": "(< 0.0 x)"}, "(<= 0.0 x)", {"x": "x"})
+BROKEN = PLAIN.without("positive")
 
 
-def theorem(statement: Statement, broken: Statement) -> Theorem:
-    lemma = Lemma("one", "Words.", statement, (Variant("broken.", broken),))
-    return Theorem("plain", "Plain", "ours", "Words.", "Words.", Scope.GENERAL, "any.", (lemma,))
+@pytest.fixture
+def outcome(monkeypatch, capsys):
+    """Exit code and output of the command, if there is one theorem: this statement with this broken variant."""
+
+    def command(statement, broken, *words):
+        lemma = Lemma("one", "Words.", statement, (Variant("broken.", broken),))
+        theorem = Theorem("plain", "Plain", "ours", "Words.", "Words.", Scope.GENERAL, "any.", (lemma,))
+        monkeypatch.setattr(run, "names", lambda: [theorem.name])
+        monkeypatch.setattr(run, "load", lambda _: theorem)
+        return run.main([*words]), *capsys.readouterr()
+
+    return command
 
 
-def problem(script: str, **show: str) -> Problem:
-    return Problem("p", Kind.BROKEN, "words", script, show)
-
-
-def use(monkeypatch, stated: Theorem) -> None:
-    monkeypatch.setattr(run, "names", lambda: [stated.name])
-    monkeypatch.setattr(run, "load", lambda _: stated)
-
-
-def test_a_theorem_that_holds(monkeypatch, capsys):
-    use(monkeypatch, theorem(PLAIN, PLAIN.without("positive")))
-    assert run.main([]) == 0
-    assert "1 unsat" in capsys.readouterr().out
+def test_a_theorem_that_holds(outcome):
+    code, out, _ = outcome(PLAIN, BROKEN.with_also("one", "(= x (- 1.0))"), "--models")
+    assert code == 0
+    assert "1 unsat" in out
+    assert "plain.one.assumptions: assumptions alone" in out
+    assert out.count("z3: x = ") == 2
 
 
 @pytest.mark.parametrize(
     ("statement", "broken"),
-    [
-        (PLAIN.without("positive"), PLAIN.without("positive")),
-        (PLAIN, PLAIN),
-        (PLAIN.with_also("impossible", "(< x 0.0)"), PLAIN.without("positive")),
-    ],
+    [(BROKEN, BROKEN), (PLAIN, PLAIN), (PLAIN.with_also("impossible", "(< x 0.0)"), BROKEN)],
     ids=["the claim does not hold", "the broken variant holds", "the assumptions contradict each other"],
 )
-def test_what_is_not_as_stated_fails(statement, broken, monkeypatch, capsys):
-    use(monkeypatch, theorem(statement, broken))
-    assert run.main([]) == 1
-    told = capsys.readouterr()
-    assert "expected" in told.out
-    assert "not everything is as stated" in told.err
+def test_what_is_not_as_stated_fails(statement, broken, outcome):
+    code, out, errors = outcome(statement, broken)
+    assert code == 1
+    assert "expected" in out
+    assert "not everything is as stated" in errors
 
 
-def test_json_has_the_countermodel(monkeypatch, capsys):
-    use(monkeypatch, theorem(PLAIN, PLAIN.without("positive").with_also("one", "(= x (- (/ 1.0 2.0)))")))
-    assert run.main(["--json"]) == 0
-    document = json.loads(capsys.readouterr().out)
-    broken = document["theorems"][0]["problems"][-1]
-    assert {name: answer["model"] for name, answer in broken["answers"].items()} == {
-        "z3": {"x": "-1/2"},
-        "cvc5": {"x": "-1/2"},
-    }
+def test_json_has_the_countermodel(outcome):
+    code, out, _ = outcome(PLAIN, BROKEN.with_also("one", "(= x (- (/ 1.0 2.0)))"), "--json")
+    assert code == 0
+    answers = json.loads(out)["theorems"][0]["problems"][-1]["answers"]
+    assert {name: answer["model"] for name, answer in answers.items()} == dict.fromkeys(("z3", "cvc5"), {"x": "-1/2"})
 
 
 def test_smt2_files_are_written_with_their_status(tmp_path):
     assert run.main(["pike_lemma_5_1", "--smt2", str(tmp_path / "new")]) == 0
-    files = sorted((tmp_path / "new").iterdir())
-    assert {path.stem for path in files} == {each.name for each in problems(catalogue.load("pike_lemma_5_1"))}
-    assert files[0].read_text(encoding="utf-8").rstrip().endswith("(check-sat)")
-    assert "(set-info :status unsat)" in (tmp_path / "new/pike_lemma_5_1.consensus.smt2").read_text(encoding="utf-8")
+    texts = {path.stem: path.read_text(encoding="utf-8") for path in (tmp_path / "new").iterdir()}
+    assert texts.keys() == {problem.name for problem in problems(catalogue.load("pike_lemma_5_1"))}
+    assert all(text.rstrip().endswith("(check-sat)") for text in texts.values())
+    assert "(set-info :status unsat)" in texts["pike_lemma_5_1.consensus"]
 
 
 def test_unknown_names_and_partial_pages_are_refused(capsys):
@@ -84,27 +78,27 @@ def test_unknown_names_and_partial_pages_are_refused(capsys):
     assert "unknown theorem nonsense; known are" in capsys.readouterr().err
 
 
-HARD = (
-    "(declare-const x Int)(declare-const y Int)(declare-const z Int)(assert (= (+ (* x x x) (* y y y) (* z z z)) 114))"
-)
+def verdict(solver, script, **show):
+    answer = solver.ask(Problem("p", Kind.BROKEN, "words", f"(set-logic ALL){script}", show))
+    return answer.verdict, answer.values
 
 
 def test_a_solver_that_takes_too_long_is_ended_and_asked_again():
-    with Solver("z3", limit=1.0) as solver:
+    hard = "(declare-const x Int)(declare-const y Int)(declare-const z Int)"
+    hard += "(assert (= (+ (* x x x) (* y y y) (* z z z)) 114))"
+    with Solver("z3", limit=0.5) as solver:
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
-        assert solver.ask(problem(f"(set-logic ALL){HARD}")).verdict == "timeout"
+        assert verdict(solver, hard)[0] == "timeout"
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 5
         solver._limit = 60.0
-        assert solver.ask(problem("(set-logic ALL)(declare-const x Real)(assert (= x 2.0))", x="x")).values == {
-            "x": "2"
-        }
+        assert verdict(solver, "(declare-const x Real)(assert (= x 2.0))", x="x") == ("sat", {"x": "2"})
 
 
 @pytest.mark.parametrize("name", ["z3", "cvc5"])
 def test_a_script_with_an_error_is_no_verdict(name):
     with Solver(name, limit=60.0) as solver:
-        assert solver.ask(problem("(set-logic ALL)(assert (undeclared))")).verdict not in ("sat", "unsat")
+        assert verdict(solver, "(assert (undeclared))")[0] not in ("sat", "unsat")
 
 
 def test_values_are_read_as_fractions():
@@ -112,16 +106,12 @@ def test_values_are_read_as_fractions():
     assert (num("-1/3"), integer(-2)) == ("(- (/ 1.0 3.0))", "(- 2)")
 
 
-def test_a_lemma_needs_a_broken_variant():
+def test_statements_know_their_assumptions_and_lemmas_their_broken_variants():
     with pytest.raises(ValueError, match="no broken variant"):
         Lemma("one", "Words.", PLAIN, ())
-
-
-def test_statements_know_their_assumptions():
-    with pytest.raises(KeyError):
-        PLAIN.without("unheard of")
-    with pytest.raises(KeyError):
-        PLAIN.with_changed("unheard of", "true")
+    for change, words in ((PLAIN.without, ["other"]), (PLAIN.with_changed, ["other", "true"])):
+        with pytest.raises(KeyError):
+            change(*words)
     with pytest.raises(KeyError):
         PLAIN.with_also("positive", "true")
 
@@ -134,28 +124,15 @@ def test_the_proofs_run_from_what_a_wheel_has_of_them(tmp_path):
             (tmp_path / target).parent.mkdir(parents=True, exist_ok=True)
             copy = shutil.copytree if (ROOT / source).is_dir() else shutil.copy
             copy(ROOT / source, tmp_path / target)
-    for words, code in (([], 0), (["--write-docs"], 2)):
-        done = subprocess.run(
-            [sys.executable, "-m", "proofs", *words, *(() if words else ("pike_theorem_4_6",))],
-            check=False,
-            capture_output=True,
-            text=True,
-            cwd=tmp_path,
-            env={**os.environ, "PYTHONPATH": str(tmp_path)},
-        )
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    for words, code in (("pike_theorem_4_6", 0), ("--write-docs", 2)):
+        command = [sys.executable, "-m", "proofs", words]
+        done = subprocess.run(command, check=False, capture_output=True, text=True, cwd=tmp_path, env=environment)
         assert done.returncode == code, done.stderr
     assert done.stderr.endswith("--write-docs is for a checkout of the source\n")
 
 
-def test_models_of_assumptions_are_shown_too(monkeypatch, capsys):
-    use(monkeypatch, theorem(PLAIN, PLAIN.without("positive").with_also("one", "(= x (- 1.0))")))
-    assert run.main(["--models"]) == 0
-    told = capsys.readouterr().out
-    assert "plain.one.assumptions: assumptions alone" in told
-    assert told.count("z3: x = ") == 2
-
-
-def test_ctrl_c_ends_the_command_and_its_solvers(tmp_path):
+def test_ctrl_c_ends_the_command_and_its_solvers():
     command = subprocess.Popen(
         [sys.executable, "-m", "proofs"],
         stdout=subprocess.PIPE,
