@@ -50,14 +50,6 @@ def side_of(form: Linear, strict: bool) -> LinearConstraint:
     return LinearConstraint.of(factors, Sense.LESS if strict else Sense.AT_MOST, form.get("", Fraction(0)))
 
 
-@dataclass(frozen=True)
-class BadPiece:
-    """Parameter values that are bad, and why: the line that says it, and its refutation if it has one."""
-
-    polyhedron: Polyhedron
-    lines: tuple[Line, ...]
-
-
 class Reasons:
     """Finds out why parameter values are bad.
 
@@ -87,8 +79,7 @@ class Reasons:
         Those about the same as `like`, the name of one that may break as this package writes it, are tried first.
         """
         about = _about(like)
-        others = [number for number in range(len(self._obligations)) if number not in self._first]
-        tried = [*reversed(self._first), *others]
+        tried = list(dict.fromkeys([*reversed(self._first), *range(len(self._obligations))]))
         tried.sort(key=lambda number: _about(self._obligations[number][0]) != about)
         for number in tried:
             if number not in self._literals:
@@ -102,8 +93,8 @@ class Reasons:
                 return number, how
         return None
 
-    def piece(self, point: tape.Point, bounds: Sequence[Fact]) -> BadPiece:
-        """A polyhedron of bad values around a point that is bad.
+    def piece(self, point: tape.Point, bounds: Sequence[Fact]) -> tuple[Polyhedron, list[Line]]:
+        """A polyhedron of bad values around a point that is bad, and why: a line, and a refutation if it has one.
 
         Raises:
             UnsupportedError: if nothing is wrong there.
@@ -116,7 +107,7 @@ class Reasons:
                 total = plus(total, self._ground.edges[number][2])
             around = Polyhedron(self._names, (side_of(total, True),))
             region = [*facts_of(around.constraints), *bounds]
-            return BadPiece(around, (["cycle", circle, tape.sums(implied(KnownFacts(region), total, strictly=True))],))
+            return around, [["cycle", circle, tape.sums(implied(KnownFacts(region), total, strictly=True))]]
         pins = [
             LinearSide.of(plus({name: s}, constant(s * point[name]), -1), False) for name in self._names for s in _SIGNS
         ]
@@ -127,7 +118,7 @@ class Reasons:
         values, around = self._critical(how, point)
         around = self._widened(number, values, around, bounds)
         region = [*facts_of(around.constraints), *bounds]
-        return BadPiece(around, tuple(self.broken(number, values, region, {})))
+        return around, [*self.broken(number, values, region, {})]
 
     def _widened(
         self, number: int, values: Mapping[str, Linear], around: Polyhedron, bounds: Sequence[Fact]
@@ -258,9 +249,9 @@ def region_lines(ground: Ground, epsilon: Fraction, region: Region, *, deadline:
     for outer in region.complement().as_union().pieces:
         for point in uncovered(outer.intersection(everything), removed):
             deadline.enforce()
-            bad = reasons.piece(point, limits)
-            removed.append(bad.polyhedron)
-            lines += [["bad", _shown(bad.polyhedron)], *bad.lines]
+            piece, why = reasons.piece(point, limits)
+            removed.append(piece)
+            lines += [["bad", _shown(piece)], *why]
     good, covered = list(limits), list[Polyhedron]()
     for piece in removed:
         sides = facts_of(piece.constraints)

@@ -511,7 +511,7 @@ class _Search:
                 used.add(number)
                 if number in solver.derivations:
                     pending += solver.derivations[number].hints
-        hint: dict[int, int | tuple[int, int]] = {}
+        hint: dict[int, int | list[int]] = {}
         line: Line = ["refute"]
         for number in sorted(used):
             if (derivation := solver.derivations.get(number)) is not None:
@@ -522,7 +522,7 @@ class _Search:
                 facts = [[fact, factor] for (fact, _), factor in zip(origin.facts, others, strict=True)]
                 line.append([list(origin.clause), ours, facts])
             else:
-                hint[number] = origin
+                hint[number] = list(origin) if isinstance(origin, tuple) else origin
                 continue
             hint[number] = len(self._roots) + len(line) - 2
         line.append([[], [hint[number] for number in solver.refutation.hints]])

@@ -23,7 +23,7 @@ from functools import cache, partial
 from itertools import count
 from pathlib import Path
 from random import Random
-from typing import Any
+from typing import Any, NamedTuple
 from unittest.mock import patch
 
 from benchmarks.generators.team_plans import Shape, random_plan
@@ -403,21 +403,13 @@ def forged(case: Case, others: list[Case], random: Random) -> list[Any]:
 
 def named(lines: list[Line]) -> Iterator[list[Line]]:
     """Forgeries that were thought of: proofs that would be believed if one check were missing."""
-    gates = range(1, 40)
     first = next((index for index, line in enumerate(lines) if line[0] == "refute"), None)
     if first is not None:
-        steps: list[Line] = [[[[], [0, [gate, which], [gate, which]]]] for gate in gates for which in (0, 1, 2)]
-        steps += [[[[], [[gate, which]]]] for gate in gates for which in (0, 1, -1)]
-        steps += [[[[gate], [], []]] for gate in gates] + [[[[-gate], [1], []], [[], [0, 1]]] for gate in gates]
-        steps += [[[[0], [1], []], [[], [1]]], [[[], [-1]]], [[[], [0, -1]]], [[[], [True]]], [[[], [0, 0, 0]]]]
-        steps += [[[[0], [0]], [[], [1]]], [[[0], [0, 0]], [[], [1, 1]]], [[]], [[[], [], [], []]], [[[]]], []]
-        yield from (tools.put(lines, first, ["refute", *step]) for step in [*steps, [*lines[first][1:], [[], [0]]]])
+        steps = [*TABLES["refutations"], [*lines[first][1:], [[], [0]]]]
+        yield from (tools.put(lines, first, ["refute", *step]) for step in steps)
     for index, line in enumerate(lines):
         if line[0] == "orders":
-            for a, b in ((0, 0), (0, 1), (1, 0), (1, 2), (1, 1)):
-                for bound in ("0", "1", "1/2", "-1"):
-                    for path in ([], [0], [0, 0], [0, 1], [1, 0], [-1], [True]):
-                        yield tools.put(lines, index, [*line, [a, b, path, bound, []]])
+            yield from (tools.put(lines, index, [*line, order]) for order in TABLES["orders"])
             yield tools.put(lines, index, [*line, *line[1:]])
         if line[0] == "cycle":
             for path in ([], [0], [1], [0, 0], [*line[1], *line[1]], line[1][:-1], line[1][::-1]):
@@ -465,33 +457,32 @@ def cases(number: int, first: int) -> list[Case]:
     raise AssertionError
 
 
-@dataclass
-class Outcome:
-    """What became of the attempts; `accepted` are false claims that the checker believed."""
+class Outcome(NamedTuple):
+    """What became of attempts: tapes by cases, with the claim of each or why it was rejected."""
 
-    rejected: Counter[str] = field(default_factory=Counter)
-    true: int = 0
-    accepted: list[tuple[str, list[Any]]] = field(default_factory=list)
+    tried: list[tuple[Case, list[Any], Claim | str]]
+
+    @property
+    def rejected(self) -> Counter[str]:
+        return Counter(claim.split(":")[0][:40] for _, _, claim in self.tried if isinstance(claim, str))
+
+    @property
+    def accepted(self) -> list[tuple[str, list[Any]]]:
+        """False claims that the checker believed."""
+        claims = ((case, lines, claim) for case, lines, claim in self.tried if not isinstance(claim, str))
+        return [(case.name, lines) for case, lines, claim in claims if not case.is_true(claim)]
 
 
 def run(attempts: int, *, plans: int, first: int = 0, seed: int = 0) -> Outcome:
     """That many attempts at cases of plans from the first seed on."""
-    random, known, outcome = Random(seed), cases(plans, first), Outcome()
-    for _ in range(attempts):
-        case = random.choice(known)
-        lines = forged(case, known, random)
-        claim = case.attempt(lines)
-        if isinstance(claim, str):
-            outcome.rejected[claim.split(":")[0][:40]] += 1
-        elif case.is_true(claim):
-            outcome.true += 1
-        else:
-            outcome.accepted.append((case.name, lines))
-    return outcome
+    random, known = Random(seed), cases(plans, first)
+    made = [(case, forged(case, known, random)) for case in random.choices(known, k=attempts)]
+    return Outcome([(case, lines, case.attempt(lines)) for case, lines in made])
 
 
 if __name__ == "__main__":
     done = run(int(sys.argv[1]), plans=int(sys.argv[2]) if len(sys.argv) > 2 else 60)
-    print(f"{sum(done.rejected.values())} rejected, {done.true} still true, {len(done.accepted)} false and accepted")
+    rejected, accepted = done.rejected.total(), len(done.accepted)
+    print(f"{rejected} rejected, {len(done.tried) - rejected - accepted} still true, {accepted} false and accepted")
     for name, lines in done.accepted[:5]:
         print(name, json.dumps(lines)[:2000])

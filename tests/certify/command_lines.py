@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import redirect_stderr, redirect_stdout
 from fractions import Fraction
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -29,29 +30,55 @@ from tests.certify.adversary import BESIDE, PLAIN
 from tests.certify.tools import Checker, Holds
 
 Words = tuple[str, ...]
+FILES: Words = tuple(map(str, tools.NAVIGATION))
 Lines = Iterator[tuple[Any, Words]]
 """Command lines, with the exit code that each has to end with."""
-KINDS = ("plan", "box", "maximal", "region")
-FILES: Words = tuple(map(str, tools.NAVIGATION))
-NAMES = ("to_ridge", "to_crater")
 TABLES = json.loads(Path(__file__).with_name("data").joinpath("command_lines.json").read_text(encoding="utf-8"))
-"""Boxes, first lines and choices, with exit codes, of boxes `maximal` if only a maximal one differs; of choices, the
-kind of certificate that they suit, or none."""
+"""Groups of command lines after their exit codes, where `./` is the folder of certificates and names in braces stand
+for the files of a plan; and first lines of certificates."""
 
 
 def command_lines(folder: Path) -> Iterator[tuple[str, Holds]]:
     """Each ends with its exit code, and with one that is not 0 nothing is established."""
     place = folder / "lines"
     place.mkdir()
-    for kind in KINDS:
-        write(tools.made(tools.NAVIGATION, kind), place / f"{kind}.cert")
-    for group in (of_usage, of_plans, of_boxes, of_no_nominal_value, of_choices, of_bytes, of_texts):
-        for number, (code, words) in enumerate(group(place)):
-            outcome = ended(words)
-            assert outcome[0] == code, (words, outcome)
-            assert outcome[1].startswith("established:") == (code == 0 and "--json" not in words), words
-            yield f"main {group.__name__} {number} {words}", partial(_ends, words=words, expected=outcome)
+    stand_for = prepared(place)
+
+    def words(row: list[str]) -> Words:
+        paths = [stand_for.get(word, [str(place / word[2:]) if word.startswith("./") else word]) for word in row]
+        return tuple(chain(*paths))
+
+    groups = {name: [(code, words(row)) for code, *row in rows] for name, rows in TABLES["groups"].items()}
+    for group, lines in {**groups, "of_bytes": of_bytes(place), "of_texts": of_texts(place)}.items():
+        for number, (code, line) in enumerate(lines):
+            outcome = ended(line)
+            assert outcome[0] == code, (line, outcome)
+            assert outcome[1].startswith("established:") == (code == 0 and "--json" not in line), line
+            yield f"main {group} {number} {line}", partial(_ends, words=line, expected=outcome)
     yield from (("main errors", reports_errors), ("main limits", keeps_limits), ("main at start", starts))
+
+
+def prepared(place: Path) -> dict[str, Words]:
+    """Certificates of plans, of boxes without the nominal values or without ends, and of a network with choices."""
+    unbounded = tools.written(PLAIN._replace(plan=TABLES["unbounded plan"]), place / "unbounded")
+    without_nominal = tools.written(PLAIN._replace(plan=PLAIN.plan.replace(" default 5", "")), place / "open")
+    inside, outside = Interval(Fraction(29), Fraction(31)), Interval(Fraction(31), Fraction(32))
+    beyond, nominal = Interval(Fraction(41), Fraction(42)), Interval(Fraction(40), Fraction(40))
+    certificates = {kind: tools.made(tools.NAVIGATION, kind) for kind in ("plan", "box", "maximal", "region")}
+    for number, ends in enumerate(((inside, beyond), (outside, nominal), (outside, beyond))):
+        away = Box(dict(zip(("to_ridge", "to_crater"), ends, strict=True)))
+        certificates[f"away-{number}"] = tools.made(tools.NAVIGATION, "box", box=away)
+    certificates["every"] = tools.made(unbounded, "maximal")
+    certificates["open"] = next(lines for name, _, lines in adversary.TABLES["honest"] if name == "box")
+    path = networks.files(place / "small")
+    certificates |= networks.certificates(path, Oracle(load_team_plan(path)).decide().witness, {"x": "b=c"})
+    for name, lines in certificates.items():
+        write(lines, place / f"{name}.cert")
+    ends = {"k": {"lower": "-inf", "upper": "2"}, "m": {"lower": "1", "upper": "inf"}}
+    tools.kept(place / "wanted.json", json.dumps(ends).encode())
+    plans = {"files": tools.NAVIGATION, "unbounded": unbounded, "open": without_nominal}
+    plans |= {name: (file,) for name, file in zip(("domain", "problem", "plan"), tools.NAVIGATION, strict=True)}
+    return {f"{{{name}}}": tuple(map(str, files)) for name, files in plans.items()}
 
 
 def _ends(by: Checker, words: Words, expected: tuple[Any, ...]) -> bool:
@@ -82,98 +109,6 @@ def limited(by: Checker, get: Callable[..., Any], put: Callable[..., Any], say: 
     return patch.multiple(by.main, resource=usage, signal=signal, sys=SimpleNamespace(setrecursionlimit=say))
 
 
-# -- command lines -----------------------------------------------------------------------------------------------------
-
-
-def of_usage(_: Path) -> Lines:
-    yield "ended with 2", ()
-    yield "ended with 0", ("--help",)
-    yield "ended with 2", ("cert",)
-    yield "ended with 2", ("cert", "network", "--kind", "nothing")
-    yield 2, ("cert", "network")
-
-
-def of_plans(place: Path) -> Lines:
-    for kind in KINDS:
-        path = str(place / f"{kind}.cert")
-        for more in ((), ("--json",), ("--epsilon=1/1000",), ("--epsilon=1/10000",)):
-            yield 0, (path, *FILES, *more)
-        yield 1, (path, *FILES, "--epsilon=100")
-        for epsilon in ("-1", "x", "1/0", "", "(- 1)"):
-            yield 4, (path, *FILES, "--epsilon", epsilon)
-        implied = {"box": {"plan"}, "maximal": {"box", "plan"}}.get(kind, set())
-        for wanted in (*KINDS, "knowledge", "execution"):
-            yield int(wanted not in {kind, *implied}), (path, *FILES, "--kind", wanted)
-        yield 1, (path, *FILES, "--assume", "x=a")
-        yield from ((1, (path, *words)) for words in (FILES[:1], FILES[:2], (*FILES, FILES[0])))
-        yield 4, (path, FILES[1], FILES[0], FILES[2])
-        yield 2, (path, *FILES[:2], str(place / "missing"))
-    yield 0, (str(place / "plan.cert"), *FILES, "--epsilon", "0")
-
-
-def of_boxes(place: Path) -> Lines:
-    """Boxes that are demanded, of certificates of other boxes, some without the nominal values or without ends."""
-    inside, outside = Interval(Fraction(29), Fraction(31)), Interval(Fraction(31), Fraction(32))
-    beyond, nominal = Interval(Fraction(41), Fraction(42)), Interval(Fraction(40), Fraction(40))
-    for number, ends in enumerate(((inside, beyond), (outside, nominal), (outside, beyond))):
-        path = place / f"away-{number}.cert"
-        write(tools.made(tools.NAVIGATION, "box", box=Box(dict(zip(NAMES, ends, strict=True)))), path)
-        yield 0, (str(path), *FILES, "--kind", "box")
-        yield 1, (str(path), *FILES, "--kind", "plan")
-    unbounded = tools.written(PLAIN._replace(plan=TABLES["unbounded plan"][0]), place / "unbounded")
-    every = place / "every.cert"
-    write(tools.made(unbounded, "maximal"), every)
-    words = (str(every), *map(str, unbounded))
-    yield 0, (*words, "--json")
-    boxes = [(words, *row) for row in TABLES["boxes of the unbounded plan"]]
-    boxes += [((str(place / "maximal.cert"), *FILES), *row) for row in TABLES["boxes"]]
-    for certificate, code, box in boxes:
-        for kind in ((), ("--kind", "maximal"), ("--kind", "box")):
-            needed = int(kind[-1:] == ("maximal",)) if code == "maximal" else code
-            yield needed, (*certificate, "--box", json.dumps(box), *kind)
-    wanted = tools.kept(place / "wanted.json", json.dumps(boxes[0][2]).encode())
-    yield 0, (*words, "--box", wanted)
-    yield 2, (*words, "--box", str(place / "nowhere.json"))
-    point = json.dumps({name: {"lower": at, "upper": at} for name, at in zip(NAMES, ("30", "40"), strict=True)})
-    for kind in KINDS:
-        yield int(kind == "region"), (str(place / f"{kind}.cert"), *FILES, "--box", point)
-    for code, text in TABLES["box as text"]:
-        yield code, (str(place / "box.cert"), *FILES, "--box", text)
-
-
-def of_no_nominal_value(place: Path) -> Lines:
-    """A parameter needs no nominal value, unless a box that is demanded leaves it out."""
-    texts = PLAIN._replace(plan=PLAIN.plan.replace(" default 5", ""))
-    paths = tuple(map(str, tools.written(texts, place / "open")))
-    (lines,) = (lines for name, _, lines in adversary.TABLES["honest"] if name == "box")
-    path = place / "open.cert"
-    write(lines, path)
-    yield 0, (str(path), *paths, "--kind", "box", "--box", '{"k": {"lower": "0", "upper": "9"}}')
-    yield 4, (str(path), *paths, "--box", "{}")
-    yield 4, (str(path), *paths, "--kind", "plan")
-
-
-def of_choices(place: Path) -> Lines:
-    """Certificates of plans with choices, and what choices are demanded."""
-    path = networks.files(place / "small")
-    witness = Oracle(load_team_plan(path)).decide().witness
-    for kind, lines in networks.certificates(path, witness, {"x": "b=c"}):
-        certificate = str(place / f"{kind}.cert")
-        write(lines, Path(certificate))
-        other = "knowledge" if kind == "execution" else "execution"
-        for assumed, suited in TABLES["choices"]:
-            words = (certificate, str(path), *(word for text in assumed for word in ("--assume", text)))
-            yield int(suited not in (kind, None)), words
-            yield (
-                int(suited != kind and (suited is not None or kind == "knowledge")),
-                (*words, "--kind", kind, "--json"),
-            )
-            yield 1, (*words, "--kind", other)
-        yield 1, (certificate, str(path), "--box", "{}")
-        yield 4, (certificate, str(path), "--epsilon", "0")
-        yield 1, (certificate, *FILES)
-
-
 # -- files -------------------------------------------------------------------------------------------------------------
 
 
@@ -198,33 +133,27 @@ def of_bytes(place: Path) -> Lines:
 def of_texts(place: Path) -> Lines:
     """The same plan in files with other ends of lines, with a mark at the start, or that are no texts; other plans."""
     texts = [path.read_bytes() for path in tools.NAVIGATION]
-    certificate = str(place / "plan.cert")
-    for number, (code, change) in enumerate((
-        (0, lambda text: text.replace(b"\n", b"\r\n")),
-        (0, lambda text: text.replace(b"\n", b"\r")),
-        (0, lambda text: b"\xef\xbb\xbf" + text),
-        (4, lambda text: text + b"\0"),
-        (2, lambda text: text + b"\xff"),
-    )):  # fmt: skip
+    ways: list[tuple[int, str, Callable[[bytes], bytes]]] = [
+        (0, "plan", lambda text: text.replace(b"\n", b"\r\n")),
+        (0, "plan", lambda text: text.replace(b"\n", b"\r")),
+        (0, "plan", lambda text: b"\xef\xbb\xbf" + text),
+        (4, "plan", lambda text: text + b"\0"),
+        (2, "plan", lambda text: text + b"\xff"),
+        (1, "maximal", lambda text: text.replace(b"(at 21 (lit ridge))", b"(at 31 (lit ridge))")),
+        (4, "maximal", lambda text: text.replace(b"parameter to_ridge", b"parameter to_valley")),
+        (4, "maximal", lambda text: text.replace(b"(:goal", b"(:goal (and) (:goal")),
+    ]
+    for number, (code, kind, change) in enumerate(ways):
         for some in ((0,), (1,), (2,), (0, 1, 2)):
             changed = [change(text) if index in some else text for index, text in enumerate(texts)]
             names = [f"{number}-{len(some)}{some[0]}-{path.name}" for path in tools.NAVIGATION]
             paths = (tools.kept(place / name, text) for name, text in zip(names, changed, strict=True))
-            yield code, (certificate, *paths, "--json")
-    for number, (code, old, new) in enumerate((
-        (1, b"(at 21 (lit ridge))", b"(at 31 (lit ridge))"),
-        (4, b"parameter to_ridge", b"parameter to_valley"),
-        (4, b"(:goal", b"(:goal (and) (:goal"),
-    )):  # fmt: skip
-        changed = [text.replace(old, new) for text in texts]
-        assert changed != texts
-        names = [f"other-{number}-{path.name}" for path in tools.NAVIGATION]
-        paths = (tools.kept(place / name, text) for name, text in zip(names, changed, strict=True))
-        yield code, (str(place / "maximal.cert"), *paths)
+            if changed != texts:
+                yield code, (str(place / f"{kind}.cert"), *paths, "--json")
     beside = tools.written(BESIDE[0], place / "beside")
     for code, text in ((1, BESIDE[1]), (4, "[parameters.y]\n"), (2, "= \n"), (4, "[parameter.k]\n")):
         beside[2].with_suffix(".toml").write_text(text, encoding="utf-8")
-        yield code, (certificate, *map(str, beside), "--json")
+        yield code, (str(place / "plan.cert"), *map(str, beside), "--json")
 
 
 # -- what no file brings about -----------------------------------------------------------------------------------------

@@ -3,7 +3,7 @@
     python -m tests.certify.mutants [MODULE ...] [--every N [--first M]]
 
 Every comparison, operator, constant, operand, argument, condition and statement of `proofs/checker/` is changed or left
-out, one at a time. The changed checker runs in this process against the bank of `tests.certify.bank`: honest
+out, one at a time. The changed checker runs in this process against the bank of `tests.certify.test_bank`: honest
 certificates, forged ones, false claims, and plans whose meaning the simulator and the oracle know. It is noticed if
 something false is accepted, something honest is refused, or it does not end. Changes that nothing can or should notice
 are listed in `mutants_accepted.txt`: the function, the line that the change makes, and why. Exit code 1 if another one
@@ -291,7 +291,7 @@ def measure(module: str, first: int, step: int) -> list[tuple[Any, str, str | No
     used = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + MORE_MEMORY, size[1]))
     sys.setrecursionlimit(3_000)
-    from tests.certify.bank import probes  # noqa: PLC0415 - made once, before processes are forked
+    from tests.certify.test_bank import probes  # noqa: PLC0415 - made once, before processes are forked
 
     bank = probes(ASKED[module])
     chosen = islice(mutants(module), first, None, step)
@@ -314,7 +314,7 @@ def main() -> int:
     parser.add_argument("--every", type=int, default=1, metavar="N", help="only each N-th of them (1)")
     parser.add_argument("--first", type=int, default=0, metavar="M", help="the first of these, from 0 (0)")
     arguments = parser.parse_args()
-    from tests.certify.bank import probes  # noqa: PLC0415 - takes some seconds
+    from tests.certify.test_bank import probes  # noqa: PLC0415 - takes some seconds
 
     unlisted = 0
     for module in arguments.modules or MODULES:

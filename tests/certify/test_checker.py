@@ -1,4 +1,4 @@
-"""The checker: what it says, what it needs, and forgeries of every class that once was accepted."""
+"""The checker: what it says and needs, forgeries of classes that once were accepted, and what is small and dear."""
 
 from __future__ import annotations
 
@@ -11,8 +11,14 @@ import shutil
 import subprocess
 import sys
 import tokenize
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from random import Random
+from typing import Any
 
 import pytest
+from sympy import primerange
 
 from robust.api import envelope
 from robust.certify.tape import write
@@ -20,6 +26,7 @@ from robust.certify.verify import FOLDER, CheckerOutcome, verify
 from robust.plan.load import load_plan
 from robust.qe.box import Interval
 from tests.certify import tools
+from tests.certify.adversary import LONGER
 from tests.certify.texts import random_texts
 
 ALLOWED = {"argparse", "collections", "dataclasses", "fractions", "functools", "gzip", "hashlib", "itertools", "json"}
@@ -135,110 +142,23 @@ def test_it_is_a_process_with_limits(box, tmp_path):
 
 # -- forgeries ---------------------------------------------------------------------------------------------------------
 
+ONCE = json.loads(Path(__file__).with_name("data").joinpath("once_accepted.json").read_text(encoding="utf-8"))
+"""Honest tapes of the example; forgeries of each class that once was accepted: other lines in place of some (`forged`),
+or another text (`texts`)."""
+
 
 def rejected(lines, ground):
     return isinstance(tools.judged(lines, ground), str)
 
 
-def place_of(lines, kind):
-    return next(index for index, line in enumerate(lines) if line[0] == kind)
-
-
-def schedules_given_twice(lines):
-    """Once it made everything outside contradictory: there is no line to put it."""
-    at = place_of(lines, "schedule")
-    for again in ([lines[at]], lines[at : at + 2]):
-        yield from ([*lines[:at], *again, *lines[at:]], [*lines, *again])
-
-
-def empty_covers(region):
-    good = region[place_of(region, "good") :]
-    for empty in (
-        good,
-        [["bad", []], ["cycle", [], []], *good],
-        [["good"], ["orders"], ["rest"], ["refute", [[], [0]]]],
-        [["bad", [[[["", "1"]], False]]], ["cycle", [0], []], ["good"]],
-    ):
-        yield [region[0], *empty]
-
-
-def roots_smuggled_in(box):
-    """A refutation starts from the checker's own literals: no line adds another."""
-    at = place_of(box, "refute")
-    for step in ([[], []], [[-1], []], [[2], [0]], [["t", 1], ["t", 2]], ["root", 3], [[3]], [[3], [3], [0], [0]]):
-        for where in (1, len(box[at])):
-            yield tools.put(box, at, [*box[at][:where], step, *box[at][where:]])
-
-
-def names_of_nothing(region):
-    """Sums with other names, a name twice, or a coefficient of zero."""
-    for more in (["z", "1"], ["to_ridge", "1"], ["to_crater", "0"], ["@1", "1"], ["", "0"], [1, "1"]):
-        for index, line in enumerate(region):
-            if line[0] in ("bad", "piece", "schedule", "broken") and added(line, more) != line:
-                yield tools.put(region, index, added(line, more))
-
-
-def added(value, more):
-    """The line with a term more in its first sum."""
-    if not isinstance(value, list):
-        return value
-    if value and all(isinstance(term, list) and len(term) == 2 and isinstance(term[0], str) for term in value):
-        return [*value, more]
-    changes = (tools.put(value, index, added(inner, more)) for index, inner in enumerate(value))
-    return next((change for change in changes if change != value), value)
-
-
-def formulas_of_its_own(box):
-    """Lines that name formulas, facts, points, labels or an epsilon, as certificates once did."""
-    at = place_of(box, "refute")
-    for line in (
-        ["folded", "goal: (at scout base)"], ["obligation", "goal 1"], ["root", 1, "t"], ["epsilon", "-1"],
-        ["constraint", 0, 1, [["1"]]], ["a", [[1, "x"]], True], {"format": "robust/certificate/2", "epsilon": "-1"},
-        "refute", None, [],
-    ):  # fmt: skip
-        yield from (tools.put(box, at, line, box[at]), tools.put(box, at, line), [*box, line])
-
-
-def everything_folded(lines):
-    """Without refutations a refuted plan has no certificate, and a valid one neither."""
-    yield [line for line in lines if line[0] != "refute"]
-    yield [["refute", [[], []]] if line[0] == "refute" else line for line in lines]
-
-
-def numbers_changed(box):
-    """A wider box does not follow, and each number is written in one way."""
-    for old, new in (("36", "37"), ("25", "24"), ("46", "1000"), ("35", "0")):
-        yield [replaced_text(box[0], old, new), *box[1:]]
-    for new in ("50/2", "+25", "025", " 25", "2_5", "25.0", "٢٥"):
-        yield replaced_text(box, "25", new)
-
-
-def replaced_text(value, old, new):
-    if isinstance(value, list):
-        return [replaced_text(inner, old, new) for inner in value]
-    return new if value == old else value
-
-
-@pytest.mark.parametrize(
-    ("forgeries", "kind"),
-    [
-        (schedules_given_twice, "box"),
-        (schedules_given_twice, "region"),
-        (empty_covers, "region"),
-        (roots_smuggled_in, "box"),
-        (names_of_nothing, "region"),
-        (formulas_of_its_own, "box"),
-        (everything_folded, "box"),
-        (everything_folded, "plan"),
-        (numbers_changed, "box"),
-    ],
-)
-def test_what_was_accepted_once_is_rejected(forgeries, kind, box, region, ground):
-    lines = {"box": box, "region": region, "plan": tools.made(tools.NAVIGATION, "plan")}[kind]
-    assert not rejected(lines, ground)
-    for forged in forgeries(lines):
-        assert forged != lines
-        assert rejected(forged, ground), forged
+def test_what_was_accepted_once_is_rejected(ground):
+    """A schedule given twice, roots smuggled in, names and formulas of its own, everything folded, other numbers."""
+    honest = ONCE["honest"]
+    assert not any(rejected(lines, ground) for lines in honest.values())
+    for name, kind, start, stop, lines in ONCE["forged"]:
+        assert rejected([*honest[kind][:start], *lines, *honest[kind][stop:]], ground), (name, lines)
+    for name, kind, old, new in ONCE["texts"]:
+        assert rejected(json.loads(json.dumps(honest[kind]).replace(old, new)), ground), (name, new)
 
 
 @pytest.mark.parametrize(
@@ -288,7 +208,7 @@ def test_boxes_that_hold_nothing(box, ground):
 def test_a_box_within_another_is_not_maximal(box, ground):
     """Its faces are shown to be bad where the faces of the other one are, or where its own end would be good."""
     widest = envelope(load_plan(*tools.NAVIGATION)).box
-    faces = box[place_of(box, "face") :]
+    faces = box[next(index for index, line in enumerate(box) if line[0] == "face") :]
     for at, (name, interval) in enumerate(widest.intervals.items()):
         for smaller in (
             Interval(interval.lower + 1, interval.upper),
@@ -305,3 +225,85 @@ def test_a_box_within_another_is_not_maximal(box, ground):
                     for line in faces
                 ]
                 assert rejected([[honest[0][0], "maximal", honest[0][2]], *honest[1:], *moved], ground)
+
+
+LARGEST, SECONDS, MEMORY_MB = 100_000, 5, 300
+LONG = 3_900_000
+"""Bytes: about as many as the checker unpacks of a certificate of that size."""
+TABLE = Path(__file__).with_name("data").joinpath("hostile.json").read_text(encoding="utf-8")
+TABLE = TABLE.replace("{4000 nines}", "9" * 4000).replace("{4000 sevens}", "7" * 4000)
+FIRST = {"box": [["0", True, "9", True]], "narrow": [["3", True, "9", True]]}
+BAD: list[Any] = [[[["k", "-1"], ["", "3"]], True]]
+
+
+def certificate(kind: str, *more: Any) -> str:
+    """A certificate of JSON, of a text with one part again and again, and of the same lines again and again."""
+    first = ["robust/certificate/2", "box" if kind in FIRST else kind.partition(",")[0], FIRST.get(kind)]
+    return dumped(first) + ("\n" * (kind != "plan, unended")) + "".join(map(repeated, more))
+
+
+def dumped(line: Any) -> str:
+    return json.dumps(line, separators=(",", ":"))
+
+
+def repeated(line: Any) -> str:
+    if isinstance(line, list):
+        return f"{dumped(line)}\n"
+    if "lines" in line:
+        return "".join(f"{dumped(one)}\n" for one in line["lines"]) * line["times"]
+    before, part, after = line["before"], line["part"], line["after"] or ""
+    times = line.get("times", (LONG - len(before) - len(after)) // len(part))
+    return before + part * times + after + "\n" * (line["after"] is not None)
+
+
+def coprime() -> str:
+    """Sides of a polyhedron, and multiples of them, whose denominators have nothing in common."""
+    primes: Iterator[int] = primerange(1000, 10**6)
+    bad = [[[["k", f"-1/{next(primes)}"], ["", f"1/{next(primes)}"]], True] for _ in range(3000)]
+    return certificate("region", ["bad", bad], ["cycle", [0, 2], [[index, 1] for index in range(3000)]])
+
+
+def long_numbers() -> str:
+    """The sum of multiples of one fact each with a thousand digits."""
+    factors = [[0, f"{10**998 + 2 * index + 1}/{10**997 * 3 + 7 * index}"] for index in range(1000)]
+    return certificate("region", ["bad", BAD * 1000], ["cycle", [0, 2], factors])
+
+
+def cycles() -> str:
+    """Bad values in one polyhedron after the other, all of them different."""
+    bad = (["bad", [*BAD, [[["k", "1"], ["", str(number)]], True]]] for number in range(1, 35_000))
+    return certificate("region", *(line for piece in bad for line in (piece, ["cycle", [0, 2], [[0, 1]]])))
+
+
+HOSTILE: dict[str, Callable[[], str]] = {
+    "coprime denominators": coprime,
+    "long numbers": long_numbers,
+    "bad values in many polyhedra": cycles,
+    "a bomb": lambda: "\0" * 90_000_000,
+    **{name: partial(certificate, *content) for name, content in json.loads(TABLE).items()},
+}
+QUICK = {"empty lists", "a walk of six million steps", "coprime denominators"}
+MEASURE = """import resource, subprocess, sys
+ended = subprocess.run(sys.argv[1:], capture_output=True, text=True)
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(ended.returncode, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024, ended.stdout, ended.stderr)"""
+"""In a process of its own: what a child is said to have in memory is not less than what its parent had."""
+
+
+@pytest.mark.parametrize(
+    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in HOSTILE]
+)
+def test_what_costs_much_is_refused_cheaply(name: str, tmp_path: Path) -> None:
+    """With as much that is never read as may be unpacked of it."""
+    packed = gzip.compress(HOSTILE[name]().encode())
+    packed += gzip.compress(Random(1).randbytes(max(LARGEST - len(packed) - 100, 0)))
+    assert len(packed) <= LARGEST
+    path = tools.kept(tmp_path / "hostile.cert", packed)
+    words = [sys.executable, "-m", FOLDER.name, path, *map(str, tools.written(LONGER, tmp_path))]
+    measured = [sys.executable, "-I", "-c", MEASURE, *words]
+    ended = subprocess.run(measured, cwd=FOLDER.parent, capture_output=True, text=True, check=True)
+    code, seconds, megabytes, said = ended.stdout.split(maxsplit=3)
+    assert code in "1234"
+    assert len(said.strip().splitlines()) == 1
+    assert float(seconds) <= SECONDS
+    assert float(megabytes) <= MEMORY_MB

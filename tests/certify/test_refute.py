@@ -8,20 +8,11 @@ from random import Random
 
 import pytest
 
+from robust.certify import hints
 from robust.certify.checker import proofs
 from robust.certify.checker.formulas import Formulas, plus
 from robust.certify.checker.reader import Ground, Model
-from robust.certify.hints import (
-    Conflict,
-    KnownFacts,
-    LinearSide,
-    NotRefutedError,
-    PropositionalSolver,
-    contradiction,
-    implied,
-    model,
-    refutation,
-)
+from robust.certify.hints import KnownFacts
 from robust.plan.polynomial import Polynomial
 from robust.smt.limits import Deadline
 from robust.smt.session import Satisfiability, Session
@@ -59,7 +50,7 @@ def test_propositional_solver_agrees_with_truth_tables(seed):
         tuple(random.choice((1, -1)) * random.randint(1, variables) for _ in range(random.randint(1, 3)))
         for _ in range(random.randint(1, 5 * variables))
     ]
-    solver = PropositionalSolver()
+    solver = hints.PropositionalSolver()
     for clause in clauses:
         solver.add(clause)
     truths = solver.solve(NONE)
@@ -87,12 +78,12 @@ def test_contradictions_agree_with_a_solver(seed):
     for _ in range(random.randint(1, 7)):
         factors = {name: random.randint(-2, 2) for name in random.sample("xyz", random.randint(1, 3))}
         factors = tuple(sorted(without_zeros(factors).items())) or (("x", 1),)
-        side = LinearSide(factors, random.randint(-3, 3), random.random() < 0.4)
+        side = hints.LinearSide(factors, random.randint(-3, 3), random.random() < 0.4)
         form = Polynomial({(name,): Fraction(factor) for name, factor in factors}) + side.constant
         session.add(terms.greater(form) if side.strict else terms.at_least(form))
         sides.append(side)
-    answer = contradiction(sides)
-    assert isinstance(answer, Conflict) == (session.check("sides") is Satisfiability.UNSATISFIABLE)
+    answer = hints.contradiction(sides)
+    assert isinstance(answer, hints.Conflict) == (session.check("sides") is Satisfiability.UNSATISFIABLE)
     if isinstance(answer, dict):
         assert all(side.holds(answer) for side in sides)
         return
@@ -117,13 +108,13 @@ def test_facts_that_matter_are_found(seed):
         form[""] = Fraction(random.randint(0, 6))  # so that zero satisfies them all
         facts.append((without_zeros(form), False))
         total = plus(total, facts[-1][0], Fraction(random.randint(0, 2)))
-    for number, factor in implied(KnownFacts(facts), total, strictly=True):
+    for number, factor in hints.implied(KnownFacts(facts), total, strictly=True):
         assert factor > 0
         total = plus(total, facts[number][0], -factor)
     assert total.keys() <= {""}
     assert total.get("", 0) >= 0
-    with pytest.raises(NotRefutedError):
-        implied(KnownFacts(facts), {"": Fraction(-1)})
+    with pytest.raises(hints.NotRefutedError):
+        hints.implied(KnownFacts(facts), {"": Fraction(-1)})
 
 
 # -- formulas --------------------------------------------------------------------------------------------------------
@@ -169,11 +160,11 @@ def test_refutations_agree_with_a_solver_and_are_accepted(seed):
     session = Session(terms)
     session.add(term_of(terms, formulas.circuit, literal))
     if session.check("formulas") is Satisfiability.SATISFIABLE:
-        assert model(formulas, facts, literal, NONE) is not None
-        with pytest.raises(NotRefutedError):
-            refutation(formulas, facts, literal, NONE)
+        assert hints.model(formulas, facts, literal, NONE) is not None
+        with pytest.raises(hints.NotRefutedError):
+            hints.refutation(formulas, facts, literal, NONE)
         return
-    line = refutation(formulas, facts, literal, NONE)
+    line = hints.refutation(formulas, facts, literal, NONE)
     refuted(line, formulas, literal)
     other = formulas.circuit.compare({"other": Fraction(1)})
     with pytest.raises((proofs.Rejected, *tools.MALFORMED)):
