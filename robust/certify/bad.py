@@ -7,7 +7,7 @@ critical region of a parametric linear program [Gal and Nedoma 1972]).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
@@ -37,29 +37,17 @@ HALVINGS = 64
 """How often the way beyond a face is shortened in search of bad values near to it."""
 
 
-def _linear(half: LinearConstraint) -> Linear:
-    """The left side of a constraint."""
-    return {name: Fraction(factor) for name, factor in half.coefficients}
-
-
-def facts_of(polyhedron: Polyhedron) -> list[Fact]:
+def facts_of(constraints: Iterable[LinearConstraint]) -> list[Fact]:
     """The sides of a polyhedron, equations as two of them."""
-    halves = (half for constraint in polyhedron.constraints for half in constraint.halves())
-    return [(plus(constant(half.constant), _linear(half), -1), half.is_strict) for half in halves]
+    halves = [half for constraint in constraints for half in constraint.halves()]
+    forms = (plus(constant(half.constant), {n: Fraction(f) for n, f in half.coefficients}, -1) for half in halves)
+    return [(form, half.is_strict) for form, half in zip(forms, halves, strict=True)]
 
 
 def side_of(form: Linear, strict: bool) -> LinearConstraint:
     """`form ≥ 0`, or `> 0`, as a side of a polyhedron."""
     factors = {name: -factor for name, factor in form.items() if name}
     return LinearConstraint.of(factors, Sense.LESS if strict else Sense.AT_MOST, form.get("", Fraction(0)))
-
-
-@dataclass(frozen=True)
-class BadPiece:
-    """Parameter values that are bad, and why: the line that says it, and its refutation if it has one."""
-
-    polyhedron: Polyhedron
-    lines: tuple[Line, ...]
 
 
 class Reasons:
@@ -91,8 +79,7 @@ class Reasons:
         Those about the same as `like`, the name of one that may break as this package writes it, are tried first.
         """
         about = _about(like)
-        others = [number for number in range(len(self._obligations)) if number not in self._first]
-        tried = [*reversed(self._first), *others]
+        tried = list(dict.fromkeys([*reversed(self._first), *range(len(self._obligations))]))
         tried.sort(key=lambda number: _about(self._obligations[number][0]) != about)
         for number in tried:
             if number not in self._literals:
@@ -106,8 +93,8 @@ class Reasons:
                 return number, how
         return None
 
-    def piece(self, point: tape.Point, bounds: Sequence[Fact]) -> BadPiece:
-        """A polyhedron of bad values around a point that is bad.
+    def piece(self, point: tape.Point, bounds: Sequence[Fact]) -> tuple[Polyhedron, list[Line]]:
+        """A polyhedron of bad values around a point that is bad, and why: a line, and a refutation if it has one.
 
         Raises:
             UnsupportedError: if nothing is wrong there.
@@ -119,8 +106,8 @@ class Reasons:
             for number in circle:
                 total = plus(total, self._ground.edges[number][2])
             around = Polyhedron(self._names, (side_of(total, True),))
-            region = [*facts_of(around), *bounds]
-            return BadPiece(around, (["cycle", circle, tape.sums(implied(KnownFacts(region), total, strictly=True))],))
+            region = [*facts_of(around.constraints), *bounds]
+            return around, [["cycle", circle, tape.sums(implied(KnownFacts(region), total, strictly=True))]]
         pins = [
             LinearSide.of(plus({name: s}, constant(s * point[name]), -1), False) for name in self._names for s in _SIGNS
         ]
@@ -130,8 +117,8 @@ class Reasons:
         number, how = broken
         values, around = self._critical(how, point)
         around = self._widened(number, values, around, bounds)
-        region = [*facts_of(around), *bounds]
-        return BadPiece(around, tuple(self.broken(number, values, region, {})))
+        region = [*facts_of(around.constraints), *bounds]
+        return around, [*self.broken(number, values, region, {})]
 
     def _widened(
         self, number: int, values: Mapping[str, Linear], around: Polyhedron, bounds: Sequence[Fact]
@@ -140,7 +127,7 @@ class Reasons:
         formulas, literal = self._placed(number, values, {})
         slacks = dict.fromkeys(tuple(sorted(formulas.slack(edge).items())) for edge in self._ground.edges)
         kept = [dict(slack) for slack in slacks if any(name for name, _ in slack)]
-        sides = facts_of(around)
+        sides = facts_of(around.constraints)
         for side in list(sides):
             rest = [other for other in sides if other is not side]
             known = KnownFacts([*rest, *bounds])
@@ -161,18 +148,10 @@ class Reasons:
 
     def _critical(self, how: Model, point: tape.Point) -> tuple[dict[str, Linear], Polyhedron]:
         """Times and instants as functions of the parameters, and where they break the obligation in the same way."""
-        forms = [({**dict(side.factors), "": side.constant}, side.strict) for side in how.sides]
-        wanted = [({name: Fraction(v) for name, v in form.items() if v}, strict) for form, strict in forms]
-        wanted += [(slack, False) for slack in self._slacks]
+        wanted = [*(side.fact for side in how.sides), *((slack, False) for slack in self._slacks)]
         unknowns = list(dict.fromkeys(n for form, _ in wanted for n in form if n and n not in self._names))
-        tight = _vertex(wanted, unknowns, point)
-        values = _solved([(wanted[index] if index < len(wanted) else None) for index in tight], unknowns)
-        sides = []
-        for form, strict in wanted:
-            rest = replaced(form, values)
-            if rest.keys() - {""}:
-                sides.append(side_of(rest, strict))
-        return values, Polyhedron(self._names, tuple(dict.fromkeys(sides))).simplified()
+        values = _vertex(wanted, unknowns, point)
+        return values, _kept(self._names, wanted, values)
 
     def broken(
         self, number: int, values: Mapping[str, Linear], region: Sequence[Fact], parameters: Mapping[str, Linear]
@@ -200,12 +179,12 @@ def _about(name: str) -> tuple[str, ...]:
 _SIGNS = (Fraction(1), Fraction(-1))
 
 
-def _vertex(wanted: Sequence[Fact], unknowns: Sequence[str], point: tape.Point) -> list[int]:
-    """The constraints that are tight at a vertex with the greatest margin of strict ones, and its bound."""
+def _vertex(wanted: Sequence[Fact], unknowns: Sequence[str], point: tape.Point) -> dict[str, Linear]:
+    """The unknowns, over the parameters, at a vertex with the greatest margin of strict constraints."""
     place = {name: index for index, name in enumerate(unknowns)}
     tableau = Tableau(len(unknowns) + 1)
 
-    def add(form: Mapping[str, Fraction], strict: bool) -> None:
+    for form, strict in wanted:
         row, level = [Fraction(0)] * (len(unknowns) + 1), Fraction(0)
         for name, factor in form.items():
             if name in place:
@@ -216,18 +195,19 @@ def _vertex(wanted: Sequence[Fact], unknowns: Sequence[str], point: tape.Point) 
         scale = lcm(level.denominator, *(factor.denominator for factor in row))
         tableau.add([int(factor * scale) for factor in row], Sense.AT_MOST, int(level * scale))
 
-    for form, strict in wanted:
-        add(form, strict)
     tableau.add([0] * len(unknowns) + [1], Sense.AT_MOST, 1)
     if not tableau.restore():
         raise ValueError("the constraints of a model contradict each other")
     tableau.maximize([0] * len(unknowns) + [1])
-    return [slack - len(unknowns) - 1 for slack in tableau.tight]
+    tight = (slack - len(unknowns) - 1 for slack in tableau.tight)
+    return _solved([wanted[index] if index < len(wanted) else None for index in tight], unknowns)
 
 
 def _solved(tight: Sequence[Fact | None], unknowns: Sequence[str]) -> dict[str, Linear]:
     """The unknowns, over the parameters, where constraints are tight; unknowns that these leave open are zero."""
-    rows = [plus({}, {MARGIN: Fraction(1), "": Fraction(-1)}) if fact is None else _with_margin(fact) for fact in tight]
+    margin: Linear = {MARGIN: Fraction(1)}
+    at_most = plus(margin, constant(Fraction(1)), -1)
+    rows = [at_most if fact is None else plus(fact[0], margin, -1) if fact[1] else fact[0] for fact in tight]
     names = {*unknowns, MARGIN}
     solved: dict[str, Linear] = {}
     for equation in rows:
@@ -243,22 +223,13 @@ def _solved(tight: Sequence[Fact | None], unknowns: Sequence[str]) -> dict[str, 
     return {**open_names, **{name: replaced(form, open_names) for name, form in solved.items()}}
 
 
-def _with_margin(fact: Fact) -> Linear:
-    form, strict = fact
-    return plus(form, {MARGIN: Fraction(1)}, -1) if strict else form
-
-
 # -- regions ---------------------------------------------------------------------------------------------------------
 
 
 def declared_bounds(ground: Ground) -> Box:
     """The declared bounds of the parameters, closed where finite."""
-    return Box(
-        {
-            name: Interval(p.lower, p.upper, p.lower is not None, p.upper is not None)
-            for name, p in ground.parameters.items()
-        }
-    )
+    ends = {name: (p.lower, p.upper) for name, p in ground.parameters.items()}
+    return Box({name: Interval(low, high, low is not None, high is not None) for name, (low, high) in ends.items()})
 
 
 def region_lines(ground: Ground, epsilon: Fraction, region: Region, *, deadline: Deadline) -> list[Line]:
@@ -269,64 +240,62 @@ def region_lines(ground: Ground, epsilon: Fraction, region: Region, *, deadline:
         UnsupportedError: if it is not the whole envelope, or schedules cannot be written down.
         OutOfTimeError: if the deadline passes.
     """
-    names = tuple(ground.parameters)
-    bounds = declared_bounds(ground)
+    names, bounds = tuple(ground.parameters), declared_bounds(ground)
     everything = Polyhedron.of_box(names, bounds)
-    limits = facts_of(everything)
+    limits = facts_of(everything.constraints)
     reasons = Reasons(ground, epsilon, bounds, deadline)
     lines: list[Line] = []
     removed: list[Polyhedron] = []
     for outer in region.complement().as_union().pieces:
         for point in uncovered(outer.intersection(everything), removed):
             deadline.enforce()
-            bad = reasons.piece(point, limits)
-            removed.append(bad.polyhedron)
-            lines += [["bad", _shown(bad.polyhedron)], *bad.lines]
-    good = list(limits)
-    walls: list[Polyhedron] = []
+            piece, why = reasons.piece(point, limits)
+            removed.append(piece)
+            lines += [["bad", _shown(piece)], *why]
+    good, covered = list(limits), list[Polyhedron]()
     for piece in removed:
-        sides = facts_of(piece)
+        sides = facts_of(piece.constraints)
         if len(sides) == 1:
             good.append((plus({}, sides[0][0], -1), not sides[0][1]))
         else:
-            walls.append(piece)
+            covered.append(piece)
     base = Polyhedron(names, tuple(side_of(form, strict) for form, strict in good))
     formulas = Formulas(ground, epsilon)
-    outside_of = [-_inside(formulas, piece) for piece in walls]
-    extents = {name: base.extent(name) for name in names}
-    ranges: dict[str, Range] = {
-        name: (e.lower, e.upper) if e is not None else (None, None) for name, e in extents.items()
-    }
+    outside_of = [-_inside(formulas, piece) for piece in covered]
+    extents = ((name, base.extent(name)) for name in names)
+    ranges: dict[str, Range] = {name: (e.lower, e.upper) if e is not None else (None, None) for name, e in extents}
     lines += [["good"], *tape.obligation_lines(formulas, good, ranges, outside_of, deadline=deadline)]
-    pieces: list[Polyhedron] = []
-    covered = list(walls)
     for point in uncovered(base, covered):
         deadline.enforce()
         piece, times = _scheduled(formulas, point)
-        pieces.append(piece)
         covered.append(piece)
-        lines += [["piece", _shown(piece)], *tape.schedule_lines(formulas, [*facts_of(piece), *good], times)]
-    outside_of += [-_inside(formulas, piece) for piece in pieces]
+        outside_of.append(-_inside(formulas, piece))
+        facts = [*facts_of(piece.constraints), *good]
+        lines += [["piece", _shown(piece)], *tape.schedule_lines(formulas, facts, times)]
     return [*lines, ["rest"], refutation(formulas, KnownFacts(good), formulas.circuit.all(outside_of), deadline)]
 
 
 def _shown(polyhedron: Polyhedron) -> Line:
-    return [[tape.texts(form), strict] for form, strict in facts_of(polyhedron)]
+    return [[tape.texts(form), strict] for form, strict in facts_of(polyhedron.constraints)]
 
 
 def _inside(formulas: Formulas, piece: Polyhedron) -> int:
-    return formulas.circuit.all([formulas.circuit.compare(*side) for side in facts_of(piece)])
+    return formulas.circuit.all([formulas.circuit.compare(*side) for side in facts_of(piece.constraints)])
 
 
 def _scheduled(formulas: Formulas, point: tape.Point) -> tuple[Polyhedron, dict[str, Linear]]:
     """Times as functions of the parameters that keep the network around a point, and where they do."""
     slacks = [(formulas.slack(edge), False) for edge in formulas.ground.edges]
-    tight = _vertex(slacks, formulas.free(), point)
-    times = _solved([slacks[index] if index < len(slacks) else None for index in tight], formulas.free())
-    times = {name: times[name] for name in formulas.free()}
-    sides = (replaced(slack, times) for slack, _ in slacks)
-    kept = dict.fromkeys(side_of(side, False) for side in sides if side.keys() - {""})
-    return Polyhedron(tuple(formulas.ground.parameters), tuple(kept)).simplified(), times
+    solved = _vertex(slacks, formulas.free(), point)
+    times = {name: solved[name] for name in formulas.free()}
+    return _kept(tuple(formulas.ground.parameters), slacks, times), times
+
+
+def _kept(names: tuple[str, ...], facts: Sequence[Fact], values: Mapping[str, Linear]) -> Polyhedron:
+    """Where facts hold if unknowns are these functions of the parameters."""
+    sides = ((replaced(form, values), strict) for form, strict in facts)
+    constraints = dict.fromkeys(side_of(side, strict) for side, strict in sides if side.keys() - {""})
+    return Polyhedron(names, tuple(constraints)).simplified()
 
 
 def uncovered(everything: Polyhedron, cover: Sequence[Polyhedron]) -> Iterator[dict[str, Fraction]]:
@@ -355,17 +324,16 @@ def face_lines(ground: Ground, encoding: Encoding, box: Box, *, solver: str, dea
     """
     bad = DiscoveredBadSet(encoding, solver=solver)
     bounds = declared_bounds(ground)
-    reasons = cache(lambda: _reasons(ground, encoding.epsilon, box, deadline))
+    reasons = cache(lambda: nearby(ground, encoding.epsilon, box, deadline=deadline))
     for name, interval in box.intervals.items():
         for side in (End.LOWER, End.UPPER):
             end = interval.end(side)
-            if end is None or (interval.is_closed_at(side) and end == bounds[name].end(side)):
-                continue
-            yield from _Face(ground, reasons, box, bad, name, side, end, deadline).lines()
+            if end is not None and not (interval.is_closed_at(side) and end == bounds[name].end(side)):
+                yield from Face(ground, reasons, box, bad, name, side, end, deadline).lines()
 
 
-def _reasons(ground: Ground, epsilon: Fraction, box: Box, deadline: Deadline) -> Reasons:
-    """Of values in a box, and as far beyond its faces as bad ones are looked for."""
+def nearby(ground: Ground, epsilon: Fraction, box: Box, *, deadline: Deadline) -> Reasons:
+    """Why values in a box are bad, and as far beyond its faces as bad ones are looked for."""
     wider = {
         name: Interval(None if low is None else low - REACH, None if high is None else high + REACH)
         for name, (low, high) in box.ranges.items()
@@ -374,7 +342,7 @@ def _reasons(ground: Ground, epsilon: Fraction, box: Box, deadline: Deadline) ->
 
 
 @dataclass(frozen=True, slots=True)
-class _Face:
+class Face:
     """One face of a box; `reasons` are the same for all of them."""
 
     ground: Ground
@@ -389,28 +357,22 @@ class _Face:
     def lines(self) -> Iterator[Line]:
         reach = self.end + REACH * self.side.sign
         for _ in range(HALVINGS):
-            points = None
             beyond = self._beyond(reach)
             piece = self.bad.piece_in(beyond, self.deadline)
             if piece is None:
                 raise UnsupportedError(f"no bad values at the {self.side.value} end of {self.name}: it can be moved")
+            points, broken = None, None
             if piece in self.bad.existence:
-                points = self._nearest(list(piece.constraints), list(piece.parameters), beyond)
-                if points is not None and points[0][self.name] == self.end:
-                    yield from self._circle(*points)
-                    return
+                points = self._nearest(piece.constraints, piece.parameters, beyond)
             else:
-                reasons = self.reasons()
-                assumed = [LinearSide.of(dict(form), strict) for form, strict in _box_facts(beyond)]
-                broken = reasons.breaking(assumed, self.bad.reasons[piece])
-                if broken is not None:
-                    number, how = broken
-                    points = self._approach(reasons, how, beyond)
-                    if points is not None and points[0][self.name] == self.end:
-                        yield from self._schedule(reasons, number, *points)
-                        return
+                assumed = [LinearSide.of(form, strict) for form, strict in facts_of(beyond.constraints())]
+                broken = self.reasons().breaking(assumed, self.bad.reasons[piece])
+                points = self._approach(broken[1], beyond) if broken is not None else None
             nearest = points[0][self.name] if points is not None else reach
-            reach = (self.end + nearest) / 2 if nearest != self.end else (self.end + reach) / 2
+            if points is not None and nearest == self.end:
+                yield from self._circle(*points) if broken is None else self._schedule(broken[0], *points)
+                return
+            reach = (self.end + nearest) / 2
         raise UnsupportedError(f"no reason was found why the {self.side.value} end of {self.name} cannot be moved")
 
     def _beyond(self, reach: Fraction) -> Box:
@@ -422,8 +384,8 @@ class _Face:
         return self.box.replace(self.name, Interval(reach, self.end, upper_closed=False))
 
     def _nearest(
-        self, constraints: list[LinearConstraint], names: list[str], beyond: Box
-    ) -> tuple[dict[str, Fraction], dict[str, Fraction]] | None:
+        self, constraints: Iterable[LinearConstraint], names: Iterable[str], beyond: Box
+    ) -> tuple[tape.Point, tape.Point] | None:
         """The point of the closure that is nearest to the face, and one inside."""
         everything = Polyhedron(tuple(names), (*constraints, *beyond.constraints()))
         inside = everything.some_point()
@@ -434,13 +396,9 @@ class _Face:
             return None
         return (inside, inside) if best.point[self.name] == inside[self.name] else (best.point, inside)
 
-    def _approach(
-        self, reasons: Reasons, how: Model, beyond: Box
-    ) -> tuple[dict[str, Fraction], dict[str, Fraction]] | None:
-        sides = [
-            side_of({**{n: Fraction(v) for n, v in s.factors}, "": Fraction(s.constant)}, s.strict) for s in how.sides
-        ]
-        network = [side_of(reasons.formulas.slack(edge), False) for edge in self.ground.edges]
+    def _approach(self, how: Model, beyond: Box) -> tuple[tape.Point, tape.Point] | None:
+        sides = [side_of(*side.fact) for side in how.sides]
+        network = [side_of(self.reasons().formulas.slack(edge), False) for edge in self.ground.edges]
         network = [side for side in dict.fromkeys(network) if side.coefficients]
         names = {name for side in (*sides, *network) for name, _ in side.coefficients} | self.box.intervals.keys()
         return self._nearest([*sides, *network], sorted(names), beyond)
@@ -470,18 +428,13 @@ class _Face:
             step /= 1024
         raise UnsupportedError(f"no circle of constraints was found at the {self.side.value} end of {self.name}")
 
-    def _schedule(self, reasons: Reasons, number: int, limit: tape.Point, inside: tape.Point) -> Iterator[Line]:
+    def _schedule(self, number: int, limit: tape.Point, inside: tape.Point) -> Iterator[Line]:
         line, region, given = self._segment(limit, inside)
         values = {name: _between(limit, inside, name) for name in limit if name not in self.box.intervals}
-        values |= {name: Linear() for name in reasons.formulas.free() if name not in values}
+        values |= {name: Linear() for name in self.reasons().formulas.free() if name not in values}
         yield line
-        yield from reasons.broken(number, values, region, given)
+        yield from self.reasons().broken(number, values, region, given)
 
 
 def _between(limit: tape.Point, inside: tape.Point, name: str) -> Linear:
     return plus(constant(limit[name]), plus({}, {SEGMENT: inside[name] - limit[name]}))
-
-
-def _box_facts(box: Box) -> Iterator[Fact]:
-    for constraint in box.constraints():
-        yield from ((plus(constant(h.constant), _linear(h), -1), h.is_strict) for h in constraint.halves())

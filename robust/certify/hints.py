@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from fractions import Fraction
 from heapq import heappop, heappush
 from itertools import pairwise
@@ -37,16 +37,16 @@ class Derivation:
     hints: tuple[int, ...]
 
 
-@dataclass
 class PropositionalSolver:
-    """Clauses are added one at a time, between calls of `solve`; each gets the next number."""
+    """Clauses are added one at a time, between calls of `solve`; each gets the next number.
 
-    clauses: list[Clause] = field(default_factory=list)
-    derivations: dict[int, Derivation] = field(default_factory=dict)
-    refutation: Derivation | None = None
-    """The derivation of the empty clause, once there is one."""
+    `refutation` is the derivation of the empty clause, once there is one.
+    """
 
-    def __post_init__(self) -> None:
+    def __init__(self) -> None:
+        self.clauses: list[Clause] = []
+        self.derivations: dict[int, Derivation] = {}
+        self.refutation: Derivation | None = None
         self._value: dict[int, bool] = {}
         self._level: dict[int, int] = {}
         self._reason: dict[int, int | None] = {}
@@ -241,19 +241,16 @@ class PropositionalSolver:
         if learnt:
             learnt.sort(key=lambda literal: -self._level[abs(literal)])
             self._watch(number, (point, *learnt))
-            self._assign(point, number)
         else:
             self._unit[abs(point)] = number
-            self._assign(point, number)
+        self._assign(point, number)
 
     def _bump(self, variable: int) -> None:
         self._activity[variable] += self._step
         if self._activity[variable] > 1e100:
-            self._activity = {name: value * 1e-100 for name, value in self._activity.items()}
             self._step *= 1e-100
-            self._queue = []
-            for name, value in self._activity.items():
-                heappush(self._queue, (-value, name))
+            self._activity = {name: value * 1e-100 for name, value in self._activity.items()}
+            self._queue = sorted((-value, name) for name, value in self._activity.items())
 
 
 class NotRefutedError(RobustError):
@@ -283,11 +280,14 @@ class LinearSide:
         factors = tuple((name, value // divisor) for name, value in whole.items() if name and value)
         return LinearSide(factors, whole.get("", 0) // divisor, strict, Fraction(scale, divisor))
 
-    def level(self, point: Mapping[str, Fraction]) -> Fraction:
-        return sum((factor * point.get(name, Fraction(0)) for name, factor in self.factors), Fraction(self.constant))
+    @property
+    def fact(self) -> Fact:
+        form = {name: Fraction(value) for name, value in (*self.factors, ("", self.constant)) if value}
+        return form, self.strict
 
     def holds(self, point: Mapping[str, Fraction]) -> bool:
-        level = self.level(point)
+        zero = Fraction(0)
+        level = self.constant + sum((factor * point.get(name, zero) for name, factor in self.factors), zero)
         return level > 0 or (level == 0 and not self.strict)
 
 
@@ -514,20 +514,16 @@ class _Search:
         hint: dict[int, int | list[int]] = {}
         line: Line = ["refute"]
         for number in sorted(used):
-            derivation, origin = solver.derivations.get(number), self._origins.get(number)
-            if derivation is not None:
+            if (derivation := solver.derivations.get(number)) is not None:
                 line.append([list(derivation.clause), [hint[number] for number in derivation.hints]])
-            elif isinstance(origin, int):
-                hint[number] = origin
-                continue
-            elif isinstance(origin, tuple):
-                hint[number] = list(origin)
-                continue
-            elif origin is not None:
+            elif isinstance(origin := self._origins[number], _Lemma):
                 multiples = _whole([*map(Fraction, origin.multipliers), *(factor for _, factor in origin.facts)])
                 ours, others = multiples[: len(origin.clause)], multiples[len(origin.clause) :]
                 facts = [[fact, factor] for (fact, _), factor in zip(origin.facts, others, strict=True)]
                 line.append([list(origin.clause), ours, facts])
+            else:
+                hint[number] = list(origin) if isinstance(origin, tuple) else origin
+                continue
             hint[number] = len(self._roots) + len(line) - 2
         line.append([[], [hint[number] for number in solver.refutation.hints]])
         return line

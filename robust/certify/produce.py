@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
 from types import MappingProxyType
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from robust.certify.bad import face_lines, region_lines
 from robust.certify.checker import choices, reader
@@ -37,6 +38,7 @@ def supported(read: Callable[[], T]) -> T:
         raise UnsupportedError(f"the checker of certificates does not read this: {error}") from None
 
 
+@dataclass
 class PlanCertificate:
     """Makes certificates of one plan.
 
@@ -54,30 +56,23 @@ class PlanCertificate:
         InputError: if a file cannot be read.
     """
 
-    def __init__(
-        self,
-        files: tuple[Path, ...],
-        plan: ParametrizedPlan,
-        epsilon: Fraction = EPSILON,
-        *,
-        encoding: str = "relational",
-        solver: str = "z3",
-        deadline: Deadline = NEVER,
-        on_obligation: Progress | None = None,
-    ) -> None:
-        beside = files[2].with_suffix(".toml")
-        texts = [read_text(path) for path in (*files, *([beside] if beside.is_file() else []))]
+    files: tuple[Path, ...]
+    plan: ParametrizedPlan
+    epsilon: Fraction = EPSILON
+    encoding: str = field(default="relational", kw_only=True)
+    solver: str = field(default="z3", kw_only=True)
+    deadline: Deadline = field(default=NEVER, kw_only=True)
+    on_obligation: Progress | None = field(default=None, kw_only=True)
+    ground: reader.Ground = field(init=False)
+
+    def __post_init__(self) -> None:
+        beside = self.files[2].with_suffix(".toml")
+        texts = [read_text(path) for path in (*self.files, *([beside] if beside.is_file() else []))]
         self.ground = supported(lambda: reader.ground(*texts))
-        self._plan = plan
-        self._epsilon = epsilon
-        self._encoding = encoding
-        self._solver = solver
-        self._deadline = deadline
-        self._on_obligation = on_obligation
 
     def of_plan(self) -> list[Line]:
         """That the plan is valid at the nominal values; errors as of :meth:`of_box`."""
-        return [header("plan"), *self._good(Box.nominal(self._plan.parameters))]
+        return [header("plan"), *self._good(Box.nominal(self.plan.parameters))]
 
     def of_box(self, box: Box, *, maximal: bool = False) -> list[Line]:
         """That the plan is valid all over a box, and perhaps that no other valid box contains it.
@@ -89,28 +84,19 @@ class PlanCertificate:
         """
         lines = [header("maximal" if maximal else "box", box), *self._good(box)]
         if maximal:
-            encoding = create_encoding(self._encoding, self._plan, self._epsilon, self._deadline)
-            lines += supported(
-                lambda: [*face_lines(self.ground, encoding, box, solver=self._solver, deadline=self._deadline)]
-            )
+            encoding = create_encoding(self.encoding, self.plan, self.epsilon, self.deadline)
+            faces = face_lines(self.ground, encoding, box, solver=self.solver, deadline=self.deadline)
+            lines += supported(lambda: [*faces])
         return lines
 
     def of_region(self, region: Region) -> list[Line]:
         """That a region is the whole envelope; errors as of :meth:`of_box`."""
-        lines = supported(lambda: region_lines(self.ground, self._epsilon, region, deadline=self._deadline))
+        lines = supported(lambda: region_lines(self.ground, self.epsilon, region, deadline=self.deadline))
         return [header("region"), *lines]
 
     def _good(self, box: Box) -> list[Line]:
-        return supported(
-            lambda: good_lines(
-                self.ground,
-                self._epsilon,
-                box,
-                solver=self._solver,
-                deadline=self._deadline,
-                on_obligation=self._on_obligation,
-            )
-        )
+        options: dict[str, Any] = {"deadline": self.deadline, "on_obligation": self.on_obligation}
+        return supported(lambda: good_lines(self.ground, self.epsilon, box, solver=self.solver, **options))
 
 
 def knowledge(

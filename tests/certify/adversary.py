@@ -3,6 +3,8 @@
 A case is a plan with claims that are known to be false, because the simulator, the exact region or the oracle says so,
 and a pool of lines from honest certificates: of this plan, of neighbouring claims and of other plans. A grammar makes
 tapes of them: lines recombined, repeated, dropped, re-ordered and invented, numbers changed, proofs of other claims.
+`data/forgeries.json` has plans as small as possible with tapes made up with care, a line of a tape on a line: each
+would be believed if one of the checker's demands were missing or weaker.
 
 `python -m tests.certify.adversary 100000` prints what became of as many.
 """
@@ -14,52 +16,47 @@ import sys
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import cache
+from functools import cache, partial
+from itertools import count
+from pathlib import Path
 from random import Random
-from typing import Any
+from typing import Any, NamedTuple
 from unittest.mock import patch
 
 from benchmarks.generators.team_plans import Shape, random_plan
 from robust.api import check, envelope, region
-from robust.certify.bad import face_lines, region_lines
+from robust.certify import bad, hints, tape
 from robust.certify.checker import choices, reader
 from robust.certify.checker.claims import Claim
 from robust.certify.checker.formulas import FALSE, Formulas, plus
-from robust.certify.hints import KnownFacts, Line, NotRefutedError, implied, model, refutation
-from robust.certify.tape import OrderLemmas, constant_times, good_lines, header
+from robust.certify.checker.proofs import RATIONAL
+from robust.certify.hints import KnownFacts, Line, NotRefutedError
+from robust.certify.tape import OrderLemmas, header
 from robust.encode import create_encoding
 from robust.errors import RobustError
 from robust.pike_bridge.action_model import Instance
 from robust.pike_bridge.files import tpnu_text
-from robust.plan.model import Parameter, ParametrizedPlan
+from robust.plan.model import ParametrizedPlan
 from robust.plan.simulate import simulate
 from robust.qe.box import Box, Interval
 from robust.qe.region import Region
 from robust.smt.limits import Deadline
 from tests.certify import tools
-from tests.certify.texts import random_texts
-from tests.sampling import Network, sample_schedules
+from tests.certify.texts import Texts, random_texts
+from tests.certify.tools import CHECKER, Checker
+from tests.sampling import Network, sample_parameters, sample_schedules
 
 WAIT = Deadline.after(3600)
-
-
-@dataclass
-class Case:
-    """One thing to lie about: honest tapes, first lines of false claims, and how a claim that is accepted is judged."""
-
-    name: str
-    attempt: Callable[..., Claim | str]
-    false: list[Line]
-    honest: list[list[Line]]
-    is_true: Callable[[Claim], bool]
-    lies: list[list[Line]] = field(default_factory=list)
-    pool: list[Line] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        self.pool = [line for lines in self.honest for line in lines[1:]]
+TABLES = json.loads(Path(__file__).with_name("data").joinpath("forgeries.json").read_text(encoding="utf-8"))
+PLANS = {name: Texts(*texts) for name, texts in TABLES["plans"].items()}
+PLAIN = PLANS["one action of k, from 0 to 9"]
+LONGER = PLANS["one action of k, at least 3"]
+"""The envelope is k >= 3; the first constraint says k - 3 >= 0 without any time."""
+BESIDE = Texts(*TABLES["beside"][:3]), TABLES["beside"][3]
+"""The initial value of f is the parameter x: 1 is enough."""
 
 
 # -- lies --------------------------------------------------------------------------------------------------------------
@@ -70,22 +67,18 @@ def lying(random: Random) -> Iterator[None]:
     """The producer makes up what it does not find: refutations, multiples, orders, schedules."""
 
     def refuted(formulas: Formulas, facts: KnownFacts, literal: int, deadline: Deadline, also: Any = ()) -> Line:
-        roots = [*formulas.roots(literal), *also]
         try:
-            return refutation(formulas, facts, literal, deadline, roots[len(formulas.roots(literal)) :])
+            return hints.refutation(formulas, facts, literal, deadline, also)
         except NotRefutedError:
-            return made_up(formulas, len(facts.sides), roots, random)
+            return made_up(formulas, len(facts.sides), [*formulas.roots(literal), *also], random)
 
     def multiples(facts: KnownFacts, form: Any, *, strictly: bool = False) -> list[tuple[int, Fraction]]:
         try:
-            return implied(facts, form, strictly=strictly)
+            return hints.implied(facts, form, strictly=strictly)
         except NotRefutedError:
-            numbers = range(len(facts.sides))
-            return [(number, Fraction(1)) for number in numbers if random.random() < 0.5]
+            return [(number, Fraction(1)) for number in range(len(facts.sides)) if random.random() < 0.5]
 
     def longer(orders: OrderLemmas, pair: tuple[int, int], default: Any = None) -> Any:
-        if not by:
-            return honest_order(orders, pair, default)
         if pair not in asked:
             asked[pair] = by if random.random() < 0.6 else None
         if asked[pair] is None:
@@ -94,93 +87,76 @@ def lying(random: Random) -> Iterator[None]:
         return by
 
     def some_times(formulas: Formulas, ranges: Any) -> dict[str, dict[str, Fraction]]:
-        found = constant_times(formulas, ranges)
-        return {point: {} for point in formulas.free()} if found is None else found
+        times = honest_times(formulas, ranges)
+        return {point: {} for point in formulas.free()} if times is None else times
 
     def strayed(orders: OrderLemmas) -> Iterator[Any]:
         """Paths of constraints that do not follow each other, but are long enough."""
-        ground = orders._ground
-        longest = max(range(len(ground.edges)), key=lambda number: ground.edges[number][2].get("", Fraction(0)))
-        if not by:
-            yield from honest_lemmas(orders)
-            return
+        edges = orders._ground.edges
+        longest = max(range(len(edges)), key=lambda number: edges[number][2].get("", Fraction(0)))
         for (a, b), bound in orders._used.items():
-            enters = [number for number, edge in enumerate(ground.edges) if edge[1] == b]
+            enters = [number for number, edge in enumerate(edges) if edge[1] == b]
             steps = [longest] * random.randint(1, 6) + [random.choice(enters)]
             total: dict[str, Fraction] = {"": -bound}
             for number in steps:
-                total = plus(total, ground.edges[number][2])
+                total = plus(total, edges[number][2])
             yield a, b, steps, bound, total
 
     asked: dict[tuple[int, int], Fraction | None] = {}
-    honest_order, honest_lemmas = OrderLemmas.get, OrderLemmas.lemmas
+    honest_times = tape.constant_times
     by = random.choice([Fraction(0), Fraction(0), Fraction(1, 1000), Fraction(5)])
     with (
-        patch("robust.certify.tape.refutation", refuted),
-        patch("robust.certify.bad.refutation", refuted),
-        patch("robust.certify.tape.implied", multiples),
-        patch("robust.certify.bad.implied", multiples),
-        patch("robust.certify.tape.constant_times", some_times),
-        patch.object(OrderLemmas, "get", longer),
-        patch.object(OrderLemmas, "lemmas", strayed),
+        patch.multiple(tape, refutation=refuted, implied=multiples, constant_times=some_times),
+        patch.multiple(bad, refutation=refuted, implied=multiples),
+        patch.multiple(OrderLemmas, get=longer, lemmas=strayed) if by else nullcontext(),
     ):
         yield
 
 
 def made_up(formulas: Formulas, facts: int, roots: list[int], random: Random) -> Line:
     """A refutation of something that is not refuted: false lemmas, or propagation that leads nowhere."""
-    nodes = range(2, len(formulas.circuit.nodes))
-    compared = [number for number in nodes if not formulas.circuit.is_gate(number)]
+    circuit = formulas.circuit
+    nodes = range(2, len(circuit.nodes))
+    compared = [number for number in nodes if not circuit.is_gate(number)]
     some = [[number, random.randint(1, 3)] for number in range(facts) if random.random() < 0.3]
     one = random.choice(compared) * random.choice([1, -1]) if compared else 1
-    gate = abs(roots[0])
-    wide = max(
-        (each for each in nodes if each not in compared), key=lambda n: len(formulas.circuit.nodes[n]), default=1
-    )
-    return [
-        "refute",
-        *random.choice(
-            [
-                [[[], [], some]],
-                [[[-roots[0]], [1], some], [[], [0, len(roots)]]],
-                [[[one], [1], some], [[-one], [1], some], [[], [len(roots), len(roots) + 1]]],
-                [[[one, -one], [1, 1], []], [[], [len(roots)]]],
-                [[[one, -one], [1, 1], []]],
-                [[[], [[wide, 0], [wide, 1]]]],
-                [[[], [0, [random.choice([gate, -gate, one, -gate - 1, -2]), random.randrange(3)]]]],
-                [[[], [0]]],
-                [[[], [0, 0]]],
-                [[[], [[gate, 0], 0]]],
-                [[[], [0, [gate, 1]]]],
-                [[[-roots[0]], [[gate, 0]]], [[], [0, len(roots)]]],
-                [[[], []]],
-                [[[], [0, len(roots)]]],
-            ]
-        ),
-    ]
+    root, gate = roots[0], abs(roots[0])
+    wide = max((n for n in nodes if circuit.is_gate(n)), key=lambda n: len(circuit.nodes[n]), default=1)
+    other = random.choice([gate, -gate, one, -gate - 1, -2])
+    proofs: list[Line] = [
+        [[[], [], some]], [[[], [[wide, 0], [wide, 1]]]], [[[], [0, [other, random.randrange(3)]]]], [[[], [0]]],
+        [[[], [0, 0]]], [[[], [[gate, 0], 0]]], [[[], [0, [gate, 1]]]], [[[], []]], [[[], [0, len(roots)]]],
+        [[[-root], [1], some], [[], [0, len(roots)]]], [[[-root], [[gate, 0]]], [[], [0, len(roots)]]],
+        [[[one], [1], some], [[-one], [1], some], [[], [len(roots), len(roots) + 1]]],
+        [[[one, -one], [1, 1], []], [[], [len(roots)]]], [[[one, -one], [1, 1], []]],
+    ]  # fmt: skip
+    return ["refute", *random.choice(proofs)]
 
 
-def lies(plan: ParametrizedPlan, ground: reader.Ground, box: Box | None, random: Random) -> Iterator[list[Line]]:
-    """Tapes for a false claim that are honest but for what cannot be honest."""
+def lies(ground: reader.Ground, box: Box | None, random: Random) -> Iterator[list[Line]]:
+    """Tapes for a false claim, of a box or of the region, that are honest but for what cannot be honest."""
     for _ in range(4):
         with lying(random):
             try:
-                if box is not None:
-                    lines = good_lines(ground, tools.EPSILON, box, solver="z3", deadline=WAIT)
-                    yield [header("box", box), *lines]
-                else:
-                    wrong = random.choice([Region.universe, Region.nothing])(tuple(ground.parameters))
-                    lines = region_lines(ground, tools.EPSILON, wrong, deadline=WAIT)
-                    yield [header("region"), *lines]
-            except (RobustError, NotRefutedError, reader.Unsupported, ValueError, KeyError):
+                wrong = random.choice([Region.universe, Region.nothing])(tuple(ground.parameters))
+                yield good(ground, box) if box is not None else regional(ground, wrong)
+            except (RobustError, reader.Unsupported, ValueError, KeyError):
                 continue
+
+
+def good(ground: reader.Ground, box: Box) -> list[Line]:
+    return tape.good_lines(ground, tools.EPSILON, box, solver="z3", deadline=WAIT)
+
+
+def regional(ground: reader.Ground, whole: Region) -> list[Line]:
+    return bad.region_lines(ground, tools.EPSILON, whole, deadline=WAIT)
 
 
 def nothing_is_good(ground: reader.Ground, random: Random) -> Iterator[list[Line]]:
     """That the envelope is empty: by circles of constraints that are none."""
     formulas = Formulas(ground, tools.EPSILON)
     literals = [broken() for _, broken in formulas.obligations()]
-    lines = [["refute", [[], [len(formulas.roots(each)), [1, 0]]]] for each in literals if each != FALSE]
+    lines = [["refute", [[], [len(formulas.roots(literal)), [1, 0]]]] for literal in literals if literal != FALSE]
     for number, (_, _, length) in enumerate(ground.edges):
         if length.keys() == {""} and length[""] > 0:
             steps = [number] * random.randint(1, 2) + random.choice([[], [random.randrange(len(ground.edges))]])
@@ -193,42 +169,62 @@ def nothing_is_good(ground: reader.Ground, random: Random) -> Iterator[list[Line
 # -- what is false -----------------------------------------------------------------------------------------------------
 
 
-def refuted_at(plan: ParametrizedPlan, values: dict[str, Fraction], random: Random) -> bool:
-    """Whether these values leave no schedule, or one that breaks something."""
-    if not Network(plan, values).consistent:
-        return True
-    return any(simulate(plan, values, one).violations for one in sample_schedules(plan, values, random, 12))
+@dataclass
+class Case:
+    """One thing to lie about: honest tapes, first lines of false claims, and how a claim that is accepted is judged."""
 
+    name: str
+    read: Callable[[Checker], Any]
+    check: Callable[[Checker, Any, list[Any]], Any]
+    false: list[Line]
+    honest: list[list[Line]]
+    is_true: Callable[[Claim], bool]
+    lies: list[list[Line]] = field(default_factory=list)
+    known: dict[Checker, Any] = field(default_factory=dict)
 
-def points(box: Box, random: Random, count: int) -> Iterator[dict[str, Fraction]]:
-    """Corners, and points between."""
-    for _ in range(count):
-        chosen = {}
-        for name, each in box.intervals.items():
-            low = each.lower if each.lower is not None else (each.upper or Fraction(0)) - 5
-            high = each.upper if each.upper is not None else low + 10
-            share = random.choice([Fraction(0), Fraction(1), Fraction(random.randint(1, 15), 16)])
-            chosen[name] = low + (high - low) * share
-        if all(chosen[name] in each for name, each in box.intervals.items()):
-            yield chosen
+    def attempt(self, lines: list[Any], by: Checker = CHECKER) -> Claim | str:
+        """The claim that is established, or why it is rejected."""
+        if by not in self.known:
+            kept = self.known.get(CHECKER)
+            self.known = {CHECKER: kept or self.read(CHECKER)}
+            self.known[by] = self.known.get(by) or self.read(by)
+        return tools.attempted(lambda: self.check(by, self.known[by], lines), by)
+
+    @property
+    def pool(self) -> list[Line]:
+        return [line for lines in self.honest for line in lines[1:]]
 
 
 def is_false(plan: ParametrizedPlan, box: Box, random: Random) -> bool:
-    return any(refuted_at(plan, values, random) for values in points(box, random, 25))
+    """Whether some values of the box, most of them at its ends, leave no schedule, or one that breaks something."""
+    for _ in range(25):
+        values = {}
+        for name, interval in box.intervals.items():
+            low = interval.lower if interval.lower is not None else (interval.upper or Fraction(0)) - 5
+            high = interval.upper if interval.upper is not None else low + 10
+            share = random.choice([Fraction(0), Fraction(1), Fraction(random.randint(1, 15), 16)])
+            values[name] = low + (high - low) * share
+        if all(values[name] in interval for name, interval in box.intervals.items()):
+            if not Network(plan, values).consistent:
+                return True
+            schedules = sample_schedules(plan, values, random, 12)
+            if any(simulate(plan, values, schedule).violations for schedule in schedules):
+                return True
+    return False
 
 
 def grown(box: Box, random: Random) -> Box:
-    """The box with some faces pushed out, or taken in."""
+    """The box with some faces pushed out."""
     for name in random.sample(list(box.intervals), random.randint(1, len(box.intervals))):
-        each = box[name]
+        low, high = box[name].lower, box[name].upper
         by = random.choice([Fraction(1, 1000), Fraction(1, 2), Fraction(1), Fraction(7)])
-        low = None if each.lower is None or random.random() < 0.1 else each.lower - random.choice([0, by])
-        high = None if each.upper is None or random.random() < 0.1 else each.upper + random.choice([0, by])
+        low = None if low is None or random.random() < 0.1 else low - random.choice([0, by])
+        high = None if high is None or random.random() < 0.1 else high + random.choice([0, by])
         box = box.replace(name, Interval(low, high, low is not None, high is not None))
     return box
 
 
-def plan_cases(seed: int) -> Iterator[Case]:
+def plan_case(seed: int) -> Case | None:
     """False claims about one random plan, of the kinds that it has."""
     texts, random = random_texts(seed, easy=True), Random(seed)
     try:
@@ -237,113 +233,87 @@ def plan_cases(seed: int) -> Iterator[Case]:
         proved = check(plan, timeout=20).answer.name == "PROVED"
         exact = region(plan, timeout=20) if plan.parameters else None
     except (RobustError, reader.Unsupported):
-        return
+        return None
     whole = exact.region if exact is not None and exact.is_exact else None
     boxes = [Box.nominal(plan.parameters)]
     if proved and plan.parameters:
         boxes.append(envelope(plan, timeout=20).box)
     honest = [lines for box in boxes if proved for lines in _honest(plan, ground, box, whole)]
-    grew = [grown(random.choice(boxes), random) for _ in range(8)] if plan.parameters else []
-    claims = [box for box in grew if is_false(plan, box, random)]
+    claims = [grown(random.choice(boxes), random) for _ in range(8)] if plan.parameters else []
+    claims = [box for box in claims if is_false(plan, box, random)]
     false: list[Line] = [header(random.choice(["box", "maximal"]), box) for box in claims]
-    false += [header("plan")] if is_false(plan, boxes[0], random) else []
-    false += [header("maximal", boxes[0])] if len(boxes) > 1 and boxes[1] != boxes[0] else []
-    false += [header("region")] if whole is not None else []
+    false += [header("maximal", boxes[0])] if boxes[1:] and boxes[1] != boxes[0] else []
+    lied = [[header("box", box), *lines] for box in claims for lines in lies(ground, box, random)]
+    if is_false(plan, boxes[0], random):
+        false.append(header("plan"))
+        lied += [[header("plan"), *lines] for lines in lies(ground, boxes[0], random)]
+    if whole is not None:
+        false.append(header("region"))
+        lied += [[header("region"), *lines] for lines in lies(ground, None, random)]
+        lied += nothing_is_good(ground, random) if not whole.is_empty else ()
+    if not false:
+        return None
     if not honest:  # what would be honest of another plan
         honest = [[header("plan"), ["orders"], ["schedule"], ["kept"], ["refute", [[], [0]]]]]
+
+    def read(by: Checker) -> Any:
+        return by.reader.ground(*texts)
 
     def is_true(claim: Claim) -> bool:
         return claim.kind == "region" and whole is not None and _same(claim, whole, plan, Random(seed))
 
-    wrong = claims + boxes[:1] if header("plan") in false else []
-    told = [lines for box in wrong for lines in lies(plan, ground, box, random)]
-    told = [[header("plan"), *lines[1:]] if header("box", boxes[0]) == lines[0] else lines for lines in told]
-    if whole is not None:
-        told += lies(plan, ground, None, random)
-        told += nothing_is_good(ground, random) if not whole.is_empty else ()
-    if false:
-        read = {id(tools.CHECKER): ground}
-
-        def attempt(lines: list[Any], by: tools.Checker = tools.CHECKER) -> Claim | str:
-            if id(by) not in read:
-                read.clear()
-                read.update({id(tools.CHECKER): ground, id(by): by.reader.ground(*texts)})
-            return tools.judged(lines, read[id(by)], by=by)
-
-        yield Case(f"plan {seed}", attempt, false, honest, is_true, told)
+    return Case(f"plan {seed}", read, tools.checked, false, honest, is_true, lied)
 
 
 def _honest(plan: ParametrizedPlan, ground: reader.Ground, box: Box, whole: Region | None) -> Iterator[list[Line]]:
     try:
-        lines = good_lines(ground, tools.EPSILON, box, solver="z3", deadline=WAIT)
+        lines = good(ground, box)
         yield [header("box", box), *lines]
-        faces = face_lines(ground, create_encoding("relational", plan), box, solver="z3", deadline=WAIT)
+        faces = bad.face_lines(ground, create_encoding("relational", plan), box, solver="z3", deadline=WAIT)
         yield [header("maximal", box), *lines, *faces]
         if whole is not None:
-            yield [header("region"), *region_lines(ground, tools.EPSILON, whole, deadline=WAIT)]
-    except (RobustError, NotRefutedError, reader.Unsupported):
+            yield [header("region"), *regional(ground, whole)]
+    except (RobustError, reader.Unsupported):
         return
 
 
 def _same(claim: Claim, whole: Region, plan: ParametrizedPlan, random: Random) -> bool:
     """Whether the region that is claimed is the envelope, at many points within the declared bounds."""
     for _ in range(200):
-        point = {each.name: _value(each, random) for each in plan.parameters}
-        bad = any(
-            all((level := _at(form, point)) > 0 or (level == 0 and not strict) for form, strict in piece)
-            for piece in claim.removed or []
-        )
-        if (point in whole) == bad:
+        point = sample_parameters(plan, random, spread=random.choice([Fraction(2), Fraction(40)]))
+        levels = [[(tape.evaluated(form, point), strict) for form, strict in piece] for piece in claim.removed or []]
+        is_bad = any(all(level > 0 or (level == 0 and not strict) for level, strict in piece) for piece in levels)
+        if (point in whole) == is_bad:
             return False
     return True
 
 
-def _value(parameter: Parameter, random: Random) -> Fraction:
-    value = Fraction(random.randint(-40, 60), random.choice([1, 2, 3, 8]))
-    value = value if parameter.lower is None else max(value, parameter.lower)
-    return value if parameter.upper is None else min(value, parameter.upper)
-
-
-def _at(form: dict[str, Fraction], point: dict[str, Fraction]) -> Fraction:
-    return sum((factor * (point[name] if name else 1) for name, factor in form.items()), Fraction(0))
-
-
-@cache
 def network_case(seed: int) -> Case | None:
     """That a plan with choices has no correct execution, although it has one; honest tapes are of other plans."""
-    instances = [random_plan(seed, index, Shape(top=3, inner=2)) for index in range(4)]
     possible, honest = [], []
-    for one in instances:
-        made = _choices(one)
-        literal = made.circuit.all(made.parts)
-        if model(made.formulas, KnownFacts([]), literal, WAIT) is not None:
-            possible.append(one)
+    for index in range(4):
+        instance = random_plan(seed, index, Shape(top=3, inner=2))
+        stated = _choices(instance)
+        literal = stated.circuit.all(stated.parts)
+        if hints.model(stated.formulas, KnownFacts([]), literal, WAIT) is not None:
+            possible.append(instance)
         else:
-            honest.append([header("knowledge"), refutation(made.formulas, KnownFacts([]), literal, WAIT)])
+            line = hints.refutation(stated.formulas, KnownFacts([]), literal, WAIT)
+            honest.append([header("knowledge"), line])
     if not possible or not honest:
         return None
-    read = {id(tools.CHECKER): _choices(possible[0])}
 
-    def attempt(lines: list[Any], by: tools.Checker = tools.CHECKER) -> Claim | str:
-        if id(by) not in read:
-            read.clear()
-            read.update({id(each): _choices(possible[0], each) for each in (tools.CHECKER, by)})
-        made = read[id(by)]
-        tape = by.proofs.Tape(json.dumps(line) for line in lines[1:])
-        try:
-            facts = by.proofs.Facts([])
-            by.proofs.refute(tape, made.formulas, facts, made.circuit.all(made.parts))
-            tape.finish()
-        except by.proofs.Rejected as error:
-            return str(error)
-        except tools.MALFORMED as error:
-            return type(error).__name__
+    def check(by: Checker, stated: Any, lines: list[Any]) -> Claim:
+        tape_of = by.proofs.Tape(json.dumps(line) for line in lines[1:])
+        by.proofs.refute(tape_of, stated.formulas, by.proofs.Facts([]), stated.circuit.all(stated.parts))
+        tape_of.finish()
         return Claim("knowledge", tools.EPSILON)
 
-    return Case(f"network {seed}", attempt, [header("knowledge")], honest, lambda _: False)
+    read = partial(_choices, possible[0])
+    return Case(f"network {seed}", read, check, [header("knowledge")], honest, lambda _: False)
 
 
-def _choices(instance: Instance, by: tools.Checker = tools.CHECKER) -> choices.Choices:
+def _choices(instance: Instance, by: Checker = CHECKER) -> choices.Choices:
     document = by.choices.network_of(tpnu_text(instance.network, domain="domain", problem="problem"))
     return by.choices.Choices((document, instance.domain, instance.problem), tools.EPSILON)
 
@@ -363,79 +333,55 @@ def invented(random: Random, depth: int = 0) -> Any:
     return [invented(random, depth + 1) for _ in range(random.choice([0, 1, 1, 2, 2, 3, 5]))]
 
 
-def line(random: Random) -> Line:
+def invented_line(random: Random) -> Line:
     """A line that no honest certificate has."""
-    kind = random.choice(KINDS)
+    kind, draw = random.choice(KINDS), random.randrange
     if kind == "refute":
-        steps = [
-            random.choice(
-                [
-                    [[], [random.randrange(4) for _ in range(random.randint(0, 3))]],
-                    [[random.randint(-9, 9)], [[random.randrange(12), random.randrange(4)]]],
-                    [[random.randint(-9, 9)], [1], [[random.randrange(6), 1]]],
-                    [[], [], [[random.randrange(6), 1], [random.randrange(6), 1]]],
-                ]
-            )
-            for _ in range(random.randint(1, 4))
+        ways: list[Callable[[], Line]] = [
+            lambda: [[], [draw(4) for _ in range(draw(4))]],
+            lambda: [[draw(-9, 10)], [[draw(12), draw(4)]]],
+            lambda: [[draw(-9, 10)], [1], [[draw(6), 1]]],
+            lambda: [[], [], [[draw(6), 1], [draw(6), 1]]],
         ]
-        return [kind, *steps]
+        return [kind, *(random.choice(ways)() for _ in range(random.randint(1, 4)))]
     if kind == "orders":
-        return [
-            kind,
-            *([a, b, [random.randrange(9)], "1", []] for a, b in [(random.randrange(5), random.randrange(5))]),
-        ]
-    return [kind, *(invented(random) for _ in range(random.randrange(4)))]
+        return [kind, [draw(5), draw(5), [draw(9)], "1", []]]
+    return [kind, *(invented(random) for _ in range(draw(4)))]
 
 
 def leaf_changed(value: Any, random: Random) -> Any:
     """One place of a line is something else."""
     if not isinstance(value, list) or not value or random.random() < 0.15:
-        return random.choice(
-            [value + random.choice([1, -1]) if type(value) is int else invented(random), invented(random)]
-        )
-    place = random.randrange(len(value))
-    way = random.random()
+        near = value + random.choice([1, -1]) if type(value) is int else invented(random)
+        return random.choice([near, invented(random)])
+    place, way = random.randrange(len(value)), random.random()
     if way < 0.1:
-        return value[:place] + value[place + 1 :]
-    if way < 0.2:
-        return [*value[:place], value[place], *value[place:]]
+        return tools.put(value, place)
     if way < 0.25:
-        return [*value[:place], random.choice(value), *value[place:]]
-    return [*value[:place], leaf_changed(value[place], random), *value[place + 1 :]]
+        return [*value[:place], value[place] if way < 0.2 else random.choice(value), *value[place:]]
+    return tools.put(value, place, leaf_changed(value[place], random))
 
 
-def changed(lines: list[Line], pool: list[Line], random: Random) -> list[Line]:  # noqa: PLR0911 - one return for each way
-    """One change of a tape."""
+def changed(lines: list[Line], pool: list[Line], random: Random) -> list[Line]:  # noqa: PLR0911 - one for each way
+    """One change of a tape: a line goes, comes, is exchanged, is longer, or says something else."""
     if not lines:
         return [random.choice(pool)]
     place, other = random.randrange(len(lines)), random.randrange(len(lines))
-    way = random.randrange(9)
-    if way == 0:
-        return lines[:place] + lines[place + 1 :]
-    if way == 1:
-        return [*lines[:place], lines[other], *lines[place:]]
-    if way == 2:
-        return [*lines[:place], random.choice(pool), *lines[place:]]
-    if way == 3:
-        return [*lines[:place], random.choice(pool), *lines[place + 1 :]]
+    way, (kind, *rest) = random.randrange(9), lines[place]
+    if way < 4:
+        new: list[Line] = [[], [lines[other], lines[place]], [random.choice(pool), lines[place]], [random.choice(pool)]]
+        return tools.put(lines, place, *(new[way] if way else ()))
     if way == 4:
-        swapped = list(lines)
-        swapped[place], swapped[other] = lines[other], lines[place]
-        return swapped
+        return tools.put(tools.put(lines, place, lines[other]), other, lines[place])
     if way == 5:
-        return [*lines[:place], line(random), *lines[place + random.randrange(2) :]]
-    if way == 6 and lines[place][0] == "refute":
-        more = random.choice([each for each in pool if each[0] == "refute"] or [lines[place]])
-        return [*lines[:place], [*lines[place], *more[1:]], *lines[place + 1 :]]
-    kind, *rest = lines[place]
+        return [*lines[:place], invented_line(random), *lines[place + random.randrange(2) :]]
+    if way == 6 and kind == "refute":
+        more = random.choice([line for line in pool if line[0] == "refute"] or [lines[place]])
+        return tools.put(lines, place, [*lines[place], *more[1:]])
     if not rest:
         return lines[:place]
     inner = random.randrange(len(rest))
-    return [
-        *lines[:place],
-        [kind, *rest[:inner], leaf_changed(rest[inner], random), *rest[inner + 1 :]],
-        *lines[place + 1 :],
-    ]
+    return tools.put(lines, place, [kind, *tools.put(rest, inner, leaf_changed(rest[inner], random))])
 
 
 def forged(case: Case, others: list[Case], random: Random) -> list[Any]:
@@ -445,58 +391,98 @@ def forged(case: Case, others: list[Case], random: Random) -> list[Any]:
         lines = random.choice(case.lies)
         return lines if random.random() < 0.7 else [lines[0], *changed(lines[1:], case.pool, random)]
     pool = random.choice(others).pool if random.random() < 0.2 else case.pool
-    way = random.random()
-    if way < 0.1:
-        lines = [random.choice(pool) if random.random() < 0.7 else line(random) for _ in range(random.randint(0, 12))]
-    else:
-        suited = [lines for lines in case.honest if lines[0][1] == first[1]] or case.honest
-        lines = list(random.choice(suited)[1:])
-        for _ in range(random.choice([0, 1, 1, 1, 2, 3, 6])):
-            lines = changed(lines, pool, random)
+    if random.random() < 0.1:
+        drawn = (random.choice(pool) if random.random() < 0.7 else invented_line(random) for _ in range(13))
+        return [first, *[*drawn][: random.randint(0, 12)]]
+    suited = [lines for lines in case.honest if lines[0][1] == first[1]] or case.honest
+    lines = random.choice(suited)[1:]
+    for _ in range(random.choice([0, 1, 1, 1, 2, 3, 6])):
+        lines = changed(lines, pool, random)
     return [first, *lines]
 
 
-@dataclass
-class Outcome:
-    """What became of the attempts; `accepted` are false claims that the checker believed."""
+def named(lines: list[Line]) -> Iterator[list[Line]]:
+    """Forgeries that were thought of: proofs that would be believed if one check were missing."""
+    first = next((index for index, line in enumerate(lines) if line[0] == "refute"), None)
+    if first is not None:
+        steps = [*TABLES["refutations"], [*lines[first][1:], [[], [0]]]]
+        yield from (tools.put(lines, first, ["refute", *step]) for step in steps)
+    for index, line in enumerate(lines):
+        if line[0] == "orders":
+            yield from (tools.put(lines, index, [*line, order]) for order in TABLES["orders"])
+            yield tools.put(lines, index, [*line, *line[1:]])
+        if line[0] == "cycle":
+            for path in ([], [0], [1], [0, 0], [*line[1], *line[1]], line[1][:-1], line[1][::-1]):
+                for multiples in (line[2], [], [[0, 1]]):
+                    yield tools.put(lines, index, ["cycle", path, multiples])
 
-    rejected: Counter[str] = field(default_factory=Counter)
-    true: int = 0
-    accepted: list[tuple[str, list[Any]]] = field(default_factory=list)
+
+def leaf_changes(lines: list[Line]) -> Iterator[list[Line]]:
+    """Each place of each line changed a little: another number, a twin of another type, something more, nothing."""
+    for index, line in enumerate(lines):
+        yield from (tools.put(lines, index, new) for new in _changes(line))
+        yield from (tools.put(lines, index), tools.put(lines, index, line, line))
 
 
-def cases(count: int, first: int = 0) -> list[Case]:
+def _changes(value: Any) -> Iterator[Any]:
+    if isinstance(value, list):
+        for index, inner in enumerate(value):
+            yield from (tools.put(value, index, new) for new in _changes(inner))
+        yield from (value[:-1], [*value, value[-1] if value else 0])
+    elif isinstance(value, bool):
+        yield from (not value, int(value), None)
+    elif isinstance(value, int):
+        yield from (value + 1, value - 1, -value, str(value), bool(value), float(value), str(Fraction(value)), 10**9)
+    else:
+        yield from (1, f"{value}0", f"{value}/1", None, [value])
+        if isinstance(value, str) and RATIONAL.fullmatch(value):
+            for away in (Fraction(1, 1000), Fraction(1, 2), Fraction(3)):
+                yield from (str(Fraction(value) + away), str(Fraction(value) - away))
+
+
+# -- attempts ----------------------------------------------------------------------------------------------------------
+
+
+@cache
+def cases(number: int, first: int) -> list[Case]:
     """Cases of random plans, and of plans with choices."""
-    found: list[Case] = []
-    seed = first
+    known: list[Case] = []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        while len(found) < count:
-            found += plan_cases(seed)
-            network = network_case(seed // 4) if seed % 4 == 0 else None
-            found += [network] if network is not None else []
-            seed += 1
-    return found
+        for seed in count(first):
+            if len(known) >= number:
+                return known
+            drawn = [plan_case(seed), network_case(seed // 4) if seed % 4 == 0 else None]
+            known += [case for case in drawn if case is not None]
+    raise AssertionError
 
 
-def run(count: int, *, plans: int, seed: int = 0) -> Outcome:
-    """That many attempts."""
-    random, known, outcome = Random(seed), cases(plans, seed), Outcome()
-    for _ in range(count):
-        case = random.choice(known)
-        lines = forged(case, known, random)
-        found = case.attempt(lines)
-        if isinstance(found, str):
-            outcome.rejected[found.split(":")[0][:40]] += 1
-        elif case.is_true(found):
-            outcome.true += 1
-        else:
-            outcome.accepted.append((case.name, lines))
-    return outcome
+class Outcome(NamedTuple):
+    """What became of attempts: tapes by cases, with the claim of each or why it was rejected."""
+
+    tried: list[tuple[Case, list[Any], Claim | str]]
+
+    @property
+    def rejected(self) -> Counter[str]:
+        return Counter(claim.split(":")[0][:40] for _, _, claim in self.tried if isinstance(claim, str))
+
+    @property
+    def accepted(self) -> list[tuple[str, list[Any]]]:
+        """False claims that the checker believed."""
+        claims = ((case, lines, claim) for case, lines, claim in self.tried if not isinstance(claim, str))
+        return [(case.name, lines) for case, lines, claim in claims if not case.is_true(claim)]
+
+
+def run(attempts: int, *, plans: int, first: int = 0, seed: int = 0) -> Outcome:
+    """That many attempts at cases of plans from the first seed on."""
+    random, known = Random(seed), cases(plans, first)
+    made = [(case, forged(case, known, random)) for case in random.choices(known, k=attempts)]
+    return Outcome([(case, lines, case.attempt(lines)) for case, lines in made])
 
 
 if __name__ == "__main__":
     done = run(int(sys.argv[1]), plans=int(sys.argv[2]) if len(sys.argv) > 2 else 60)
-    print(f"{sum(done.rejected.values())} rejected, {done.true} still true, {len(done.accepted)} false and accepted")
+    rejected, accepted = done.rejected.total(), len(done.accepted)
+    print(f"{rejected} rejected, {len(done.tried) - rejected - accepted} still true, {accepted} false and accepted")
     for name, lines in done.accepted[:5]:
         print(name, json.dumps(lines)[:2000])

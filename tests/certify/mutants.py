@@ -1,9 +1,9 @@
 """How strong the tests of the checker are: small changes to its text, each of which has to be noticed.
 
-    python -m tests.certify.mutants [MODULE ...] [--only PATTERN] [--every N [--first M]] [--seconds S]
+    python -m tests.certify.mutants [MODULE ...] [--every N [--first M]]
 
 Every comparison, operator, constant, operand, argument, condition and statement of `proofs/checker/` is changed or left
-out, one at a time. The changed checker runs in this process against the bank of `tests.certify.bank`: honest
+out, one at a time. The changed checker runs in this process against the bank of `tests.certify.test_bank`: honest
 certificates, forged ones, false claims, and plans whose meaning the simulator and the oracle know. It is noticed if
 something false is accepted, something honest is refused, or it does not end. Changes that nothing can or should notice
 are listed in `mutants_accepted.txt`: the function, the line that the change makes, and why. Exit code 1 if another one
@@ -15,50 +15,54 @@ from __future__ import annotations
 import argparse
 import ast
 import copy
-import gc
 import multiprocessing
 import re
 import resource
 import signal
 import sys
-import time
 import types
-from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from itertools import pairwise
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from robust.certify.verify import FOLDER
-from tests.certify.tools import Checker
+from tests.certify.tools import Checker, Holds, put
 
 ACCEPTED = Path(__file__).with_name("mutants_accepted.txt")
 MODULES = ("reader", "formulas", "proofs", "claims", "choices", "__main__")
 ASKED = {
-    "reader": ("texts", "reading", "wrong text", "forged plan", "oracle", "honest"),
+    "reader": ("texts", "reading", "forged plan", "oracle", "honest"),
     "formulas": ("reading", "free", "forged", "oracle", "honest"),
     "proofs": ("small", "forged", "leaves of plan", "leaves of network", "honest two"),
-    "claims": ("within", "small", "forged plan", "leaves of plan", "honest", "demanded"),
-    "choices": ("oracle", "executions", "wrong network", "knowledge", "leaves of ex", "leaves of kn", "kitchen"),
+    "claims": ("within", "small", "forged plan", "leaves of plan", "honest", "main of_plans", "main of_boxes"),
+    "choices": (
+        "oracle",
+        "executions",
+        "wrong network",
+        "knowledge",
+        "leaves of ex",
+        "leaves of kn",
+        "main of_choices",
+    ),
     "__main__": ("main",),
 }
 """What is asked of a change of a module: beginnings of the names of probes."""
 TEXTS = {name: (FOLDER / f"{name}.py").read_text(encoding="utf-8") for name in MODULES}
+CODE = {name: compile(text, f"{name}.py", "exec", dont_inherit=True) for name, text in TEXTS.items()}
 SECONDS = 20
 """Of processor time, after which a changed checker counts as noticed: it does not end."""
 MORE_MEMORY = 3 << 30
 
-Operators = dict[type[ast.AST], tuple[type[ast.AST], ...]]
-COMPARISONS: Operators = {
+COMPARISONS: dict[Any, tuple[Any, ...]] = {
     ast.Lt: (ast.LtE, ast.GtE), ast.LtE: (ast.Lt, ast.Gt), ast.Gt: (ast.GtE, ast.LtE), ast.GtE: (ast.Gt, ast.Lt),
     ast.Eq: (ast.NotEq,), ast.NotEq: (ast.Eq,), ast.Is: (ast.IsNot,), ast.IsNot: (ast.Is,), ast.In: (ast.NotIn,),
     ast.NotIn: (ast.In,),
 }  # fmt: skip
-BINARY: Operators = {
-    ast.Add: (ast.Sub,), ast.Sub: (ast.Add,), ast.Mult: (ast.Add,), ast.Div: (ast.Mult,), ast.FloorDiv: (ast.Mult,),
-    ast.BitOr: (ast.BitAnd,), ast.BitAnd: (ast.BitOr,),
+BINARY: dict[Any, Any] = {
+    ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Add, ast.Div: ast.Mult, ast.FloorDiv: ast.Mult,
+    ast.BitOr: ast.BitAnd, ast.BitAnd: ast.BitOr,
 }  # fmt: skip
 TWINS = {"all": "any", "any": "all", "min": "max", "max": "min", "sorted": "list", "abs": "int"}
 
@@ -76,6 +80,10 @@ class Mutant(NamedTuple):
     def key(self) -> tuple[str, str]:
         return f"{self.module}.{self.function}", self.after
 
+    def checker(self) -> Checker:
+        """The changed checker; only while the generator of mutants stands at this one."""
+        return load(self.module, compile(ast.fix_missing_locations(self.tree), self.module, "exec", dont_inherit=True))
+
 
 # -- changes -----------------------------------------------------------------------------------------------------------
 
@@ -86,96 +94,77 @@ def with_field(node: Any, name: str, value: object) -> Any:
     return changed
 
 
+def shorter(values: list[Any]) -> Iterator[list[Any]]:
+    """The values without one of them."""
+    return (put(values, place) for place in range(len(values)))
+
+
 def instead(node: ast.expr) -> Iterator[ast.expr]:  # noqa: PLR0912 - one branch for each kind of expression
     """What an expression is changed to; parts that stay are shared."""
     match node:
         case ast.Compare(ops=operators, comparators=others):
             for place, operator in enumerate(operators):
                 for new in COMPARISONS[type(operator)]:
-                    yield with_field(node, "ops", [*operators[:place], new(), *operators[place + 1 :]])
+                    yield with_field(node, "ops", put(operators, place, new()))
             if len(operators) > 1:
                 yield ast.Compare(node.left, operators[:-1], others[:-1])
                 yield ast.Compare(others[0], operators[1:], others[1:])
         case ast.BoolOp(op=operator, values=values):
             yield with_field(node, "op", ast.Or() if isinstance(operator, ast.And) else ast.And())
-            for place in range(len(values)):
-                rest = values[:place] + values[place + 1 :]
+            for rest in shorter(values):
                 yield rest[0] if len(rest) == 1 else with_field(node, "values", rest)
         case ast.UnaryOp(op=ast.Not() | ast.USub(), operand=operand):
             yield operand
         case ast.BinOp(left=left, op=operator, right=right) if type(operator) in BINARY:
-            for new in BINARY[type(operator)]:
-                yield with_field(node, "op", new())
-            yield left
-            yield right
+            yield from (with_field(node, "op", BINARY[type(operator)]()), left, right)
         case ast.Constant(value=bool(value)):
             yield ast.Constant(not value)
         case ast.Constant(value=int(value)):
-            yield ast.Constant(value + 1)
-            yield ast.Constant(value - 1)
+            yield from (ast.Constant(value + 1), ast.Constant(value - 1))
         case ast.Constant(value=str(value)):
             yield ast.Constant(value + "~")
         case ast.IfExp(body=body, orelse=other):
-            yield body
-            yield other
+            yield from (body, other)
         case ast.Call(func=called, args=arguments, keywords=words):
-            pairs = 0 if isinstance(called, ast.Name) and called.id in ("need", "demand") else len(arguments) - 1
-            for place in range(pairs):
-                if ast.dump(arguments[place]) == ast.dump(arguments[place + 1]):
-                    continue
-                swapped = [*arguments[:place], arguments[place + 1], arguments[place], *arguments[place + 2 :]]
-                yield with_field(node, "args", swapped)
-            for word in words:
-                yield with_field(node, "keywords", [each for each in words if each is not word])
-            if isinstance(called, ast.Name) and called.id in TWINS:
-                yield with_field(node, "func", ast.Name(TWINS[called.id], ast.Load()))
-        case ast.List(elts=parts) | ast.Set(elts=parts) | ast.Tuple(elts=parts) if isinstance(node, ast.expr):
+            name = called.id if isinstance(called, ast.Name) else ""
+            for place, (first, second) in enumerate(pairwise(arguments)) if name not in ("need", "demand") else ():
+                if ast.dump(first) != ast.dump(second):
+                    yield with_field(node, "args", [*arguments[:place], second, first, *arguments[place + 2 :]])
+            yield from (with_field(node, "keywords", rest) for rest in shorter(words))
+            if name in TWINS:
+                yield with_field(node, "func", ast.Name(TWINS[name], ast.Load()))
+        case ast.List(elts=parts) | ast.Set(elts=parts) | ast.Tuple(elts=parts):
             if len(parts) > 1 or isinstance(node, ast.List):
-                for place in range(len(parts)):
-                    yield with_field(node, "elts", parts[:place] + parts[place + 1 :])
+                yield from (with_field(node, "elts", rest) for rest in shorter(parts))
         case ast.Dict(keys=keys, values=values):
-            for place in range(len(keys)):
-                yield ast.Dict(keys[:place] + keys[place + 1 :], values[:place] + values[place + 1 :])
+            yield from map(ast.Dict, shorter(keys), shorter(values))
         case ast.ListComp() | ast.SetComp() | ast.DictComp() | ast.GeneratorExp():
             for place, clause in enumerate(node.generators):
-                for condition in clause.ifs:
-                    less = with_field(clause, "ifs", [each for each in clause.ifs if each is not condition])
-                    yield with_field(
-                        node, "generators", [*node.generators[:place], less, *node.generators[place + 1 :]]
-                    )
+                for rest in shorter(clause.ifs):
+                    yield with_field(node, "generators", put(node.generators, place, with_field(clause, "ifs", rest)))
+
+
+SILENT = (ast.Pass, ast.Import, ast.ImportFrom, ast.FunctionDef, ast.ClassDef, ast.With)
 
 
 def instead_of_statement(node: ast.stmt) -> Iterator[list[ast.stmt]]:
     match node:
-        case ast.Expr(value=ast.Constant()) | ast.Pass() | ast.Import() | ast.ImportFrom():
-            return
-        case ast.FunctionDef() | ast.ClassDef():
+        case ast.Expr(value=ast.Constant()) | ast.AnnAssign(value=None):
             return
         case ast.If():
-            yield [with_field(node, "test", ast.Constant(True))]
-            yield [with_field(node, "test", ast.Constant(False))]
+            yield from ([with_field(node, "test", ast.Constant(value))] for value in (True, False))
         case ast.While():
             yield [with_field(node, "test", ast.Constant(False))]
         case ast.Try(body=body):
             yield body
-        case ast.With(body=body):
-            return
-        case ast.AnnAssign(value=None):
-            return
-        case _:
+        case _ if not isinstance(node, SILENT):
             yield [ast.Pass()]
 
 
-def is_message(parents: list[ast.AST], node: ast.AST) -> bool:
+def is_message(parent: ast.AST, inner: ast.AST) -> bool:  # noqa: PLR0911 - one return for each kind
     """Texts for people (messages, documentation, labels of obligations), and types."""
-    return any(_is_message(parent, inner) for parent, inner in pairwise([*parents, node]))
-
-
-def _is_message(parent: ast.AST, inner: ast.AST) -> bool:  # noqa: PLR0911 - one return for each kind
     match parent:
-        case ast.JoinedStr() | ast.Expr(value=ast.Constant()):
-            return True
-        case ast.Call(func=ast.Name(id="Rejected" | "Unsupported")):
+        case ast.JoinedStr() | ast.Expr(value=ast.Constant()) | ast.Call(func=ast.Name(id="Rejected" | "Unsupported")):
             return True
         case ast.Call(func=ast.Name(id="need" | "demand"), args=[condition, *_]):
             return inner is not condition
@@ -197,55 +186,42 @@ def _is_message(parent: ast.AST, inner: ast.AST) -> bool:  # noqa: PLR0911 - one
 def mutants(module: str) -> Iterator[Mutant]:
     """All changes of one module of the checker; the tree is changed in place, and changed back afterwards."""
     tree = ast.parse(TEXTS[module])
-    yield from _changes(tree, [], module, "", tree)
+    for function, before, after in _changes(tree, "", None):
+        yield Mutant(module, function, before, after, tree)
 
 
-def _changes(node: ast.AST, parents: list[ast.AST], module: str, function: str, tree: ast.Module) -> Iterator[Mutant]:
+def _changes(node: ast.AST, function: str, statement: ast.stmt | None) -> Iterator[tuple[str, str, str]]:
+    """Function, line before and line after of each change below a node, while the tree is changed."""
+    statement = node if isinstance(node, ast.stmt) else statement
     if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
         function = f"{function}.{node.name}".strip(".")
     for name, value in ast.iter_fields(node):
         for place, child in enumerate(value if isinstance(value, list) else [value]):
-            if not isinstance(child, ast.AST) or is_message([*parents, node], child):
+            if not isinstance(child, ast.AST) or isinstance(child, ast.expr_context) or is_message(node, child):
                 continue
-            if isinstance(child, ast.expr_context):
-                continue
-            variants: Iterator[Any] = iter(())
-            if isinstance(child, ast.expr) and not isinstance(getattr(child, "ctx", None), (ast.Store, ast.Del)):
-                variants = ([each] for each in instead(child))
-            elif isinstance(child, ast.stmt):
+            variants: Iterator[list[Any]] = iter(())
+            if isinstance(child, ast.stmt):
                 variants = instead_of_statement(child)
+            elif isinstance(child, ast.expr) and not isinstance(getattr(child, "ctx", None), (ast.Store, ast.Del)):
+                variants = ([new] for new in instead(child))
             for new in variants:
-                yield from _changed(node, name, value, place, new, (module, function, tree), [*parents, node, child])
-            yield from _changes(child, [*parents, node], module, function, tree)
-
-
-def _changed(
-    node: ast.AST,
-    name: str,
-    value: Any,
-    place: int,
-    new: list[Any],
-    where: tuple[str, str, ast.Module],
-    path: list[Any],
-) -> Iterator[Mutant]:
-    """The mutant, while the tree is changed."""
-    module, function, tree = where
-    statement = next((each for each in reversed(path[:-1]) if isinstance(each, ast.stmt)), path[-1])
-    if isinstance(path[-1], ast.stmt):
-        before, after = line_of(path[-1]), f"{line_of(new[0])}  # instead of: {line_of(path[-1])}"
-        setattr(node, name, [*value[:place], *new, *value[place + 1 :]])
-    else:
-        before = line_of(statement)
-        setattr(node, name, [*value[:place], *new, *value[place + 1 :]] if isinstance(value, list) else new[0])
-        after = line_of(statement)
-    try:
-        yield Mutant(module, function, before, after, ast.fix_missing_locations(tree))
-    finally:
-        setattr(node, name, value)
+                changed = child if isinstance(child, ast.stmt) else statement or child
+                before = line_of(changed)
+                setattr(node, name, put(value, place, *new) if isinstance(value, list) else new[0])
+                whole = changed is child
+                after = f"{line_of(new[0])}  # instead of: {before}" if whole else line_of(changed)
+                try:
+                    yield function, before, after
+                finally:
+                    setattr(node, name, value)
+            yield from _changes(child, function, statement)
 
 
 def line_of(statement: ast.AST) -> str:
     """A statement, or the head of a longer one, on one line."""
+    head = {"body": [ast.Pass()], "orelse": []}
+    for name in head.keys() & {*statement._fields} if isinstance(statement, ast.stmt) else ():
+        statement = with_field(statement, name, head[name])
     return ast.unparse(statement).splitlines()[0]
 
 
@@ -272,44 +248,34 @@ def limit(seconds: float) -> Iterator[None]:
 
 def load(changed: str | None = None, code: Any = None) -> Checker:
     """The checker, with other code for one of its modules."""
-    package = "changed_checker"
-    made = [types.ModuleType(package)]
-    made[0].__path__ = []
+    package = types.ModuleType("changed_checker")
+    package.__path__ = []
+    loaded = {package.__name__: package}
     try:
-        for name in ("", *MODULES):
-            module = types.ModuleType(f"{package}.{name}") if name else made.pop()
-            module.__package__ = package
-            sys.modules[module.__name__] = module
-            if name:
-                made.append(module)
-                module.__dict__["CODE"] = code if name == changed else CODE[name]
-                exec(module.__dict__["CODE"], module.__dict__)  # noqa: S102 - this is the checker
+        sys.modules.update(loaded)
+        for name in MODULES:
+            module = types.ModuleType(f"{package.__name__}.{name}")
+            module.__package__ = package.__name__
+            loaded[module.__name__] = sys.modules[module.__name__] = module
+            module.__dict__["CODE"] = code if name == changed else CODE[name]
+            exec(module.__dict__["CODE"], module.__dict__)  # noqa: S102 - this is the checker
     finally:
-        for key in [key for key in sys.modules if key.partition(".")[0] == package]:
-            del sys.modules[key]
-    return Checker(*made)
+        for name in loaded:
+            del sys.modules[name]
+    return Checker(*list(loaded.values())[1:])
 
 
-CODE = {name: compile(text, f"{name}.py", "exec", dont_inherit=True) for name, text in TEXTS.items()}
+def noticed_by(mutant: Mutant, probes: list[tuple[str, Holds]], seconds: float) -> str | None:
+    """What notices a change; None if nothing does. Probes that noticed the last changes are asked first.
 
-
-@dataclass
-class Probe:
-    """Something that a checker has to get right; an exception that nobody expects is as wrong as a wrong answer."""
-
-    name: str
-    holds: Callable[[Checker], bool]
-
-
-def noticed_by(mutant: Mutant, probes: list[Probe], seconds: float) -> str | None:
-    """What notices a change; None if nothing does. Probes that noticed the last changes are asked first."""
+    An exception that nobody expects is as wrong as a wrong answer.
+    """
     name = "at start"
     try:
         with limit(seconds):
-            checker = load(mutant.module, compile(mutant.tree, mutant.module, "exec", dont_inherit=True))
-            for place, probe in enumerate(probes):
-                name = probe.name
-                if not probe.holds(checker):
+            checker = mutant.checker()
+            for place, (name, holds) in enumerate(probes):
+                if not holds(checker):
                     probes.insert(place // 4, probes.pop(place))
                     return name
     except OutOfTime:
@@ -319,87 +285,55 @@ def noticed_by(mutant: Mutant, probes: list[Probe], seconds: float) -> str | Non
     return None
 
 
-def measure(arguments: tuple[str, int, int, str, float]) -> list[tuple[tuple[str, str], str, str | None, float]]:
-    """Every so-manieth mutant of a module."""
-    module, first, step, only, seconds = arguments
+def measure(module: str, first: int, step: int) -> list[tuple[Any, str, str | None]]:
+    """Keys and old lines of every so-manieth mutant of a module, and what noticed each."""
     size = resource.getrlimit(resource.RLIMIT_AS)
     used = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + MORE_MEMORY, size[1]))
     sys.setrecursionlimit(3_000)
-    from tests.certify.bank import probes  # noqa: PLC0415 - made once, before processes are forked
+    from tests.certify.test_bank import probes  # noqa: PLC0415 - made once, before processes are forked
 
-    bank, found = [Probe(*each) for each in probes(ASKED[module])], []
-    gc.disable()
-    for number, mutant in enumerate(mutants(module)):
-        if number % step == first and re.search(only, f"{mutant.function} {mutant.after}"):
-            start = time.monotonic()
-            noticed = noticed_by(mutant, bank, seconds)
-            found.append((mutant.key, mutant.before, noticed, time.monotonic() - start))
-            if noticed is None:
-                print(f"unnoticed: {mutant.function}: {mutant.after}", file=sys.stderr, flush=True)
-            if number % 20 == first:
-                gc.collect()
-    return found
+    bank = probes(ASKED[module])
+    chosen = islice(mutants(module), first, None, step)
+    return [(mutant.key, mutant.before, noticed_by(mutant, bank, SECONDS)) for mutant in chosen]
 
 
 def accepted() -> dict[tuple[str, str], str]:
     """The changes that need no test, with reasons: function, new line and reason on lines of their own kind."""
-    found, function, line = {}, "", ""
-    for text in ACCEPTED.read_text(encoding="utf-8").splitlines() if ACCEPTED.exists() else ():
-        if text.startswith("## "):
-            function = text[3:].strip()
-        elif text.startswith("- "):
-            line = text[2:]
-        elif text.startswith("  ") and line:
-            found[function, line] = text.strip()
-    return found
+    reasons, function = {}, ""
+    for match in re.finditer(r"^## (.*)$|^- (.*)\n  (.*)$", ACCEPTED.read_text(encoding="utf-8"), re.MULTILINE):
+        function = match[1] or function
+        if match[2]:
+            reasons[function, match[2]] = match[3].strip()
+    return reasons
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description="Measure the strength of the checker's tests by mutants of its text.")
     parser.add_argument("modules", nargs="*", choices=[[], *MODULES], metavar="MODULE", help=", ".join(MODULES))
-    parser.add_argument("--only", default="", metavar="PATTERN", help="only changes whose function and line match this")
     parser.add_argument("--every", type=int, default=1, metavar="N", help="only each N-th of them (1)")
-    parser.add_argument(
-        "--first", type=int, default=0, metavar="M", help="the first of these, from 0 (0): pieces of a run"
-    )
-    parser.add_argument("--seconds", type=float, default=SECONDS, metavar="S", help=f"for each ({SECONDS})")
-    parser.add_argument("--processes", type=int, default=2, metavar="N", help="how many at a time (2)")
-    parser.add_argument("--verbose", action="store_true", help="say of each change what noticed it")
+    parser.add_argument("--first", type=int, default=0, metavar="M", help="the first of these, from 0 (0)")
     arguments = parser.parse_args()
-    from tests.certify.bank import probes  # noqa: PLC0415 - takes some seconds
+    from tests.certify.test_bank import probes  # noqa: PLC0415 - takes some seconds
 
-    fine, left, why = accepted(), 0, Counter[str]()
-    used = set()
+    unlisted = 0
     for module in arguments.modules or MODULES:
-        start = time.monotonic()
-        wrong = [name for name, holds in probes(ASKED[module]) if not holds(load())]
-        if wrong:
+        if wrong := [name for name, holds in probes(ASKED[module]) if not holds(load())]:
             sys.exit(f"the checker itself does not pass: {wrong}")
         step = 8 * arguments.every
-        firsts = range(arguments.first, step, arguments.every)
-        shares = [(module, first, step, arguments.only, arguments.seconds) for first in firsts]
-        with multiprocessing.get_context("fork").Pool(arguments.processes) as pool:
-            found = [each for share in pool.imap_unordered(measure, shares, chunksize=1) for each in share]
-        missed = sorted({(key, before) for key, before, noticed, _ in found if noticed is None})
-        used |= {key for key, _ in missed}
-        open_ones = [(key, before) for key, before in missed if key not in fine]
-        left += len(open_ones)
-        why.update((noticed or "nothing").split(":")[0].split(" ")[0] for _, _, noticed, _ in found)
-        if arguments.verbose:
-            print("\n".join(f"{key} <- {noticed} {took:.2f}" for key, _, noticed, took in found))
+        shares = [(module, first, step) for first in range(arguments.first, step, arguments.every)]
+        with multiprocessing.get_context("fork").Pool(2) as pool:
+            records = [record for share in pool.starmap(measure, shares, chunksize=1) for record in share]
+        missed = {(key, before) for key, before, noticed in records if noticed is None}
+        left = sorted((key, before) for key, before in missed if key not in accepted())
         print(
-            f"{module:10} {len(found):5} changes, {sum(noticed is not None for _, _, noticed, _ in found):5} noticed, "
-            f"{len(missed) - len(open_ones):3} accepted, {len(open_ones):3} left, {time.monotonic() - start:5.0f} s",
+            f"{module:10} {len(records):5} changes, {len(missed) - len(left):3} accepted, {len(left):3} left",
             flush=True,
         )
-        for (function, after), before in open_ones:
+        for (function, after), before in left:
             print(f"    {function}\n        - {before}\n        + {after}", flush=True)
-    print(", ".join(f"{count} by {name}" for name, count in why.most_common()))
-    if not arguments.modules and not arguments.only and arguments.every == 1:
-        for key in fine.keys() - used:
-            print(f"no longer left: {key[0]}: {key[1]}")
-    return 1 if left else 0
+        unlisted += len(left)
+    return 1 if unlisted else 0
 
 
 if __name__ == "__main__":

@@ -1,103 +1,116 @@
 """Plans with choices for the bank: random ones, with a referee of executions, and networks that mean nothing.
 
 The random ones are small and dense, so that conditions of all times, literals of both signs, effects at both ends,
-shared events and choices meet each other.
+shared events and choices meet each other. `data/networks.json` has a small network of which one value of the choice
+leaves a correct execution, and changes that make it mean nothing, or what the checker does not know.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from copy import deepcopy
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from random import Random
 from typing import Any
 
 from robust.certify.checker.formulas import TRUE
 from robust.certify.hints import KnownFacts, Line, model
+from robust.certify.produce import execution, knowledge
 from robust.certify.tape import header
-from robust.errors import InputError, UnsupportedError
+from robust.errors import InputError, RobustError, UnsupportedError
 from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.semantics import Execution, ExecutionExistence, Oracle, faults
 from robust.smt.limits import Deadline
 from tests.certify import tools
-from tests.certify.tools import Checker
+from tests.certify.texts import Grammar
+from tests.certify.tools import Checker, Holds
 
 Document = dict[str, Any]
+TABLES = json.loads(Path(__file__).with_name("data").joinpath("networks.json").read_text(encoding="utf-8"))
+DOCUMENT: Document = TABLES["document"]
+"""With x = b=c it has no correct execution."""
+EXECUTION: list[Line] = [header("execution"), ["execution", [0], ["1", "3", "2", "0", "5"]]]
+"""With x = a, of the small network."""
+OUT_OF_NOTHING: list[Line] = [["robust/certificate/2", "knowledge", []], ["refute", [[], [0, [1, 0]]]]]
+"""Refutes what is false by itself."""
+
+
+def files(
+    directory: Path, document: object = DOCUMENT, domain: str = TABLES["domain"], problem: str = TABLES["problem"]
+) -> Path:
+    """The network with its domain and problem, written."""
+    directory.mkdir(parents=True, exist_ok=True)
+    text = document if isinstance(document, str) else json.dumps(document)
+    for name, content in (("domain.pddl", domain), ("problem.pddl", problem), ("plan.tpnu.json", text)):
+        (directory / name).write_text(content, encoding="utf-8")
+    return directory / "plan.tpnu.json"
+
 
 # -- what the checker makes of a network -------------------------------------------------------------------------------
 
 
-def stated(by: Checker, path: Path, found: list[Any] | None) -> Any:
+def certificates(path: Path, witness: Execution | None, assumed: Mapping[str, str]) -> list[tuple[str, list[Line]]]:
+    """Both kinds: of a correct execution, and that there is none with the assumed values."""
+    assert witness is not None
+    return [
+        ("execution", execution(path, tools.EPSILON, witness.scenario, witness.schedule)),
+        ("knowledge", knowledge(path, tools.EPSILON, Deadline.after(60), assumed)),
+    ]
+
+
+def stated(by: Checker, path: Path, execution: list[Any] | None) -> Any:
     document = by.choices.network_of(path.read_text(encoding="utf-8"))
-    texts = [(path.parent / document[each]).read_text(encoding="utf-8") for each in ("domain", "problem")]
-    return by.choices.Choices((document, *texts), tools.EPSILON, found)
+    texts = [(path.parent / document[key]).read_text(encoding="utf-8") for key in ("domain", "problem")]
+    return by.choices.Choices((document, *texts), tools.EPSILON, execution)
 
 
-def decides(by: Checker, path: Path, exists: bool) -> bool:
+def agreements(path: Path, seed: int) -> Iterator[tuple[str, Holds]]:
+    """The formula of all executions against the oracle, single executions against the referee."""
+    plan = load_team_plan(path)
+    decision = Oracle(plan).decide()
+    exists = decision.verdict is ExecutionExistence.EXISTS
+    yield f"oracle {path.parent.name}", partial(_decides, path=path, exists=exists)
+    if decision.witness is not None:
+        known = executions(plan, decision.witness, Random(seed))
+        yield f"executions {path.parent.name}", partial(_referees, path=path, known=known)
+
+
+def _decides(by: Checker, path: Path, exists: bool) -> bool:
     """Whether the formula of all executions can be met, as the oracle says."""
-    made = stated(by, path, None)
-    found = model(made.formulas, KnownFacts([]), made.circuit.all(made.parts), Deadline.after(60))
-    return (found is not None) == exists
+    choices = stated(by, path, None)
+    literal = choices.circuit.all(choices.parts)
+    return (model(choices.formulas, KnownFacts([]), literal, Deadline.after(60)) is not None) == exists
 
 
 def executions(plan: Any, witness: Execution, random: Random) -> list[tuple[Execution, bool]]:
     """The witness and others like it, with whether they are correct."""
-    found = [(witness, True)]
-    step = Fraction(1, 1000)
+    known, step = [(witness, True)], Fraction(1, 1000)
     for _ in range(14):
         times = dict(witness.schedule)
         for event in random.sample(sorted(times), random.choice([1, 1, 2, 3])):
             other = random.choice(sorted(times))
             away = random.choice([-step, step, step / 2, 2 * step, Fraction(0)])
             times[event] = random.choice([times[event] + away, times[other] + away])
-        one = Execution(witness.scenario, times)
-        found.append((one, not faults(plan, one)))
-    return found
+        moved = Execution(witness.scenario, times)
+        known.append((moved, not faults(plan, moved)))
+    return known
 
 
-def referees(by: Checker, path: Path, known: list[tuple[Execution, bool]]) -> bool:
+def _referees(by: Checker, path: Path, known: list[tuple[Execution, bool]]) -> bool:
     """Whether single executions are correct, as the referee says."""
     free = stated(by, path, None)
     for one, correct in known:
         values = [values.index(one.scenario[name]) for name, values in free.domains.items()]
         times = [str(one.schedule[event]) if event in one.schedule else None for event in free.guards]
-        made = stated(by, path, [values, times])
-        if all(part == TRUE for part in made.parts) != correct:
+        if all(part == TRUE for part in stated(by, path, [values, times]).parts) != correct:
             return False
     return True
 
 
 # -- random networks ---------------------------------------------------------------------------------------------------
-
-ATOMS = ("(p)", "(q)", "(r)")
-TIMES = ("at start", "at end", "over all")
-
-
-def literal(random: Random) -> str:
-    atom = random.choice(ATOMS)
-    return random.choice([atom, f"(not {atom})"])
-
-
-def action(random: Random, name: str) -> str:
-    """An action with conditions of all times, some of what never changes, and effects at both ends."""
-    conditions = [f"({when} {literal(random)})" for when in TIMES for _ in range(random.choice([0, 0, 1, 2]))]
-    settled = ["(s)", "(not (n))", "(or (n) (s))", "(>= (f) 4)", "(and (s) (not (n)))"]
-    conditions += [f"({random.choice(TIMES)} {each})" for each in random.sample(settled, random.choice([0, 1, 2]))]
-    if random.random() < 0.1:
-        conditions.append(f"(at end {random.choice(['(n)', '(>= (f) 6)', '(or (n) (not (s)))', '(not (s))'])})")
-    random.shuffle(conditions)
-    effects = []
-    for when in TIMES[:2]:
-        for _ in range(random.choice([0, 1, 1, 2])):
-            effect = f"({when} {literal(random)})"
-            only = random.choice(["(s)", "(n)", "(>= (f) 5)", "(and)"])
-            effects.append(effect if random.random() < 0.7 else f"(when ({when} {only}) {effect})")
-    duration = random.choice(["(>= ?duration 2)", "(and (>= ?duration 1) (<= ?duration (f)))", "(= ?duration (f))"])
-    return (
-        f"(:durative-action {name} :parameters () :duration {duration} "
-        f":condition (and {' '.join(conditions)}) :effect (and {' '.join(effects)}))"
-    )
 
 
 def random_network(seed: int, directory: Path) -> Path:
@@ -110,10 +123,8 @@ def random_network(seed: int, directory: Path) -> Path:
     for name in names:
         a, b = sorted(random.sample(sorted(guards), 2))
         more = random.choice([{}, {}, {"x": "1"}])
-        document = {"action": f"({name})", "from": a, "to": b, "lower": 1, "upper": random.choice([None, 6])}
-        activities.append(
-            {**document, "guard": {**guards[a], **guards[b], **more}, "agent": random.choice([None, "i"])}
-        )
+        span = {"action": f"({name})", "from": a, "to": b, "lower": 1, "upper": random.choice([None, 6])}
+        activities.append({**span, "guard": {**guards[a], **guards[b], **more}, "agent": random.choice([None, "i"])})
     ends = [("e1", "e2"), ("e1", "e3"), ("e1", "e4"), *random.sample([("e2", "e3"), ("e3", "e4"), ("e2", "e4")], 1)]
     constraints = [
         {"from": a, "to": b, "lower": random.choice([0, 0, "1/2", 1]), "upper": random.choice([None, None, 3, "7.5"]),
@@ -126,162 +137,72 @@ def random_network(seed: int, directory: Path) -> Path:
         "events": [{"name": name, "guard": guard} for name, guard in guards.items()],
         "constraints": constraints, "activities": activities,
     }  # fmt: skip
-    initial = " ".join([*random.sample(ATOMS, random.choice([0, 1, 2, 3])), "(s)", "(= (f) 5)"])
-    goal = " ".join([*(literal(random) for _ in range(random.choice([0, 1, 1]))), "(or (s) (n))"])
-    actions = " ".join(action(random, name) for name in names)
+    draw = Grammar(random).draw
+    actions = " ".join(draw("network_action").replace("NAME", name) for name in names)
     domain = f"(define (domain d) (:predicates (p) (q) (r) (s) (n)) (:functions (f)) {actions})"
-    problem = f"(define (problem m) (:domain d) (:init {initial}) (:goal (and {goal})))"
+    problem = f"(define (problem m) (:domain d) (:init {draw('network_initial')}) (:goal (and {draw('network_goal')})))"
     return files(directory, document, domain, problem)
 
 
-def files(directory: Path, document: Document | str, domain: str, problem: str) -> Path:
-    directory.mkdir(parents=True, exist_ok=True)
-    text = document if isinstance(document, str) else json.dumps(document)
-    for name, content in (("domain.pddl", domain), ("problem.pddl", problem), ("plan.tpnu.json", text)):
-        (directory / name).write_text(content, encoding="utf-8")
-    return directory / "plan.tpnu.json"
+def random_networks(folder: Path, first: int = 0, count: int = 150) -> Iterator[tuple[str, Holds]]:
+    """The checker, the oracle and the referee of executions agree."""
+    for seed in range(first, first + count):
+        path = random_network(seed, folder / f"network-{seed}")
+        try:
+            yield from agreements(path, seed)
+        except RobustError:
+            continue
 
 
 # -- networks that mean nothing ----------------------------------------------------------------------------------------
 
-DOMAIN = """(define (domain d) (:predicates (p) (q) (r) (s) (n)) (:functions (f) (g))
-(:durative-action go :parameters (?o) :duration (and (>= ?duration 1) (<= ?duration 3))
- :condition (and (at start (p)) (over all (q)) (at end (not (r))))
- :effect (and (at start (q)) (at end (r)))))"""
-PROBLEM = "(define (problem m) (:domain d) (:objects o) (:init (p) (s) (= (f) 5) (= (g) 0)) (:goal (and (q) (r))))"
-EXECUTION: list[Line] = [header("execution"), ["execution", [0], ["1", "3", "2", "0", "5"]]]
-"""With x = a, of `document()`."""
-OUT_OF_NOTHING: list[Line] = [["robust/certificate/2", "knowledge", []], ["refute", [[], [0, [1, 0]]]]]
-"""Refutes what is false by itself."""
 
-
-def document() -> Document:
-    """With x = b=c it has no correct execution."""
-    return {
-        "format": "tpnu/1", "name": "small", "domain": "domain.pddl", "problem": "problem.pddl", "parameters": [],
-        "choices": [{"name": "x", "domain": ["a", "b=c"], "controllable": True, "at": "e1"}],
-        "events": [{"name": "e1"}, {"name": "e2"}, {"name": "e3", "guard": {"x": "a"}}],
-        "constraints": [
-            {"from": "e1", "to": "e3", "lower": "0.5", "upper": None, "guard": {"x": "a"}},
-            {"from": "e1", "to": "e2", "lower": None, "upper": 0, "guard": {"x": "b=c"}},
-        ],
-        "activities": [{"action": "(go o)", "from": "e1", "to": "e2", "lower": 1, "upper": 4, "agent": "robot"}],
-    }  # fmt: skip
+def patched(changes: Mapping[str, Any]) -> Document:
+    """The small network with other values at paths like `choices/0/at`; `~` is none at all."""
+    document = deepcopy(DOCUMENT)
+    for path, value in changes.items():
+        *way, last = [int(word) if word.isdigit() else word for word in path.split("/")]
+        inner: Any = document
+        for step in way:
+            inner = inner[step]
+        if value == "~":
+            del inner[last]
+        elif last == (len(inner) if isinstance(inner, list) else None):
+            inner.append(value)
+        else:
+            inner[last] = value
+    return document
 
 
 def wrong_documents() -> Iterator[tuple[str, Document | str]]:
     """Networks with something left out, added, repeated, of another type, or about what is not there."""
-    honest = document()
-    yield "list", "[]"
-    yield "null", "null"
-    yield "key twice", json.dumps(honest).replace('"name": "small"', '"name": "small", "name": "other"')
-    yield "guard twice", json.dumps(honest).replace('{"x": "b=c"}', '{"x": "a", "x": "b=c"}')
-    for key in ("format", "domain", "problem"):
-        yield f"without {key}", {each: value for each, value in honest.items() if each != key}
-        yield f"{key} of another type", {**honest, key: True}
-    yield "without files", {**honest, "domain": None, "problem": None}
-    yield "files of a type", {**honest, "domain": True, "problem": True}
-    yield "other format", {**honest, "format": "tpnu/2"}
-    yield "more", {**honest, "more": []}
-    for kind in ("choices", "events", "constraints", "activities"):
-        for new in (None, "text", {}, True):
-            yield f"{kind} {new}", {**honest, kind: new}
-            yield f"one of {kind} {new}", {**honest, kind: [new, *honest[kind]]}
-        yield f"{kind} twice", {**honest, kind: [*honest[kind], honest[kind][0]]}
-        for index, each in enumerate(honest[kind]):
-            for changed in members_changed(each):
-                yield f"{kind} {changed}", {**honest, kind: put(honest[kind], index, changed)}
-    for end in ("e_initial", "e_goal"):
-        guarded = [*honest["events"], {"name": end, "guard": {"x": "a"}}]
-        yield f"guard of {end}", {**honest, "events": guarded}
-    for values in ([], ["a", "a", "b=c"], ["a", ["b"]]):
-        yield f"domain {values}", {**honest, "choices": [{**honest["choices"][0], "domain": values}]}
-        yield (
-            f"another {values}",
-            {**honest, "choices": [*honest["choices"], {**honest["choices"][0], "name": "y", "domain": values}]},
-        )
-    span = {"from": "e1", "to": "e3", "lower": 0, "upper": None}
-    for a, b in (("e1", "e3"), ("e3", "e1"), ("e3", "e3")):
-        for guard in ({}, {"x": "b=c"}):
-            constraint = {**span, "from": a, "to": b, "guard": guard}
-            yield f"unguarded {a} {b} {guard}", {**honest, "constraints": [*honest["constraints"], constraint]}
-            work = {**honest["activities"][0], "from": a, "to": b, "guard": guard}
-            yield f"unguarded activity {a} {b} {guard}", {**honest, "activities": [*honest["activities"], work]}
-
-
-def put(values: list[Any], index: int, new: Any) -> list[Any]:
-    return [*values[:index], new, *values[index + 1 :]]
-
-
-def members_changed(one: Document) -> Iterator[Document]:
-    """Without one of its members, or with another value; not what the checker reads and this package does not."""
-    yield {**one, "more": "text"}
-    for key in one:
-        yield {each: value for each, value in one.items() if each != key}
-        for new in (None, True, [], {}, "nowhere", float("nan"), float("inf"), {"x": "d"}, {"y": "a"}, {"x": ["a"]}, 7):
-            generous = {"lower": [7, *([] if "action" in one else [None])]}
-            if new not in generous.get(key, ()):
-                yield {**one, key: new}
-
-
-def wrong_models() -> Iterator[tuple[str, str, str]]:
-    """Domains and problems with what certificates of plans with choices are not about, or hardly."""
-    condition, effect = "(at start (p))", "(at start (q))"
-    for new in (
-        "(at start (or (p) (r)))", "(over all (not (and (p) (r))))", "(at start (not (not (p))))",
-        "(at start (imply (r) (p)))", "(at start (= (g) 0))",
-    ):  # fmt: skip
-        domain = DOMAIN.replace(condition, f"{condition} {new}")
-        yield new, domain.replace(effect, f"{effect} (at end (increase (g) 1))") if "(g)" in new else domain, PROBLEM
-    for new in (
-        "(at end (increase (f) 1))", "(at end (assign (f) 1))", "(increase (f) (* #t 1))",
-        "(when (at start (r)) (at start (q)))", "(when (at start (not (r))) (at start (q)))",
-        "(when (at start (>= ?duration 1)) (at start (q)))", "(when (at end (>= ?duration 2)) (at end (not (q))))",
-    ):  # fmt: skip
-        yield new, DOMAIN.replace(effect, f"{effect} {new}"), PROBLEM
-        yield f"only {new}", DOMAIN.replace(effect, new), PROBLEM
-    for both in ("(at end (r)) (at end (not (r)))", "(at end (not (r))) (at end (r))"):
-        yield "an add wins", DOMAIN.replace("(at end (r))", both), PROBLEM
-    yield "parameter", DOMAIN.replace("(?o)", "(?o) :synth-parameters (?v)"), PROBLEM
-    yield "parameter of all", DOMAIN.replace("(:functions", "(:synth-parameters ?v) (:functions"), PROBLEM
-    yield "goal", DOMAIN, PROBLEM.replace("(and (q) (r))", "(or (q) (r))")
-    yield "timed", DOMAIN, PROBLEM.replace("(s)", "(s) (at 3 (n))")
+    yield from (("list", "[]"), ("null", "null"))
+    text = json.dumps(DOCUMENT)
+    yield "key twice", text.replace('"name": "small"', '"name": "small", "name": "other"')
+    yield "guard twice", text.replace('{"x": "b=c"}', '{"x": "a", "x": "b=c"}')
+    changes = [*TABLES["refused"], *TABLES["unknown"], *TABLES["others"]]
+    yield from ((str(change), patched(change)) for change in changes)
 
 
 def small(directory: Path) -> Iterator[tuple[str, Path, list[list[Line]], str]]:
     """Name, network, certificates, and epsilon; few of them are established."""
-    honest, execution = document(), EXECUTION[1]
-    path = files(directory / "honest", honest, DOMAIN, PROBLEM)
-    yield "honest", path, [EXECUTION, OUT_OF_NOTHING], "1/1000"
-    yield "epsilon 0", path, [EXECUTION, OUT_OF_NOTHING], "0"
+    execution, both = EXECUTION[1], [EXECUTION, OUT_OF_NOTHING]
+    path = files(directory / "honest")
+    yield "honest", path, both, "1/1000"
+    yield "epsilon 0", path, both, "0"
     wrong: list[list[Line]] = [
-        [["robust/certificate/2", "execution", stated], execution] for stated in ([], [["x", "a"]], {}, "", False)
+        [["robust/certificate/2", "execution", claimed], execution] for claimed in ([], [["x", "a"]], {}, "", False)
     ]
     wrong += [[*EXECUTION, more] for more in (execution, [], None)]
-    wrong += [[header("execution"), ["execution", *each]] for each in wrong_executions()]
+    wrong += [[header("execution"), ["execution", *parts]] for parts in TABLES["executions"]]
     yield "executions", path, wrong, "1/1000"
     for number, (name, changed) in enumerate(wrong_documents()):
-        there = files(directory / f"document {number}", changed, DOMAIN, PROBLEM)
-        yield name, there, [EXECUTION, OUT_OF_NOTHING], "1/1000"
-    for number, (name, domain, problem) in enumerate(wrong_models()):
-        there = files(directory / f"model {number}", honest, domain, problem)
-        yield name, there, [EXECUTION, OUT_OF_NOTHING], "1/1000"
-
-
-def wrong_executions() -> Iterator[list[Any]]:
-    _, values, times = EXECUTION[1]
-    for index in range(len(times)):
-        for new in (None, "7", "-1", 1, "1/0", "2/4"):
-            yield [values, put(times, index, new)]
-    for others in ([], [1], [-1], [-2], [2], [True], [False], ["a"], [0, 0]):
-        yield [others, times]
-    yield [[1], ["1", "3", None, "0", "5"]]
-    yield [[1], ["1", "1", None, "0", "5"]]
-    yield [values, times[:-1]]
-    yield [values, [*times, "6"]]
-    yield [values]
-    yield [values, times, []]
-    yield ["", times]
+        yield name, files(directory / f"document {number}", changed), both, "1/1000"
+    for number, changes in enumerate(TABLES["models"]):
+        texts = [TABLES["domain"], TABLES["problem"]]
+        for old, new in changes.items():
+            texts = [text.replace(old, new) for text in texts]
+        yield str(changes), files(directory / f"model {number}", DOCUMENT, *texts), both, "1/1000"
 
 
 def is_true(path: Path, lines: list[Line]) -> bool:
@@ -297,6 +218,6 @@ def is_true(path: Path, lines: list[Line]) -> bool:
     _, numbers, times = lines[1]
     document = json.loads(path.read_text(encoding="utf-8"))
     scenario = {each["name"]: each["domain"][number] for each, number in zip(document["choices"], numbers, strict=True)}
-    events = [*(each["name"] for each in document["events"]), "e_initial", "e_goal"]
+    events = [*(event["name"] for event in document["events"]), "e_initial", "e_goal"]
     schedule = {event: Fraction(time) for event, time in zip(events, times, strict=True) if time is not None}
     return not faults(plan, Execution(scenario, schedule))

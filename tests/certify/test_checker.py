@@ -1,4 +1,4 @@
-"""The checker: what it says, what it demands, and forgeries of every class that once was accepted."""
+"""The checker: what it says and needs, forgeries of classes that once were accepted, and what is small and dear."""
 
 from __future__ import annotations
 
@@ -11,8 +11,14 @@ import shutil
 import subprocess
 import sys
 import tokenize
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from random import Random
+from typing import Any
 
 import pytest
+from sympy import primerange
 
 from robust.api import envelope
 from robust.certify.tape import write
@@ -20,6 +26,7 @@ from robust.certify.verify import FOLDER, CheckerOutcome, verify
 from robust.plan.load import load_plan
 from robust.qe.box import Interval
 from tests.certify import tools
+from tests.certify.adversary import LONGER
 from tests.certify.texts import random_texts
 
 ALLOWED = {"argparse", "collections", "dataclasses", "fractions", "functools", "gzip", "hashlib", "itertools", "json"}
@@ -46,117 +53,22 @@ def lines_of_code(text: str) -> set[int]:
     """The lines that are neither blank, nor comments, nor documentation."""
     words = tokenize.generate_tokens(io.StringIO(text).readline)
     silent = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
-    found = {line for word in words if word.type not in silent for line in range(word.start[0], word.end[0] + 1)}
+    lines = {line for word in words if word.type not in silent for line in range(word.start[0], word.end[0] + 1)}
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
-            found -= {*range(node.lineno, (node.end_lineno or node.lineno) + 1)}
-    return found
+            lines -= {*range(node.lineno, (node.end_lineno or node.lineno) + 1)}
+    return lines
 
 
 @pytest.fixture(scope="module")
-def box(tmp_path_factory):
-    """A maximal box and its certificate."""
-    path = tmp_path_factory.mktemp("box") / "box.cert"
-    lines = tools.made(tools.NAVIGATION, "maximal")
-    write(lines, path)
-    return path, lines
+def box():
+    """The certificate of a maximal box."""
+    return tools.made(tools.NAVIGATION, "maximal")
 
 
-def test_it_runs_from_a_copy_of_its_folder(box, tmp_path):
-    """With any hash seed; nothing of this package is on its path."""
-    copied = tmp_path / "checker"
-    shutil.copytree(FOLDER, copied, ignore=shutil.ignore_patterns("__pycache__"))
-    answers = set()
-    for seed in ("0", "1", "7"):
-        words = [sys.executable, "-m", "checker", str(box[0]), *map(str, tools.NAVIGATION)]
-        variables = {**os.environ, "PYTHONPATH": "", "PYTHONHASHSEED": seed}
-        ended = subprocess.run(words, cwd=tmp_path, env=variables, capture_output=True, text=True, check=False)
-        assert (ended.returncode, ended.stderr) == (0, "")
-        answers.add(ended.stdout)
-    (said,) = answers
-    assert said.startswith(
-        "established: valid for every schedule, for all (to_ridge, to_crater) in [25, 36] x [35, 46]; no other valid "
-        "box within the declared bounds contains this one, epsilon = 1/1000\nof domain: sha256 "
-    )
-
-
-CHANGES = [
-    ("(at 21 (lit ridge))", "(at 31 (lit ridge))"),
-    ("parameter to_ridge", "parameter to_valley"),
-    ("(:goal", "(:goal (and) (:goal"),
-]
-
-
-def test_files_of_another_content_are_not_what_was_certified(box, tmp_path):
-    """The checker reads the files themselves: any change that matters is another plan."""
-    for place, (old, new) in enumerate(CHANGES):
-        files = [tmp_path / f"{place}-{path.name}" for path in tools.NAVIGATION]
-        texts = [path.read_text(encoding="utf-8") for path in tools.NAVIGATION]
-        changed = [text.replace(old, new) for text in texts]
-        assert changed != texts
-        for path, text in zip(files, changed, strict=True):
-            path.write_text(text, encoding="utf-8")
-        assert tools.ask(box[0], files)[0] in (1, 4), old
-    swapped = [tools.NAVIGATION[1], tools.NAVIGATION[0], tools.NAVIGATION[2]]
-    assert tools.ask(box[0], swapped)[0] == 4
-    assert tools.ask(box[0], [*tools.NAVIGATION[:2], tmp_path / "missing"])[0] == 2
-
-
-def test_claims_that_are_demanded(box, tmp_path):
-    path, lines = box
-    for kind in ("plan", "box", "maximal"):
-        assert tools.ask(path, tools.NAVIGATION, kind=kind)[0] == 0
-    assert "expected region" in tools.ask(path, tools.NAVIGATION, kind="region")[1]["reason"]
-    weaker = tmp_path / "plan.cert"
-    assert tools.command(tools.made(tools.NAVIGATION, "plan"), weaker, tools.NAVIGATION)[0] == 0
-    for kind in ("box", "maximal", "region", "knowledge"):
-        assert f"expected {kind}" in tools.ask(weaker, tools.NAVIGATION, kind=kind)[1]["reason"]
-    ends = {"to_ridge": {"lower": "25", "upper": "36"}, "to_crater": {"lower": "35", "upper": "46"}}
-    wanted = tmp_path / "wanted.json"
-
-    def demand(kind=None, **changes):
-        document = {name: {**each, **changes.get(name, {})} for name, each in ends.items()}
-        wanted.write_text(json.dumps({"parameters": document}), encoding="utf-8")
-        return tools.ask(path, tools.NAVIGATION, box=str(wanted), kind=kind)[0]
-
-    assert demand() == demand(kind="maximal") == 0
-    smaller = {"to_ridge": {"lower": "26"}}
-    assert (demand(**smaller), demand("box", **smaller), demand("maximal", **smaller)) == (0, 0, 1)
-    for changed in ({"lower": "24"}, {"upper": "36.1"}, {"upper": "inf"}):
-        assert demand(to_ridge=changed) == 1
-    assert lines[0][1] == "maximal"
-
-
-def test_a_claim_is_about_the_epsilon_that_is_asked_for(box):
-    """It is an input of the check: the certificate names none."""
-    assert tools.ask(box[0], tools.NAVIGATION, epsilon="1/1000")[1]["epsilon"] == "1/1000"
-    assert tools.ask(box[0], tools.NAVIGATION, epsilon="100")[0] == 1
-    for wrong in ("-1", "x", "1/0", ""):
-        assert tools.ask(box[0], tools.NAVIGATION, epsilon=wrong)[0] in (1, 4)
-    assert not any("1/1000" in json.dumps(line) for line in box[1])
-
-
-def test_old_certificates_are_refused(tmp_path):
-    path = tmp_path / "old.cert"
-    path.write_bytes(gzip.compress(b'{"format":"robust/certificate/1","kind":"plan"}\n["end"]\n'))
-    code, answer = tools.ask(path, tools.NAVIGATION)
-    assert code == 1
-    assert answer["reason"].startswith("found a certificate of format robust/certificate/1, expected robust/cert")
-
-
-def test_it_is_a_process_with_limits(box, tmp_path):
-    found = verify(box[0], tools.NAVIGATION, epsilon=tools.EPSILON, kind="box")
-    assert found.outcome is CheckerOutcome.ESTABLISHED
-    assert found.answer["files"].keys() == {"domain", "problem", "plan"}
-    heavy = tmp_path / "heavy.cert"
-    heavy.write_bytes(gzip.compress(b'["robust/certificate/2","plan",null]\n[' + b"[" * (80 << 20) + b"\n"))
-    assert verify(heavy, tools.NAVIGATION, epsilon=tools.EPSILON).outcome is CheckerOutcome.REJECTED
-    nothing = tmp_path / "nothing.cert"
-    nothing.write_bytes(b"no gzip")
-    assert verify(nothing, tools.NAVIGATION, epsilon=tools.EPSILON).outcome is CheckerOutcome.UNREADABLE
-
-
-# -- forgeries ---------------------------------------------------------------------------------------------------------
+@pytest.fixture(scope="module")
+def region():
+    return tools.made(tools.NAVIGATION, "region")
 
 
 @pytest.fixture(scope="module")
@@ -164,53 +76,102 @@ def ground():
     return tools.grounded(tools.NAVIGATION)
 
 
-def place_of(lines, kind, start=0):
-    return next(index for index, line in enumerate(lines) if index >= start and line[0] == kind)
+def run_alone(words, folder, seed):
+    variables = {**os.environ, "PYTHONPATH": "", "PYTHONHASHSEED": seed}
+    return subprocess.run(
+        [sys.executable, *words], cwd=folder, env=variables, capture_output=True, text=True, check=False
+    )
 
 
-def test_a_schedule_given_twice(box, ground):
-    """Once it made everything outside contradictory: there is no line to put it."""
-    region = tools.made(tools.NAVIGATION, "region")
-    assert not isinstance(tools.judged(region, ground), str)
-    for lines in (box[1], region):
-        at = place_of(lines, "schedule")
-        for again in ([lines[at]], lines[at : at + 2]):
-            assert isinstance(tools.judged([*lines[:at], *again, *lines[at:]], ground), str)
-            assert isinstance(tools.judged([*lines, *again], ground), str)
-    assert isinstance(tools.judged([region[0], *region[place_of(region, "good") :]], ground), str)
-    for empty in (
-        [["bad", []], ["cycle", [], []], *region[place_of(region, "good") :]],
-        [["good"], ["orders"], ["rest"], ["refute", [[], [0]]]],
-        [["bad", [[[["", "1"]], False]]], ["cycle", [0], []], ["good"]],
-    ):
-        assert isinstance(tools.judged([region[0], *empty], ground), str)
+def test_it_runs_from_a_copy_of_its_folder(box, tmp_path):
+    """With any hash seed; nothing of this package is on its path."""
+    write(box, tmp_path / "box.cert")
+    shutil.copytree(FOLDER, tmp_path / "checker", ignore=shutil.ignore_patterns("__pycache__"))
+    words = ["-m", "checker", "box.cert", *map(str, tools.NAVIGATION)]
+    runs = [run_alone(words, tmp_path, seed) for seed in ("0", "1", "7")]
+    assert [(run.returncode, run.stderr) for run in runs] == [(0, "")] * 3
+    (said,) = {run.stdout for run in runs}
+    assert said.startswith(
+        "established: valid for every schedule, for all (to_ridge, to_crater) in [25, 36] x [35, 46]; no other valid "
+        "box within the declared bounds contains this one, epsilon = 1/1000\nof domain: sha256 "
+    )
 
 
-def test_roots_cannot_be_smuggled_in(box, ground):
-    """A refutation starts from the checker's own literals: no line adds another."""
-    lines = box[1]
-    at = place_of(lines, "refute")
-    for step in ([[], []], [[-1], []], [[2], [0]], [["t", 1], ["t", 2]], ["root", 3], [[3]], [[3], [3], [0], [0]]):
-        for where in (1, len(lines[at])):
-            forged = [*lines[at][:where], step, *lines[at][where:]]
-            assert isinstance(tools.judged([*lines[:at], forged, *lines[at + 1 :]], ground), str), step
+def test_what_is_mutex_does_not_depend_on_the_seed_of_hashes(tmp_path):
+    """The order of obligations is the tape's order."""
+    script = (
+        "import json, sys; sys.path.insert(0, sys.argv[1]); from checker.reader import ground, Unsupported; "
+        "from checker.formulas import Formulas; from fractions import Fraction\n"
+        "for texts in json.loads(sys.argv[2]):\n"
+        "  try:\n"
+        "    f = Formulas(ground(*texts), Fraction(1, 1000))\n"
+        "    print([(label, make()) for label, make in f.obligations()], f.circuit.nodes)\n"
+        "  except Unsupported as error: print(error)"
+    )
+    words = ["-c", script, str(FOLDER.parent), json.dumps([random_texts(seed) for seed in range(12)])]
+    runs = [run_alone(words, tmp_path, seed) for seed in ("1", "2")]
+    assert runs[0].stdout == runs[1].stdout
+    assert [(run.returncode, len(run.stdout.splitlines())) for run in runs] == [(0, 12)] * 2
+
+
+def test_it_says_what_was_demanded_and_of_which_format_a_certificate_is(box, tmp_path):
+    path = tmp_path / "cert"
+    assert "expected region" in tools.command(box, path, tools.NAVIGATION, kind="region")[1]["reason"]
+    assert tools.ask(path, tools.NAVIGATION)[1]["epsilon"] == "1/1000"
+    assert not any("1/1000" in json.dumps(line) for line in box)  # epsilon is an input of the check
+    path.write_bytes(gzip.compress(b'{"format":"robust/certificate/1","kind":"plan"}\n["end"]\n'))
+    code, answer = tools.ask(path, tools.NAVIGATION)
+    assert code == 1
+    assert answer["reason"].startswith("found a certificate of format robust/certificate/1, expected robust/cert")
+
+
+def test_it_is_a_process_with_limits(box, tmp_path):
+    def outcome(content):
+        path = tmp_path / "cert"
+        path.write_bytes(content)
+        return verify(path, tools.NAVIGATION, epsilon=tools.EPSILON, kind="box")
+
+    write(box, tmp_path / "box.cert")
+    verification = outcome((tmp_path / "box.cert").read_bytes())
+    assert verification.outcome is CheckerOutcome.ESTABLISHED
+    assert verification.answer["files"].keys() == {"domain", "problem", "plan"}
+    heavy = gzip.compress(b'["robust/certificate/2","plan",null]\n[' + b"[" * (80 << 20) + b"\n", 1)
+    assert outcome(heavy).outcome is CheckerOutcome.REJECTED
+    assert outcome(b"no gzip").outcome is CheckerOutcome.UNREADABLE
+
+
+# -- forgeries ---------------------------------------------------------------------------------------------------------
+
+ONCE = json.loads(Path(__file__).with_name("data").joinpath("once_accepted.json").read_text(encoding="utf-8"))
+"""Honest tapes of the example; forgeries of each class that once was accepted: other lines in place of some (`forged`),
+or another text (`texts`)."""
+
+
+def rejected(lines, ground):
+    return isinstance(tools.judged(lines, ground), str)
+
+
+def test_what_was_accepted_once_is_rejected(ground):
+    """A schedule given twice, roots smuggled in, names and formulas of its own, everything folded, other numbers."""
+    honest = ONCE["honest"]
+    assert not any(rejected(lines, ground) for lines in honest.values())
+    for name, kind, start, stop, lines in ONCE["forged"]:
+        assert rejected([*honest[kind][:start], *lines, *honest[kind][stop:]], ground), (name, lines)
+    for name, kind, old, new in ONCE["texts"]:
+        assert rejected(json.loads(json.dumps(honest[kind]).replace(old, new)), ground), (name, new)
 
 
 @pytest.mark.parametrize(
     ("kind", "every"),
-    [("box", 3), ("region", 7), *(pytest.param(kind, 1, marks=pytest.mark.slow) for kind in ("box", "region"))],
+    [("box", 7), ("region", 23), *(pytest.param(kind, 1, marks=pytest.mark.slow) for kind in ("box", "region"))],
 )
-def test_true_is_not_one(kind, every, box, ground):
+def test_true_is_not_one(kind, every, ground, request):
     """Each integer as a truth value, each truth value as an integer, and other twins."""
-    lines = box[1] if kind == "box" else tools.made(tools.NAVIGATION, kind)
-    places = [(index, path, value) for index, line in enumerate(lines) for path, value in leaves(line)]
-    count = 0
-    for index, path, value in places[::every]:
-        for twin in twins(value):
-            forged = [*lines[:index], replaced(lines[index], path, twin), *lines[index + 1 :]]
-            assert isinstance(tools.judged(forged, ground), str), (index, path, twin)
-            count += 1
-    assert count > 50
+    lines = request.getfixturevalue(kind)
+    twinned = [(path, twin) for path, value in leaves(lines)[::every] for twin in twins(value)]
+    assert len(twinned) > 50
+    for path, twin in twinned:
+        assert rejected(replaced(lines, path, twin), ground), (path, twin)
 
 
 def twins(value):
@@ -223,149 +184,126 @@ def twins(value):
 
 
 def leaves(value, path=()):
-    if isinstance(value, list):
-        for index, each in enumerate(value):
-            yield from leaves(each, (*path, index))
-    else:
-        yield path, value
+    if not isinstance(value, list):
+        return [(path, value)]
+    return [leaf for index, inner in enumerate(value) for leaf in leaves(inner, (*path, index))]
 
 
 def replaced(value, path, new):
-    if not path:
-        return new
-    return [replaced(each, path[1:], new) if index == path[0] else each for index, each in enumerate(value)]
-
-
-def test_names_are_those_of_the_plan(ground):
-    """Sums with other names, a name twice, or a coefficient of zero."""
-    region = tools.made(tools.NAVIGATION, "region")
-    for more in (["z", "1"], ["to_ridge", "1"], ["to_crater", "0"], ["@1", "1"], ["", "0"], [1, "1"]):
-        for kind in ("bad", "piece", "schedule", "broken"):
-            for index, line in enumerate(region):
-                forged = added(line, more)
-                if line[0] == kind and forged != line:
-                    assert isinstance(tools.judged([*region[:index], forged, *region[index + 1 :]], ground), str)
-
-
-def added(value, more):
-    """The line with a term more in its first sum."""
-    if isinstance(value, list):
-        if value and all(isinstance(each, list) and len(each) == 2 and isinstance(each[0], str) for each in value):
-            return [*value, more]
-        for index, each in enumerate(value):
-            new = added(each, more)
-            if new != each:
-                return [*value[:index], new, *value[index + 1 :]]
-    return value
-
-
-@pytest.mark.parametrize("change", [("36", "37"), ("25", "24"), ("46", "1000"), ("35", "0")])
-def test_a_box_of_its_own(box, ground, change):
-    """The claim is printed from what was checked; a wider one does not follow."""
-    lines = [replaced_text(box[1][0], *change), *box[1][1:]]
-    assert lines[0] != box[1][0]
-    assert isinstance(tools.judged(lines, ground), str)
-
-
-def replaced_text(value, old, new):
-    if isinstance(value, list):
-        return [replaced_text(each, old, new) for each in value]
-    return new if value == old else value
-
-
-def test_a_formula_of_its_own(box, ground):
-    """Lines that name formulas, facts, points, labels or an epsilon, as certificates once did."""
-    at = place_of(box[1], "refute")
-    for line in (
-        ["folded", "goal: (at scout base)"],
-        ["obligation", "goal 1"],
-        ["root", 1, "t"],
-        ["epsilon", "-1"],
-        ["constraint", 0, 1, [["1"]]],
-        ["a", [[1, "x"]], True],
-        {"format": "robust/certificate/2", "epsilon": "-1"},
-        "refute",
-        None,
-        [],
-    ):
-        for forged in ([*box[1][:at], line, *box[1][at:]], [*box[1][:at], line, *box[1][at + 1 :]], [*box[1], line]):
-            assert isinstance(tools.judged(forged, ground), str), line
-
-
-def test_everything_folded(ground):
-    """Without refutations a refuted plan has no certificate, and a valid one neither."""
-    for lines in (tools.made(tools.NAVIGATION, kind) for kind in ("plan", "box")):
-        kept = [line for line in lines if line[0] != "refute"]
-        assert isinstance(tools.judged(kept, ground), str)
-        empty = [["refute", [[], []]] if line[0] == "refute" else line for line in lines]
-        assert isinstance(tools.judged(empty, ground), str)
+    return tools.put(value, path[0], replaced(value[path[0]], path[1:], new)) if path else new
 
 
 def test_boxes_that_hold_nothing(box, ground):
     """What is true of nothing is not a claim."""
-    for first in (["36", True, "25", True], ["25", False, "25", True], ["25", True, "25", False]):
-        header = [*box[1][0][:2], [first, box[1][0][2][1]]]
-        claim = tools.judged([header, *box[1][1:]], ground)
-        assert claim == "the box is empty"
-    outside = [*box[1][0][:2], [[None, True, "36", True], box[1][0][2][1]]]
-    assert tools.judged([outside, *box[1][1:]], ground) == "an infinite end is closed"
+    (name, kind, (_, other)), *rest = box
+    for ends, reason in (
+        (["36", True, "25", True], "the box is empty"),
+        (["25", False, "25", True], "the box is empty"),
+        (["25", True, "25", False], "the box is empty"),
+        ([None, True, "36", True], "an infinite end is closed"),
+    ):
+        assert tools.judged([[name, kind, [ends, other]], *rest], ground) == reason
 
 
-@pytest.mark.parametrize("name", ["to_ridge", "to_crater"])
-@pytest.mark.parametrize("way", ["lower", "upper", "open"])
-def test_a_box_within_another_is_not_maximal(ground, name, way):
+def test_a_box_within_another_is_not_maximal(box, ground):
     """Its faces are shown to be bad where the faces of the other one are, or where its own end would be good."""
     widest = envelope(load_plan(*tools.NAVIGATION)).box
-    each = widest[name]
-    smaller = {
-        "lower": Interval(each.lower + 1, each.upper),
-        "upper": Interval(each.lower, each.upper - 1),
-        "open": Interval(each.lower, each.upper, upper_closed=False),
-    }[way]
-    honest = tools.made(tools.NAVIGATION, "box", box=widest.replace(name, smaller))
-    assert not isinstance(tools.judged(honest, ground), str)
-    faces = tools.made(tools.NAVIGATION, "maximal")
-    faces = faces[place_of(faces, "face") :]
-    inner = str((smaller.lower + smaller.upper) / 2)
-    for moved in (lambda limit, beyond: (limit, beyond), lambda limit, beyond: (inner, inner)):
-        lines = [[honest[0][0], "maximal", honest[0][2]], *honest[1:]]
-        at = list(widest.intervals).index(name)
-        for line in faces:
-            lines.append(line)
-            if line[0] == "face" and line[1][at] == line[2][at]:  # a face of the other parameter
-                ends = moved(line[1][at], line[2][at])
-                lines[-1] = ["face", *(replaced(point, (at,), end) for point, end in zip(line[1:], ends, strict=True))]
-        assert isinstance(tools.judged(lines, ground), str)
+    faces = box[next(index for index, line in enumerate(box) if line[0] == "face") :]
+    for at, (name, interval) in enumerate(widest.intervals.items()):
+        for smaller in (
+            Interval(interval.lower + 1, interval.upper),
+            Interval(interval.lower, interval.upper - 1),
+            Interval(interval.lower, interval.upper, upper_closed=False),
+        ):
+            honest = tools.made(tools.NAVIGATION, "box", box=widest.replace(name, smaller))
+            assert not rejected(honest, ground)
+            for end in (None, str((smaller.lower + smaller.upper) / 2)):
+                moved = [
+                    ["face", *(tools.put(point, at, end or point[at]) for point in line[1:])]
+                    if line[0] == "face" and line[1][at] == line[2][at]  # a face of the other parameter
+                    else line
+                    for line in faces
+                ]
+                assert rejected([[honest[0][0], "maximal", honest[0][2]], *honest[1:], *moved], ground)
 
 
-def test_numbers_are_canonical(box, ground):
-    for old, new in (
-        ("25", "50/2"),
-        ("25", "+25"),
-        ("25", "025"),
-        ("25", " 25"),
-        ("25", "2_5"),
-        ("25", "25.0"),
-        ("25", "٢٥"),
-    ):
-        lines = [replaced_text(line, old, new) for line in box[1]]
-        assert isinstance(tools.judged(lines, ground), str), new
+LARGEST, SECONDS, MEMORY_MB = 100_000, 5, 300
+LONG = 3_900_000
+"""Bytes: about as many as the checker unpacks of a certificate of that size."""
+TABLE = Path(__file__).with_name("data").joinpath("hostile.json").read_text(encoding="utf-8")
+TABLE = TABLE.replace("{4000 nines}", "9" * 4000).replace("{4000 sevens}", "7" * 4000)
+FIRST = {"box": [["0", True, "9", True]], "narrow": [["3", True, "9", True]]}
+BAD: list[Any] = [[[["k", "-1"], ["", "3"]], True]]
 
 
-@pytest.mark.parametrize("seed", range(12))
-def test_what_is_mutex_does_not_depend_on_the_seed_of_hashes(seed):
-    """The order of obligations is the tape's order."""
-    script = (
-        "import sys; sys.path.insert(0, sys.argv[1]); from checker.reader import ground; "
-        "from checker.formulas import Formulas; from fractions import Fraction; "
-        "f = Formulas(ground(*sys.argv[2:]), Fraction(1, 1000)); "
-        "print([(label, make()) for label, make in f.obligations()], f.circuit.nodes)"
-    )
-    texts = random_texts(seed)
-    said = set()
-    for number in ("1", "2"):
-        words = [sys.executable, "-c", script, str(FOLDER.parent), *texts]
-        variables = {**os.environ, "PYTHONHASHSEED": number}
-        ended = subprocess.run(words, env=variables, capture_output=True, text=True, check=False)
-        said.add(ended.stdout or ended.stderr.splitlines()[-1])
-    assert len(said) == 1
+def certificate(kind: str, *more: Any) -> str:
+    """A certificate of JSON, of a text with one part again and again, and of the same lines again and again."""
+    first = ["robust/certificate/2", "box" if kind in FIRST else kind.partition(",")[0], FIRST.get(kind)]
+    return dumped(first) + ("\n" * (kind != "plan, unended")) + "".join(map(repeated, more))
+
+
+def dumped(line: Any) -> str:
+    return json.dumps(line, separators=(",", ":"))
+
+
+def repeated(line: Any) -> str:
+    if isinstance(line, list):
+        return f"{dumped(line)}\n"
+    if "lines" in line:
+        return "".join(f"{dumped(one)}\n" for one in line["lines"]) * line["times"]
+    before, part, after = line["before"], line["part"], line["after"] or ""
+    times = line.get("times", (LONG - len(before) - len(after)) // len(part))
+    return before + part * times + after + "\n" * (line["after"] is not None)
+
+
+def coprime() -> str:
+    """Sides of a polyhedron, and multiples of them, whose denominators have nothing in common."""
+    primes: Iterator[int] = primerange(1000, 10**6)
+    bad = [[[["k", f"-1/{next(primes)}"], ["", f"1/{next(primes)}"]], True] for _ in range(3000)]
+    return certificate("region", ["bad", bad], ["cycle", [0, 2], [[index, 1] for index in range(3000)]])
+
+
+def long_numbers() -> str:
+    """The sum of multiples of one fact each with a thousand digits."""
+    factors = [[0, f"{10**998 + 2 * index + 1}/{10**997 * 3 + 7 * index}"] for index in range(1000)]
+    return certificate("region", ["bad", BAD * 1000], ["cycle", [0, 2], factors])
+
+
+def cycles() -> str:
+    """Bad values in one polyhedron after the other, all of them different."""
+    bad = (["bad", [*BAD, [[["k", "1"], ["", str(number)]], True]]] for number in range(1, 35_000))
+    return certificate("region", *(line for piece in bad for line in (piece, ["cycle", [0, 2], [[0, 1]]])))
+
+
+HOSTILE: dict[str, Callable[[], str]] = {
+    "coprime denominators": coprime,
+    "long numbers": long_numbers,
+    "bad values in many polyhedra": cycles,
+    "a bomb": lambda: "\0" * 90_000_000,
+    **{name: partial(certificate, *content) for name, content in json.loads(TABLE).items()},
+}
+QUICK = {"empty lists", "a walk of six million steps", "coprime denominators"}
+MEASURE = """import resource, subprocess, sys
+ended = subprocess.run(sys.argv[1:], capture_output=True, text=True)
+used = resource.getrusage(resource.RUSAGE_CHILDREN)
+print(ended.returncode, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024, ended.stdout, ended.stderr)"""
+"""In a process of its own: what a child is said to have in memory is not less than what its parent had."""
+
+
+@pytest.mark.parametrize(
+    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in HOSTILE]
+)
+def test_what_costs_much_is_refused_cheaply(name: str, tmp_path: Path) -> None:
+    """With as much that is never read as may be unpacked of it."""
+    packed = gzip.compress(HOSTILE[name]().encode())
+    packed += gzip.compress(Random(1).randbytes(max(LARGEST - len(packed) - 100, 0)))
+    assert len(packed) <= LARGEST
+    path = tools.kept(tmp_path / "hostile.cert", packed)
+    words = [sys.executable, "-m", FOLDER.name, path, *map(str, tools.written(LONGER, tmp_path))]
+    measured = [sys.executable, "-I", "-c", MEASURE, *words]
+    ended = subprocess.run(measured, cwd=FOLDER.parent, capture_output=True, text=True, check=True)
+    code, seconds, megabytes, said = ended.stdout.split(maxsplit=3)
+    assert code in "1234"
+    assert len(said.strip().splitlines()) == 1
+    assert float(seconds) <= SECONDS
+    assert float(megabytes) <= MEMORY_MB

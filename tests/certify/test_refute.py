@@ -1,26 +1,18 @@
 """Refutations of formulas: found exactly where there is no model, and checked step by step."""
 
 import json
+from collections import Counter
 from fractions import Fraction
 from itertools import product
 from random import Random
 
 import pytest
 
+from robust.certify import hints
 from robust.certify.checker import proofs
 from robust.certify.checker.formulas import Formulas, plus
 from robust.certify.checker.reader import Ground, Model
-from robust.certify.hints import (
-    Conflict,
-    KnownFacts,
-    LinearSide,
-    NotRefutedError,
-    PropositionalSolver,
-    contradiction,
-    implied,
-    model,
-    refutation,
-)
+from robust.certify.hints import KnownFacts
 from robust.plan.polynomial import Polynomial
 from robust.smt.limits import Deadline
 from robust.smt.session import Satisfiability, Session
@@ -30,6 +22,10 @@ from tests.certify import tools
 NONE = Deadline()
 
 
+def without_zeros(form):
+    return {name: value for name, value in form.items() if value}
+
+
 # -- propositional ---------------------------------------------------------------------------------------------------
 
 
@@ -37,12 +33,12 @@ def propagates_to_conflict(clauses, clause, hints):
     """Whether each hint is unit or false in its turn, and the last one false, if the clause is."""
     false = set(clause)
     for hint in hints:
-        left = set(clauses[hint]) - false
-        if not left:
+        open_literals = set(clauses[hint]) - false
+        if not open_literals:
             return True
-        if len(left) > 1:
+        if len(open_literals) > 1:
             return False
-        false.add(-left.pop())
+        false.add(-open_literals.pop())
     return False
 
 
@@ -54,22 +50,22 @@ def test_propositional_solver_agrees_with_truth_tables(seed):
         tuple(random.choice((1, -1)) * random.randint(1, variables) for _ in range(random.randint(1, 3)))
         for _ in range(random.randint(1, 5 * variables))
     ]
-    solver = PropositionalSolver()
+    solver = hints.PropositionalSolver()
     for clause in clauses:
         solver.add(clause)
-    model = solver.solve(NONE)
-    exists = any(
-        all(any(values[abs(literal) - 1] == (literal > 0) for literal in clause) for clause in clauses)
-        for values in product((False, True), repeat=variables)
-    )
-    assert (model is not None) == exists
-    if model is not None:
-        assert all(any(model[abs(literal)] == (literal > 0) for literal in clause) for clause in clauses)
-    else:
-        steps = [*solver.derivations.items(), (len(solver.clauses), solver.refutation)]
-        for number, step in steps:
-            assert all(hint < number for hint in step.hints)
-            assert propagates_to_conflict(solver.clauses, step.clause, step.hints)
+    truths = solver.solve(NONE)
+    assignments = [dict(enumerate(values, 1)) for values in product((False, True), repeat=variables)]
+
+    def satisfied(values):
+        return all(any(values[abs(literal)] == (literal > 0) for literal in clause) for clause in clauses)
+
+    assert (truths is not None) == any(map(satisfied, assignments))
+    if truths is not None:
+        assert satisfied(truths)
+        return
+    for number, step in [*solver.derivations.items(), (len(solver.clauses), solver.refutation)]:
+        assert all(hint < number for hint in step.hints)
+        assert propagates_to_conflict(solver.clauses, step.clause, step.hints)
 
 
 # -- linear ----------------------------------------------------------------------------------------------------------
@@ -77,31 +73,28 @@ def test_propositional_solver_agrees_with_truth_tables(seed):
 
 @pytest.mark.parametrize("seed", range(80))
 def test_contradictions_agree_with_a_solver(seed):
-    random = Random(seed)
-    sides = []
+    random, terms, sides = Random(seed), Terms(), []
+    session = Session(terms)
     for _ in range(random.randint(1, 7)):
         factors = {name: random.randint(-2, 2) for name in random.sample("xyz", random.randint(1, 3))}
-        factors = tuple(sorted((name, factor) for name, factor in factors.items() if factor)) or (("x", 1),)
-        sides.append(LinearSide(factors, random.randint(-3, 3), random.random() < 0.4))
-    terms = Terms()
-    session = Session(terms)
-    for each in sides:
-        form = Polynomial({(name,): Fraction(factor) for name, factor in each.factors}) + each.constant
-        session.add(terms.greater(form) if each.strict else terms.at_least(form))
-    found = contradiction(sides)
-    assert isinstance(found, Conflict) == (session.check("sides") is Satisfiability.UNSATISFIABLE)
-    if isinstance(found, dict):
-        assert all(side.holds(found) for side in sides)
+        factors = tuple(sorted(without_zeros(factors).items())) or (("x", 1),)
+        side = hints.LinearSide(factors, random.randint(-3, 3), random.random() < 0.4)
+        form = Polynomial({(name,): Fraction(factor) for name, factor in factors}) + side.constant
+        session.add(terms.greater(form) if side.strict else terms.at_least(form))
+        sides.append(side)
+    answer = hints.contradiction(sides)
+    assert isinstance(answer, hints.Conflict) == (session.check("sides") is Satisfiability.UNSATISFIABLE)
+    if isinstance(answer, dict):
+        assert all(side.holds(answer) for side in sides)
         return
-    total, constant, strict = {}, 0, False
-    for index, multiple in found.multiples.items():
+    total = Counter()
+    for index, multiple in answer.multiples.items():
         assert multiple > 0
-        for name, factor in sides[index].factors:
-            total[name] = total.get(name, 0) + multiple * factor
-        constant += multiple * sides[index].constant
-        strict |= sides[index].strict
+        for name, factor in (*sides[index].factors, ("", sides[index].constant)):
+            total[name] += multiple * factor
+    constant = total.pop("")
     assert not any(total.values())
-    assert constant < 0 or (strict and constant == 0)
+    assert constant < 0 or (constant == 0 and any(sides[index].strict for index in answer.multiples))
 
 
 @pytest.mark.parametrize("seed", range(60))
@@ -109,24 +102,19 @@ def test_facts_that_matter_are_found(seed):
     """Multiples of many facts, of which few are looked at, leave something that is not negative of a form."""
     random = Random(seed)
     names = [f"x{index}" for index in range(5)]
-    facts = []
+    facts, total = [], {"": Fraction(1)}
     for _ in range(12):
         form = {name: Fraction(random.randint(-2, 2), random.randint(1, 2)) for name in random.sample(names, 2)}
         form[""] = Fraction(random.randint(0, 6))  # so that zero satisfies them all
-        facts.append(({name: value for name, value in form.items() if value}, False))
-    weights = [Fraction(random.randint(0, 2)) for _ in facts]
-    total = {"": Fraction(1)}
-    for (form, _), weight in zip(facts, weights, strict=True):
-        total = plus(total, form, weight)
-    found = implied(KnownFacts(facts), total, strictly=True)
-    rest = total
-    for number, factor in found:
+        facts.append((without_zeros(form), False))
+        total = plus(total, facts[-1][0], Fraction(random.randint(0, 2)))
+    for number, factor in hints.implied(KnownFacts(facts), total, strictly=True):
         assert factor > 0
-        rest = plus(rest, facts[number][0], -factor)
-    assert rest.keys() <= {""}
-    assert rest.get("", 0) >= 0
-    with pytest.raises(NotRefutedError):
-        implied(KnownFacts(facts), {"": Fraction(-1)})
+        total = plus(total, facts[number][0], -factor)
+    assert total.keys() <= {""}
+    assert total.get("", 0) >= 0
+    with pytest.raises(hints.NotRefutedError):
+        hints.implied(KnownFacts(facts), {"": Fraction(-1)})
 
 
 # -- formulas --------------------------------------------------------------------------------------------------------
@@ -138,9 +126,7 @@ def some_literal(circuit, random, depth):
         if kind == 0:
             return circuit.compare({f"?{random.choice('pq')}": Fraction(1)}, True)
         form = {name: Fraction(random.randint(-2, 2)) for name in random.sample("xyz", 2)}
-        form = {name: value for name, value in form.items() if value}
-        form[""] = Fraction(random.randint(-4, 4), random.randint(1, 2))
-        form = {name: value for name, value in form.items() if value}
+        form = without_zeros(form | {"": Fraction(random.randint(-4, 4), random.randint(1, 2))})
         return circuit.equal(form) if kind == 3 else circuit.compare(form, kind == 2)
     parts = [some_literal(circuit, random, depth - 1) for _ in range(random.randint(2, 3))]
     way = random.randrange(3)
@@ -152,7 +138,7 @@ def term_of(terms, circuit, literal):
     if literal < 0:
         return terms.negation(term_of(terms, circuit, -literal))
     if circuit.is_gate(literal):
-        return terms.conjunction([term_of(terms, circuit, each) for each in circuit.nodes[literal]])
+        return terms.conjunction([term_of(terms, circuit, part) for part in circuit.nodes[literal]])
     form, strict = circuit.said(literal)
     total = Polynomial({(name,): Fraction(value) for name, value in form.items() if name}) + form.get("", 0)
     return terms.greater(total) if strict else terms.at_least(total)
@@ -162,25 +148,27 @@ EMPTY = Ground(Model("(define (domain d))", "(define (problem x) (:domain d) (:i
 EMPTY.point(".zero")
 
 
+def refuted(line, formulas, literal):
+    proofs.refute(proofs.Tape([json.dumps(line)]), formulas, proofs.Facts([]), literal)
+
+
 @pytest.mark.parametrize("seed", range(120))
 def test_refutations_agree_with_a_solver_and_are_accepted(seed):
     random = Random(seed)
-    formulas = Formulas(EMPTY, Fraction(0))
+    formulas, terms, facts = Formulas(EMPTY, Fraction(0)), Terms(), KnownFacts([])
     literal = formulas.circuit.all([some_literal(formulas.circuit, random, random.randint(1, 4)) for _ in range(5)])
-    terms = Terms()
     session = Session(terms)
     session.add(term_of(terms, formulas.circuit, literal))
     if session.check("formulas") is Satisfiability.SATISFIABLE:
-        assert model(formulas, KnownFacts([]), literal, NONE) is not None
-        with pytest.raises(NotRefutedError):
-            refutation(formulas, KnownFacts([]), literal, NONE)
+        assert hints.model(formulas, facts, literal, NONE) is not None
+        with pytest.raises(hints.NotRefutedError):
+            hints.refutation(formulas, facts, literal, NONE)
         return
-    line = json.dumps(refutation(formulas, KnownFacts([]), literal, NONE))
-    facts = proofs.Facts([])
-    proofs.refute(proofs.Tape([line]), formulas, facts, literal)
+    line = hints.refutation(formulas, facts, literal, NONE)
+    refuted(line, formulas, literal)
     other = formulas.circuit.compare({"other": Fraction(1)})
     with pytest.raises((proofs.Rejected, *tools.MALFORMED)):
-        proofs.refute(proofs.Tape([line]), formulas, facts, other)
+        refuted(line, formulas, other)
 
 
 @pytest.mark.parametrize(
@@ -197,8 +185,7 @@ def test_refutations_agree_with_a_solver_and_are_accepted(seed):
 )
 def test_what_is_no_refutation(steps):
     formulas = Formulas(EMPTY, Fraction(0))
-    circuit = formulas.circuit
-    literal = circuit.all([circuit.compare({name: Fraction(1)}) for name in "xyz"])
+    literal = formulas.circuit.all([formulas.circuit.compare({name: Fraction(1)}) for name in "xyz"])
     line = json.loads(json.dumps(["refute", *steps]).replace('"g"', str(literal)))
     with pytest.raises((proofs.Rejected, *tools.MALFORMED)):
-        proofs.refute(proofs.Tape([json.dumps(line)]), formulas, proofs.Facts([]), literal)
+        refuted(line, formulas, literal)

@@ -10,8 +10,12 @@ from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple
 
-OBJECTS = {"a": "t1", "b": "t1", "c": "t2"}
-SUBTYPES = {"t0": ("a", "b", "c"), "t1": ("a", "b"), "t2": ("c",), "object": ("a", "b", "c")}
+PARTS: dict[str, Any] = json.loads(Path(__file__).with_name("data").joinpath("texts.json").read_text(encoding="utf-8"))
+"""Words and forms that stand where they have no meaning, or another one (`odd`), sections, statements of plans, lines
+beside a plan, bounds; what looks or sorts like a character, or becomes it in lower case (`letters`); and the grammar of
+random texts: `{name}` stands for something of that name, and inside of deep forms `name_inside` is what is left."""
+OBJECTS = ["a", "b", "c"]
+SUBTYPES = {"t0": OBJECTS, "t1": ["a", "b"], "t2": ["c"]}
 HALF = Fraction(1, 2)
 
 
@@ -23,136 +27,79 @@ class Texts(NamedTuple):
     plan: str
 
 
+class Grammar:
+    """Draws from the grammar; own and shared parameters, and durations, are those of the action that is drawn."""
+
+    def __init__(self, random: Random) -> None:
+        self.random, self.pick = random, random.choice
+        self.timed, self.own, self.shared = False, False, ""
+
+    def chance(self, probability: float) -> bool:
+        return self.random.random() < probability
+
+    def draw(self, name: str, objects: Sequence[str] = ("a", "c"), depth: int = 0) -> str:
+        inside = f"{name}_inside"
+        template = self.pick(PARTS["grammar"][inside if depth > 1 and inside in PARTS["grammar"] else name])
+        variable = f"?{name[0]}{depth}"
+        known = [*objects, variable] if "{variable}" in template else objects
+
+        def drawn(match: re.Match[str]) -> str:
+            part = match[1]
+            fixed = {"variable": variable, "own": "?own" if self.own else "0.5", "duration": "?duration"}
+            fixed |= {"shared": f"?{self.shared}"}
+            if part in ("duration", "shared") and not (self.timed if part == "duration" else self.shared):
+                return self.draw("sum", known, depth)
+            if part == "untimed":
+                timed, self.timed = self.timed, False
+                condition = self.draw("condition", known, 1)
+                self.timed = timed
+                return condition
+            if part == "object":
+                return self.pick(known)
+            return fixed.get(part) or self.draw(part, known, depth + (part == name))
+
+        return re.sub(r"\{(\w+)\}", drawn, template)
+
+    def some(self, name: str, most: int, objects: Sequence[str]) -> list[str]:
+        return [self.draw(name, objects) for _ in range(self.random.randint(0, most))]
+
+
 def random_texts(seed: int, *, instances: int = 3, easy: bool = False) -> Texts:
     """A small random plan; an easy one has few conditions, so that it is often valid."""
     return _Drawing(Random(seed), instances, easy).texts()
 
 
-class _Drawing:
+class _Drawing(Grammar):
     def __init__(self, random: Random, instances: int, easy: bool) -> None:
-        self.random = random
+        super().__init__(random)
         self.easy = easy
         self.count = random.randint(1, instances)
         self.parameters = [f"k{index}" for index in range(random.randint(0, 2))]
-        self.shared = "s" if random.random() < 0.15 else None
-
-    def chance(self, probability: float) -> bool:
-        return self.random.random() < probability
-
-    def number(self) -> str:
-        return self.random.choice(["0", "1", "2", "3", "0.5", "1.5", "(- 1)", "(/ 1 3)", "-2", "5e-1"])
-
-    # -- expressions and conditions --------------------------------------------------------------------------------
-
-    def fluent(self, objects: list[str]) -> str:
-        return self.random.choice(["(f)", "f", f"(g {self.random.choice(objects)})", "(h)"])
-
-    def written(self, objects: list[str]) -> str:
-        return self.random.choice(["(f)", f"(g {self.random.choice(objects)})"])
-
-    def expression(self, objects: list[str], *, duration: bool, own: bool = False) -> str:
-        kind = self.random.randrange(9)
-        if kind < 3:
-            return self.number()
-        if kind < 5:
-            return self.fluent(objects)
-        if kind == 5 and duration:
-            return "?duration"
-        if kind == 6 and (own or self.shared):
-            return "?own" if own else f"?{self.shared}"
-        if kind == 7:
-            return f"(- {self.fluent(objects)} {self.fluent(objects)})"
-        operator = self.random.choice(["+", "-", "* 2", "* (h)"])
-        rest = self.expression(objects, duration=duration, own=own)
-        return f"({operator} {rest})" if operator[0] == "*" else f"({operator} {self.number()} {rest})"
-
-    def atom(self, objects: list[str]) -> str:
-        pick = self.random.choice
-        return pick([f"(p {pick(objects)})", "(q)", f"(r {pick(objects)} {pick(objects)})"])
-
-    def condition(  # noqa: PLR0911 - one return for each way
-        self, objects: list[str], *, duration: bool = False, depth: int = 0
-    ) -> str:
-        kind = self.random.randrange(12 if depth < 2 else 7)
-        inner = [self.condition(objects, duration=duration, depth=depth + 1) for _ in range(2)] if kind > 6 else []
-        if kind < 3:
-            return self.atom(objects)
-        if kind == 3:
-            return f"(not {self.atom(objects)})"
-        if kind < 6:
-            relation = self.random.choice(["<", "<=", ">", ">=", "="])
-            right = self.expression(objects, duration=duration)
-            return f"({relation} {self.fluent(objects)} {right})"
-        if kind == 6:
-            return f"(= {self.random.choice(objects)} {self.random.choice(objects)})"
-        if kind < 9:
-            return f"({self.random.choice(['and', 'or', 'imply'])} {inner[0]} {inner[1]})"
-        if kind == 9:
-            return f"(not (and {inner[0]} {inner[1]}))"
-        variable, chosen = f"?v{depth}", self.random.choice([*SUBTYPES])
-        body = self.condition([*objects, variable], duration=duration, depth=depth + 1)
-        return f"({self.random.choice(['forall', 'exists'])} ({variable} - {chosen}) {body})"
-
-    # -- actions -----------------------------------------------------------------------------------------------------
-
-    def effect(self, objects: list[str], *, duration: bool, depth: int = 0) -> str:
-        kind = self.random.randrange(10 if depth < 2 else 7)
-        if kind < 3:
-            return self.atom(objects)
-        if kind == 3:
-            return f"(not {self.atom(objects)})"
-        if kind < 7:
-            operator = self.random.choice(["increase", "decrease", "assign", "increase", "scale-up"])
-            amount = "2" if operator == "scale-up" else self.expression(objects, duration=duration)
-            return f"({operator} {self.written(objects)} {amount})"
-        inner = self.effect([*objects, f"?w{depth}"] if kind == 9 else objects, duration=duration, depth=depth + 1)
-        if kind == 7:
-            return f"(and {inner} {self.atom(objects)})"
-        if kind == 8:
-            return f"(when {self.condition(objects, depth=1)} {inner})"
-        return f"(forall (?w{depth} - {self.random.choice(['t1', 't2'])}) {inner})"
+        self.shared = "s" if self.chance(0.15) else ""
+        self.signatures: list[tuple[bool, bool, list[str]]] = []
 
     def action(self, index: int) -> str:
-        durative, own = self.chance(0.75), self.chance(0.2)
-        variables = {f"?x{i}": self.random.choice(["t1", "t2", "t0"]) for i in range(self.random.randint(0, 2))}
-        self.signatures.append((durative, own, list(variables.values())))
+        self.timed, self.own = self.chance(0.75), self.chance(0.2)
+        variables = {f"?x{i}": self.pick([*SUBTYPES]) for i in range(self.random.randint(0, 2))}
+        self.signatures.append((self.timed, self.own, list(variables.values())))
         objects = [*variables, "a", "c"]
         listed = " ".join(f"{name} - {kind}" for name, kind in variables.items())
-        synth = "(:synth-parameters ?own)" if own else ""
-        few = 1 if self.easy else 3
-        if not durative:
-            effects = " ".join(self.effect(objects, duration=False) for _ in range(self.random.randint(0, 2)))
-            condition = self.condition(objects) if self.chance(0.3 if self.easy else 0.7) else "()"
-            return (
-                f"(:action act{index} :parameters ({listed}) {synth} :precondition {condition} :effect (and {effects}))"
-            )
-        bound = self.random.choice(
-            ["(= ?duration (h))", "(and (>= ?duration 1) (<= ?duration 4))", "(>= ?duration 1/2)"]
-        )
-        bound = bound.replace("1/2", "?own" if own else "0.5")
-        timing = ["(at start {})", "(at end {})", "(over all {})"]
-        conditions = [
-            self.random.choice(timing).format(self.condition(objects, duration=True))
-            for _ in range(self.random.randint(0, few))
-        ]
-        effects = [
-            self.random.choice(timing[:2]).format(self.effect(objects, duration=True))
-            for _ in range(self.random.randint(0, 3))
-        ]
-        if self.chance(0.3):
-            rate = self.random.choice(["1", "(h)", "(- 2)", "?own" if own else "0.5"])
-            update = self.random.choice(["increase", "decrease"])
-            effects.append(f"({update} {self.written(objects)} (* #t {rate}))")
-        return (
-            f"(:durative-action act{index} :parameters ({listed}) {synth} :duration {bound}\n"
-            f"  :condition (and {' '.join(conditions)}) :effect (and {' '.join(effects)}))"
-        )
-
-    # -- files -------------------------------------------------------------------------------------------------------
+        synth = "(:synth-parameters ?own)" if self.own else ""
+        if not self.timed:
+            condition = self.draw("condition", objects) if self.chance(0.3 if self.easy else 0.7) else "()"
+            head, rest = ":action", f":precondition {condition}"
+            effects = self.some("effect", 2, objects)
+        else:
+            conditions = self.some("timed_condition", 1 if self.easy else 3, objects)
+            head = ":durative-action"
+            rest = f":duration {self.draw('bound')}\n  :condition (and {' '.join(conditions)})"
+            effects = self.some("timed_effect", 3, objects)
+            effects += [self.draw("rate", objects)] if self.chance(0.3) else []
+        return f"({head} act{index} :parameters ({listed}) {synth} {rest} :effect (and {' '.join(effects)}))"
 
     def texts(self) -> Texts:
-        self.signatures: list[tuple[bool, bool, list[str]]] = []
         actions = [self.action(index) for index in range(self.random.randint(1, 2))]
+        self.timed = False
         shared = f"(:synth-parameters ?{self.shared})" if self.shared else ""
         domain = (
             "(define (domain d) (:requirements :typing :fluents :durative-actions)\n"
@@ -161,73 +108,53 @@ class _Drawing:
             + "\n".join(actions)
             + ")\n"
         )
-        facts = [f"(p {name})" for name in OBJECTS if self.chance(0.5)] + (["(q)"] if self.chance(0.5) else [])
-        facts += [f"(= (f) {self.number_or_plain()})", f"(= (h) {self.random.choice(['1', '2', '3/2'[:1]])})"]
-        facts += [f"(= (g {name}) {self.number_or_plain()})" for name in OBJECTS]
-        for _ in range(self.random.choice([0, 0, 1, 2])):
-            what = self.random.choice(["(p b)", "(not (q))", "(q)", "(= (f) 2)"])
-            facts.append(f"(at {self.random.choice(['1', '2.5', '4'])} {what})")
-        facts = list(dict.fromkeys(facts))
-        goal = self.condition(["a", "c"]) if self.chance(0.3 if self.easy else 0.7) else "(and)"
+        facts = [fact for fact in ("(p a)", "(p b)", "(p c)", "(q)") if self.chance(0.5)]
+        facts += [f"(= {fluent} {self.draw('initial')})" for fluent in ("(f)", "(g a)", "(g b)", "(g c)")]
+        facts += [f"(= (h) {self.pick('123')})", *(self.draw("later") for _ in range(self.pick([0, 0, 1, 2])))]
+        goal = self.draw("condition") if self.chance(0.3 if self.easy else 0.7) else "(and)"
         problem = (
             "(define (problem x) (:domain d) (:objects b - t1)\n"
-            f"(:init {' '.join(facts)})\n(:goal {goal}) (:metric minimize (total-time)))\n"
+            f"(:init {' '.join(dict.fromkeys(facts))})\n(:goal {goal}) (:metric minimize (total-time)))\n"
         )
         return Texts(domain, problem, self.plan())
 
-    def number_or_plain(self) -> str:
-        return self.random.choice(["0", "1", "2", "(- 1)", "0.25"])
-
     def plan(self) -> str:
-        declared, lines, points = list(self.parameters), list[str](), dict[str, Fraction]()
-        names: list[tuple[str, bool]] = []
-        for index in range(self.count):
+        """Instances at times that are drawn first, and constraints around these."""
+        declared, lines, points, spans = list(self.parameters), list[str](), dict[str, Fraction](), []
+        for name in (f"i{index}" for index in range(self.count)):
             number = self.random.randrange(len(self.signatures))
             durative, own, kinds = self.signatures[number]
-            name = f"i{index}"
             declared += [f"{name}.own"] if own else []
-            arguments = " ".join([f"act{number}", *(self.random.choice(SUBTYPES[kind]) for kind in kinds)])
+            arguments = " ".join([f"act{number}", *(self.pick(SUBTYPES[kind]) for kind in kinds)])
             lines.append(f"{'durative-action' if durative else 'action'} instance {name} : ({arguments});")
             start = Fraction(self.random.randint(0, 10), 2)
             points[f"{name}.start" if durative else name] = start
             if durative:
                 points[f"{name}.end"] = start + Fraction(self.random.randint(2, 6), 2)
-            names.append((name, durative))
-        declared += [self.shared] if self.shared else []
+                spans += [(f"{name}.start", f"{name}.end")]
         heads = []
-        for name in declared:
-            nominal = self.random.choice(["1", "2", "3/2"])
-            bounds = self.random.choice(["", " lb 0", " lb 0 ub 4", " ub 3"])
-            heads.append(f"parameter {name} weight {self.random.choice(['1', '2'])} default {nominal}{bounds};")
-        lines += [self.bounded(".zero", Fraction(0), point, time) for point, time in points.items() if self.chance(0.9)]
-        for name, durative in names:
-            if durative and self.chance(0.9):
-                lines.append(
-                    self.bounded(f"{name}.start", points[f"{name}.start"], f"{name}.end", points[f"{name}.end"])
-                )
-        for source, target in zip(points, list(points)[1:], strict=False):
-            if self.chance(0.4):
-                lines.append(self.bounded(source, points[source], target, points[target]))
-        used = " ".join(lines)
-        for name in self.parameters:
-            if name not in used:
-                source, target = self.random.choice([*points]), self.random.choice([*points])
-                lines.append(f"c: {target} - {source} in [-inf, inf]; c: {target} - .zero in [-inf, 9];")
-                lines.append(
-                    f"c: {next(iter(points))} - .zero in [0, {name}];"
-                    if self.chance(0.5)
-                    else f"c: .zero - {next(iter(points))} in [-inf, {name}];"
-                )
+        for name in [*declared, *self.shared]:
+            bounds = self.pick(["", " lb 0", " lb 0 ub 4", " ub 3"])
+            heads.append(f"parameter {name} weight {self.pick('12')} default {self.pick(['1', '2', '3/2'])}{bounds};")
+        pairs = [(".zero", point) for point in points if self.chance(0.9)]
+        pairs += [pair for pair in spans if self.chance(0.9)]
+        pairs += [pair for pair in zip(points, list(points)[1:], strict=False) if self.chance(0.4)]
+        times = {".zero": Fraction(0), **points}
+        lines += [self.bounded(source, target, times[target] - times[source]) for source, target in pairs]
+        first = next(iter(points))
+        for name in (name for name in self.parameters if name not in " ".join(lines)):
+            source, target = self.pick([*points]), self.pick([*points])
+            lines.append(f"c: {target} - {source} in [-inf, inf]; c: {target} - .zero in [-inf, 9];")
+            lines.append(self.pick([f"c: {first} - .zero in [0, {name}];", f"c: .zero - {first} in [-inf, {name}];"]))
         return "\n".join([*heads, *lines]) + "\n"
 
-    def bounded(self, source: str, start: Fraction, target: str, end: Fraction) -> str:
-        distance = end - start
-        kind = self.random.randrange(4)
-        low, high = (distance, distance) if kind < 2 else (distance - HALF, distance + self.random.choice([0, 1, 2]))
+    def bounded(self, source: str, target: str, distance: Fraction) -> str:
+        exact = self.chance(0.5)
+        low, high = (distance, distance) if exact else (distance - HALF, distance + self.pick([0, 1, 2]))
         texts = [str(low), str(high)]
         if self.parameters and self.chance(0.4):
-            chosen = self.random.choice(self.parameters)
-            texts = [chosen, chosen] if kind < 2 else [texts[0], chosen] if self.chance(0.5) else [chosen, "inf"]
+            chosen = self.pick(self.parameters)
+            texts = [chosen, chosen] if exact else self.pick([[texts[0], chosen], [chosen, "inf"]])
         return f"c: {target} - {source} in [{texts[0]}, {texts[1]}];"
 
 
@@ -236,46 +163,19 @@ def tangled_texts(seed: int) -> Texts:
 
     What changes only if something holds depends on what changes without conditions, so that nothing goes in a circle.
     """
-    random = Random(seed)
-    pick, number = random.choice, lambda: random.choice(["0", "1", "2", "-1", "0.5"])
-
-    def condition() -> str:
-        relation = f"({pick(['<', '<=', '>', '>=', '='])} {pick(['(f)', '(g)'])} {number()})"
-        return pick(["(a)", "(p)", "(not (p))", relation, relation, f"(or (p) {relation})", f"(and (a) {relation})"])
-
-    def effect() -> str:
-        amount = pick([number(), number(), "(g)", "?duration", "(+ (g) 1)", "(* 2 (g))", "(- (g))", "(/ (g) 2)"])
-        change = pick([pick(["(p)", "(not (p))"]), f"({pick(['assign', 'increase', 'decrease'])} (f) {amount})"])
-        guard = pick(["(a)", "(not (a))", f"(>= (g) {number()})", f"(and (a) (< (g) {number()}))"])
-        plain = pick(["(a)", "(not (a))", f"({pick(['assign', 'increase'])} (g) {number()})"])
-        return pick([plain, change, f"(when {guard} {change})"])
-
-    actions, lines, starts = [], [], list[str]()
-    for index in range(random.randint(2, 3)):
-        effects = [f"(at {pick(['start', 'end'])} {effect()})" for _ in range(random.randint(2, 4))]
-        rate = f"({pick(['increase', 'decrease'])} {pick(['(f)', '(f)', '(g)'])} (* #t {pick(['1', '2', '(h)'])}))"
-        effects += [rate] if random.random() < 0.4 else []
-        asked = f"({pick(['at start', 'at end', 'over all', 'over all'])} {condition()})"
-        actions.append(
-            f"(:durative-action d{index} :parameters () :duration (<= ?duration {pick(['2', '3', '(h)'])})"
-            f" :condition (and {asked}) :effect (and {' '.join(effects)}))"
-        )
-        lines.append(f"durative-action instance i{index} : (d{index});")
-        lines.append(f"c: i{index}.end - i{index}.start in [{pick(['0.5', '1'])}, {pick(['3', 'k'])}];")
-        starts += [f"i{index}.start", f"i{index}.end"]
-    for index in range(2):
-        actions.append(f"(:action w{index} :parameters () :precondition {condition()} :effect ())")
-        lines.append(f"action instance v{index} : (w{index});")
-        starts.append(f"v{index}")
-    lines += [f"c: {point} - .zero in [0, {pick(['4', '6'])}];" for point in starts]
-    for _ in range(random.randint(0, 3)):
-        target, source = random.sample(starts, 2)
-        lines.append(f"c: {target} - {source} in [{pick(['0.001', '-1', '-2'])}, {pick(['4', 'inf'])}];")
-    facts = [each for each in ("(a)", "(p)") if random.random() < 0.5]
-    facts += [f"(= (f) {number()})", f"(= (g) {number()})", f"(= (h) {pick(['1', '2'])})"]
+    grammar = Grammar(Random(seed))
+    draw, random = grammar.draw, grammar.random
+    acts = range(random.randint(2, 3))
+    actions = [draw("tangled_action").replace("N", str(index)) for index in acts]
+    actions += [draw("tangled_watch").replace("N", str(index)) for index in range(2)]
+    lines = [draw("tangled_instance").replace("N", str(index)) for index in acts]
+    lines += [draw("watch_instance").replace("N", str(index)) for index in range(2)]
+    points = [f"i{index}.{end}" for index in acts for end in ("start", "end")] + ["v0", "v1"]
+    pairs = (random.sample(points, 2) for _ in range(random.randint(0, 3)))
+    lines += [f"c: {target} - {source} in {draw('tangled_bound')};" for target, source in pairs]
     return Texts(
         "(define (domain d) (:predicates (a) (p)) (:functions (f) (g) (h))\n" + "\n".join(actions) + ")\n",
-        f"(define (problem x) (:domain d) (:init {' '.join(facts)}) (:goal {condition()}))\n",
+        f"(define (problem x) (:domain d) (:init {draw('tangled_initial')}) (:goal {draw('some_condition')}))\n",
         "\n".join(["parameter k default 2 lb 1 ub 4;", *lines]) + "\n",
     )
 
@@ -284,9 +184,6 @@ def tangled_texts(seed: int) -> Texts:
 
 Forms = Any
 """Words, and lists of forms."""
-PARTS: dict[str, Any] = json.loads(Path(__file__).with_name("data").joinpath("texts.json").read_text(encoding="utf-8"))
-"""Words and forms that stand where they have no meaning, or another one (`odd`), sections, statements of plans, lines
-beside a plan, bounds; and what looks or sorts like a character, or becomes it in lower case (`letters`)."""
 
 
 def forms(text: str) -> Forms:
@@ -309,118 +206,113 @@ def printed(form: Forms) -> str:
 
 def changed(texts: Sequence[str], random: Random) -> tuple[str, list[str]]:
     """The name of a change, and domain, problem, plan, and the parameters beside it, with one such change."""
-    ways: list[Callable[[Sequence[str], Random], list[str]]]
-    ways = [_renamed, _lettered, _joined, _cut, _section, _plan, _plan, _beside, *[_form] * 7]
-    way = random.choice(ways)
-    return way.__name__[1:], way(texts, random)
+    change = _Change(texts, random)
+    way = random.choice([*change.ways, change.plan, *[change.form] * 6])
+    return way.__name__, list(way() or change.texts)
 
 
-def _instead(texts: Sequence[str], place: int, text: str) -> list[str]:
-    return [text if number == place else each for number, each in enumerate(texts)]
+class _Change:
+    """Ways to change a text in one of the files, most often the domain."""
 
+    def __init__(self, texts: Sequence[str], random: Random) -> None:
+        self.texts, self.random, self.pick = [*texts], random, random.choice
+        self.place = self.pick([0, 0, 1, 2])
+        ways = (self.renamed, self.lettered, self.joined, self.cut, self.section, self.plan, self.beside, self.form)
+        self.ways: list[Callable[[], list[str] | None]] = [*ways]
 
-def _renamed(texts: Sequence[str], random: Random) -> list[str]:
-    """Something is called by another name, everywhere."""
-    old, new = (
-        random.choice(re.findall(r"\??[A-Za-z]\w*", texts[random.randrange(3)])),
-        random.choice(PARTS["odd"].split()),
-    )
-    return [re.sub(rf"(?<![\w?:#-]){re.escape(old)}(?![\w-])", lambda _: new, text) for text in texts]
+    def chance(self, probability: float) -> bool:
+        return self.random.random() < probability
 
+    def instead(self, old: str, new: str, more: int) -> None:
+        """One occurrence, if there is any, is another text."""
+        text = self.texts[self.place]
+        at = self.pick([match.start() for match in re.finditer(re.escape(old), text)] or [0])
+        self.texts[self.place] = text[:at] + new + text[at + more :]
 
-def _lettered(texts: Sequence[str], random: Random) -> list[str]:
-    """One character, or all of a kind in one file, are others."""
-    place, old = random.choice([0, 0, 1, 2]), random.choice([*PARTS["letters"]])
-    new, text = random.choice(PARTS["letters"][old]), texts[place]
-    where = [match.start() for match in re.finditer(re.escape(old), text)]
-    if not where or random.random() < 0.3:
-        return _instead(texts, place, text.replace(old, new))
-    at = random.choice(where)
-    return _instead(texts, place, text[:at] + new + text[at + random.randrange(2) :])
+    def renamed(self) -> list[str]:
+        """Something is called by another name, everywhere."""
+        old, new = self.pick(re.findall(r"\??[A-Za-z]\w*", self.pick(self.texts[:3]))), self.pick(PARTS["odd"].split())
+        return [re.sub(rf"(?<![\w?:#-]){re.escape(old)}(?![\w-])", lambda _: new, text) for text in self.texts]
 
+    def lettered(self) -> None:
+        """One character, or all of a kind in one file, are others."""
+        old = self.pick([*PARTS["letters"]])
+        new, text = self.pick(PARTS["letters"][old]), self.texts[self.place]
+        if old not in text or self.chance(0.3):
+            self.texts[self.place] = text.replace(old, new)
+        else:
+            self.instead(old, new, self.random.randrange(2))
 
-def _joined(texts: Sequence[str], random: Random) -> list[str]:
-    """Words without the blank between them, or parts of a word with one."""
-    place = random.choice([0, 0, 1, 2])
-    old, new = random.choice([("- ", "-"), (" -", "-"), (" ", ""), ("-", "- "), ("?", "? "), ("(", " (( "), (")", "")])
-    where = [match.start() for match in re.finditer(re.escape(old), texts[place])] or [0]
-    at = random.choice(where)
-    return _instead(texts, place, texts[place][:at] + new + texts[place][at + len(old) :])
+    def joined(self) -> None:
+        """Words without the blank between them, or parts of a word with one."""
+        old, new = self.pick(PARTS["joined"])
+        self.instead(old, new, len(old))
 
+    def cut(self) -> None:
+        """Some characters are missing, or something is said after the end."""
+        text = self.texts[self.place]
+        at = self.random.randrange(len(text) + 1)
+        more = text[at + self.random.randint(1, 5) :] if self.chance(0.8) else f"{text[at:]} {self.odd_word()}"
+        self.texts[self.place] = text[:at] + more
 
-def _cut(texts: Sequence[str], random: Random) -> list[str]:
-    """Some characters are missing, or something is said after the end."""
-    place, text = random.choice([0, 0, 1, 2]), random.choice(PARTS["odd"].split())
-    at = random.randrange(len(texts[place]) + 1)
-    more = texts[place][at + random.randint(1, 5) :] if random.random() < 0.8 else f"{texts[place][at:]} {text}"
-    return _instead(texts, place, texts[place][:at] + more)
+    def odd_word(self) -> str:
+        return self.pick(PARTS["odd"].split())
 
+    def forms(self) -> Forms:
+        """Those of the domain or the problem."""
+        return forms(self.pick(self.texts[:2]))
 
-def _section(texts: Sequence[str], random: Random) -> list[str]:
-    """A section more, one twice, or one in the other file."""
-    place = random.randrange(2)
-    top = forms(texts[place]) or [[]]
-    others = [form for form in forms(texts[random.randrange(2)]) if isinstance(form, list)] or [[[]]]
-    new = random.choice([forms(random.choice(PARTS["sections"])), random.choice(others)])
-    if isinstance(top[0], list):
-        top[0].insert(random.randint(2, max(2, len(top[0]))), random.choice(new or [[]]))
-    return _instead(texts, place, "\n".join(map(printed, top)))
+    def section(self) -> None:
+        """A section more, one twice, or one in the other file."""
+        self.place = self.random.randrange(2)
+        top = forms(self.texts[self.place]) or [[]]
+        others = [form for form in self.forms() if isinstance(form, list)] or [[[]]]
+        new = self.pick([forms(self.pick(PARTS["sections"])), self.pick(others)])
+        if isinstance(top[0], list):
+            top[0].insert(self.random.randint(2, max(2, len(top[0]))), self.pick(new or [[]]))
+        self.texts[self.place] = "\n".join(map(printed, top))
 
+    def form(self) -> None:
+        """A form or word is missing, twice, elsewhere, another one, inside something, or what is inside of it."""
+        self.place = self.pick([0, 0, 1])
+        top = forms(self.texts[self.place])
+        inner = self.pick(_parents(top))
+        if not inner:
+            return
+        at, way = self.random.randrange(len(inner)), self.random.randrange(8)
+        word = inner[at]
+        new = self.pick(forms(PARTS["odd"]) if self.chance(0.5) else self.pick(_parents(self.forms())) or [[]])
+        if isinstance(word, str) and self.chance(0.4):  # another word of its class
+            words = [each for form in _parents(top) for each in form if isinstance(each, str) and each[0] != ":"]
+            new = self.pick([each for each in words if each[0].isalpha() == word[0].isalpha()] or [word])
+        if way < 6:
+            inner[at : at + 1] = [[new], [new], [new], [new, word], [], [word]][way]
+            again = self.random.randint(0, len(inner))
+            inner[again:again] = [word] * (way == 5)
+        elif way == 6:
+            inner[at : at + 1] = forms(self.pick(PARTS["wraps"]).replace("X", printed(word)))
+        else:
+            inner[at : at + 1] = word if isinstance(word, list) else [word[::-1]]
+        self.texts[self.place] = "\n".join(map(printed, top))
 
-def _form(texts: Sequence[str], random: Random) -> list[str]:
-    """A form or word is missing, twice, elsewhere, another one, inside something, or what is inside of it."""
-    place = random.choice([0, 0, 1])
-    top, other = forms(texts[place]), forms(texts[random.randrange(2)])
-    inner = random.choice(_parents(top))
-    if not inner:
-        return list(texts)
-    at = random.randrange(len(inner))
-    new = random.choice(forms(PARTS["odd"]) if random.random() < 0.5 else random.choice(_parents(other)) or [[]])
-    word = inner[at]
-    if isinstance(word, str) and random.random() < 0.4:  # another word of its class
-        words = [each for form in _parents(top) for each in form if isinstance(each, str)]
-        new = random.choice(
-            [each for each in words if each[0].isalpha() == word[0].isalpha() and each[0] != ":"] or [word]
-        )
-    way = random.randrange(8)
-    if way < 3:
-        inner[at] = new
-    elif way == 3:
-        inner.insert(at, new)
-    elif way == 4:
-        inner.insert(random.randint(0, len(inner)), word)
-    elif way == 5:
-        del inner[at]
-    elif way == 6:
-        wraps = "(and X)|(not X)|(or X X)|(at start X)|(at end X)|(over all X)|(forall (?n - t1) X)|(X)|(imply X X)"
-        inner[at : at + 1] = forms(random.choice(wraps.split("|")).replace("X", printed(word)))
-    else:
-        inner[at : at + 1] = word if isinstance(word, list) else [word[::-1]]
-    return _instead(texts, place, "\n".join(map(printed, top)))
+    def plan(self) -> None:
+        """A word of the plan is missing, twice or another one, or a statement is, or there is another one."""
+        if self.chance(0.4):
+            parts = [f"{each};\n" for each in self.texts[2].split(";") if each.strip()] or [""]
+            new = self.pick([self.pick(PARTS["statements"]).rstrip(";") + ";\n", self.pick(parts)])
+        else:
+            parts = re.findall(r"\s+|[\w.-]+|[^\w.\s-]", self.texts[2]) or [""]
+            new = self.pick([self.pick(PARTS["bounds"]), self.pick(parts), ""])
+        at = self.random.randrange(len(parts))
+        parts[at : at + self.random.randrange(2)] = [new]
+        self.texts[2] = "".join(parts)
+
+    def beside(self) -> list[str]:
+        """Other parameters beside the plan."""
+        lines = PARTS["beside"]
+        first = self.pick(lines[:1] * 3 + lines)
+        return [*self.texts[:3], "\n".join([first, *self.random.choices(lines, k=self.random.randint(0, 3))])]
 
 
 def _parents(form: Forms) -> list[Forms]:
     return [form, *(each for inner in form if isinstance(inner, list) for each in _parents(inner))]
-
-
-def _plan(texts: Sequence[str], random: Random) -> list[str]:
-    """A word of the plan is missing, twice or another one, or a statement is, or there is another one."""
-    if random.random() < 0.4:
-        statements = [each for each in texts[2].split(";") if each.strip()] or [""]
-        more = random.choice(PARTS["statements"]).rstrip(";")
-        at = random.randrange(len(statements))
-        statements[at : at + random.randrange(2)] = [random.choice([more, random.choice(statements)])]
-        return _instead(texts, 2, "".join(f"{each};\n" for each in statements))
-    words = re.findall(r"\s+|[\w.-]+|[^\w.\s-]", texts[2]) or [""]
-    at = random.randrange(len(words))
-    words[at : at + random.randrange(2)] = [random.choice([random.choice(PARTS["bounds"]), random.choice(words), ""])]
-    return _instead(texts, 2, "".join(words))
-
-
-def _beside(texts: Sequence[str], random: Random) -> list[str]:
-    """Other parameters beside the plan."""
-    lines = PARTS["beside"]
-    return [
-        *texts[:3],
-        "\n".join([random.choice(lines[:1] * 3 + lines), *random.choices(lines, k=random.randint(0, 3))]),
-    ]

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import gzip
 import json
 from argparse import Namespace
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -29,6 +28,8 @@ EXAMPLES = Path(__file__).parents[2] / "robust" / "examples"
 NAVIGATION = tuple(EXAMPLES / "two_sample_navigation" / name for name in ("domain.pddl", "problem.pddl", "plan.stn"))
 GENERATOR = tuple(EXAMPLES / "generator" / name for name in ("domain.pddl", "problem.pddl", "plan.stn"))
 EPSILON = Fraction(1, 1000)
+Holds = Callable[["Checker"], bool]
+"""Whether a checker does something right."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,11 @@ MALFORMED = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeE
 """What the checker's command takes for a malformed certificate; anything else is a fault of the checker."""
 
 
+def put(values: list[Any], place: int, *new: Any) -> list[Any]:
+    """The values with others in one place, or none."""
+    return [*values[:place], *new, *values[place + 1 :]]
+
+
 def made(files: Sequence[Path], kind: str, *, box: Box | None = None, epsilon: Fraction = EPSILON) -> list[Line]:
     """The lines of a certificate of the plan in `files`."""
     beside = files[2].with_suffix(".toml")
@@ -63,10 +69,17 @@ def made(files: Sequence[Path], kind: str, *, box: Box | None = None, epsilon: F
 
 def written(texts: Texts, directory: Path) -> tuple[Path, ...]:
     """The files of a plan."""
+    directory.mkdir(exist_ok=True)
     paths = tuple(directory / name for name in ("domain.pddl", "problem.pddl", "plan.stn"))
     for path, text in zip(paths, texts, strict=True):
         path.write_text(text, encoding="utf-8")
     return paths
+
+
+def kept(path: Path, content: bytes) -> str:
+    """A file with this content."""
+    path.write_bytes(content)
+    return str(path)
 
 
 def assembled(texts: Sequence[str]) -> ParametrizedPlan:
@@ -81,16 +94,26 @@ def grounded(files: Iterable[Path]) -> reader.Ground:
     return reader.ground(*(path.read_text(encoding="utf-8") for path in files))
 
 
-def judged(lines: Sequence[Line | str], ground: Any, *, epsilon: Fraction = EPSILON, by: Checker = CHECKER) -> Any:
-    """The claim that a certificate establishes, or why it is rejected."""
+def checked(by: Checker, ground: Any, lines: Sequence[Any], epsilon: Fraction = EPSILON) -> Any:
+    """The claim that a certificate establishes, with the checker's exceptions."""
     tape = by.proofs.Tape(line if isinstance(line, str) else json.dumps(line) for line in lines[1:])
+    _, kind, box = lines[0]
+    return by.claims.check(tape, ground, kind, box, epsilon)
+
+
+def attempted(check: Callable[[], Any], by: Checker = CHECKER) -> Any:
+    """What is claimed, or why it is rejected."""
     try:
-        _, kind, box = lines[0]
-        return by.claims.check(tape, ground, kind, box, epsilon)
+        return check()
     except (by.proofs.Rejected, by.reader.Unsupported) as error:
         return str(error)
     except MALFORMED as error:
         return type(error).__name__
+
+
+def judged(lines: Sequence[Any], ground: Any, *, epsilon: Fraction = EPSILON, by: Checker = CHECKER) -> Any:
+    """The claim that a certificate establishes, or why it is rejected."""
+    return attempted(lambda: checked(by, ground, lines, epsilon), by)
 
 
 def command(lines: Sequence[Line], path: Path, files: Sequence[Path], **demanded: object) -> tuple[int, dict]:
@@ -104,7 +127,3 @@ def ask(path: Path, files: Sequence[Path], *, by: Checker = CHECKER, **demanded:
     arguments = Namespace(certificate=str(path), files=[*map(str, files)], **words)
     code, answer = by.main.report(arguments, by.main.Inputs())
     return int(code), dict(answer)
-
-
-def lines_of(path: Path) -> list[Line]:
-    return [json.loads(line) for line in gzip.decompress(path.read_bytes()).splitlines()]
