@@ -79,7 +79,7 @@ PARTS = {
     "knowledge": Part(("robust/pike_bridge/knowledge/*",), ("tests/pike_bridge/knowledge",)),
     "options": Part(
         ("robust/options/declare.py", "robust/options/shared.py", "robust/options/verbs.py"),
-        ("tests/test_options.py", "tests/cli/test_options.py", "tests/recordings/test_recordings.py"),
+        ("tests/test_options.py", "tests/recordings/test_recordings.py"),
         " or ".join(f"recorded[{group}" for group in ("check", "convert", "envelope", "region", "execute")),
     ),
 }

@@ -1,100 +1,86 @@
-"""`robust convert`, `execute` and `demo`: files that go together, and untimely ends; the rest is recorded."""
+"""`robust stnu dispatch`, `convert`, `execute` and `demo`: what the recorded answers do not show."""
 
 import json
 import re
 import shlex
-import signal
 import sys
 import time
 from pathlib import Path
 
 import pytest
 
-from robust.plan.load import load_plan
+from robust import stnu
 from tests.cli import inputs
-from tests.cli.running import NAVIGATION, answer_of, assert_one_line, command, example, stopped
+from tests.cli.running import NAVIGATION, answer_of, command, example
 
-# -- convert ---------------------------------------------------------------------------------------------------------
-
-
-STEPS = "; found by a planner\n2.000: (GO a b)  [5.0]\n"
-INEQUALITY = inputs.DOMAIN.replace(":duration (= ?duration 5)", ":duration (and (>= ?duration 1) (<= ?duration 9))")
+FINE, LATE = (inputs.INPUTS / "networks" / f"{name}.json" for name in ("fine", "late"))
 
 
-def test_parameters_in_the_plan(tmp_path):
-    files = inputs.write(tmp_path, domain=INEQUALITY, plan=STEPS).files
-    target = tmp_path / "converted.stn"
-    ended = command("convert", *files, "-o", target, "--parametrize", "duration:go,weight=2")
-    assert ended.code == 0
-    assert "parameter dur_n0 weight 2 default 5;" in target.read_text()
-    assert not target.with_suffix(".toml").exists()
-    envelope = json.loads(command("envelope", *files[:2], target, "--json").out)
-    assert (envelope["parameters"]["dur_n0"]["lower"], envelope["parameters"]["dur_n0"]["upper"]) == ("1", "9")
+def test_executions_of_networks_follow_from_their_seeds():
+    ended = command("stnu", "dispatch", FINE, LATE, "--runs", "20", "--seed", "7", "--json")
+    fine, late = answer_of(ended, "robust/stnu-dispatch/1")["results"]
+    assert (ended.code, late["executions"]) == (1, [])
+    assert [run["seed"] for run in fine["executions"]] == list(range(7, 27))
+    assert not any(run["violated"] for run in fine["executions"])
+    (again,) = answer_of(command("stnu", "dispatch", FINE, "--seed", "9", "--json"))["results"]
+    assert again["executions"] == [fine["executions"][2]]
 
 
-def test_parameters_beside_the_plan(tmp_path):
-    files = inputs.write(tmp_path, plan=STEPS).files
-    target = tmp_path / "converted.stn"
-    options = ["--parametrize", "duration:n0", "--parametrize", "fluent:(fuel),ub=7/3,default=2"]
-    ended = command("convert", *files, "-o", target, *options)
-    beside = target.with_suffix(".toml")
-    assert ended.out.endswith(f"parameters: {beside}, found there by whoever reads the plan\n")
-    plan = load_plan(*files[:2], target, parameter_file=beside)
-    assert {one.name: one.nominal for one in plan.parameters} == {"dur_n0": 5, "fuel": 2}
-    ended = command("check", *files[:2], target, "--at", "dur_n0=7", "--at", "fuel=1")
-    assert (ended.code, ended.err) == (0, f"robust: took the parameters of {beside}\n")
-    narrower = json.loads(
-        command("envelope", *files[:2], target, "--parameter", "fluent:(fuel),ub=1,default=1", "--json").out
-    )
-    assert narrower["notes"] == [f"took the parameters of {beside}"]
-    assert narrower["parameters"]["fuel"]["upper"] == "1"
+@pytest.mark.parametrize("words", [(example(), "plan.json"), (example("steps.plan"), "plan.stnu")])
+def test_the_network_of_a_plan_is_controllable(tmp_path, words):
+    files, name = words
+    box = tmp_path / "box.json"
+    box.write_text(command("envelope", *example(), "--json").out, encoding="utf-8")
+    options = ("--box", box) if name == "plan.json" else ("-o", tmp_path / "plan.stn")
+    assert command("convert", *files, "--stnu", tmp_path / name, *options).code == 0
+    network = stnu.load(tmp_path / name)
+    assert stnu.check(network).is_controllable
+    if name == "plan.json":
+        drive = next(link for link in network.contingents if link.source == "drive_1.start")
+        assert (drive.lower, drive.upper, network.origin) == (25, 36, "0")
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("; nothing\n", "empty plan: found no step"),
-        ("0: (go a) [5]\n", "found 'go' with 1 argument"),
-        ("Plan found:\n0: (go a b [5]\n", "found '0: (go a b [5]'"),
-    ],
-)
-def test_wrong_plans(tmp_path, text, says):
-    files = inputs.write(tmp_path, plan=text).files
-    ended = command("convert", *files)
-    assert_one_line(ended)
-    assert all(part in ended.err for part in (str(files[2]), says, "expected"))
-
-
-# -- execute ---------------------------------------------------------------------------------------------------------
+@pytest.mark.parametrize(("verb", "key"), [("check", "verdict"), ("repair", "repair")])
+def test_networks_out_of_time(tmp_path, verb, key):
+    """The limit passes while the file is read, when nothing is known, or afterwards."""
+    names = [f"p{number}" for number in range(301)]
+    links = [
+        {"first_node": a, "second_node": b, "type": kind, "min_duration": 0, "max_duration": 2}
+        for a, b, kind in zip(names, names[1:], ["stcu", "stc"] * 150, strict=False)
+    ]
+    end = {"first_node": "p0", "second_node": "p300", "type": "stc", "min_duration": 0, "max_duration": 150}
+    document = {"nodes": [{"node_id": name} for name in names], "constraints": [*links, end]}
+    (tmp_path / "long.json").write_text(json.dumps(document), encoding="utf-8")
+    ended = command("stnu", verb, tmp_path / "long.json", "--timeout", "0.000001", "--json")
+    answer = answer_of(ended)
+    assert ended.code == 3
+    if "error" in answer:
+        assert answer["error"]["kind"] == "timeout"
+    else:
+        assert (answer["status"], answer["results"][0][key]) == ("timeout", "unknown")
 
 
 def test_a_plan_that_the_planner_repeats_in_vain_is_given_up(tmp_path):
     (tmp_path / "planner.py").write_text("import sys; sys.stdout.write(open(sys.argv[1]).read())", encoding="utf-8")
-    steps = NAVIGATION / "steps.plan"
-    planner = f"command:{sys.executable} {tmp_path / 'planner.py'} {steps} {{domain}} {{problem}}"
-    file = tmp_path / "world.toml"
-    file.write_text('[[draw]]\nduration = "drive"\ndistribution = "constant"\nvalue = 37\n', encoding="utf-8")
-    ended = command("execute", *example(), "--world", file, "--planner", planner)
+    planner = f"command:{sys.executable} {tmp_path / 'planner.py'} {NAVIGATION / 'steps.plan'} {{domain}} {{problem}}"
+    world = tmp_path / "world.toml"
+    world.write_text('[[draw]]\nduration = "drive"\ndistribution = "constant"\nvalue = 37\n', encoding="utf-8")
+    ended = command("execute", *example(), "--world", world, "--planner", planner)
     assert ended.code == 1
     assert "nonsense" in ended.out
 
 
-def test_execution_out_of_time():
-    arguments = ["execute", *example(), "--runs", "1000000", "--timeout", "2.5", "--json"]
-    ended = command(*arguments)
-    assert ended.code == 3
-    answer = answer_of(ended)
-    assert answer["status"] in {"timeout", "interrupted"}
-    assert 0 < len(answer["runs"]) < 1000000
+# -- demo --------------------------------------------------------------------------------------------------------------
 
 
-def test_execution_interrupted():
-    ended = stopped("execute", *example(), "--runs", "1000000", "--quiet", after=3.0, number=signal.SIGINT)
-    assert ended.code == 3
-    assert ended.seconds < 30
+def sides(line):
+    """The sides in a line that says what ends them, such as `a ≥ 4, b ≥ 40: because`."""
+    ended = re.fullmatch(r"  (\w+ [<≤=≥>] \S+(?:, \w+ [<≤=≥>] \S+)*): .*", line)
+    return ended[1].split(", ") if ended else []
 
 
-# -- demo ------------------------------------------------------------------------------------------------------------
+def untimed(line):
+    return re.sub(r"\d+ checks", "CHECKS", re.sub(r"\d+\.\d+ s", "TIME", line))
 
 
 def test_commands_of_the_tour_work_as_shown(monkeypatch):
@@ -108,23 +94,13 @@ def test_commands_of_the_tour_work_as_shown(monkeypatch):
     assert Path.cwd() == before
     shown = [shlex.split(line.removeprefix("$ ")) for line in lines if line.startswith("$ ")]
     assert [words[0] for words in shown] == ["cd", "robust", "robust", "robust", "cd", "robust"]
-    tour = {_untimed(line) for line in lines}
-    sides = {side for line in lines for side in _sides(line)}
+    tour = {untimed(line) for line in lines}
+    ends = {side for line in lines for side in sides(line)}
     for program, *arguments in shown:
         if program == "cd":
             monkeypatch.chdir(arguments[0])
         else:
             printed = command(*arguments).out.splitlines()
-            assert [line for line in printed if not _sides(line) and _untimed(line) not in tour] == []
-            assert {side for line in printed for side in _sides(line)} <= sides
-    assert sides
-
-
-def _sides(line: str) -> list[str]:
-    """The sides in a line that says what ends them, such as `a ≥ 4, b ≥ 40: because`."""
-    ended = re.fullmatch(r"  (\w+ [<≤=≥>] \S+(?:, \w+ [<≤=≥>] \S+)*): .*", line)
-    return ended[1].split(", ") if ended else []
-
-
-def _untimed(line: str) -> str:
-    return re.sub(r"\d+ checks", "CHECKS", re.sub(r"\d+\.\d+ s", "TIME", line))
+            assert [line for line in printed if not sides(line) and untimed(line) not in tour] == []
+            assert {side for line in printed for side in sides(line)} <= ends
+    assert ends

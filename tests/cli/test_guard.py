@@ -26,17 +26,13 @@ def test_puts_everything_back():
     assert threading.active_count() == threads
 
 
-def wait_after_a_signal(guard: Guard, number: signal.Signals) -> None:
-    send(guard, number)
-    time.sleep(10)
-
-
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_interrupts_work_that_waits_and_leaves_what_follows_alone(number):
     with Guard() as guard:
         started = time.monotonic()
-        with pytest.raises(KeyboardInterrupt), guard.working():
-            wait_after_a_signal(guard, number)
+        with pytest.raises(KeyboardInterrupt), guard.working():  # noqa: PT012 - the signal comes while it works
+            send(guard, number)
+            time.sleep(10)
         assert time.monotonic() - started < 10
         assert guard.cause is Cause.INTERRUPTED
         time.sleep(0.5)

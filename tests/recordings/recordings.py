@@ -51,23 +51,22 @@ import subprocess
 import sys
 import tempfile
 import time
+import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import chdir, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
-from io import StringIO
+from io import BytesIO, StringIO, TextIOWrapper
 from pathlib import Path
 from typing import Any
 
-from tests.cli.inputs import BAD_INPUTS, RIGHT
-
-INPUTS, DATA = Path(__file__).parent / "inputs", Path(__file__).parent / "data"
-CHECKOUT = Path(__file__).resolve().parents[2]
+HERE = Path(__file__).resolve().parent
+INPUTS, DATA, CHECKOUT = HERE / "inputs", HERE / "data", HERE.parents[1]
+CHANGES = tomllib.loads((HERE / "changes.toml").read_text(encoding="utf-8"))
+"""Of which files some recordings are: a folder, and what is changed in it."""
 COLUMNS = 100
 LIMIT = 900.0
 """Seconds after which a command is killed; no case comes near."""
-
-
 SLOW = re.compile(
     r"bench|batch|compare-(?!flexible)|certify-(json|box-file|alethe$)|execute-planners|pike-check-cross"
     r"|pike-run-(disturb-explained|fails|patience-margin|windows-explain)"
@@ -95,7 +94,7 @@ class Case:
     @property
     def files(self) -> Mapping[str, bytes]:
         """What is in the directory beside the inputs."""
-        return _bad_inputs() if self.name == "bad-inputs" else {}
+        return _changed(**CHANGES[self.name]) if self.name in CHANGES else {}
 
     @property
     def needs_process(self) -> bool:
@@ -118,18 +117,24 @@ def cases() -> list[Case]:
     return [Case(name, tuple(_LINE.findall(text))) for name, text in recordings]
 
 
-def _bad_inputs() -> dict[str, bytes]:
-    """A directory of files for each row of the table of wrong inputs, and for files that are no text or none at all."""
-    right = {name: text.encode() for name, text in RIGHT.items()}
-    wrong = {bad.name: {bad.file: RIGHT[bad.file].replace(bad.old, bad.new).encode()} for bad in BAD_INPUTS}
-    for name in right:
-        wrong |= {f"{Path(name).stem} binary": {name: bytes(range(256)) * 8}, f"{Path(name).stem} empty": {name: b""}}
-    slugs = {name: re.sub(r"[^a-z0-9]+", "-", name.lower()) for name in wrong}
-    return {f"{slugs[name]}/{file}": text for name, files in wrong.items() for file, text in {**right, **files}.items()}
+def _changed(folder: str, changes: Mapping[str, Sequence[str]], unreadable: bool = False) -> dict[str, bytes]:
+    """A directory for each change of the files in a folder; if asked also for each file as no text and as no byte."""
+    right = {path.name: path.read_bytes() for path in (CHECKOUT / folder).iterdir() if path.is_file()}
+    made = {}
+    for name, words in changes.items():
+        made[name] = dict(right)
+        for file, old, new in zip(words[::3], words[1::3], words[2::3], strict=True):
+            text = made[name].get(file, b"").decode()
+            assert old in text, name
+            made[name][file] = (text.replace(old, new, 1) if old else new).encode()
+    for file in right if unreadable else ():
+        stem = Path(file).stem
+        made |= {f"{stem} binary": {**right, file: bytes(range(256)) * 8}, f"{stem} empty": {**right, file: b""}}
+    slugs = {name: re.sub(r"[^a-z0-9]+", "-", name.lower()) for name in made}
+    return {f"{slugs[name]}/{file}": text for name, files in made.items() for file, text in files.items()}
 
 
 # -- running -----------------------------------------------------------------------------------------------------------
-
 
 Ended = tuple[int, str, str]
 """An exit code, and what was printed on stdout and stderr."""
@@ -154,19 +159,19 @@ THIS = processes((sys.executable, "-m", "robust"))
 
 
 def in_process(words: Sequence[str], directory: Path, given: bytes) -> Ended:
-    """In this process and its main thread, without the seconds that a start takes; nothing can be on stdin."""
+    """In this process and its main thread, without the seconds that a start takes; what is on stdin has no number."""
     from robust.cli import run  # noqa: PLC0415 - only for those that run here
 
-    if given:
-        raise ValueError("found something on stdin, expected a case for processes")
-    out, err, before = StringIO(), StringIO(), dict(os.environ)
+    out, err, before, stdin = StringIO(), StringIO(), dict(os.environ), sys.stdin
     logger = logging.getLogger("robust")
     try:
+        sys.stdin = TextIOWrapper(BytesIO(given))
         os.environ.clear()
         os.environ.update(_environment())
         with chdir(directory), redirect_stdout(out), redirect_stderr(err):
             code = run(list(words))
     finally:
+        sys.stdin = stdin
         os.environ.clear()
         os.environ.update(before)
         logger.handlers.clear()
@@ -344,44 +349,35 @@ def _loosened(text: str) -> list[str]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    options = _parser().parse_args(arguments)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("action", choices=["record", "compare"])
+    parser.add_argument("directory", nargs="?", type=Path, default=DATA)
+    parser.add_argument("--only", metavar="PATTERN", default="", help="a shell pattern for names, or a part of them")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="commands at a time")
+    parser.add_argument("--command", default=f"{sys.executable} -m robust", help="default: robust of this interpreter")
+    parser.add_argument("--loose", action="store_true", help="whatever the order of lines and the work of solvers")
+    parser.add_argument("--checkout", type=Path, default=CHECKOUT, metavar="DIR", help="where examples are found")
+    options = parser.parse_args(arguments)
     place = Place(options.checkout.resolve(), processes(shlex.split(options.command)))
-    chosen = [case for case in cases() if _matches(case.name, options.only)]
-    data: Path = options.directory
-    data.mkdir(parents=True, exist_ok=True)
-    differing = []
+    chosen = [case for case in cases() if options.only in case.name or fnmatch.fnmatch(case.name, options.only)]
+    options.directory.mkdir(parents=True, exist_ok=True)
     started = time.monotonic()
 
-    def work(case: Case) -> tuple[Case, str]:
+    def work(case: Case) -> str:
         if options.action == "compare":
-            return case, difference(case, place, data, loose=options.loose)
-        (data / f"{case.name}.txt").write_text(place.recorded(case), encoding="utf-8")
-        return case, ""
+            return difference(case, place, options.directory, loose=options.loose)
+        (options.directory / f"{case.name}.txt").write_text(place.recorded(case), encoding="utf-8")
+        return ""
 
+    differing = []
     with ThreadPoolExecutor(options.jobs) as pool:
-        for case, text in pool.map(work, chosen):
+        for case, text in zip(chosen, pool.map(work, chosen), strict=True):
             if text:
                 differing.append(case.name)
                 print(text, flush=True)
     summary = f"{len(chosen)} cases in {time.monotonic() - started:.0f} s, {len(differing)} differ"
     print(summary, *differing, file=sys.stderr)
     return 1 if differing else 0
-
-
-def _matches(name: str, pattern: str | None) -> bool:
-    return pattern is None or pattern in name or fnmatch.fnmatch(name, pattern)
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("action", choices=["record", "compare"])
-    parser.add_argument("directory", nargs="?", type=Path, default=DATA)
-    parser.add_argument("--only", metavar="PATTERN", help="a shell pattern for names, or a part of them")
-    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="commands at a time")
-    parser.add_argument("--command", default=f"{sys.executable} -m robust", help="default: robust of this interpreter")
-    parser.add_argument("--loose", action="store_true", help="whatever the order of lines and the work of solvers")
-    parser.add_argument("--checkout", type=Path, default=CHECKOUT, metavar="DIR", help="where examples are found")
-    return parser
 
 
 if __name__ == "__main__":

@@ -2,13 +2,14 @@
 
 import json
 import re
+import sys
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from html.parser import HTMLParser
-from pathlib import Path
 from typing import Any, NamedTuple
 
+import pandas
 import pytest
 
 import robust
@@ -18,7 +19,7 @@ from robust.errors import InputError
 from robust.show import presenting
 from robust.show.console import printing
 from robust.show.documents import documenting
-from tests.cli.running import EXAMPLES, command, example
+from tests.cli.running import EXAMPLES, command, example, ran
 from tests.recordings.recordings import INPUTS
 
 FLEXIBLE = example("plan-flexible-wait.stn")
@@ -35,84 +36,73 @@ LIMIT = "limit=at-most:e1:e44"
 
 
 class Case(NamedTuple):
-    """A command line, the same from Python, and what only the command knows: keys of its answer."""
+    """What is asked from Python, the same as a command line, and what only the command knows: keys of its answer."""
 
-    words: tuple[str, ...]
     ask: Callable[[], Any]
+    words: tuple[str, ...]
     only: frozenset[str] = frozenset()
     says: bool = True
     """Whether both say the same to people."""
 
 
+def case(ask: Callable[..., Any], line: str, *given: Any, only: str = "", says: bool = True, **options: Any) -> Case:
+    """A function with arguments; a command line in which FILES stands for those that come first in the arguments."""
+    files = given[0] if isinstance(given[0], list) else [str(given[0])]
+    words = [part for word in line.split() for part in (files if word == "FILES" else [word])]
+    return Case(partial(ask, *given, **options), tuple(words), frozenset(only.split()), says)
+
+
+SUITE = EXAMPLES / "two_sample_navigation"
+KITCHENS = f"FILES --parameter {COFFEE} --parameter {LIMIT}"
 CASES = {
-    "check": Case(("check", *example()), lambda: robust.check(example())),
-    "check all": Case(("check", *example(), "--all"), lambda: robust.check(example(), every=True)),
-    "check refuted": Case(("check", *FLEXIBLE), lambda: robust.check(FLEXIBLE), frozenset({"repair"}), says=False),
-    "check delivery": Case(("check", *DELIVERY), lambda: robust.check(DELIVERY), frozenset({"notes"})),
-    "check positions": Case(
-        ("check", *GENERATOR, "--encoding", "positions", "--epsilon", "0.01"),
-        lambda: robust.check(GENERATOR, encoding="positions", epsilon=0.01),
+    "check": case(robust.check, "check FILES", example()),
+    "check all": case(robust.check, "check FILES --all", example(), every=True),
+    "check refuted": case(robust.check, "check FILES", FLEXIBLE, only="repair", says=False),
+    "check delivery": case(robust.check, "check FILES", DELIVERY, only="notes"),
+    "check positions": case(
+        robust.check, "check FILES --encoding positions --epsilon 0.01", GENERATOR, encoding="positions", epsilon=0.01
     ),
-    "envelope": Case(("envelope", *example()), lambda: robust.envelope(example())),
-    "envelope irr": Case(
-        ("envelope", *example(), "--method", "irr", "--doubling"),
-        lambda: robust.envelope(example(), method="irr", doubling=True),
+    "envelope": case(robust.envelope, "envelope FILES", example()),
+    "envelope irr": case(
+        robust.envelope, "envelope FILES --method irr --doubling", example(), method="irr", doubling=True
     ),
-    "envelope optimal": Case(
-        ("envelope", *example(), "--method", "optimal"), lambda: robust.envelope(example(), method="optimal")
+    "envelope optimal": case(robust.envelope, "envelope FILES --method optimal", example(), method="optimal"),
+    "envelope generator": case(robust.envelope, "envelope FILES", GENERATOR),
+    "envelope delivery": case(robust.envelope, "envelope FILES", DELIVERY, only="notes"),
+    "envelope invalid": case(robust.envelope, "envelope FILES", FLEXIBLE, only="counterexample", says=False),
+    "envelope controllable": case(
+        robust.envelope, "envelope FILES --controllability weak --quiet", example(), only="controllability", says=False
     ),
-    "envelope generator": Case(("envelope", *GENERATOR), lambda: robust.envelope(GENERATOR)),
-    "envelope delivery": Case(("envelope", *DELIVERY), lambda: robust.envelope(DELIVERY), frozenset({"notes"})),
-    "envelope invalid": Case(
-        ("envelope", *FLEXIBLE), lambda: robust.envelope(FLEXIBLE), frozenset({"counterexample"}), says=False
+    "region": case(robust.region, "region FILES", example()),
+    # Of its factors some constraints may follow from the others.
+    "region generator": case(robust.region, "region FILES", GENERATOR, only="factors"),
+    "compare": case(robust.compare, "compare FILES", example()),
+    "repair": case(robust.repair, "repair FILES", FLEXIBLE),
+    "risk": case(robust.risk, f"risk FILES {' '.join(DRAWN)} --within 0.01", example(), RANDOM, within="0.01"),
+    "validate": case(lambda files: robust.validate(*files), "validate FILES", STEPS, only="domain problem"),
+    "convert": case(lambda files: robust.convert(*files), "convert FILES", STEPS, only="notes", says=False),
+    "batch check": case(partial(robust.batch, "check"), "batch check FILES", SUITE, says=False),  # seconds of each
+    "stnu check": case(stnu.check, "stnu check FILES", HANDOVER),
+    "stnu dispatch": case(stnu.dispatch, "stnu dispatch FILES --runs 0", HANDOVER),
+    "stnu repair": case(stnu.repair, "stnu repair FILES", HANDOVER),
+    "pike check": case(
+        pike.check, "pike check FILES --backend pitms --all-scenarios", KITCHEN, backend="pitms", all_scenarios=True
     ),
-    "envelope controllable": Case(
-        ("envelope", *example(), "--controllability", "weak", "--quiet"),
-        lambda: robust.envelope(example()),
-        frozenset({"controllability"}),
+    "pike compile": case(pike.compile, "pike compile FILES", WING),
+    "pike moments": case(pike.moments, "pike check FILES --patience", KITCHEN),
+    "pike run": case(  # which says how long decisions took
+        pike.run,
+        "pike run FILES --seed 3 --outcome xA1=mug@2",
+        KITCHEN,
+        seed=3,
+        outcome={"xA1": ("mug", 2)},
         says=False,
     ),
-    "region": Case(("region", *example()), lambda: robust.region(example())),
-    "region generator": Case(
-        ("region", *GENERATOR),
-        lambda: robust.region(GENERATOR),
-        frozenset({"factors"}),  # of which some constraints may follow from the others
+    "pike region": case(pike.region, f"pike region {KITCHENS}", KITCHEN, [COFFEE, LIMIT]),
+    "pike envelope": case(
+        pike.envelope, f"pike envelope {KITCHENS} --for-all xA1", KITCHEN, [COFFEE, LIMIT], for_all="xA1"
     ),
-    "compare": Case(("compare", *example()), lambda: robust.compare(example())),
-    "repair": Case(("repair", *FLEXIBLE), lambda: robust.repair(FLEXIBLE)),
-    "risk": Case(
-        ("risk", *example(), *DRAWN, "--within", "0.01"), lambda: robust.risk(example(), RANDOM, within="0.01")
-    ),
-    "validate": Case(("validate", *STEPS), lambda: robust.validate(*STEPS), frozenset({"domain", "problem"})),
-    "convert": Case(("convert", *STEPS), lambda: robust.convert(*STEPS), frozenset({"notes"}), says=False),
-    "batch check": Case(
-        ("batch", "check", str(EXAMPLES / "two_sample_navigation")),
-        lambda: robust.batch("check", EXAMPLES / "two_sample_navigation"),
-        says=False,  # seconds in a column of their own
-    ),
-    "stnu check": Case(("stnu", "check", HANDOVER), lambda: stnu.check(HANDOVER)),
-    "stnu dispatch": Case(("stnu", "dispatch", HANDOVER, "--runs", "0"), lambda: stnu.dispatch(HANDOVER)),
-    "stnu repair": Case(("stnu", "repair", HANDOVER), lambda: stnu.repair(HANDOVER)),
-    "pike check": Case(
-        ("pike", "check", KITCHEN, "--backend", "pitms", "--all-scenarios"),
-        lambda: pike.check(KITCHEN, backend="pitms", all_scenarios=True),
-    ),
-    "pike compile": Case(("pike", "compile", WING), lambda: pike.compile(WING)),
-    "pike moments": Case(("pike", "check", KITCHEN, "--patience"), lambda: pike.moments(KITCHEN)),
-    "pike run": Case(
-        ("pike", "run", KITCHEN, "--seed", "3", "--outcome", "xA1=mug@2"),
-        lambda: pike.run(KITCHEN, seed=3, outcome={"xA1": ("mug", 2)}),
-        says=False,  # how long decisions took
-    ),
-    "pike region": Case(
-        ("pike", "region", KITCHEN, "--parameter", COFFEE, "--parameter", LIMIT),
-        lambda: pike.region(KITCHEN, [COFFEE, LIMIT]),
-    ),
-    "pike envelope": Case(
-        ("pike", "envelope", KITCHEN, "--parameter", COFFEE, "--parameter", LIMIT, "--for-all", "xA1"),
-        lambda: pike.envelope(KITCHEN, [COFFEE, LIMIT], for_all="xA1"),
-    ),
-    "pike cross": Case(("pike", "check", NETWORK, "--cross"), lambda: pike.cross_check(NETWORK)),
+    "pike cross": case(pike.cross_check, "pike check FILES --cross", NETWORK),
 }
 MEASURED = re.compile(r"seconds$|_s$|^statistics$|^queries$|^convergence$|^checks$|^pieces$|_mb$")
 
@@ -122,12 +112,12 @@ def result(name: str) -> Any:
     return CASES[name].ask()
 
 
-def comparable(value: Any, left_out: frozenset[str]) -> Any:
+def comparable(value: Any, omitted: frozenset[str]) -> Any:
     """Without what is measured, and what only the command knows."""
     if isinstance(value, dict):
-        kept = {key: one for key, one in value.items() if not MEASURED.search(key) and key not in left_out}
-        return {key: comparable(one, left_out) for key, one in kept.items()}
-    return [comparable(one, left_out) for one in value] if isinstance(value, list) else value
+        kept = {key: item for key, item in value.items() if not MEASURED.search(key) and key not in omitted}
+        return {key: comparable(item, omitted) for key, item in kept.items()}
+    return [comparable(item, omitted) for item in value] if isinstance(value, list) else value
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -178,13 +168,16 @@ def test_boxes_say_what_they_are(asked, promise):
 
 
 class Tags(HTMLParser):
-    """Finds out whether all that is begun is ended, and collects the texts."""
+    """Sees to it that all that is begun is ended, and collects the tags and the texts."""
 
-    def __init__(self) -> None:
+    def __init__(self, page: str) -> None:
         super().__init__()
         self.open: list[str] = []
         self.seen: set[str] = set()
         self.text = ""
+        self.feed(page)
+        self.close()
+        assert not self.open
 
     def handle_starttag(self, tag: str, attrs: object) -> None:
         self.open.append(tag)
@@ -200,47 +193,33 @@ class Tags(HTMLParser):
         self.text += data
 
 
-def parsed(page: str) -> Tags:
-    found = Tags()
-    found.feed(page)
-    found.close()
-    assert not found.open
-    return found
+PLAIN = {"div", "pre", "span", "table", "thead", "tbody", "tr", "th", "td", "br"}
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_a_result_in_a_notebook_is_well_formed_and_says_the_same(name):
-    page = parsed(result(name)._repr_html_())
-    assert page.seen <= {"div", "pre", "span", "table", "thead", "tbody", "tr", "th", "td", "br"}
-    first = str(result(name)).split(maxsplit=1)[0]
-    assert first in page.text
-
-
-@pytest.mark.parametrize("name", ["envelope", "compare", "check refuted", "risk"])
-def test_tables_are_tables_in_a_notebook(name):
-    assert "table" in parsed(result(name)._repr_html_()).seen
+    page = Tags(result(name)._repr_html_())
+    assert page.seen <= PLAIN
+    assert str(result(name)).split(maxsplit=1)[0] in page.text
+    assert "table" in page.seen or name not in {"envelope", "compare", "check refuted", "risk"}
 
 
 def test_texts_of_files_are_escaped():
     nasty = "<script>alert('&')</script>\x07"
-    found = result("check refuted")
-    broken = next(iter(found.counterexamples.values()))
-    violations = tuple(replace(one, detail=nasty) for one in broken.simulation.violations)
+    refuted = result("check refuted")
+    broken = next(iter(refuted.counterexamples.values()))
+    violations = tuple(replace(violation, detail=nasty) for violation in broken.simulation.violations)
     changed = replace(broken, simulation=replace(broken.simulation, violations=violations))
-    page = replace(found, counterexamples={broken.obligation: changed})._repr_html_()
-    assert parsed(page).seen <= {"div", "pre", "span", "table", "thead", "tbody", "tr", "th", "td", "br"}
+    page = replace(refuted, counterexamples={broken.obligation: changed})._repr_html_()
+    assert Tags(page).seen <= PLAIN
     assert "&lt;script&gt;" in page
     assert "\x07" not in page
-    unread = replace(result("envelope invalid"), reason=nasty)._repr_html_()
-    assert "<script>" not in unread
-
-
-WITHOUT_TABLE = ("pike compile",)
+    assert "<script>" not in replace(result("envelope invalid"), reason=nasty)._repr_html_()
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_tables_have_the_same_columns_in_each_row(name):
-    if name in WITHOUT_TABLE:
+    if name == "pike compile":
         with pytest.raises(InputError, match="without a table"):
             result(name).rows()
         return
@@ -265,7 +244,6 @@ def test_tables_have_numbers():
 
 
 def test_tables_are_data_frames_in_one_call():
-    pandas = pytest.importorskip("pandas")
     frame = pandas.DataFrame(result("envelope").rows())
     assert list(frame.parameter) == ["to_ridge", "to_crater"]
     assert frame.lower.dtype == float
@@ -309,13 +287,8 @@ def test_every_kind_of_result_is_tried():
     assert {kind.__module__.removeprefix("robust.") for kind in kinds} == presenting._SHOWN_BY.keys()
 
 
-def test_results_cost_nothing_but_themselves(tmp_path):
+def test_results_cost_nothing_but_themselves():
     """What shows a result is loaded when it is shown."""
-    import subprocess  # noqa: PLC0415
-    import sys  # noqa: PLC0415
-
     loaded = "[name for name in sys.modules if name[7:11] in ('show', 'draw')]"
-    code = f"import robust, sys; robust.check({example()!r}); print({loaded})"
-    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert found.stdout.strip() == "[]"
-    assert Path(tmp_path).exists()
+    ended = ran(sys.executable, "-c", f"import robust, sys; robust.check({example()!r}); print({loaded})")
+    assert ended.out == "[]\n"
