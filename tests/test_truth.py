@@ -13,12 +13,6 @@ from robust import pike, stnu
 from robust.presented import NoTruthValue, VerdictEnum
 from tests.cli.running import example
 
-PUBLIC = {
-    value
-    for package in (robust, pike, stnu)
-    for name in package.__all__
-    if isinstance(value := getattr(package, name), type)
-}
 TELLING = {
     "agree",
     "answer",
@@ -32,42 +26,22 @@ TELLING = {
     "verdict",
 }
 """What attributes are called that say what came of a question."""
-KINDS = {
-    *("About", "AssignmentKind", "Below", "Case", "Cause", "Changeable", "Comparator", "Control", "Guarantee", "Human"),
-    *(
-        "Kind",
-        "Means",
-        "Mode",
-        "MomentSide",
-        "NodeKind",
-        "Operator",
-        "Pace",
-        "Phase",
-        "Relation",
-        "Role",
-        "Sense",
-        "Side",
-        "Stage",
-    ),
-    *("Subject", "Target", "TeamParameterKind", "Temporal", "TimePointKind", "Timing", "Update", "Way"),
-}
+NO_ANSWERS = """About AssignmentKind Below Case Cause Changeable Comparator Control Guarantee Human Kind Means Mode
+MomentSide NodeKind Operator Pace Phase Relation Role Sense Side Stage Subject Target TeamParameterKind Temporal
+TimePointKind Timing Update Way"""
 """Enumerations that answer no question."""
 
 
 @cache
-def classes() -> tuple[type, ...]:
-    """All that the package declares, but for the checker, which imports nothing of it."""
-    names = [one.name for one in pkgutil.walk_packages(robust.__path__, "robust.")]
-    modules = [
-        import_module(one) for one in names if "__main__" not in one and not one.startswith("robust.certify.checker")
-    ]
-    found = {each for one in modules for _, each in inspect.getmembers(one, inspect.isclass)}
-    return tuple(sorted((one for one in found if one.__module__.startswith("robust.")), key=str))
+def classes(kind: type) -> list[type]:
+    """All of that kind that the package declares, but for the checker, which imports nothing of it."""
+    names = [module.name for module in pkgutil.walk_packages(robust.__path__, "robust.")]
+    wanted = [name for name in names if "__main__" not in name and not name.startswith("robust.certify.checker")]
+    found = {value for name in wanted for _, value in inspect.getmembers(import_module(name), inspect.isclass)}
+    return sorted((each for each in found if each.__module__.startswith("robust.") and issubclass(each, kind)), key=str)
 
 
-@pytest.mark.parametrize(
-    "result", [one for one in classes() if issubclass(one, NoTruthValue)], ids=lambda one: one.__qualname__
-)
+@pytest.mark.parametrize("result", classes(NoTruthValue), ids=lambda result: result.__qualname__)
 def test_results_have_no_truth_value_and_name_what_has(result):
     if inspect.isabstract(result) or "_ask" not in dir(result):  # what results inherit from
         return
@@ -76,18 +50,19 @@ def test_results_have_no_truth_value_and_name_what_has(result):
         bool(object.__new__(result))
 
 
-@pytest.mark.parametrize("kind", [one for one in classes() if issubclass(one, Enum)], ids=lambda one: one.__qualname__)
+@pytest.mark.parametrize("kind", classes(Enum), ids=lambda kind: kind.__qualname__)
 def test_answers_have_no_truth_value(kind):
-    assert issubclass(kind, VerdictEnum) is (kind.__name__ not in KINDS)
-    if issubclass(kind, VerdictEnum):
-        for member in kind:
-            with pytest.raises(TypeError, match=rf"^{member} has no truth value: ask whether it `is {kind.__name__}\."):
-                bool(member)
+    assert issubclass(kind, VerdictEnum) is (kind.__name__ not in NO_ANSWERS.split())
+    for member in kind if issubclass(kind, VerdictEnum) else ():
+        with pytest.raises(TypeError, match=rf"^{member} has no truth value: ask whether it `is {kind.__name__}\."):
+            bool(member)
 
 
 def test_whatever_says_what_came_of_a_question_is_a_result():
-    telling = {one for one in PUBLIC if TELLING & {*vars(one), *vars(one).get("__annotations__", ())}}
-    assert {one for one in telling if not issubclass(one, NoTruthValue | Exception)} == set()
+    values = [getattr(package, name) for package in (robust, pike, stnu) for name in package.__all__]
+    public = {value for value in values if isinstance(value, type)}
+    telling = {kind for kind in public if TELLING & {*vars(kind), *vars(kind).get("__annotations__", ())}}
+    assert {kind for kind in telling if not issubclass(kind, NoTruthValue | Exception)} == set()
     assert len(telling) > 15
 
 

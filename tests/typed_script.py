@@ -1,4 +1,4 @@
-"""What a user's script may say about the package; `tests/test_typed.py` has mypy read it, strictly. It is not run."""
+"""What a user's script may say about the package; `tests/test_package.py` has mypy read it, strictly. It is not run."""
 
 from decimal import Decimal
 from fractions import Fraction
