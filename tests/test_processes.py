@@ -21,6 +21,7 @@ from robust.processes import KEPT, ProcessEnd, Processes, StoppedError
 from robust.smt.limits import Deadline, OutOfTimeError, from_copy, stream_from_copy, uninterrupted
 from robust.watcher import CANNOT_START
 from tests.children import WAIT, Told, eventually, interrupted_after, is_running
+from tests.cli.running import environment
 
 
 def python(code: str) -> list[str]:
@@ -36,29 +37,28 @@ def told(tmp_path: Path) -> Told:
     return Told(tmp_path)
 
 
-def test_output_exit_code_and_time() -> None:
+def test_what_comes_of_a_command() -> None:
     ended = run("import sys, time; print('out'); print('first\\nlast', file=sys.stderr); time.sleep(0.2); sys.exit(3)")
-    assert (ended.stdout, ended.exit_code, ended.timed_out) == ("out\n", 3, False)
-    assert ended.last_line == "last"
+    assert (ended.stdout, ended.exit_code, ended.timed_out, ended.last_line) == ("out\n", 3, False, "last")
     assert 0.2 <= ended.seconds < 5
-
-
-def test_what_a_failure_says() -> None:
     assert run("import os; os._exit(7)").last_line == "no message"
     assert run("print('so far'); import os; print('note: none', file=os.sys.stderr)").last_line == "so far"
     killed = run("import os; os.kill(os.getpid(), 11)")
     assert (killed.exit_code, killed.timed_out) == (-11, False)
+    ended = run("import sys; print('x' * 10**6); print('y' * 10**6, file=sys.stderr)")  # more than a pipe holds
+    assert (len(ended.stdout), len(ended.stderr)) == (10**6 + 1, 10**6 + 1)
+
+
+def test_a_command_that_does_not_exist(tmp_path: Path) -> None:
+    ended = Processes().run([str(tmp_path / "absent")])
+    assert ended.exit_code == CANNOT_START
+    assert ended.last_line == f"cannot start '{tmp_path / 'absent'}': No such file or directory"
 
 
 def test_where_and_with_what_a_command_runs(tmp_path: Path) -> None:
     code = "import os; print(os.getcwd(), os.environ['ROBUST_TEST'], 'PATH' in os.environ, os.read(0, 9))"
     ended = Processes().run(python(code), folder=tmp_path, variables={"ROBUST_TEST": "yes"})
     assert ended.stdout == f"{tmp_path} yes True b''\n"
-
-
-def test_more_output_than_a_pipe_holds() -> None:
-    ended = run("import sys; print('x' * 10**6); print('y' * 10**6, file=sys.stderr)")
-    assert (len(ended.stdout), len(ended.stderr)) == (10**6 + 1, 10**6 + 1)
 
 
 def test_more_than_any_file_may_hold(tmp_path: Path) -> None:
@@ -112,18 +112,13 @@ def test_memory_is_that_of_the_process_and_not_of_its_parent() -> None:
     assert len(ballast) > 0
 
 
-def test_the_limit_of_memory() -> None:
+def test_limits_of_memory_and_time() -> None:
     code = "x = bytearray(400 * 2**20)"
     assert run(code, memory_mb=1000).exit_code == 0
     assert run(code, memory_mb=300).last_line == "MemoryError"
-
-
-def test_the_limit_of_time() -> None:
     started = time.monotonic()
     ended = run(f"print('early', flush=True); {WAIT}", 0.5)
-    assert ended.timed_out
-    assert ended.exit_code == -signal.SIGKILL
-    assert ended.stdout == "early\n"
+    assert (ended.timed_out, ended.exit_code, ended.stdout) == (True, -signal.SIGKILL, "early\n")
     assert 0.1 <= ended.seconds < 10
     assert time.monotonic() - started < 20
     assert ended.memory_mb > 1
@@ -145,12 +140,6 @@ time.sleep({0 if limit is None else 60})
     assert time.monotonic() - started < 30
     assert ended.timed_out == (limit is not None)
     assert told.gone()
-
-
-def test_a_command_that_does_not_exist(tmp_path: Path) -> None:
-    ended = Processes().run([str(tmp_path / "absent")])
-    assert ended.exit_code == CANNOT_START
-    assert ended.last_line == f"cannot start '{tmp_path / 'absent'}': No such file or directory"
 
 
 def test_stop_ends_running_commands_and_refuses_new_ones(told: Told) -> None:
@@ -185,8 +174,7 @@ CALLS = ("Processes().run([sys.executable, '-S', '-c', {0!r}])", "from_copy(lamb
 @pytest.mark.parametrize("call", CALLS, ids=["command", "copy"])
 def test_children_end_with_their_parent(told: Told, call: str) -> None:
     code = f"import sys; from robust.processes import *; from robust.smt.limits import *; {call.format(told.code)}"
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
-    with subprocess.Popen([sys.executable, "-c", code], env=environment) as parent:
+    with subprocess.Popen([sys.executable, "-c", code], env=environment()) as parent:
         assert told.begun()
         parent.kill()
     assert told.gone()
@@ -213,8 +201,7 @@ def test_those_who_fork_away_end_with_the_parent_and_so_does_its_folder(
     away = FORKING_AWAY.format(told=told.code.replace("; ", "\n        "))
     call = f"Processes().run([sys.executable, '-S', '-c', {away!r}], scratch=Path({str(scratch)!r}))"
     code = f"import sys; from pathlib import Path; from robust.processes import *; {call}"
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
-    with subprocess.Popen([sys.executable, "-c", code], env=environment) as parent:
+    with subprocess.Popen([sys.executable, "-c", code], env=environment()) as parent:
         assert told.begun()
         assert scratch.exists()
         parent.send_signal(number)
@@ -251,11 +238,11 @@ def test_an_interrupt_while_a_child_starts_leaves_none(told: Told, monkeypatch: 
     original = getattr(owner, name)
 
     def begin(*given: Any, **options: Any) -> Any:
-        found = original(*given, **options)
-        if found != 0:
+        child = original(*given, **options)
+        if child != 0:
             assert told.begun()
             signal.raise_signal(signal.SIGINT)
-        return found
+        return child
 
     monkeypatch.setattr(owner, name, begin)
     call = partial(from_copy, partial(exec, told.code), Deadline(), "waiting")
@@ -280,10 +267,7 @@ fork, limits.ctypes.CDLL = os.fork, Late
 os.fork = lambda: fork() and os._exit(0)
 limits.from_copy(lambda: exec({told.code!r}), limits.Deadline(), "x")
 """
-
-    subprocess.run(
-        [sys.executable, "-c", code], check=False, env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
-    )
+    subprocess.run([sys.executable, "-c", code], check=False, env=environment())
     assert not eventually(told.path.exists, 3)
 
 

@@ -1,6 +1,7 @@
 """Running the command line: in this process, or as a process of its own."""
 
 import json
+import logging
 import os
 import signal
 import subprocess
@@ -58,9 +59,13 @@ def example(plan: str = "plan.stn", directory: Path = NAVIGATION) -> list[str]:
 
 def command(*arguments: object) -> Ended:
     """In this process; what only a process shows (signals, streams, imports) is tested with :func:`process`."""
-    out, err = StringIO(), StringIO()
-    with redirect_stdout(out), redirect_stderr(err):
-        code = run([str(argument) for argument in arguments])
+    out, err, logger = StringIO(), StringIO(), logging.getLogger("robust")
+    try:
+        with redirect_stdout(out), redirect_stderr(err):
+            code = run([str(argument) for argument in arguments])
+    finally:
+        logger.handlers.clear()
+        logger.setLevel(logging.NOTSET)
     return Ended(code, out.getvalue(), err.getvalue())
 
 

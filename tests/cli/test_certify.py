@@ -249,40 +249,6 @@ def box_certificate(tmp_path_factory):
     return file
 
 
-OTHER = "the box that is demanded is another one"
-
-
-@pytest.mark.parametrize(
-    ("words", "code", "says"),
-    [
-        ("to_ridge=25:36 to_crater=35:46", 0, ""),
-        ("to_ridge=25:36  to_crater=40", 0, ""),
-        ("to_ridge=25:36", 0, ""),
-        ("to_ridge=61/2", 0, ""),
-        ("to_ridge=25:37", 1, OTHER),
-        ("to_ridge=24.9:36", 1, OTHER),
-        ("to_ridge=-inf:36", 1, OTHER),
-        ("to_ridge=25:36 to_crater=34", 1, OTHER),
-        ("to_rigde=25:36", 1, "the box that is demanded has other parameters than to_ridge, to_crater"),
-        ("to_ridge=36:25", 2, "found '36:25', expected LOW:HIGH with LOW not above HIGH"),
-        ("to_ridge=x", 2, "found 'x', expected a number"),
-        ("=1:2", 2, "found '=1:2', expected NAME=VALUE or NAME=LOW:HIGH"),
-        ("to_ridge=30 to_ridge=31", 2, "found a second value for 'to_ridge', expected one"),
-        ("box.json to_ridge=30", 2, "found 'box.json' and something else, expected one FILE, or NAME=LOW:HIGH"),
-        ("nowhere.json", 2, "nowhere.json: found no such file, expected a readable text file"),
-    ],
-)
-def test_values_that_are_demanded(box_certificate, words, code, says):
-    """Of parameters that are not mentioned the nominal value is."""
-    ended = command("verify", box_certificate, *example(), *(f"--box={word}" for word in words.split(" ") if word))
-    assert ended.code == code
-    if code == 2:
-        assert (ended.out, ended.err.count("\n"), says in ended.err) == ("", 1, True)
-    else:
-        assert ended.err == ""
-        assert ended.out.startswith(f"rejected: {says}" if code else "established: ")
-
-
 def test_a_maximal_box_is_demanded_with_all_its_values(box_certificate, box, tmp_path):
     words = ("verify", box_certificate, *example(), "--kind", "maximal")
     assert code_of(*words, "--box", "to_ridge=25:36") == 1

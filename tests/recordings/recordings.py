@@ -42,7 +42,6 @@ import argparse
 import difflib
 import fnmatch
 import json
-import logging
 import os
 import re
 import shlex
@@ -54,11 +53,12 @@ import time
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import chdir, redirect_stderr, redirect_stdout
+from contextlib import chdir
 from dataclasses import dataclass
-from io import BytesIO, StringIO, TextIOWrapper
+from io import BytesIO, TextIOWrapper
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 HERE = Path(__file__).resolve().parent
 INPUTS, DATA, CHECKOUT = HERE / "inputs", HERE / "data", HERE.parents[1]
@@ -160,23 +160,12 @@ THIS = processes((sys.executable, "-m", "robust"))
 
 def in_process(words: Sequence[str], directory: Path, given: bytes) -> Ended:
     """In this process and its main thread, without the seconds that a start takes; what is on stdin has no number."""
-    from robust.cli import run  # noqa: PLC0415 - only for those that run here
+    from tests.cli.running import command  # noqa: PLC0415 - which imports the package, that of this checkout
 
-    out, err, before, stdin = StringIO(), StringIO(), dict(os.environ), sys.stdin
-    logger = logging.getLogger("robust")
-    try:
-        sys.stdin = TextIOWrapper(BytesIO(given))
-        os.environ.clear()
-        os.environ.update(_environment())
-        with chdir(directory), redirect_stdout(out), redirect_stderr(err):
-            code = run(list(words))
-    finally:
-        sys.stdin = stdin
-        os.environ.clear()
-        os.environ.update(before)
-        logger.handlers.clear()
-        logger.setLevel(logging.NOTSET)
-    return code, out.getvalue(), err.getvalue()
+    stdin = TextIOWrapper(BytesIO(given))
+    with chdir(directory), patch.dict(os.environ, _environment(), clear=True), patch.object(sys, "stdin", stdin):
+        ended = command(*words)
+    return ended.code, ended.out, ended.err
 
 
 @dataclass(frozen=True)
@@ -342,10 +331,11 @@ _EFFORT = re.compile(
 _STEP = re.compile(r'\{"check": .*|"convergence": .*|queries/\d+-.*|[][{}]*')
 
 
-def _loosened(text: str) -> list[str]:
+def _loosened(text: str) -> list[list[str]]:
     """Without what depends on which models a solver happens to find: counts of its work, and the order of lines."""
-    lines = [_EFFORT.sub("#", line).strip().rstrip(",") for line in text.splitlines()]
-    return sorted(line for line in lines if not _STEP.fullmatch(line))
+    answers = re.split(r"^(?=\$ robust)", text, flags=re.MULTILINE)
+    lines = [[_EFFORT.sub("#", line).strip().rstrip(",") for line in answer.splitlines()] for answer in answers]
+    return [sorted(line for line in answer if not _STEP.fullmatch(line)) for answer in lines]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
