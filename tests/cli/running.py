@@ -9,8 +9,8 @@ import sys
 import time
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
-from io import StringIO
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
 import jsonschema
@@ -59,14 +59,17 @@ def example(plan: str = "plan.stn", directory: Path = NAVIGATION) -> list[str]:
 
 def command(*arguments: object) -> Ended:
     """In this process; what only a process shows (signals, streams, imports) is tested with :func:`process`."""
-    out, err, logger = StringIO(), StringIO(), logging.getLogger("robust")
-    try:
-        with redirect_stdout(out), redirect_stderr(err):
-            code = run([str(argument) for argument in arguments])
-    finally:
-        logger.handlers.clear()
-        logger.setLevel(logging.NOTSET)
-    return Ended(code, out.getvalue(), err.getvalue())
+    logger, streams = logging.getLogger("robust"), {"mode": "w+", "encoding": "utf-8", "newline": ""}
+    with TemporaryFile(**streams) as out, TemporaryFile(**streams) as err:
+        try:
+            with redirect_stdout(out), redirect_stderr(err):
+                code = run([str(argument) for argument in arguments])
+        finally:
+            logger.handlers.clear()
+            logger.setLevel(logging.NOTSET)
+        for stream in (out, err):
+            stream.seek(0)
+        return Ended(code, out.read(), err.read())
 
 
 def environment(**more: str) -> dict[str, str]:

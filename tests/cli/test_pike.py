@@ -143,11 +143,6 @@ def test_parameters_of_files(tmp_path):
     assert parameters["limit"]["stopped_above"]["reason"] == "declared bound"
 
 
-def test_out_of_time_keeps_what_is_known():
-    words = ("--parameter", "pick=duration:(pick human *)", "--timeout", "0.001", "--json")
-    assert command("pike", "region", WING, *words).code == 3
-
-
 # -- new ---------------------------------------------------------------------------------------------------------------
 
 

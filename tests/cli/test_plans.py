@@ -160,15 +160,6 @@ def test_outer_bounds_are_said_to_be_bounds(found, region, exact, outer):
         assert str(replace(other, status=robust.Status.TIMEOUT)).startswith(outer)
 
 
-def test_out_of_time_is_an_outer_bound():
-    ended = command("region", *example(), "--timeout", "0.0001", "--json")
-    assert ended.code == 3
-    answer = answer_of(ended)
-    if answer["schema"] == "robust/region/1":
-        assert answer["status"] == "timeout"
-        assert answer["meaning"].startswith("an outer bound of the robustness envelope")
-
-
 @pytest.mark.parametrize(
     ("name", "ascending"), [("generator", [["start_1", "start_2"]]), ("two_sample_navigation", [])]
 )
@@ -185,6 +176,7 @@ def test_both_bounds_are_shown_where_a_search_is_cut(monkeypatch, tmp_path, name
     ended = command("region", *files, "--json", "--plot", plot)
     answer = answer_of(ended)
     assert (ended.code, answer["status"]) == (3, "timeout")
+    assert answer["meaning"].startswith("an outer bound of the robustness envelope")
     (factor,) = answer["factors"]
     assert (factor["ascending"], len(factor["inner"])) == (ascending, 1)
     share = answer["open_share"]
@@ -262,7 +254,7 @@ def damaged(draw, text):
 
 @pytest.mark.parametrize("which", [0, 1, 2])
 @given(data=st.data())
-@settings(max_examples=180, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=120, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_damaged_files(tmp_path, which, data):
     texts = data.draw(st.sampled_from(TEXTS))
     paths = inputs.write(tmp_path, *texts).files

@@ -55,7 +55,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import chdir
 from dataclasses import dataclass
-from io import BytesIO, TextIOWrapper
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -98,12 +97,12 @@ class Case:
 
     @property
     def needs_process(self) -> bool:
-        """Whether what it says depends on the process: on stdin, on how long a start takes, on the memory of cvc5."""
+        """Whether what it says depends on the process: on how long a start takes, on the memory of cvc5."""
         if self.name == "help":
             return False
         # What is wrong ends before anything is read from stdin or computed, but some commands change the process.
         wrong = self.name.startswith("bad-")
-        words = ("bench", "batch") if wrong else ("--stdio", "--timeout", "cvc5", "bench", "batch")
+        words = ("bench", "batch") if wrong else ("--timeout", "cvc5", "bench", "batch")
         return any(word in line for line in self.lines for word in words)
 
 
@@ -159,12 +158,15 @@ THIS = processes((sys.executable, "-m", "robust"))
 
 
 def in_process(words: Sequence[str], directory: Path, given: bytes) -> Ended:
-    """In this process and its main thread, without the seconds that a start takes; what is on stdin has no number."""
+    """In this process and its main thread, without the seconds that a start takes."""
     from tests.cli.running import command  # noqa: PLC0415 - which imports the package, that of this checkout
 
-    stdin = TextIOWrapper(BytesIO(given))
-    with chdir(directory), patch.dict(os.environ, _environment(), clear=True), patch.object(sys, "stdin", stdin):
-        ended = command(*words)
+    with tempfile.TemporaryFile("w+", encoding="utf-8", newline="") as stdin:
+        stdin.buffer.write(given)
+        stdin.seek(0)
+        variables, reading = patch.dict(os.environ, _environment(), clear=True), patch.object(sys, "stdin", stdin)
+        with chdir(directory), variables, reading:
+            ended = command(*words)
     return ended.code, ended.out, ended.err
 
 

@@ -13,7 +13,7 @@ import robust
 from robust.errors import InputError, UnsupportedError
 from robust.irr.overruns import action_overruns
 from robust.show.exports import COLUMNS, export, percentage_text, quoted, yaml_lines
-from tests.cli.running import answer_of, assert_one_line, command, example
+from tests.cli.running import assert_one_line, command, example
 
 OPTIONS = ["--parameter", "duration:drive_3", "--parameter", "duration:take-sample"]
 TRICKY = [
@@ -45,21 +45,9 @@ def solved():
 # -- percentages -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("percent", "closed", "text"),
-    [
-        ("20", True, "20.0"),
-        ("20", False, "19.999999"),
-        ("100/3", True, "33.333333"),
-        ("100/3", False, "33.333333"),
-        ("0", True, "0.0"),
-        ("1/2000000", True, "0.0"),
-        ("1e12", True, "1000000000000.0"),
-        ("1e300", True, "1000000000000.0"),
-    ],
-)
-def test_percentages_are_rounded_down(percent, closed, text):
-    assert percentage_text(Fraction(percent), closed=closed) == text
+@pytest.mark.parametrize("power", [12, 300])
+def test_percentages_of_more_than_anybody_needs_are_rounded_down(power):
+    assert percentage_text(Fraction(10) ** power, closed=True) == "1000000000000.0"
 
 
 @pytest.mark.parametrize("closed", [True, False])
@@ -206,24 +194,6 @@ def test_percentages_are_of_planned_durations_in_the_box(solved):
         export(unplanned, envelope, "plansys2")
 
 
-# -- CSV ---------------------------------------------------------------------------------------------------------------
-
-
-def test_csv(solved):
-    plan, envelope = solved
-    head, *rows = csv.reader(StringIO(export(plan, envelope, "csv")))
-    assert tuple(head) == COLUMNS
-    assert [row[0] for row in rows] == [one.name for one in plan.parameters]
-    for row in (dict(zip(head, each, strict=True)) for each in rows):
-        interval = envelope.box[row["name"]]
-        assert (Fraction(row["lower"]), Fraction(row["upper"])) == (interval.lower, interval.upper)
-        assert row["upper_closed"] == "true"
-        nominal = Fraction(row["nominal"])
-        assert (Fraction(row["upper"]) - nominal) / nominal * 100 == Fraction(row["percent_above"])
-        assert row["stopped_above"]
-        assert row["action"]
-
-
 # -- the command -------------------------------------------------------------------------------------------------------
 
 
@@ -232,12 +202,9 @@ def exported(*words, files=None):
     return command("envelope", *(files or example()), *OPTIONS, "--export", *words)
 
 
-def test_to_stdout_or_to_a_file(tmp_path, solved):
+def test_the_command_prints_what_the_function_returns(solved):
     printed = exported("plansys2")
     assert (printed.code, printed.out) == (0, export(*solved, "plansys2"))
-    path = tmp_path / "timeouts.yaml"
-    assert answer_of(exported("plansys2", "-o", path, "--json"))["status"] == "complete"
-    assert path.read_text() == printed.out
 
 
 def test_of_a_box_that_is_to_be_controllable_the_part_that_is(solved):
