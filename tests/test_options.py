@@ -99,8 +99,6 @@ def test_names_come_from_registries():
     assert set(KNOWLEDGE_BASES) == set(knowledge_bases())
 
 
-# -- two readers of command lines --------------------------------------------------------------------------------------
-
 LEAVES = [
     ((name, *more), entry)
     for name, group in COMMANDS.items()
@@ -137,9 +135,6 @@ def test_both_readers_agree(data):
     at_once = read(COMMANDS, words)
     if at_once is not None:
         assert by_typer(words) == at_once
-
-
-# -- files -------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

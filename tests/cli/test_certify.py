@@ -98,28 +98,10 @@ def test_a_box_from_a_file(path, box, answer):
     assert made("box", upper="1000000").code == 1
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"a": 1}', '{"parameters": 3}', "\x00", "[" * 100000])
-def test_wrong_boxes(path, box, text):
-    box.write_text(text, encoding="utf-8")
-    ended = command("certify", *example(), "-o", path, "--kind", "box", "--box", box)
-    assert (ended.code, ended.err.count("\n")) == (2, 1)
-
-
 def test_out_of_time(path):
     late = command("certify", *example(), "-o", path, "--timeout", "0.000001")
     unwritten = f"robust: {path} was not written: the answer has nothing for it\n"
     assert (late.code, late.err) == (3, f"{unwritten}robust: out of time\n")
-
-
-@pytest.mark.parametrize("content", [b"", b"no gzip", b"\x1f\x8b\x08\x00"])
-def test_unreadable_certificates_and_missing_files(tmp_path, path, content):
-    path.write_bytes(content)
-    ended = command("verify", path, *example())
-    assert (ended.code, f"{path}: " in ended.err) == (2, True)
-    missing = tmp_path / "none.stn"
-    if content.startswith(b"\x1f"):  # files are looked for first
-        ended = command("verify", path, *example()[:2], missing)
-        assert (ended.code, f"{missing}: found no such file" in ended.err) == (2, True)
 
 
 def test_alethe(tmp_path):
@@ -169,21 +151,6 @@ def test_parameters_that_are_asked_for(tmp_path):
     assert (tmp_path / "box.toml").read_text(encoding="utf-8") == '[parameters."cap"]\nfluent = "(tank-size gen)"\n'
     assert code_of("verify", path, *generator[:2], tmp_path / "box.stn", "--kind", "region") == 0
     assert code_of("verify", path, *generator) == 1
-
-
-def test_files_of_another_plan_are_not_overwritten(tmp_path, path):
-    plan, toml, steps = tmp_path / "plan.stn", tmp_path / "plan.toml", EXAMPLES / "delivery" / "steps.plan"
-    before = (EXAMPLES / "delivery" / "plan.stn").read_bytes()
-    plan.write_bytes(before)
-    toml.write_bytes((EXAMPLES / "delivery" / "plan.toml").read_bytes())
-    for file, says in ((plan, "belongs to another plan"), (steps, "plan.toml', expected no such files; --force repl")):
-        ended = command("certify", *DELIVERY[:2], file, "-o", path)
-        assert (ended.code, says in ended.err, plan.read_bytes()) == (2, True, before)
-    assert not path.exists()
-    assert code_of("certify", *DELIVERY[:2], steps, "-o", path, "--force") == 0
-    assert toml.read_text() == ""  # the old one would be taken for that of the new plan
-    ended = command("certify", *DELIVERY[:2], steps, "-o", tmp_path / "new.stn")
-    assert (ended.code, "belongs to another plan" in ended.err) == (2, True)  # the network has that name
 
 
 # -- plans with choices ------------------------------------------------------------------------------------------------

@@ -52,8 +52,6 @@ def test_colors_are_where_they_are_wanted(option, variables, colored, monkeypatc
     assert "\x1b" not in command("check", *WAITING, *option, "--json").out
 
 
-# -- completion --------------------------------------------------------------------------------------------------------
-
 LINES = {
     "robust envel": "envelope",
     "robust pike comp": "compile",

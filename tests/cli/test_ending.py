@@ -67,20 +67,21 @@ def in_time(limit, *words):
 # -- what is known by then is printed ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("number", SIGNALS)
-def test_the_best_box_so_far(long, number):
-    ended = prompt(stopped("envelope", *long, *ENDLESS, "--verbose", after="check 9:", number=number))
-    assert "start_4" in ended.out
-    assert "interrupted: the best box so far; sound, not maximal" in ended.out
-
-
-@pytest.mark.parametrize("solver", ["z3", "cvc5"])
-def test_the_best_box_so_far_as_json(long, solver):
+@pytest.mark.parametrize(
+    ("number", "solver"), [*((number, "z3") for number in SIGNALS), (signal.SIGINT, "cvc5")], ids=str
+)
+def test_the_best_box_so_far(long, number, solver):
     words = ("envelope", *long, *ENDLESS, "--json", "--solver", solver, "--verbose")
-    answer = answer_of(prompt(stopped(*words, after="check 3:")), "robust/envelope/1")
+    answer = answer_of(prompt(stopped(*words, after="check 3:", number=number)), "robust/envelope/1")
     assert (answer["status"], answer["verified"]) == ("interrupted", True)
     assert answer["checks"] >= 3
     assert any(Fraction(ends["upper"]) > Fraction(ends["lower"]) for ends in answer["parameters"].values())
+
+
+def test_the_best_box_so_far_for_people(long):
+    ended = prompt(stopped("envelope", *long, *ENDLESS, "--verbose", after="check 9:"))
+    assert "start_4" in ended.out
+    assert "interrupted: the best box so far; sound, not maximal" in ended.out
 
 
 def test_interrupted_while_encoding(slow_to_encode):

@@ -16,9 +16,6 @@ STEPS = example("steps.plan")
 FLEXIBLE = example("plan-flexible-wait.stn")
 
 
-# -- start -------------------------------------------------------------------------------------------------------------
-
-
 def test_help_loads_nothing_heavy():
     heavy = ("pysmt", "z3", "cvc5", "sympy", "matplotlib", "rich")
     lines = [["--help"], ["--version"], ["check", "--help"], ["bench", "scaling", "--help"]]
@@ -36,8 +33,6 @@ def test_help_loads_little():
     assert len([name for name in loaded if name.startswith("robust")]) < 30
     assert len(loaded) < 250
 
-
-# -- extras ------------------------------------------------------------------------------------------------------------
 
 EXTRAS = ("matplotlib", "numpy", "networkx", "dd", "scipy", "dask", "unified_planning")
 RANDOM = [f"--distribution={kind}" for kind in ("to_ridge=normal:30:5", "to_crater=constant:40")]
@@ -85,9 +80,6 @@ def test_python_says_which_extra_draws(monkeypatch):
         envelope.plot()
 
 
-# -- what is wrong -----------------------------------------------------------------------------------------------------
-
-
 def test_plot_that_cannot_be_written_in_the_end(monkeypatch, tmp_path):
     def fail(*_arguments, **_options):
         raise OSError(28, "No space left on device")
@@ -110,9 +102,6 @@ def test_internal_errors_are_one_line_and_the_traceback_is_on_request(monkeypatc
     verbose = command("check", *example(), "--verbose")
     assert (verbose.code, "Traceback" in verbose.err) == (3, True)
     assert verbose.err.splitlines()[-1].startswith("robust: internal error: ZeroDivisionError")
-
-
-# -- streams -----------------------------------------------------------------------------------------------------------
 
 
 def redirected(stream, *words):

@@ -1,9 +1,8 @@
-"""No file that cannot be written costs an answer, and none is replaced that nobody named."""
+"""No file that cannot be written costs an answer, and none that is too large is read; others are recorded."""
 
 import json
 import os
 import resource
-import shutil
 from pathlib import Path
 
 import pytest
@@ -137,76 +136,6 @@ def test_answers_of_a_batch_outlive_their_store(here, monkeypatch):
     assert "proved" in json.dumps(plan)
 
 
-# -- what nobody named -------------------------------------------------------------------------------------------------
-
-OTHERS = {
-    "convert": (["convert", *STEPS, "-o", "mine.stn"], "mine.toml"),
-    "certify": (["certify", *STEPS, "-o", "mine.cert"], "mine.stn"),
-    "certify with parameters": (["certify", *DELIVERY, "-o", "mine.cert"], "mine.toml"),
-    "check": (["check", *example(), "--smt2", "mine"], "mine/00001-old.smt2"),
-    "envelope": (["envelope", *example(), "--smt2", "mine"], "mine/00009-old.smt2"),
-    "alethe": (["certify", *example(), "-o", "mine.cert", "--alethe", "mine"], "mine/0000.alethe"),
-    "witness": (["pike", "check", KITCHEN, "--cross", "--witness", "mine"], "mine/domain.pddl"),
-    "new": (["pike", "new", "wing", "-o", "mine"], "mine/problem.pddl"),
-}
-
-
-@pytest.mark.parametrize("name", OTHERS)
-def test_nothing_is_replaced_that_nobody_named(here, name):
-    words, file = OTHERS[name]
-    Path("mine").mkdir()
-    Path(file).write_text("# kept\n", encoding="utf-8")
-    before = sorted(here.rglob("*"))
-    ended = command(*words)
-    assert_one_line(ended, 2, file.split("/")[0])
-    assert ended.err.endswith("expected no such files; --force replaces them\n")
-    assert (Path(file).read_text(encoding="utf-8"), sorted(here.rglob("*"))) == ("# kept\n", before)
-    if name in {"convert", "certify", "check", "new"}:
-        assert command(*words, "--force").code == 0
-        assert name == "check" or Path(file).read_text(encoding="utf-8") != "# kept\n"
-
-
-@pytest.mark.parametrize(
-    ("words", "error"),
-    [
-        (
-            ("convert", *STEPS, "-o", "mine.stn", "--parameters", "mine.toml", "--force"),
-            "--output: found 'mine.toml', which is another option, expected another name",
-        ),
-        (
-            ("envelope", *example(), "--parameters", "mine.toml", "--export", "csv", "-o", "mine.toml"),
-            "--output: found 'mine.toml', which is read, expected another file",
-        ),
-        (
-            ("certify", *example()[:2], "mine.stn", "-o", "mine.toml"),
-            "--output: found 'mine.toml', where parameters of 'mine.stn' are read, expected another file",
-        ),
-        (
-            ("envelope", *example(), "--export", "csv", "-o", "new.svg", "--plot", "new.svg"),
-            "--plot: found 'new.svg', which --output names, expected another file",
-        ),
-        (
-            ("certify", *example(), "-o", "new\nestablished: new.cert"),
-            r"--output: found 'new\nestablished: new.cert', expected a name without control characters",
-        ),
-    ],
-)
-def test_a_file_has_one_use(here, words, error):
-    """Even --force replaces nothing that is read, and no line of an answer comes from the name of a file."""
-    Path("mine.toml").write_text("", encoding="utf-8")
-    shutil.copy(example()[2], "mine.stn")
-    assert_one_line(command(*words), 2, error)
-    assert (Path("mine.toml").read_text(encoding="utf-8"), list(here.glob("new*"))) == ("", [])
-
-
-def test_a_table_like_parameters_beside_a_plan_is_named(here):
-    shutil.copy(example()[2], "mine.stn")
-    Path("mine.toml").write_text('[parameter.k]\nduration = "i"\n', encoding="utf-8")
-    ended = command("check", *example()[:2], "mine.stn")
-    assert ended.code == 0
-    assert "mine.toml: found table 'parameter', which is not read; expected [parameters.NAME]" in ended.err
-
-
 @pytest.mark.parametrize("device", ["/dev/zero", "/dev/full"])
 def test_a_store_is_no_device(here, device):
     """Which may have no end."""
@@ -214,8 +143,6 @@ def test_a_store_is_no_device(here, device):
     assert_one_line(ended, 2, SCHEMA)
     assert ended.err.startswith(f"robust: error: {device}: found no regular file, expected a ")
 
-
-# -- too large ---------------------------------------------------------------------------------------------------------
 
 READERS = {
     "domain": ["check", "FILE", *example()[1:]],

@@ -1,6 +1,5 @@
 """`robust pike`: what follows from the kitchen, large plans, plans that are new, and pictures; the rest is recorded."""
 
-import json
 from dataclasses import replace
 
 import pytest
@@ -21,36 +20,6 @@ def asked(*words):
     """A question about the kitchen: its exit code, and its answer for programs."""
     ended = command("pike", words[0], KITCHEN, *words[1:], "--json")
     return ended.code, answer_of(ended)
-
-
-def changed_kitchen(place, change):
-    """A copy of the kitchen whose plan, as an object, something has changed."""
-    for name in ("domain.pddl", "problem.pddl"):
-        (place / name).write_bytes((KITCHEN.parent / name).read_bytes())
-    plan = json.loads(KITCHEN.read_text(encoding="utf-8"))
-    change(plan)
-    (place / "plan.tpnu.json").write_text(json.dumps(plan), encoding="utf-8")
-    return place / "plan.tpnu.json"
-
-
-# -- check, compile ----------------------------------------------------------------------------------------------------
-
-
-def test_the_mug_tells_coffee_and_grounds_and_the_limit_cereal(tmp_path):
-    """[PIKE §1.1]: nothing but the limit of seven minutes keeps Alice from a bagel with her coffee."""
-    words = ("--assume", "xA1=mug", "--all-scenarios", "--json")
-    mug = {"xA1": "mug", "xA2": "coffee", "xR1": "grounds"}
-    scenarios = answer_of(command("pike", "check", KITCHEN, *words))["scenarios"]
-    assert scenarios == [mug | {"xA3": "cereal", "xA4": "cereal", "xR2": "milk"}]
-
-    def extend(plan):
-        (limit,) = (each for each in plan["constraints"] if (each["from"], each["to"]) == ("e1", "e44"))
-        assert limit["upper"] == 7
-        limit["upper"] = 20
-
-    scenarios = answer_of(command("pike", "check", changed_kitchen(tmp_path, extend), *words))["scenarios"]
-    assert all(mug.items() <= scenario.items() for scenario in scenarios)
-    assert {scenario["xA4"] for scenario in scenarios} == {"bagel", "cereal"}
 
 
 def test_knowledge_bases_are_held_against_the_oracle(tmp_path):
@@ -92,9 +61,6 @@ def test_a_plan_without_choices(tmp_path, backend):
     assert command("pike", "check", sat_plan([]).write(tmp_path), "--backend", backend).code == 0
 
 
-# -- run ---------------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("words", "who"),
     [
@@ -118,9 +84,6 @@ def test_a_chart_says_what_happened(tmp_path):
     assert "xA3 must be cereal" in text
 
 
-# -- region, envelope --------------------------------------------------------------------------------------------------
-
-
 def test_pictures_are_drawn(tmp_path):
     for name, words in (("region", ()), ("envelope", ("--assume", "xA1=mug"))):
         picture = tmp_path / f"{name}.png"
@@ -129,21 +92,6 @@ def test_pictures_are_drawn(tmp_path):
     svg = tmp_path / "region.svg"
     command("pike", "region", KITCHEN, *COFFEE, *LIMIT, "--plot", svg)
     assert "coffee: the duration of (make-coffee human)" in svg.read_text()
-
-
-def test_parameters_of_files(tmp_path):
-    limit = {"name": "limit", "at-most": "e1:e44", "upper": 20}
-    file = changed_kitchen(tmp_path, lambda plan: plan.update(parameters=[limit]))
-    toml = tmp_path / "more.toml"
-    toml.write_text('[parameters.coffee]\nduration = "make-coffee"\nweight = 0.5\n')
-    ended = command("pike", "envelope", file, "--parameters", toml, "--for-all", "xA1", "--json")
-    parameters = answer_of(ended, "robust/pike-envelope/1")["parameters"]
-    assert list(parameters) == ["limit", "coffee"]
-    assert parameters["limit"]["upper"] == "20"
-    assert parameters["limit"]["stopped_above"]["reason"] == "declared bound"
-
-
-# -- new ---------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("words", [("kitchen", "--name", "mine"), ("wing",), ("k-intents", "--structure", "2,3")])

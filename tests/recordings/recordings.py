@@ -191,9 +191,10 @@ class Place:
         with tempfile.TemporaryDirectory(prefix="recording-") as name:
             directory = Path(name).resolve()
             self.prepare(case, directory)
-            before = set(_found(directory))
+            before = {path: path.read_bytes() for path in _files(directory)}
             parts = [part for line in case.lines for part in self._ran(line, directory, case)]
-            made = [f"{each.relative_to(directory)}:{_kept(each)}" for each in _found(directory) if each not in before]
+            after = [path for path in _files(directory) if before.get(path) != path.read_bytes()]
+            made = [f"{path.relative_to(directory)}:{_kept(path)}" for path in after]
             parts += ["-- files", *(self._unplaced(text, directory) for text in made)] if made else []
         return "\n".join(parts) + "\n"
 
@@ -226,7 +227,7 @@ def _environment() -> dict[str, str]:
     return {**kept, "COLUMNS": str(COLUMNS), "LINES": "40", "LC_ALL": "C.UTF-8", "TERM": "dumb", "MPLBACKEND": "agg"}
 
 
-def _found(directory: Path) -> list[Path]:
+def _files(directory: Path) -> list[Path]:
     """The files below a directory, but not below links."""
     return sorted(
         Path(top) / name for top, _, names in os.walk(directory) for name in names if not name.endswith(".pyc")

@@ -5,15 +5,15 @@ import json
 import re
 from dataclasses import replace
 from fractions import Fraction
-from io import StringIO
 
 import pytest
 
 import robust
 from robust.errors import InputError, UnsupportedError
 from robust.irr.overruns import action_overruns
-from robust.show.exports import COLUMNS, export, percentage_text, quoted, yaml_lines
-from tests.cli.running import assert_one_line, command, example
+from robust.show.exports import export, percentage_text, quoted, yaml_lines
+from tests.cli.running import command, example
+from tests.recordings.recordings import INPUTS
 
 OPTIONS = ["--parameter", "duration:drive_3", "--parameter", "duration:take-sample"]
 TRICKY = [
@@ -42,9 +42,6 @@ def solved():
     return plan, robust.envelope(plan)
 
 
-# -- percentages -------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("power", [12, 300])
 def test_percentages_of_more_than_anybody_needs_are_rounded_down(power):
     assert percentage_text(Fraction(10) ** power, closed=True) == "1000000000000.0"
@@ -60,9 +57,6 @@ def test_no_double_is_above_what_is_proved(closed):
             for read in (Fraction(text), Fraction(float(text))):
                 assert read <= percent if closed else read < percent
                 assert percent - read <= Fraction(2, 10**6)
-
-
-# -- PlanSys2 ----------------------------------------------------------------------------------------------------------
 
 
 def parameters_of(text):
@@ -129,57 +123,11 @@ def test_names_that_yaml_reads_otherwise(solved):
     parameters_of(export(with_actions(plan, arguments=("a\nexecutor: 1",)), envelope, "plansys2"))
 
 
-WAITING = {
-    "d.pddl": """(define (domain d) (:requirements :durative-actions :duration-inequalities) (:predicates (done))
-(:durative-action wait :parameters () :duration (>= ?duration 0) :condition () :effect (at end (done)))
-(:durative-action go :parameters () :duration (= ?duration 2) :condition () :effect ())
-(:action look :parameters () :precondition () :effect (done)))""",
-    "p.pddl": "(define (problem p) (:domain d) (:init) (:goal (done)))",
-    "wait.stn": "parameter a default 1;\ndurative-action instance w : (wait);\nc: w.end - w.start in [a, a];\n",
-    "both.stn": "parameter a default 1;\ndurative-action instance w : (wait);\nc: w.end - w.start in [a, a];\n"
-    "durative-action instance g : (go);\nc: g.end - g.start in [2, 2];\n",
-    "look.stn": "parameter a default 1;\naction instance l : (look);\nc: l - .zero in [a, a];\n",
-    "none.stn": "durative-action instance g : (go);\nc: g.end - g.start in [2, 2];\naction instance l : (look);\n",
-}
-
-
-@pytest.fixture
-def waiting(tmp_path):
-    """Where the files of plans are in which any or no action has a limit."""
-    for name, text in WAITING.items():
-        (tmp_path / name).write_text(text)
-    return lambda plan: [str(tmp_path / name) for name in ("d.pddl", "p.pddl", plan)]
-
-
-def test_an_action_without_limit_is_left_out(waiting):
-    plan = robust.load_plan(*waiting("both.stn"))
-    text = export(plan, robust.envelope(plan), "plansys2")
-    assert parameters_of(text) == {"go": "0.0"}
-    assert "# wait: left out, which is no limit; any longer duration is proved as well." in text
-
-
-@pytest.mark.parametrize(
-    ("name", "why"),
-    [("wait.stn", "any longer duration of wait is proved"), ("look.stn", "no action of the plan has a duration")],
-)
-def test_where_no_action_needs_a_limit_there_is_no_file(waiting, tmp_path, name, why):
-    ended = command("envelope", *waiting(name), "--export", "plansys2", "-o", tmp_path / "timeouts.yaml")
-    assert_one_line(ended, 2, "--export: found no action that needs a limit")
-    assert why in ended.err
-    assert not (tmp_path / "timeouts.yaml").exists()
-    plan = robust.load_plan(*waiting(name))
+def test_where_no_action_needs_a_limit_there_is_no_file():
+    folder = INPUTS / "waiting"
+    plan = robust.load_plan(folder / "domain.pddl", folder / "problem.pddl", folder / "wait.stn")
     with pytest.raises(InputError, match=r"^export: found no action that needs a limit"):
         export(plan, robust.envelope(plan), "plansys2")
-
-
-def test_tables_without_rows_are_tables(waiting):
-    """Of a plan without parameters CSV is its heading, and YAML has a list of none."""
-    plan = robust.load_plan(*waiting("none.stn"))
-    envelope = robust.envelope(plan)
-    assert list(csv.reader(StringIO(export(plan, envelope, "csv")))) == [list(COLUMNS)]
-    text = export(plan, envelope, "yaml")
-    assert "\nparameters: []\n" in text
-    assert parameters_of(export(plan, envelope, "plansys2")) == {"go": "0.0"}
 
 
 def test_percentages_are_of_planned_durations_in_the_box(solved):
@@ -192,9 +140,6 @@ def test_percentages_are_of_planned_durations_in_the_box(solved):
     unplanned = replace(plan, parameters=tuple(replace(one, has_nominal=False) for one in plan.parameters))
     with pytest.raises(InputError, match="found an envelope without the nominal values"):
         export(unplanned, envelope, "plansys2")
-
-
-# -- the command -------------------------------------------------------------------------------------------------------
 
 
 def exported(*words, files=None):
