@@ -89,8 +89,6 @@ class _Builder:
     def many(self, upper: int, make: Callable[[], T]) -> tuple[T, ...]:
         return tuple(make() for _ in range(self.between(0, upper)))
 
-    # --- numbers and expressions -------------------------------------------------------------------------------------
-
     def number(self) -> Fraction:
         values = [Fraction(v) for v in (0, 1, -1, 2, -2, 3, 5)] + [HALF, Fraction(3, 2)]
         return self.pick(*values) if self.features.dyadic else self.pick(*values, Fraction(1, 3), Fraction(7, 5))
@@ -133,8 +131,6 @@ class _Builder:
             return Polynomial.variable(still[0])
         return Polynomial.constant(self.pick(*(Fraction(v) for v in (1, -1, 2)), HALF, -HALF))
 
-    # --- conditions --------------------------------------------------------------------------------------------------
-
     def leaf(self, *, duration: bool) -> model.Condition:
         if self.chance(0.03):
             return model.Truth(self.chance(0.5))
@@ -164,8 +160,6 @@ class _Builder:
         timing = self.pick(Timing.AT_START, Timing.AT_END, *over_all) if durative else Timing.AT_START
         condition = self.condition(duration=durative)
         return model.TimedCondition(timing, condition, condition_text(condition))
-
-    # --- instances ---------------------------------------------------------------------------------------------------
 
     def instance(self, index: int) -> model.ActionInstance:
         durative = self.features.durative_only or self.chance(0.7)
@@ -219,8 +213,6 @@ class _Builder:
             timing, model.NumericCondition((duration - bound).scaled(sign), relation), f"{symbol} {bound}"
         )
 
-    # --- network -----------------------------------------------------------------------------------------------------
-
     def _time(self, lower: int, upper: int) -> Fraction:
         """A multiple of a half; in tame plans one that no time point has yet."""
         time = Fraction(self.between(lower, upper), 2)
@@ -272,8 +264,6 @@ class _Builder:
             constraints.append(model.TemporalConstraint(model.ZERO, points[-1], None, self._parametric(-HALF)))
         return tuple(constraints)
 
-    # --- plan --------------------------------------------------------------------------------------------------------
-
     def timed_literal(self) -> model.TimedLiteral:
         time = Fraction(self.between(1, 14), 2)
         self.times[model.TimedLiteral(time, ATOMS[0], True).point] = time
@@ -282,9 +272,8 @@ class _Builder:
         return model.TimedLiteral(time, self.pick(*self.atoms), self.pick(True, False))
 
     def _timed_literals(self) -> tuple[model.TimedLiteral, ...]:
-        if not self.features.timed_literals or not self.chance(0.4):
-            return ()
-        literals = (self.timed_literal(), *self.many(1, self.timed_literal))
+        some = self.features.timed_literals and self.chance(0.4)
+        literals = (self.timed_literal(), *self.many(1, self.timed_literal)) if some else ()
         return tuple({(literal.time, literal.target): literal for literal in literals}.values())
 
     def _initial_value(self) -> model.Expression:
@@ -306,8 +295,6 @@ class _Builder:
         )
         return tamed(plan, self.times, self._draw(st.randoms(use_true_random=True))) if self.tame else plan
 
-
-# -- taming ---------------------------------------------------------------------------------------------------------
 
 ROUNDS, SAMPLES = 4, 4
 SEPARATION = Fraction(1, 4)

@@ -39,9 +39,6 @@ def read(name: str | Path) -> str:
     return (ROOT / name).read_text(encoding="utf-8")
 
 
-# -- documented commands -----------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Session:
     """A `console` block, or all of a page: commands with the lines that they are said to print."""
@@ -126,15 +123,6 @@ def rewritten(page: Path) -> str:
     return text
 
 
-def test_every_command_has_its_section_and_its_options():
-    """The options themselves come from the code when the page is built; none are copied here."""
-    page = read("docs/commands.md")
-    for name in ["robust", *reference.commands()]:
-        assert f"\n## {name}\n" in page, name
-        assert f"\n```{{command}} {name}\n```\n" in page, name
-    assert "--help\n" not in page
-
-
 @pytest.mark.parametrize("name", [name for name, entry in reference.commands().items() if isinstance(entry, Command)])
 def test_the_reference_says_what_help_says(name):
     """Names, values, help texts and defaults, of which help breaks the lines elsewhere."""
@@ -147,6 +135,12 @@ def test_the_reference_says_what_help_says(name):
 
 
 def test_pages_and_scripts_name_the_same_commands():
+    """The options of commands come from the code when the page is built; none are copied there."""
+    page = read("docs/commands.md")
+    for name in ["robust", *reference.commands()]:
+        assert f"\n## {name}\n" in page, name
+        assert f"\n```{{command}} {name}\n```\n" in page, name
+    assert "--help\n" not in page
     steps = [line for session in sessions_of(ROOT / "README.md") for line, _ in session.steps]
     assert {line.split()[1] for line in steps if line.startswith("robust ")} >= {"check", "envelope"}
     testing = re.findall(r"\.venv/bin/(python -m pytest[^`\n]*)", read("README.md"))
@@ -194,8 +188,6 @@ def test_documented_python_says_what_is_so(page, monkeypatch, tmp_path):
             assert str(eval(code, names)) == claimed, code  # noqa: S307 - our own documentation
 
 
-# -- notebooks ---------------------------------------------------------------------------------------------------------
-
 NOTEBOOKS = sorted((ROOT / "docs/notebooks").glob("*.ipynb"))
 PRINTED = {
     "unified-planning.ipynb": [
@@ -218,9 +210,6 @@ def test_a_notebook_runs_from_any_directory_and_keeps_no_output(notebook, tmp_pa
     ended = ran(sys.executable, "-W", "error", "-c", script, cwd=tmp_path, env=variables, timeout=300)
     assert (ended.code, ended.err) == (0, "")
     assert ended.out.splitlines() == PRINTED.get(notebook.name, ended.out.splitlines())
-
-
-# -- links, the architecture page --------------------------------------------------------------------------------------
 
 
 def prose(page: Path) -> str:

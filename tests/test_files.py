@@ -10,9 +10,6 @@ import pytest
 from robust.errors import InputError, Location
 from robust.records import RecordFile, RecordFormat, atomic_write, read_records
 
-# -- whole files -----------------------------------------------------------------------------------------------------
-
-
 PLACE = Location("--output")
 
 
@@ -38,6 +35,9 @@ def test_what_was_there_survives_failures(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         atomic_write(path, lambda _: (_ for _ in ()).throw(KeyboardInterrupt), PLACE)
     assert (path.read_text(), list(tmp_path.iterdir())) == ("before", [path])
+    with pytest.raises(OSError, match=r"plan\.cert") as raised:  # without a place
+        atomic_write(tmp_path / "none" / "plan.cert", b"", None)
+    assert raised.value.filename == str(tmp_path / "none" / "plan.cert")
 
 
 def test_modes_and_links_stay(tmp_path):
@@ -51,15 +51,6 @@ def test_modes_and_links_stay(tmp_path):
     atomic_write(link, "through", PLACE)
     assert (link.is_symlink(), path.read_text(), stat.S_IMODE(path.stat().st_mode)) == (True, "through", 0o600)
     atomic_write("/dev/null", "nothing", PLACE)
-
-
-def test_without_a_place_errors_name_the_file(tmp_path):
-    with pytest.raises(OSError, match=r"plan\.cert") as raised:
-        atomic_write(tmp_path / "none" / "plan.cert", b"", None)
-    assert raised.value.filename == str(tmp_path / "none" / "plan.cert")
-
-
-# -- records ---------------------------------------------------------------------------------------------------------
 
 
 PLAIN = RecordFormat("store of results", {"schema": "robust/some-store/1", "robust": "1.0"})

@@ -1,12 +1,15 @@
-"""The package as a whole: versions agree, imports go one way, importing it is cheap, public names exist."""
+"""The package: versions agree, imports go one way and are cheap, names exist, answers have no truth value."""
 
 import ast
 import importlib.metadata
+import inspect
 import json
 import re
 import sys
 from collections.abc import Iterator
+from enum import Enum
 from functools import cache
+from importlib import import_module
 from itertools import islice
 from pathlib import Path
 
@@ -15,8 +18,9 @@ import pytest
 
 import robust
 from robust import pike, stnu
+from robust.presented import NoTruthValue, VerdictEnum
 from tests.cli.running import REPOSITORY as ROOT
-from tests.cli.running import ran
+from tests.cli.running import example, ran
 
 PACKAGE = ROOT / "robust"
 HEAVY = ("pysmt", "z3", "cvc5", "sympy", "matplotlib", "numpy")
@@ -34,23 +38,10 @@ def section(name: str, pattern: str) -> str:
     return match[1]
 
 
-# -- versions ----------------------------------------------------------------------------------------------------------
-
-
-def test_citation_and_changelog_have_the_version_of_the_package():
+def test_versions_are_said_the_same_everywhere():
     assert section("CITATION.cff", r"^version: (\S+)$") == robust.__version__
     assert section("CHANGELOG.md", r"^## \[(\d[^\]]*)\]") == robust.__version__
-
-
-def test_installed_metadata_have_the_version_of_the_package():
-    try:
-        installed = importlib.metadata.version("robust-plans")
-    except importlib.metadata.PackageNotFoundError:
-        pytest.skip("the package is on the path, but not installed")
-    assert installed == robust.__version__
-
-
-def test_minimum_python_is_said_the_same_everywhere():
+    assert importlib.metadata.version("robust-plans") == robust.__version__
     for line in ('requires-python = ">=3.11"', 'target-version = "py311"', 'python_version = "3.11"'):
         assert line in text("pyproject.toml")
     assert "Python 3.11" in text("README.md")
@@ -61,9 +52,6 @@ def test_every_dependency_is_locked():
     wanted = "".join(section("pyproject.toml", rf"^{name} = \[(.*?)^\]") for name in ("dependencies", "dev"))
     names = {name.lower() for name in re.findall(r'"([A-Za-z0-9_.-]+)', wanted)}
     assert names - {"robust-plans"} <= locked  # extras may name other extras
-
-
-# -- imports go one way ------------------------------------------------------------------------------------------------
 
 
 @cache
@@ -188,9 +176,6 @@ def test_only_one_folder_draws():
         assert name.startswith("robust.draw.") or not loaded & set(DRAWING), name
 
 
-# -- importing is cheap ------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("modules", "heavy"), [("robust.plan, robust.smt, robust.irr", HEAVY), ("robust.show.presenting", DRAWING),
                            ("robust.draw.interactive", DRAWING)],
@@ -206,9 +191,6 @@ def test_nothing_is_imported_before_signals_are_blocked():
     loaded = {*ran(sys.executable, "-c", code).out.split()}
     assert {"robust", "robust.cli"} <= loaded
     assert not {"typing", "dataclasses", "re", "rich", "msgspec", "robust.errors"} & loaded
-
-
-# -- public names ------------------------------------------------------------------------------------------------------
 
 
 def test_public_names_are_sorted_and_each_has_a_home():
@@ -250,3 +232,63 @@ def test_scripts_of_users_are_checked_by_types(tmp_path):
     assert [name for name in functions if f"robust.{name}(" not in used and name not in elsewhere] == []
     for module, names in (("pike", ("check", "compile", "run", "region", "envelope")), ("stnu", ("check", "repair"))):
         assert [name for name in names if f"{module}.{name}(" not in used] == []
+
+
+TELLING = {
+    "agree",
+    "answer",
+    "ending",
+    "exit_code",
+    "is_controllable",
+    "obstacle",
+    "outcome",
+    "status",
+    "valid",
+    "verdict",
+}
+"""What attributes are called that say what came of a question."""
+NO_ANSWERS = """About AssignmentKind Below Case Cause Changeable Comparator Control Guarantee Human Kind Means Mode
+MomentSide NodeKind Operator Pace Phase Relation Role Sense Side Stage Subject Target TeamParameterKind Temporal
+TimePointKind Timing Update Way"""
+"""Enumerations that answer no question."""
+
+
+@cache
+def classes(kind: type) -> list[type]:
+    """All of that kind that the package declares, but for the checker, which imports nothing of it."""
+    wanted = [name for name in MODULES if "__main__" not in name and not name.startswith("robust.certify.checker")]
+    found = {value for name in wanted for _, value in inspect.getmembers(import_module(name), inspect.isclass)}
+    return sorted((each for each in found if each.__module__.startswith("robust.") and issubclass(each, kind)), key=str)
+
+
+@pytest.mark.parametrize("result", classes(NoTruthValue), ids=lambda result: result.__qualname__)
+def test_results_have_no_truth_value_and_name_what_has(result):
+    if inspect.isabstract(result) or "_ask" not in dir(result):  # what results inherit from
+        return
+    assert hasattr(result, result._ask) or result._ask in result.__annotations__
+    with pytest.raises(TypeError, match=rf"^{result.__name__} has no truth value: ask \.{result._ask}, or "):
+        bool(object.__new__(result))
+
+
+@pytest.mark.parametrize("kind", classes(Enum), ids=lambda kind: kind.__qualname__)
+def test_answers_have_no_truth_value(kind):
+    assert issubclass(kind, VerdictEnum) is (kind.__name__ not in NO_ANSWERS.split())
+    for member in kind if issubclass(kind, VerdictEnum) else ():
+        with pytest.raises(TypeError, match=rf"^{member} has no truth value: ask whether it `is {kind.__name__}\."):
+            bool(member)
+
+
+def test_whatever_says_what_came_of_a_question_is_a_result():
+    values = [getattr(package, name) for package in (robust, pike, stnu) for name in package.__all__]
+    public = {value for value in values if isinstance(value, type)}
+    telling = {kind for kind in public if TELLING & {*vars(kind), *vars(kind).get("__annotations__", ())}}
+    assert {kind for kind in telling if not issubclass(kind, NoTruthValue | Exception)} == set()
+    assert len(telling) > 15
+
+
+def test_what_is_no_answer_has_a_truth_value():
+    checked = robust.check(example())
+    assert checked.box
+    assert list(filter(None, checked.obligations)) == list(checked.obligations)
+    with pytest.raises(TypeError, match=r"^CheckResult has no truth value: ask \.answer, or whether it `is None`$"):
+        assert checked

@@ -33,9 +33,6 @@ def told(tmp_path):
     return Told(tmp_path)
 
 
-# -- what comes of a command -------------------------------------------------------------------------------------------
-
-
 def test_output_exit_code_and_time():
     ended = run("import sys, time; print('out'); print('first\\nlast', file=sys.stderr); time.sleep(0.2); sys.exit(3)")
     assert (ended.stdout, ended.exit_code, ended.timed_out, ended.last_line) == ("out\n", 3, False, "last")
@@ -58,12 +55,6 @@ def test_where_and_with_what_a_command_runs(tmp_path):
     code = "import os; print(os.getcwd(), os.environ['ROBUST_TEST'], 'PATH' in os.environ, os.read(0, 9))"
     ended = Processes().run(python(code), folder=tmp_path, variables={"ROBUST_TEST": "yes"})
     assert ended.stdout == f"{tmp_path} yes True b''\n"
-
-
-def test_more_than_any_file_may_hold(tmp_path):
-    command = ["sh", "-c", "exec head -c 300M /dev/zero > zeros"]
-    ended = Processes().run(command, Deadline.after(60), folder=tmp_path)
-    assert (ended.exit_code, ended.timed_out) == (-signal.SIGXFSZ, False)
 
 
 def test_the_end_of_what_is_printed_is_kept_and_no_more():
@@ -91,24 +82,21 @@ def test_signals_are_those_of_a_new_process():
     assert Processes().run(["grep", "SigIgn", "/proc/self/status"]).stdout.split() == ["SigIgn:", "0" * 16]
 
 
-# -- limits ------------------------------------------------------------------------------------------------------------
-
-
-def test_memory_is_that_of_the_process_and_not_of_its_parent():
+def test_memory_is_that_of_the_process_and_not_of_its_parent_and_has_a_limit():
     ballast = bytearray(300 * 2**20)
     assert run("pass").memory_mb < 100
     assert 200 < run("x = bytearray(200 * 2**20)").memory_mb < 300
     assert run("pass").memory_mb < 100  # the maximum over earlier ones does not count
     assert len(ballast) > 0
-
-
-def test_the_limit_of_memory():
     code = "x = bytearray(400 * 2**20)"
     assert run(code, memory_mb=1000).exit_code == 0
     assert run(code, memory_mb=300).last_line == "MemoryError"
 
 
-def test_the_limit_of_time():
+def test_the_limits_of_time_and_of_the_size_of_files(tmp_path):
+    filling = ["sh", "-c", "exec head -c 300M /dev/zero > zeros"]
+    ended = Processes().run(filling, Deadline.after(60), folder=tmp_path)
+    assert (ended.exit_code, ended.timed_out) == (-signal.SIGXFSZ, False)
     started = time.monotonic()
     ended = run(f"print('early', flush=True); {WAIT}", 0.5)
     assert (ended.timed_out, ended.exit_code, ended.stdout) == (True, -signal.SIGKILL, "early\n")
@@ -119,9 +107,6 @@ def test_the_limit_of_time():
     assert len(ended.stdout) <= KEPT
     assert set(ended.stdout.splitlines()[:-1]) == {"x" * 999}
     assert time.monotonic() - started < 20
-
-
-# -- who ends with whom ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("session", [False, True], ids=["same session", "session of its own"])
@@ -162,24 +147,14 @@ def test_stop_ends_running_commands_and_refuses_new_ones(told):
         processes.run(python("pass"))
 
 
-def test_an_interrupted_caller(told):
-    with pytest.raises(KeyboardInterrupt), interrupted_after(1.5):
-        run(told.code)
-    assert told.gone()
-
-
 def parent(call: str) -> subprocess.Popen[bytes]:
     """A process that makes that call."""
     code = "import sys; from pathlib import Path; from robust.processes import *; from robust.smt.limits import *; "
     return subprocess.Popen([sys.executable, "-c", code + call], env=environment())
 
 
-CALLS = ("Processes().run([sys.executable, '-S', '-c', {0!r}])", "from_copy(lambda: exec({0!r}), Deadline(), 'x')")
-
-
-@pytest.mark.parametrize("call", CALLS, ids=["command", "copy"])
-def test_children_end_with_their_parent(told, call):
-    with parent(call.format(told.code)) as process:
+def test_copies_end_with_their_parent(told):
+    with parent(f"from_copy(lambda: exec({told.code!r}), Deadline(), 'x')") as process:
         assert told.begun()
         process.kill()
     assert told.gone()
@@ -210,13 +185,14 @@ def test_those_who_fork_away_end_with_the_parent_and_so_does_its_folder(told, tm
     assert eventually(lambda: not scratch.exists())
 
 
-def test_a_folder_stays_as_long_as_the_parent_lives(tmp_path):
+def test_a_folder_stays_as_long_as_the_parent_lives(told, tmp_path):
     for deadline, code in ((Deadline.after(0.3), WAIT), (Deadline(), "pass")):
         Processes().run(python(code), deadline, scratch=tmp_path)
         assert tmp_path.exists()
-    with pytest.raises(KeyboardInterrupt), interrupted_after(0.5):
-        Processes().run(python(WAIT), scratch=tmp_path)
+    with pytest.raises(KeyboardInterrupt), interrupted_after(1.5):
+        Processes().run(python(told.code), scratch=tmp_path)
     assert tmp_path.exists()
+    assert told.gone()
 
 
 def test_no_descriptor_and_no_child_is_left():
@@ -270,9 +246,6 @@ limits.from_copy(lambda: exec({told.code!r}), limits.Deadline(), "x")
 """
     ran(sys.executable, "-c", code, stdout=None, stderr=None)
     assert not eventually(told.path.exists, 2)
-
-
-# -- copies of this process --------------------------------------------------------------------------------------------
 
 
 def test_the_copy_is_ended_by_the_deadline_and_by_interruption():

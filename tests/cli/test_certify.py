@@ -98,12 +98,6 @@ def test_a_box_from_a_file(path, box, answer):
     assert made("box", upper="1000000").code == 1
 
 
-def test_out_of_time(path):
-    late = command("certify", *example(), "-o", path, "--timeout", "0.000001")
-    unwritten = f"robust: {path} was not written: the answer has nothing for it\n"
-    assert (late.code, late.err) == (3, f"{unwritten}robust: out of time\n")
-
-
 def test_alethe(tmp_path):
     proofs = tmp_path / "proofs"
     made = certify(*example(), "-o", tmp_path / "c", "--kind", "box", "--alethe", proofs)
@@ -111,9 +105,6 @@ def test_alethe(tmp_path):
     written = sorted(file.suffix for file in proofs.iterdir())
     assert written.count(".alethe") == written.count(".smt2") > 0
     assert all(file.read_text(encoding="utf-8").startswith("(\n(assume") for file in proofs.glob("*.alethe"))
-
-
-# -- parameters beside the plan ----------------------------------------------------------------------------------------
 
 
 def test_parameters_beside_the_plan(tmp_path):
@@ -151,9 +142,6 @@ def test_parameters_that_are_asked_for(tmp_path):
     assert (tmp_path / "box.toml").read_text(encoding="utf-8") == '[parameters."cap"]\nfluent = "(tank-size gen)"\n'
     assert code_of("verify", path, *generator[:2], tmp_path / "box.stn", "--kind", "region") == 0
     assert code_of("verify", path, *generator) == 1
-
-
-# -- plans with choices ------------------------------------------------------------------------------------------------
 
 
 def test_knowledge_is_about_all_files(tmp_path, path):
@@ -204,9 +192,6 @@ def test_choices_that_leave_no_execution(path):
         assert (ended.code, ended.out) == (1, "rejected: the choices that are demanded are others\n")
     ended = command("certify", KITCHEN, "-o", path, "--kind", "execution", *both)
     assert (ended.code, "found no correct execution" in ended.err) == (1, True)
-
-
-# -- values that are demanded ------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")

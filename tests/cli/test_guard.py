@@ -99,7 +99,7 @@ STUCK = """
 import os, signal, threading, time
 from robust.cli.guard import Guard
 with Guard() as guard, guard.working({limit}, lambda: print("best so far", flush=True) is None):
-    if {limit} is None:
+    if not {limit}:
         os.kill(os.getpid(), signal.SIGINT)
     end = time.monotonic() + 20
     while time.monotonic() < end:

@@ -111,9 +111,6 @@ def undisturbed():
         return told(run)
 
 
-# -- processes that die ------------------------------------------------------------------------------------------------
-
-
 def test_killed_and_resumed_again_and_again(journal):
     """After an answer, before it, or while it is worked on: the execution is the one that nothing happened to."""
     moments = {3: None, 4: 0.0, 8: 0.004, 13: 0.015, 18: 0.04}  # None: once it has answered
@@ -146,18 +143,12 @@ def test_killed_and_resumed_again_and_again(journal):
         assert over.finish() == ([], "", 0)
 
 
-# -- drivers that err --------------------------------------------------------------------------------------------------
-
-
 def test_a_line_that_is_too_long_changes_nothing():
     with Process() as run:
         (error,) = run.ask(b"x" * (1 << 20) + b"xx\n")
         assert (error["kind"], error["line"]) == ("error", 1)
         assert error["message"].startswith("input:1: found a line of more than 1048576 bytes")
         assert told(run) == undisturbed()
-
-
-# -- ends that nobody asked for ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("clock", ["given", "real"])
@@ -183,11 +174,6 @@ def test_time_limits(clock):
         assert (last["kind"], last["outcome"]) == ("end", "timeout")
         assert run.running.wait(30) == 3
     assert 2.5 < time.monotonic() - begun < 20 * LOAD
-
-
-def test_a_time_limit_before_anything_is_known():
-    ended = process("pike", "run", KITCHEN, "--stdio", "--timeout", "1e-9")
-    assert (ended.code, ended.out, ended.err) == (3, "", "robust: out of time\n")
 
 
 def test_a_driver_that_stops_reading_and_one_that_leaves(journal):
@@ -217,13 +203,13 @@ def test_a_journal_that_cannot_be_written_any_more(journal):
     assert max(line["step"] for line in answers if "step" in line) == len(steps_of(journal))
 
 
-def test_without_an_input():
+def test_without_an_input_or_time():
+    ended = process("pike", "run", KITCHEN, "--stdio", "--timeout", "1e-9")
+    assert (ended.code, ended.out, ended.err) == (3, "", "robust: out of time\n")
     ended = ran("bash", "-c", 'exec "$@" <&-', "-", *COMMAND, "pike", "run", KITCHEN, "--stdio")
     assert (ended.code, ended.out) == (2, "")
     assert ended.err == "robust: error: --stdio: found no standard input, expected lines of JSON\n"
 
-
-# -- real time ---------------------------------------------------------------------------------------------------------
 
 RATE = Fraction(1, 20)
 """Seconds for a unit of time."""

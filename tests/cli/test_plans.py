@@ -1,7 +1,12 @@
-"""Questions about plans: what the recorded answers do not show; and files of any kind."""
+"""Questions about plans, executions and the tour: what the recorded answers do not show; and files of any kind."""
 
+import re
+import shlex
+import sys
+import time
 from dataclasses import replace
 from fractions import Fraction
+from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -9,6 +14,7 @@ from hypothesis import strategies as st
 
 import robust
 from benchmarks.generators.sizes import write_instance
+from robust import stnu
 from robust.irr.repair import RepairSearch
 from robust.qe.box import Box, Interval
 from robust.qe.inner import FactorSearch
@@ -16,8 +22,9 @@ from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
 from robust.smt.limits import OutOfTimeError
 from tests.cli import inputs
-from tests.cli.running import EXAMPLES, NAVIGATION, answer_of, assert_one_line, command, example
+from tests.cli.running import EXAMPLES, NAVIGATION, answer_of, command, example
 
+FINE, LATE = (inputs.INPUTS / "networks" / f"{name}.json" for name in ("fine", "late"))
 FLEXIBLE = example("plan-flexible-wait.stn")
 GENERATOR = example(directory=EXAMPLES / "generator")
 KINDS = ("--distribution", "to_ridge=normal::5", "--distribution", "to_crater=normal:40:5")
@@ -25,9 +32,6 @@ KINDS = ("--distribution", "to_ridge=normal::5", "--distribution", "to_crater=no
 
 def late(*_arguments, **_options):
     raise OutOfTimeError
-
-
-# -- check, repair -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("solver", ["z3", "cvc5"])
@@ -60,16 +64,6 @@ def test_a_repair_out_of_time_costs_no_refutation(monkeypatch):
     assert (ended.code, answer_of(ended)["repair"]) == (1, None)
 
 
-# -- envelope, risk ----------------------------------------------------------------------------------------------------
-
-
-def test_convergence_ends_at_the_final_box():
-    answer = answer_of(command("envelope", *example(), "--method", "irr", "--json"))
-    assert 0 < answer["first_widening_s"] <= answer["seconds"]
-    assert answer["convergence"][-1]["share"] == 1
-    assert len(answer["convergence"]) == answer["checks"]
-
-
 def test_searches_in_python_need_a_nominal_value_where_commands_do(tmp_path):
     right = inputs.write(tmp_path).files
     exact = robust.region(right).region
@@ -83,6 +77,12 @@ def test_searches_in_python_need_a_nominal_value_where_commands_do(tmp_path):
             ask(plan)
 
 
+def test_convergence_ends_at_the_final_box():
+    answer = answer_of(command("envelope", *example(), "--method", "irr", "--json"))
+    assert 0 < answer["first_widening_s"] <= answer["seconds"]
+    assert (answer["convergence"][-1]["share"], len(answer["convergence"])) == (1, answer["checks"])
+
+
 def test_bounds_of_the_risk_and_its_picture(tmp_path):
     """0.85888 is the integral of the two densities over the envelope."""
     answer = answer_of(command("risk", *example(), *KINDS, "--json", "--draws", "500", "--plot", tmp_path / "risk.svg"))
@@ -94,26 +94,20 @@ def test_bounds_of_the_risk_and_its_picture(tmp_path):
     assert (answer["estimate"]["draws"], answer["estimate"]["confidence"]) == (500, "999/1000")
     assert any("lit crater" in entry["obligation"] for entry in answer["by_obligation"])
     assert "take-sample scout crater needs" in (tmp_path / "risk.svg").read_text(encoding="utf-8")
+    kinds = ("--distribution", "to_ridge=constant", "--distribution", "to_crater=uniform:20:60")
+    ended = command("risk", *example(), *kinds, "--plot", tmp_path / "bars.png", "-q")
+    assert (ended.code, ended.out) == (0, "probability of success: 0.4750\n")
+    assert (tmp_path / "bars.png").stat().st_size > 1000
     ended = command("risk", *example(), *KINDS, "--timeout", "0.01", "--within", "1e-9", "--json")
     probability = answer_of(ended).get("probability", {"lower": "0", "upper": "1"})
     assert float(probability["lower"]) <= 0.85888 <= float(probability["upper"])
     assert ended.code == 3
 
 
-def test_one_random_parameter_is_drawn_as_bars_alone(tmp_path):
-    kinds = ("--distribution", "to_ridge=constant", "--distribution", "to_crater=uniform:20:60")
-    ended = command("risk", *example(), *kinds, "--plot", tmp_path / "risk.png", "-q")
-    assert (ended.code, ended.out) == (0, "probability of success: 0.4750\n")
-    assert (tmp_path / "risk.png").stat().st_size > 1000
-
-
 def test_the_most_probable_box():
     answer = answer_of(command("envelope", *example(), *KINDS, "--method", "risk", "--json"), "robust/envelope/1")
     assert 0.5383 < float(answer["probability"]["lower"]) <= Fraction(answer["bound"]) < 0.5434
     assert all("take-sample" in ends["stopped_below"] for ends in answer["parameters"].values())
-
-
-# -- region ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -201,9 +195,6 @@ def test_long_regions_are_told_in_ascending_order(tmp_path):
     assert (factor["inner"], factor["outer"]["minus"], answer["open_share"]) == (None, [], None)
 
 
-# -- compare -----------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("files", [example(), GENERATOR], ids=["navigation", "generator"])
 def test_gaps_and_witnesses(files):
     plan = robust.load_plan(*files)
@@ -232,7 +223,84 @@ def test_pages_and_pictures_of_comparisons(tmp_path):
     assert command("compare", *example(), "--timeout", "0.01", "--json").code == 3
 
 
-# -- whatever is in the files: no errors but our own -------------------------------------------------------------------
+def test_executions_of_networks_follow_from_their_seeds():
+    ended = command("stnu", "dispatch", FINE, LATE, "--runs", "20", "--seed", "7", "--json")
+    fine, late = answer_of(ended, "robust/stnu-dispatch/1")["results"]
+    assert (ended.code, late["executions"]) == (1, [])
+    assert [run["seed"] for run in fine["executions"]] == list(range(7, 27))
+    assert not any(run["violated"] for run in fine["executions"])
+    (again,) = answer_of(command("stnu", "dispatch", FINE, "--seed", "9", "--json"))["results"]
+    assert again["executions"] == [fine["executions"][2]]
+
+
+@pytest.mark.parametrize("words", [(example(), "plan.json"), (example("steps.plan"), "plan.stnu")])
+def test_the_network_of_a_plan_is_controllable(tmp_path, words):
+    files, name = words
+    box = tmp_path / "box.json"
+    box.write_text(command("envelope", *example(), "--json").out, encoding="utf-8")
+    options = ("--box", box) if name == "plan.json" else ("-o", tmp_path / "plan.stn")
+    assert command("convert", *files, "--stnu", tmp_path / name, *options).code == 0
+    network = stnu.load(tmp_path / name)
+    assert stnu.check(network).is_controllable
+    if name == "plan.json":
+        drive = next(link for link in network.contingents if link.source == "drive_1.start")
+        assert (drive.lower, drive.upper, network.origin) == (25, 36, "0")
+
+
+@pytest.mark.parametrize(("verb", "key"), [("check", "verdict"), ("repair", "repair")])
+def test_networks_out_of_time(verb, key):
+    """The limit passes while the file is read, or when nothing is known."""
+    ended = command("stnu", verb, LATE, "--timeout", "0.000001", "--json")
+    answer = answer_of(ended)
+    assert ended.code == 3
+    if "error" in answer:
+        assert answer["error"]["kind"] == "timeout"
+    else:
+        assert (answer["status"], answer["results"][0][key]) == ("timeout", "unknown")
+
+
+def test_a_plan_that_the_planner_repeats_in_vain_is_given_up(tmp_path):
+    (tmp_path / "planner.py").write_text("import sys; sys.stdout.write(open(sys.argv[1]).read())", encoding="utf-8")
+    planner = f"command:{sys.executable} {tmp_path / 'planner.py'} {NAVIGATION / 'steps.plan'} {{domain}} {{problem}}"
+    world = tmp_path / "world.toml"
+    world.write_text('[[draw]]\nduration = "drive"\ndistribution = "constant"\nvalue = 37\n', encoding="utf-8")
+    ended = command("execute", *example(), "--world", world, "--planner", planner)
+    assert ended.code == 1
+    assert "nonsense" in ended.out
+
+
+def sides(line):
+    """The sides in a line that says what ends them, such as `a ≥ 4, b ≥ 40: because`."""
+    ended = re.fullmatch(r"  (\w+ [<≤=≥>] \S+(?:, \w+ [<≤=≥>] \S+)*): .*", line)
+    return ended[1].split(", ") if ended else []
+
+
+def untimed(line):
+    return re.sub(r"\d+ checks", "CHECKS", re.sub(r"\d+\.\d+ s", "TIME", line))
+
+
+def test_commands_of_the_tour_work_as_shown(monkeypatch):
+    """What the tour says is what the commands print, up to what solvers decide.
+
+    That is times, the number of checks, and which obligation is named where several end the same side.
+    """
+    before, started = Path.cwd(), time.process_time()
+    lines = command("demo").out.splitlines()
+    assert time.process_time() - started < 3
+    assert Path.cwd() == before
+    shown = [shlex.split(line.removeprefix("$ ")) for line in lines if line.startswith("$ ")]
+    assert [words[0] for words in shown] == ["cd", "robust", "robust", "robust", "cd", "robust"]
+    tour = {untimed(line) for line in lines}
+    ends = {side for line in lines for side in sides(line)}
+    for program, *arguments in shown:
+        if program == "cd":
+            monkeypatch.chdir(arguments[0])
+        else:
+            printed = command(*arguments).out.splitlines()
+            assert [line for line in printed if not sides(line) and untimed(line) not in tour] == []
+            assert {side for line in printed for side in sides(line)} <= ends
+    assert ends
+
 
 TEXTS = [tuple(inputs.RIGHT.values()), tuple((NAVIGATION / name).read_text() for name in inputs.RIGHT)]
 WORDS = ["(", ")", ";", "and", "not", "?x", "1e999", "1/0", "inf", "#t", "default", "é", "c:", "- a", "in [", "\0"]
@@ -286,8 +354,3 @@ def test_what_is_no_damage_to_a_log(change, tmp_path):
     path.write_bytes(change((folder / "planner.log").read_text(encoding="utf-8")).encode())
     for options in ((), ("--timeout", "0.001")):
         assert command("check", folder / "domain.pddl", folder / "problem.pddl", path, *options).code == 0
-
-
-def test_names_of_files_and_of_lists_are_in_one_line(tmp_path):
-    domain, problem, _ = inputs.write(tmp_path).files
-    assert_one_line(command("check", domain, problem, tmp_path / "a\nb.stn"))

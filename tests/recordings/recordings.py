@@ -13,7 +13,7 @@ There is one recording for each shape of an answer: a command, as text or JSON, 
 right is tested by oracles, and that back ends, solvers and encodings agree by tests that cross them.
 
 Each case runs in a new directory with `examples` and `domains` (links to robust/examples and benchmarks/domains of
-`--checkout`) and `inputs` (a copy of the directory beside this file).
+`--checkout`) and `inputs` (a copy of the directory beside this file), and with what `changes.toml` says of it.
 
 Numbers of checks, queries and polyhedra, and the order in which parts of a region are found, follow from the models
 that a solver happens to find. They are the same in each process, but a change of the order in which formulas are made
@@ -83,27 +83,11 @@ class Case:
     lines: tuple[str, ...]
 
     @property
-    def slow(self) -> bool:
-        return SLOW.match(self.name) is not None
-
-    @property
-    def masked(self) -> bool:
-        return MASKED.match(self.name) is not None
-
-    @property
-    def files(self) -> Mapping[str, bytes]:
-        """What is in the directory beside the inputs."""
-        return _changed(**CHANGES[self.name]) if self.name in CHANGES else {}
-
-    @property
     def needs_process(self) -> bool:
         """Whether what it says depends on the process: on how long a start takes, on the memory of cvc5."""
-        if self.name == "help":
-            return False
-        # What is wrong ends before anything is read from stdin or computed, but some commands change the process.
-        wrong = self.name.startswith("bad-")
-        words = ("bench", "batch") if wrong else ("--timeout", "cvc5", "bench", "batch")
-        return any(word in line for line in self.lines for word in words)
+        # What is wrong ends before anything is computed, but some commands change the process.
+        words = ("bench", "batch") if self.name.startswith("bad-") else ("--timeout", "cvc5", "bench", "batch")
+        return self.name != "help" and any(word in line for line in self.lines for word in words)
 
 
 _LINE = re.compile(r"^\$ robust ?(.*)\n(?=exit |killed |\$ robust |\Z)", re.MULTILINE)
@@ -133,12 +117,9 @@ def _changed(folder: str, changes: Mapping[str, Sequence[str]], unreadable: bool
     return {f"{slugs[name]}/{file}": text for name, files in made.items() for file, text in files.items()}
 
 
-# -- running -----------------------------------------------------------------------------------------------------------
-
 Ended = tuple[int, str, str]
-"""An exit code, and what was printed on stdout and stderr."""
 Runner = Callable[[Sequence[str], Path, bytes], Ended]
-"""Runs the words of a command line in a directory, with something on stdin."""
+"""Runs words in a directory, with something on stdin: the exit code, and what was printed on stdout and stderr."""
 
 
 def processes(command: Sequence[str]) -> Runner:
@@ -151,10 +132,6 @@ def processes(command: Sequence[str]) -> Runner:
         return done.returncode, out, err
 
     return run
-
-
-THIS = processes((sys.executable, "-m", "robust"))
-"""With this interpreter and the package that it finds."""
 
 
 def in_process(words: Sequence[str], directory: Path, given: bytes) -> Ended:
@@ -174,15 +151,15 @@ def in_process(words: Sequence[str], directory: Path, given: bytes) -> Ended:
 class Place:
     """Where the files of cases come from, and what runs them."""
 
-    checkout: Path = CHECKOUT
-    run: Runner = THIS
+    checkout: Path
+    run: Runner
 
     def prepare(self, case: Case, directory: Path) -> None:
         """Put into an empty directory what a case reads."""
         shutil.copytree(INPUTS, directory / "inputs")
         (directory / "examples").symlink_to(self.checkout / "robust" / "examples")
         (directory / "domains").symlink_to(self.checkout / "benchmarks" / "domains")
-        for name, content in case.files.items():
+        for name, content in _changed(**CHANGES[case.name]).items() if case.name in CHANGES else ():
             (directory / name).parent.mkdir(exist_ok=True)
             (directory / name).write_bytes(content)
 
@@ -211,7 +188,7 @@ class Place:
         yield f"exit {code}"
         for name, stream in zip(("stdout", "stderr"), streams, strict=True):
             if stream:
-                kind, text = _masked(stream, case.masked)
+                kind, text = _masked(stream, MASKED.match(case.name) is not None)
                 yield f"-- {name}{kind}"
                 yield self._unplaced(text, directory).rstrip("\n")
 
@@ -248,8 +225,6 @@ def _kept(path: Path) -> str:
         return " something" if content else " empty"
     return "\n" + _masked(content.decode("utf-8"), everything=False)[1].rstrip("\n")
 
-
-# -- masking -----------------------------------------------------------------------------------------------------------
 
 MEASURED = re.compile(
     r"^(?!(baseline_)?limit)(.*_)?"
@@ -311,9 +286,6 @@ def _folded(value: Any, depth: int = 0) -> str:
         items = [_folded(item, deeper) for item in value]
     inner = ",\n".join(f"{' ' * deeper}{item}" for item in items)
     return f"{line[0]}\n{inner}\n{' ' * depth}{line[-1]}"
-
-
-# -- the command line --------------------------------------------------------------------------------------------------
 
 
 def difference(case: Case, place: Place, data: Path, *, loose: bool = False) -> str:

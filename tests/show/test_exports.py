@@ -171,15 +171,12 @@ def test_nothing_is_exported_where_no_controllable_part_is_known(tmp_path, monke
     assert not (tmp_path / "x.csv").exists()
 
 
-def test_nothing_is_exported_of_an_invalid_plan(tmp_path):
+def test_nothing_is_exported_of_an_invalid_plan_or_in_an_unknown_form(tmp_path):
     invalid, path = example("plan-flexible-wait.stn"), tmp_path / "timeouts.yaml"
     assert exported("plansys2", "-o", path, files=invalid).code == 1
     assert not path.exists()
     plan = robust.load_plan(*invalid)
     with pytest.raises(InputError, match="found an envelope that is invalid, expected a verified one"):
         export(plan, robust.envelope(plan), "csv")
-
-
-def test_unknown_forms(solved):
     with pytest.raises(InputError, match="unknown form 'xml', expected plansys2, csv, yaml"):
-        export(*solved, "xml")
+        export(plan, robust.envelope(plan), "xml")
