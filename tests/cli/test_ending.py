@@ -18,11 +18,12 @@ from benchmarks.irr.stnu import team_network
 from robust.stnu.files import network_json
 from tests.children import eventually, is_running
 from tests.cli import inputs
-from tests.cli.running import COMMAND, EXAMPLES, LOAD, answer_of, environment, example, process, started, stopped
+from tests.cli.running import COMMAND, LOAD, answer_of, command, environment, example, process, started, stopped
 
 SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
 WITHIN = STARTED = 3 * LOAD
 """Seconds, generously, until a process has ended, or has read a small plan and decided its nominal point."""
+FINE = inputs.INPUTS / "networks" / "fine.json"
 ENDLESS = ("--method", "irr", "--beta", f"1/{10**299}")
 linux = pytest.mark.skipif(sys.platform != "linux", reason="terminals end differently elsewhere, and there is no /proc")
 
@@ -123,10 +124,17 @@ def test_plans_that_were_judged(tmp_path):
     assert f"robust: interrupted after {len(answer['plans'])} plans" in ended.err
 
 
-def test_the_best_repair_of_a_network_so_far(tmp_path):
-    """A schedule of a team that takes long to repair: what is known is a repair, or at least a bound."""
-    (tmp_path / "team.json").write_text(network_json(team_network(1200, 1)), encoding="utf-8")
-    ended = stopped("stnu", "repair", tmp_path / "team.json", "--json", after=4 * LOAD)
+@pytest.fixture(scope="module")
+def team(tmp_path_factory):
+    """A schedule of a team that takes long to repair."""
+    file = tmp_path_factory.mktemp("team") / "team.json"
+    file.write_text(network_json(team_network(1200, 1)), encoding="utf-8")
+    return file
+
+
+def test_the_best_repair_of_a_network_so_far(team):
+    """What is known is a repair, or at least a bound."""
+    ended = stopped("stnu", "repair", team, "--json", after=4 * LOAD)
     answer = answer_of(ended, "robust/stnu-repair/1")
     (repair,) = answer["results"]
     assert (ended.code, answer["status"], repair["error"]) == (3, "interrupted", None)
@@ -135,9 +143,18 @@ def test_the_best_repair_of_a_network_so_far(tmp_path):
     assert repair["cost"] is None or Fraction(repair["cost"]) - Fraction(repair["bound"]) == Fraction(repair["gap"]) > 0
 
 
+@pytest.mark.parametrize(("verb", "key"), [("check", "verdict"), ("repair", "repair")])
+def test_networks_out_of_time(team, verb, key):
+    """The limit passes while the file is read, or when nothing is known."""
+    ended = command("stnu", verb, team, "--timeout", "0.000001", "--json")
+    answer = answer_of(ended)
+    assert (ended.code, answer["error"]["kind"] if "error" in answer else answer["status"]) == (3, "timeout")
+    assert "error" in answer or answer["results"][0][key] == "unknown"
+
+
 def test_verdicts_on_networks_so_far(fifo):
     """The second network never comes."""
-    ended = stopped("stnu", "check", inputs.INPUTS / "networks" / "fine.json", fifo, "--json", after=2 * LOAD)
+    ended = stopped("stnu", "check", FINE, fifo, "--json", after=2 * LOAD)
     answer = answer_of(ended, "robust/stnu-check/1")
     assert (ended.code, answer["status"]) == (3, "interrupted")
     assert [result["verdict"] for result in answer["results"]] == ["controllable"]
@@ -163,7 +180,7 @@ def test_the_first_signal_ends_verify_of_a_file_that_never_comes(fifo, number):
     [
         ("check", *example("plan-flexible-wait.stn")),
         ("envelope", *example("plan-flexible-wait.stn")),
-        ("stnu", "check", EXAMPLES / "handover" / "handover.stnu", "-q"),
+        ("stnu", "check", FINE, "-q"),
         ("demo",),
         ("--help",),
     ],
@@ -264,7 +281,7 @@ def test_signals_and_limits_end_the_planner_and_all_that_it_has_started(run, num
 def test_a_terminal_that_closes_ends_the_run(run):
     """The run gets SIGHUP, and has nowhere to print."""
     child, terminal = os.forkpty()
-    if child == 0:
+    if not child:
         os.execvpe(COMMAND[0], [*COMMAND, *run.words], run.environment)  # noqa: S606
     assert run.is_planning()
     os.close(terminal)
@@ -292,14 +309,12 @@ COMMANDS = {
     "check cvc5": ("check", *example("plan-flexible-wait.stn"), "--solver", "cvc5"),
     "envelope cvc5": ("envelope", *example(), "--solver", "cvc5"),
     "region z3": ("region", *example(), "--backend", "z3"),
-    "batch": ("batch", "check", EXAMPLES / "delivery", "--jobs", 2),
+    "batch": ("batch", "check", inputs.INPUTS / "delivery", "--jobs", 2),
     "bench": ("bench", "scaling", "--limit", 5, "--jobs", 2),
     "execute": ("execute", *example()[:2], "--planner", SPINNING),
     "certify": ("certify", *example(), "-o", os.devnull),
 }
 """Commands that start processes: copies, watchers, whole commands, planners, the checker."""
-GRACE = 2.0
-"""Seconds; who was sent SIGKILL needs a moment on a busy machine."""
 
 
 def marked(mark):
@@ -329,6 +344,6 @@ def test_nothing_outlives_interrupts(seed, number, longest):
                 run.send_signal(each)
                 time.sleep(0.05)
             run.communicate(timeout=60)
-        eventually(lambda mark=mark: not marked(mark), GRACE)
+        eventually(lambda mark=mark: not marked(mark), 2)  # who was sent SIGKILL needs a moment
         survivors = [Path(f"/proc/{each}/cmdline").read_bytes() for each in marked(mark)]
         assert not survivors, (name, after, signals)

@@ -37,9 +37,8 @@ def late(*_arguments, **_options):
 @pytest.mark.parametrize("solver", ["z3", "cvc5"])
 def test_a_counterexample_breaks_the_plan_and_leaves_out_constants(solver):
     ended = command("check", *FLEXIBLE, "--json", "--solver", solver, "--all")
-    assert (ended.code, ended.err) == (1, "")
     answer = answer_of(ended)
-    assert (answer["verdict"], answer["solver"]) == ("refuted", solver)
+    assert (ended.code, ended.err, answer["verdict"], answer["solver"]) == (1, "", "refuted", solver)
     counterexample = answer["counterexample"]
     assert counterexample == answer["counterexamples"][0]
     refuted = {entry["name"] for entry in answer["obligations"] if entry["verdict"] == "refuted"}
@@ -247,26 +246,13 @@ def test_the_network_of_a_plan_is_controllable(tmp_path, words):
         assert (drive.lower, drive.upper, network.origin) == (25, 36, "0")
 
 
-@pytest.mark.parametrize(("verb", "key"), [("check", "verdict"), ("repair", "repair")])
-def test_networks_out_of_time(verb, key):
-    """The limit passes while the file is read, or when nothing is known."""
-    ended = command("stnu", verb, LATE, "--timeout", "0.000001", "--json")
-    answer = answer_of(ended)
-    assert ended.code == 3
-    if "error" in answer:
-        assert answer["error"]["kind"] == "timeout"
-    else:
-        assert (answer["status"], answer["results"][0][key]) == ("timeout", "unknown")
-
-
 def test_a_plan_that_the_planner_repeats_in_vain_is_given_up(tmp_path):
     (tmp_path / "planner.py").write_text("import sys; sys.stdout.write(open(sys.argv[1]).read())", encoding="utf-8")
     planner = f"command:{sys.executable} {tmp_path / 'planner.py'} {NAVIGATION / 'steps.plan'} {{domain}} {{problem}}"
     world = tmp_path / "world.toml"
     world.write_text('[[draw]]\nduration = "drive"\ndistribution = "constant"\nvalue = 37\n', encoding="utf-8")
     ended = command("execute", *example(), "--world", world, "--planner", planner)
-    assert ended.code == 1
-    assert "nonsense" in ended.out
+    assert (ended.code, "nonsense" in ended.out) == (1, True)
 
 
 def sides(line):
@@ -286,8 +272,7 @@ def test_commands_of_the_tour_work_as_shown(monkeypatch):
     """
     before, started = Path.cwd(), time.process_time()
     lines = command("demo").out.splitlines()
-    assert time.process_time() - started < 3
-    assert Path.cwd() == before
+    assert (Path.cwd(), time.process_time() - started < 3) == (before, True)
     shown = [shlex.split(line.removeprefix("$ ")) for line in lines if line.startswith("$ ")]
     assert [words[0] for words in shown] == ["cd", "robust", "robust", "robust", "cd", "robust"]
     tour = {untimed(line) for line in lines}
