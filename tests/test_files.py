@@ -19,6 +19,7 @@ def test_writes_texts_bytes_and_what_functions_write(tmp_path):
         atomic_write(path, content, PLACE)
         assert path.read_text(encoding="utf-8") == "γ"
     assert list(tmp_path.iterdir()) == [path]
+    atomic_write("/dev/null", "nothing", PLACE)
 
 
 def test_what_was_there_survives_failures(tmp_path):
@@ -50,7 +51,6 @@ def test_modes_and_links_stay(tmp_path):
     link.symlink_to(path)
     atomic_write(link, "through", PLACE)
     assert (link.is_symlink(), path.read_text(), stat.S_IMODE(path.stat().st_mode)) == (True, "through", 0o600)
-    atomic_write("/dev/null", "nothing", PLACE)
 
 
 PLAIN = RecordFormat("store of results", {"schema": "robust/some-store/1", "robust": "1.0"})

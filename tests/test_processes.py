@@ -33,7 +33,10 @@ def told(tmp_path):
     return Told(tmp_path)
 
 
-def test_output_exit_code_and_time():
+def test_output_exit_code_time_and_surroundings(tmp_path):
+    code = "import os; print(os.getcwd(), os.environ['ROBUST_TEST'], 'PATH' in os.environ, os.read(0, 9))"
+    ended = Processes().run(python(code), folder=tmp_path, variables={"ROBUST_TEST": "yes"})
+    assert ended.stdout == f"{tmp_path} yes True b''\n"
     ended = run("import sys, time; print('out'); print('first\\nlast', file=sys.stderr); time.sleep(0.2); sys.exit(3)")
     assert (ended.stdout, ended.exit_code, ended.timed_out, ended.last_line) == ("out\n", 3, False, "last")
     assert 0.2 <= ended.seconds < 5
@@ -49,12 +52,6 @@ def test_a_command_that_does_not_exist(tmp_path):
     ended = Processes().run([str(tmp_path / "absent")])
     assert ended.exit_code == CANNOT_START
     assert ended.last_line == f"cannot start '{tmp_path / 'absent'}': No such file or directory"
-
-
-def test_where_and_with_what_a_command_runs(tmp_path):
-    code = "import os; print(os.getcwd(), os.environ['ROBUST_TEST'], 'PATH' in os.environ, os.read(0, 9))"
-    ended = Processes().run(python(code), folder=tmp_path, variables={"ROBUST_TEST": "yes"})
-    assert ended.stdout == f"{tmp_path} yes True b''\n"
 
 
 def test_the_end_of_what_is_printed_is_kept_and_no_more():

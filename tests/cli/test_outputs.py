@@ -132,8 +132,7 @@ def test_answers_of_a_batch_outlive_their_store(here, monkeypatch):
     monkeypatch.setattr(RecordFile, "append", append)
     ended = command("batch", "check", "small", "--store", "night.store", "--json")
     assert (ended.code, ended.err) == (2, "robust: error: cannot be written: No space left on device\n")
-    [plan] = answer_of(ended)["plans"]
-    assert "proved" in json.dumps(plan)
+    assert "proved" in json.dumps(answer_of(ended)["plans"])
 
 
 @pytest.mark.parametrize("device", ["/dev/zero", "/dev/full"])

@@ -74,6 +74,17 @@ def test_all_who_decide_decide_the_same(words, who):
     assert (code, answer["choices"]["xR1"], answer["choices"]["xA2"]) == (0, "grounds", "coffee")
 
 
+def test_reasons_as_json():
+    code, answer = asked("run", "--outcome", "xA1=mug", "--outcome", "xA3=bagel", "--explain")
+    inferred = next(step["why"]["inferences"] for step in answer["steps"] if step["possible"])
+    assert {fact["fact"] for fact in inferred["xR1"]["impossible"]["juice"]} >= {"xA2 = coffee"}
+    failure = answer["steps"][-1]["decisions"][-1]
+    assert (code, failure["what"]) == (1, "failed")
+    assert {"about": "choice", "fact": "xA3 = bagel"} in failure["why"]["conflict"]
+    scenario = answer["steps"][0]["why"]["continuation"]["scenario"]
+    assert scenario.keys() == {"xA1", "xA2", "xA3", "xA4", "xR1", "xR2"}
+
+
 def test_a_chart_says_what_happened(tmp_path):
     picture = tmp_path / "run.svg"
     assert command("pike", "run", KITCHEN, "--outcome", "xA1=mug", "--plot", picture, "--quiet").code == 0

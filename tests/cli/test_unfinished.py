@@ -39,13 +39,8 @@ SENTENCES = [re.compile(line) for line in LINES if not line.startswith("#")]
 
 
 @pytest.fixture(scope="module")
-def region():
-    return robust.region(example()).region
-
-
-@pytest.fixture(scope="module")
-def probability():
-    return robust.risk(example(), RANDOM[1::2]).probability
+def full():
+    return robust.region(example()).region, robust.risk(example(), RANDOM[1::2]).probability
 
 
 @pytest.mark.parametrize(
@@ -56,7 +51,7 @@ def probability():
     ],
 )
 @pytest.mark.parametrize("name", COMMANDS)
-def test_nothing_is_asserted_that_is_not_known(tmp_path, region, probability, name, seconds):
+def test_nothing_is_asserted_that_is_not_known(tmp_path, full, name, seconds):
     words = [word.replace("FILE", str(tmp_path / name)) if isinstance(word, str) else word for word in COMMANDS[name]]
     files = [word for word, pattern in zip(words, COMMANDS[name], strict=True) if word != pattern]
     ended = command(*words, "--timeout", seconds)
@@ -71,10 +66,10 @@ def test_nothing_is_asserted_that_is_not_known(tmp_path, region, probability, na
         if "box" in said:
             ends = re.findall(r"(\w+) ∈ [\[(](\S+), (\S+)[\])]", said["box"])
             assert ends
-            assert {name: (Fraction(lower) + Fraction(upper)) / 2 for name, lower, upper in ends} in region
+            assert {name: (Fraction(lower) + Fraction(upper)) / 2 for name, lower, upper in ends} in full[0]
         elif "lower" in said:
-            assert Fraction(said["lower"]) <= probability.upper
-            assert Fraction(said["upper"]) >= probability.lower
+            assert Fraction(said["lower"]) <= full[1].upper
+            assert Fraction(said["upper"]) >= full[1].lower
     _, _, ends = ended.out.partition("What ends each side:\n")
     for line in ends.partition("\n\n")[0].splitlines() if ended.code == 3 else ():
         assert line.endswith((": not reached: the search was cut short", ": not examined", ": declared bound"))
