@@ -16,6 +16,9 @@ from hypothesis import settings
 settings.register_profile("any machine", deadline=None, derandomize="CI" in os.environ)
 settings.load_profile("any machine")
 
+# Lines of answers are as wide as where there is no terminal, whoever runs the tests.
+os.environ.pop("COLUMNS", None)
+
 # Processes that tests start would compile the package each time, which takes as long as many tests.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 

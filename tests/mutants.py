@@ -18,7 +18,6 @@ import random
 import subprocess
 import sys
 import time
-from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
@@ -29,10 +28,8 @@ CHANGED = "robust"
 COPIED = ("tests", "proofs", "benchmarks", "docs", "constraints.txt", "README.md")
 KILLED = (1, 3)
 """Exit codes of pytest where a test failed, or could not even start."""
-UNSEEN = 33
-"""mutmut's code where no test calls the function: it does not see calls in child processes."""
-UNNOTICED = (0, UNSEEN)
-"""mutmut forks a process that has imported the code: what runs at import is changed only in a process of its own."""
+UNNOTICED = (0, 33)
+"""33: no test calls it, as far as mutmut sees, which is neither child processes nor what ran at import."""
 TIMEOUT = (24, 36, -24, 152, 255)
 ENOUGH = 0.9
 PATIENCE = 900
@@ -47,28 +44,20 @@ class Part(NamedTuple):
     without: str = ""
 
 
+def of(folder: str, *names: str) -> tuple[str, ...]:
+    return tuple(f"{folder}/{name}" for name in names)
+
+
+RECORDED = " or ".join(f"recorded[{group}" for group in ("check", "convert", "envelope", "region", "execute"))
 PARTS = {
     "qe": Part(
-        tuple(
-            f"robust/qe/{name}.py" for name in ("box", "conjunctions", "constraint", "polyhedron", "region", "simplex")
-        ),
-        (
-            "tests/qe/test_constraint.py",
-            "tests/qe/test_polyhedron.py",
-            "tests/qe/test_region.py",
-            "tests/qe/test_simplex.py",
-        ),
+        of("robust/qe", "box.py", "conjunctions.py", "constraint.py", "polyhedron.py", "region.py", "simplex.py"),
+        of("tests/qe", "test_constraint.py", "test_polyhedron.py", "test_region.py", "test_simplex.py"),
         "sympy_agrees",
     ),
     "eliminate": Part(
-        (
-            "robust/qe/compute.py",
-            "robust/qe/estimate.py",
-            "robust/qe/nnf.py",
-            "robust/qe/region.py",
-            "robust/qe/eliminate/*",
-        ),
-        ("tests/qe/backends", "tests/qe/test_region.py"),
+        of("robust/qe", "compute.py", "estimate.py", "nnf.py", "region.py", "eliminate/*"),
+        of("tests/qe", "backends", "test_region.py"),
         "recorded or sweeps or points_are_inside or sympy_agrees",
     ),
     "network": Part(("robust/network/*",), ("tests/network",)),
@@ -78,9 +67,9 @@ PARTS = {
     "certify": Part(("robust/certify/*",), ("tests/certify",)),
     "knowledge": Part(("robust/pike_bridge/knowledge/*",), ("tests/pike_bridge/knowledge",)),
     "options": Part(
-        ("robust/options/declare.py", "robust/options/shared.py", "robust/options/verbs.py"),
-        ("tests/test_options.py", "tests/cli/test_options.py", "tests/recordings/test_recordings.py"),
-        " or ".join(f"recorded[{group}" for group in ("check", "convert", "envelope", "region", "execute")),
+        of("robust/options", "declare.py", "shared.py", "verbs.py"),
+        of("tests", "test_options.py", "recordings/test_recordings.py"),
+        RECORDED,
     ),
 }
 
@@ -141,18 +130,11 @@ def prepare(part: str) -> Path:
 def mutmut(folder: Path, code: str, *arguments: str) -> None:
     """Run the code in the folder. What mutmut writes goes to a file there, its end to stderr if it fails."""
     log = folder / "log.txt"
-    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    settings = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    words = [sys.executable, "-W", "ignore", "-c", code, *arguments]
     with log.open("w", encoding="utf-8") as output:
-        command = [sys.executable, "-W", "ignore", "-c", code, *arguments]
-        done = subprocess.run(
-            command,
-            cwd=folder,
-            env=environment,
-            stdout=output,
-            stderr=subprocess.STDOUT,
-            stdin=subprocess.DEVNULL,
-            check=False,
-        )
+        streams = {"stdin": subprocess.DEVNULL, "stdout": output, "stderr": subprocess.STDOUT}
+        done = subprocess.run(words, cwd=folder, env=settings, check=False, **streams)
     if done.returncode:
         sys.exit(log.read_text(encoding="utf-8")[-4000:] + f"\nmutmut failed in {folder}")
 
@@ -169,15 +151,13 @@ def made(folder: Path) -> dict[str, int | None]:
 def run_blindly(folder: Path, part: str, names: list[str]) -> dict[str, int | None]:
     """The exit codes of mutants with all tests of the part, until one fails."""
     command = [sys.executable, "-m", "pytest", "-x", "-p", "no:cacheprovider", *PARTS[part].tests]
-    if PARTS[part].without:
-        command += ["-k", f"not ({PARTS[part].without})"]
+    command += ["-k", f"not ({PARTS[part].without})"] if PARTS[part].without else []
 
     def run(name: str) -> int:
-        environment = {**os.environ, "MUTANT_UNDER_TEST": name, "PYTHONPATH": str(folder / "mutants")}
+        variables = {**os.environ, "MUTANT_UNDER_TEST": name, "PYTHONPATH": str(folder / "mutants")}
+        options = {"cwd": folder / "mutants", "env": variables, "capture_output": True, "timeout": PATIENCE}
         try:
-            return subprocess.run(
-                command, cwd=folder / "mutants", env=environment, capture_output=True, timeout=PATIENCE, check=False
-            ).returncode
+            return subprocess.run(command, check=False, **options).returncode
         except subprocess.TimeoutExpired:
             return TIMEOUT[0]
 
@@ -185,13 +165,6 @@ def run_blindly(folder: Path, part: str, names: list[str]) -> dict[str, int | No
         sys.exit(f"the tests of part {part} fail on unchanged code")
     with ThreadPoolExecutor(2) as pool:
         return dict(zip(names, pool.map(run, names), strict=True))
-
-
-def accepted() -> set[tuple[str, str]]:
-    """The changes that need no test: function and new line; between them and the reason there are bars."""
-    lines = ACCEPTED.read_text(encoding="utf-8").splitlines()
-    cells = [line.split(" | ") for line in lines if line.strip() and not line.startswith("#")]
-    return {(function.strip(), line.strip()) for function, line, _ in cells}
 
 
 def change(folder: Path, name: str) -> list[str]:
@@ -218,21 +191,23 @@ def measure(part: str, each: int, seed: int, only: str) -> tuple[int, int]:
             codes = made(folder)
     codes |= run_blindly(folder, part, [name for name in sample if codes[name] in UNNOTICED])
     missed = {name: change(folder, name) for name in sorted(sample) if codes[name] not in KILLED + TIMEOUT}
-    fine = accepted()
-    left = {
-        name: lines
-        for name, lines in missed.items()
-        if not any((name.partition("__mutmut_")[0], line[1:].strip()) in fine for line in lines)
+    lines = ACCEPTED.read_text(encoding="utf-8").splitlines()
+    cells = [line.split(" | ") for line in lines if line.strip() and not line.startswith("#")]
+    fine = {(function.strip(), changed.strip()) for function, changed, _ in cells}
+    unnoticed = {
+        name: changes
+        for name, changes in missed.items()
+        if not any((name.partition("__mutmut_")[0], line[1:].strip()) in fine for line in changes)
     }
-    counted = len(sample) - len(missed) + len(left)
+    counted = len(sample) - len(missed) + len(unnoticed)
     print(
-        f"{part:10} {counted - len(left):4} of {counted:4} noticed, {len(missed) - len(left):3} accepted, "
+        f"{part:10} {counted - len(unnoticed):4} of {counted:4} noticed, {len(missed) - len(unnoticed):3} accepted, "
         f"{time.monotonic() - start:6.0f} s",
         flush=True,
     )
-    for name, lines in left.items():
-        print("\n        ".join([f"    {name} ({codes[name]})", *lines]), flush=True)
-    return counted, counted - len(left)
+    for name, changes in unnoticed.items():
+        print("\n        ".join([f"    {name} ({codes[name]})", *changes]), flush=True)
+    return counted, counted - len(unnoticed)
 
 
 def main() -> int:
@@ -242,12 +217,11 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="which mutants (0)")
     parser.add_argument("--only", default="*", metavar="PATTERN", help="only mutants with such a name")
     arguments = parser.parse_args()
-    totals: Counter[str] = Counter()
-    for part in arguments.parts or PARTS:
-        drawn, noticed = measure(part, arguments.each, arguments.seed, arguments.only)
-        totals.update(drawn=drawn, noticed=noticed)
-    print(f"{'all':10} {totals['noticed']:4} of {totals['drawn']:4} noticed")
-    return 0 if totals["drawn"] and totals["noticed"] >= ENOUGH * totals["drawn"] else 1
+    parts = arguments.parts or PARTS
+    measured = [measure(part, arguments.each, arguments.seed, arguments.only) for part in parts]
+    drawn, noticed = map(sum, zip(*measured, strict=True))
+    print(f"{'all':10} {noticed:4} of {drawn:4} noticed")
+    return 0 if drawn and noticed >= ENOUGH * drawn else 1
 
 
 if __name__ == "__main__":

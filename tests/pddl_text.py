@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from fractions import Fraction
+from functools import reduce
 from typing import NamedTuple, assert_never
 
 from robust.numbers import format_number
@@ -34,25 +35,24 @@ def pddl_text(
     plan: model.ParametrizedPlan, parameters: Mapping[str, Fraction], schedule: Mapping[model.TimePoint, Fraction]
 ) -> PddlText:
     """Domain, problem and time-triggered plan of one schedule under `parameters`."""
-    atoms = sorted({_symbol(atom) for atom in _atoms(plan)} | {_ALWAYS})
-    fluents = sorted(_symbol(fluent) for fluent in plan.initial_fluents)
     sections = [
         section(":requirements", [_REQUIREMENTS]),
-        section(":predicates", atoms),
-        section(":functions", fluents),
+        section(":predicates", sorted({_symbol(atom) for atom in _atoms(plan)} | {_ALWAYS})),
+        section(":functions", sorted(_symbol(fluent) for fluent in plan.initial_fluents)),
         *(_Writer(parameters, i, schedule[i.end] - schedule[i.start]).action() for i in plan.instances),
     ]
-    return PddlText(define("domain", "d", sections), _problem(plan, parameters), _plan(plan, schedule))
+    steps = ""
+    for instance in plan.instances:
+        start = schedule[instance.start]
+        duration = f" [{number(schedule[instance.end] - start)}]" if instance.durative else ""
+        steps += f"{number(start)}: ({instance.identifier}){duration}\n"
+    return PddlText(define("domain", "d", sections), _problem(plan, parameters), steps)
 
 
 def _problem(plan: model.ParametrizedPlan, parameters: Mapping[str, Fraction]) -> str:
-    writer = _Writer(parameters)
-    values = {
-        fluent: value.evaluate({model.ParameterReference(name): v for name, v in parameters.items()})
-        for fluent, value in plan.initial_fluents.items()
-    }
+    values = {model.ParameterReference(name): value for name, value in parameters.items()}
     facts = [_ALWAYS, *(_symbol(atom) for atom in sorted(plan.initial_atoms))]
-    facts += [f"(= {_symbol(fluent)} {number(value)})" for fluent, value in values.items()]
+    facts += [f"(= {_symbol(fluent)} {number(e.evaluate(values))})" for fluent, e in plan.initial_fluents.items()]
     for literal in plan.timed_literals:
         fact = _symbol(literal.target)
         if isinstance(literal.target, model.Fluent):
@@ -60,17 +60,8 @@ def _problem(plan: model.ParametrizedPlan, parameters: Mapping[str, Fraction]) -
         elif not literal.value:
             fact = f"(not {fact})"
         facts.append(f"(at {number(literal.time)} {fact})")
-    goals = [_ALWAYS, *(writer.condition(goal.condition) for goal in plan.goal)]
+    goals = [_ALWAYS, *(_Writer(parameters).condition(goal.condition) for goal in plan.goal)]
     return define("problem", "x", ["(:domain d)", section(":init", facts), section(":goal", [conjunction_text(goals)])])
-
-
-def _plan(plan: model.ParametrizedPlan, schedule: Mapping[model.TimePoint, Fraction]) -> str:
-    lines = []
-    for instance in plan.instances:
-        start = schedule[instance.start]
-        duration = f" [{number(schedule[instance.end] - start)}]" if instance.durative else ""
-        lines.append(f"{number(start)}: ({instance.identifier}){duration}\n")
-    return "".join(lines)
 
 
 def _atoms(plan: model.ParametrizedPlan) -> Iterable[model.Atom]:
@@ -116,20 +107,16 @@ class _Writer:
         instance: model.ActionInstance | None = None,
         duration: Fraction | None = None,
     ) -> None:
-        self.parameters = parameters
-        self.instance = instance
-        self.duration = duration
+        self.parameters, self.instance, self.duration = parameters, instance, duration
         self.exact = parameters is not None
 
     def expression(self, expression: model.Expression) -> str:
         terms = sorted(expression.terms.items(), key=lambda term: (not term[0], [str(v) for v in term[0]]))
-        text = ""
+        products = []
         for monomial, coefficient in terms:
             factors = [] if coefficient == 1 and monomial else [number(coefficient)]
-            factors += [self._variable(variable) for variable in monomial]
-            product = _nested("*", factors)
-            text = f"(+ {text} {product})" if text else product
-        return text or "0"
+            products.append(reduce("(* {} {})".format, [*factors, *map(self._variable, monomial)]))
+        return reduce("(+ {} {})".format, products) if products else "0"
 
     def _variable(self, variable: model.NumericVariable) -> str:
         match variable:
@@ -143,13 +130,11 @@ class _Writer:
 
     def fixed(self, expression: model.Expression) -> str:
         """As `expression`, with the value of `?duration`: VAL reads it in numeric effects and :duration only."""
-        duration = self.duration
-        if duration is None:
-            return self.expression(expression)
+        duration = (
+            Polynomial.constant(self.duration) if self.duration is not None else Polynomial.variable(model.Duration())
+        )
         return self.expression(
-            expression.substitute(
-                lambda v: Polynomial.constant(duration) if isinstance(v, model.Duration) else Polynomial.variable(v)
-            )
+            expression.substitute(lambda v: duration if isinstance(v, model.Duration) else Polynomial.variable(v))
         )
 
     def timed(self, part: model.TimedCondition) -> str:
@@ -200,12 +185,10 @@ class _Writer:
 
     def _duration(self, part: model.DurationConstraint) -> str:
         """`?duration` on the left: the comparison divided by its coefficient."""
-        polynomial = part.condition.expression
+        polynomial, equal = part.condition.expression, part.condition.relation is model.Relation.EQUAL
         factor = polynomial.terms[(model.Duration(),)]
         bound = (Polynomial({(model.Duration(),): factor}) - polynomial).scaled(1 / factor)
-        relation = {model.Relation.AT_LEAST: ">=" if factor > 0 else "<=", model.Relation.EQUAL: "="}[
-            part.condition.relation
-        ]
+        relation = "=" if equal else ">=" if factor > 0 else "<="
         return f"({part.timing.value} ({relation} ?duration {self.expression(bound)}))"
 
     def _effect(self, effect: model.AtomEffect | model.NumericEffect) -> str:
@@ -219,10 +202,3 @@ class _Writer:
         if effect.condition == model.Truth(True):
             return frame.format(text)
         return f"(when {frame.format(self.condition(effect.condition))} {frame.format(text)})"
-
-
-def _nested(operator: str, operands: list[str]) -> str:
-    text = operands[0]
-    for operand in operands[1:]:
-        text = f"({operator} {text} {operand})"
-    return text

@@ -12,7 +12,7 @@ from itertools import product
 from math import lcm
 from random import Random
 
-from robust.plan.model import ZERO, Bound, Parameter, ParameterReference, ParametrizedPlan, TimePoint
+from robust.plan.model import ZERO, Bound, ParameterReference, ParametrizedPlan, TimePoint
 
 Distances = list[list[int | None]]
 """Row a, column b: the least upper bound of t_b − t_a in units of a common denominator; None is unbounded."""
@@ -24,18 +24,14 @@ HORIZON = Fraction(6)
 
 def sample_parameters(plan: ParametrizedPlan, random: Random, *, spread: Fraction = Fraction(2)) -> dict[str, Fraction]:
     """A value per parameter: its nominal value, a declared bound, or a multiple of `QUANTUM` within `spread` of it."""
-    return {parameter.name: _parameter_value(parameter, random, spread) for parameter in plan.parameters}
-
-
-def _parameter_value(parameter: Parameter, random: Random, spread: Fraction) -> Fraction:
-    steps = int(spread / QUANTUM)
-    near = parameter.nominal + QUANTUM * random.randint(-steps, steps)
-    if parameter.lower is not None:
-        near = max(near, parameter.lower)
-    if parameter.upper is not None:
-        near = min(near, parameter.upper)
-    choices = [parameter.nominal, near, near, parameter.lower, parameter.upper]
-    return random.choice([value for value in choices if value is not None])
+    steps, values = int(spread / QUANTUM), {}
+    for parameter in plan.parameters:
+        near = parameter.nominal + QUANTUM * random.randint(-steps, steps)
+        near = near if parameter.lower is None else max(near, parameter.lower)
+        near = near if parameter.upper is None else min(near, parameter.upper)
+        choices = [parameter.nominal, near, near, parameter.lower, parameter.upper]
+        values[parameter.name] = random.choice([value for value in choices if value is not None])
+    return values
 
 
 def sample_schedule(
@@ -61,12 +57,12 @@ def sample_schedules(
     network = Network(plan, parameters, (epsilon, QUANTUM))
     if not network.consistent:
         return []
-    found: list[dict[TimePoint, Fraction]] = []
+    schedules: list[dict[TimePoint, Fraction]] = []
     for _ in range(count):
         schedule = network.sample(random, epsilon)
-        if schedule not in found:
-            found.append(schedule)
-    return found
+        if schedule not in schedules:
+            schedules.append(schedule)
+    return schedules
 
 
 class Network:
@@ -84,20 +80,29 @@ class Network:
         self.scale = lcm(*(number.denominator for number in (*steps, HORIZON, *(edge[2] for edge in edges))))
         self.distances = self._closed(edges)
         negative = any((row[i] or 0) < 0 for i, row in enumerate(self.distances))
-        self.consistent = not negative and _within_bounds(plan, parameters)
+        self.consistent = not negative and all(
+            (parameter.lower is None or parameter.lower <= parameters[parameter.name])
+            and (parameter.upper is None or parameters[parameter.name] <= parameter.upper)
+            for parameter in plan.parameters
+        )
 
     def _closed(self, edges: list[tuple[TimePoint, TimePoint, Fraction]]) -> Distances:
         index = {point: i for i, point in enumerate(self.points)}
         size = range(len(self.points))
         distances: Distances = [[0 if a == b else None for b in size] for a in size]
+
+        def lower(a: int, b: int, distance: int) -> None:
+            known = distances[a][b]
+            distances[a][b] = distance if known is None else min(known, distance)
+
         for source, target, bound in edges:
-            _lower(distances[index[source]], index[target], self._units(bound))
+            lower(index[source], index[target], self._units(bound))
         for middle, a in product(size, size):
             before = distances[a][middle]
             if before is not None:
                 for b, after in enumerate(distances[middle]):
                     if after is not None:
-                        _lower(distances[a], b, before + after)
+                        lower(a, b, before + after)
         return distances
 
     def _units(self, time: Fraction) -> int:
@@ -109,23 +114,18 @@ class Network:
         waiting = list(range(1, len(self.points)))
         random.shuffle(waiting)
         for point in waiting:
-            lower, upper = self._window(point, fixed)
+            to_fixed = [(time, self.distances[point][other]) for other, time in fixed.items()]
+            from_fixed = [(time, self.distances[other][point]) for other, time in fixed.items()]
+            lower = max(time - distance for time, distance in to_fixed if distance is not None)
+            uppers = [time + distance for time, distance in from_fixed if distance is not None]
+            upper = min(uppers, default=lower + self._units(HORIZON))
             other = random.choice(list(fixed.values()))
             beside = [other, other - self._units(epsilon), other + self._units(epsilon)]
             step = self._units(QUANTUM)
             between = lower + step * random.randint(0, (upper - lower) // step)
-            fixed[point] = random.choice(
-                [lower, upper, between, between, *(time for time in beside if lower <= time <= upper)]
-            )
+            inside = [time for time in beside if lower <= time <= upper]
+            fixed[point] = random.choice([lower, upper, between, between, *inside])
         return {point: Fraction(fixed[i], self.scale) for i, point in enumerate(self.points)}
-
-    def _window(self, point: int, fixed: Mapping[int, int]) -> tuple[int, int]:
-        """The times left to a point, up to the horizon where it is unbounded."""
-        to_fixed = [(time, self.distances[point][other]) for other, time in fixed.items()]
-        from_fixed = [(time, self.distances[other][point]) for other, time in fixed.items()]
-        lower = max(time - distance for time, distance in to_fixed if distance is not None)
-        uppers = [time + distance for time, distance in from_fixed if distance is not None]
-        return lower, min(uppers) if uppers else lower + self._units(HORIZON)
 
 
 def _edges(plan: ParametrizedPlan, parameters: Mapping[str, Fraction]) -> list[tuple[TimePoint, TimePoint, Fraction]]:
@@ -140,20 +140,6 @@ def _edges(plan: ParametrizedPlan, parameters: Mapping[str, Fraction]) -> list[t
         if constraint.lower is not None:
             edges.append((constraint.target, constraint.source, -bound_value(constraint.lower, parameters)))
     return edges
-
-
-def _lower(row: list[int | None], column: int, distance: int) -> None:
-    known = row[column]
-    if known is None or distance < known:
-        row[column] = distance
-
-
-def _within_bounds(plan: ParametrizedPlan, parameters: Mapping[str, Fraction]) -> bool:
-    return all(
-        (parameter.lower is None or parameter.lower <= parameters[parameter.name])
-        and (parameter.upper is None or parameters[parameter.name] <= parameter.upper)
-        for parameter in plan.parameters
-    )
 
 
 def bound_value(bound: Bound, parameters: Mapping[str, Fraction]) -> Fraction:

@@ -17,6 +17,7 @@ from typing import TypeVar, assert_never
 from hypothesis import strategies as st
 
 from robust.plan import model
+from robust.plan.model import ParameterReference, ParametrizedPlan, Relation, TimePoint, Timing
 from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import simulate
 from tests.pddl_text import condition_text
@@ -57,7 +58,7 @@ class Features:
 
 
 @st.composite
-def plans(draw: st.DrawFn, **options: int | bool | None) -> model.ParametrizedPlan:
+def plans(draw: st.DrawFn, **options: int | bool | None) -> ParametrizedPlan:
     """Small plans with the default features, or with some changed by keyword: `plans(linear=True)`."""
     return _Builder(draw, Features(**options)).plan()  # type: ignore[arg-type]
 
@@ -73,7 +74,7 @@ class _Builder:
         self.fluents = FLUENTS[: self.between(0, features.fluents)]
         self.moving = tuple(f for f in self.fluents if f == FLUENTS[0] or self.chance(0.5))
         self.parameters = tuple(self._parameter(i) for i in range(self.between(0, features.parameters)))
-        self.times: dict[model.TimePoint, Fraction] = {model.ZERO: Fraction(0)}
+        self.times: dict[TimePoint, Fraction] = {model.ZERO: Fraction(0)}
 
     def pick(self, *values: T) -> T:
         return self._draw(st.sampled_from(values))
@@ -88,8 +89,6 @@ class _Builder:
     def many(self, upper: int, make: Callable[[], T]) -> tuple[T, ...]:
         return tuple(make() for _ in range(self.between(0, upper)))
 
-    # --- numbers and expressions -------------------------------------------------------------------------------------
-
     def number(self) -> Fraction:
         values = [Fraction(v) for v in (0, 1, -1, 2, -2, 3, 5)] + [HALF, Fraction(3, 2)]
         return self.pick(*values) if self.features.dyadic else self.pick(*values, Fraction(1, 3), Fraction(7, 5))
@@ -102,7 +101,7 @@ class _Builder:
         return model.Parameter(f"k{index}", nominal, self.pick(Fraction(1), Fraction(2)), lower, upper)
 
     def variable(self, duration: bool) -> model.NumericVariable | None:
-        references = [model.ParameterReference(parameter.name) for parameter in self.parameters]
+        references = [ParameterReference(parameter.name) for parameter in self.parameters]
         choices: list[model.NumericVariable] = [*self.fluents, *references, *([model.Duration()] if duration else [])]
         return self.pick(*choices) if choices else None
 
@@ -113,23 +112,24 @@ class _Builder:
             variable = self.variable(duration)
             if variable is not None:
                 term: model.Expression = Polynomial(
-                    {(variable,): self.pick(Fraction(1), Fraction(-1), HALF, Fraction(2))}
+                    {(variable,): self.pick(*map(Fraction, (1, -1)), HALF, Fraction(2))}
                 )
                 if not self.features.linear and self.parameters and self.chance(0.15):
-                    term = term * Polynomial.variable(model.ParameterReference(self.pick(*self.parameters).name))
+                    term = term * self.parameter()
                 total = total + term
         return total
+
+    def parameter(self) -> model.Expression:
+        return Polynomial.variable(ParameterReference(self.pick(*self.parameters).name))
 
     def rate(self) -> model.Expression:
         """A number, a parameter, or a fluent that nothing writes."""
         still = [fluent for fluent in self.fluents if fluent not in self.moving]
         if not self.features.linear and self.parameters and self.chance(0.3):
-            return Polynomial.variable(model.ParameterReference(self.pick(*self.parameters).name))
+            return self.parameter()
         if not self.features.linear and still and self.chance(0.4):
             return Polynomial.variable(still[0])
         return Polynomial.constant(self.pick(*(Fraction(v) for v in (1, -1, 2)), HALF, -HALF))
-
-    # --- conditions --------------------------------------------------------------------------------------------------
 
     def leaf(self, *, duration: bool) -> model.Condition:
         if self.chance(0.03):
@@ -138,8 +138,8 @@ class _Builder:
             return model.Holds(self.pick(*self.atoms), self.pick(True, True, False))
         fluent: model.Expression = Polynomial.variable(self.pick(*self.fluents))
         difference = fluent - self.expression(duration=duration and self.features.duration_in_conditions)
-        relations = [model.Relation.AT_LEAST, model.Relation.AT_LEAST, model.Relation.GREATER]
-        relations += [model.Relation.EQUAL, model.Relation.DIFFERENT] if self.features.equalities else []
+        relations = [Relation.AT_LEAST, Relation.AT_LEAST, Relation.GREATER]
+        relations += [Relation.EQUAL, Relation.DIFFERENT] if self.features.equalities else []
         return model.NumericCondition(difference if self.chance(0.5) else -difference, self.pick(*relations))
 
     def condition(self, *, duration: bool) -> model.Condition:
@@ -149,20 +149,17 @@ class _Builder:
         operands = [self.leaf(duration=duration) for _ in range(self.between(2, 3))]
         if self.chance(0.3):
             operands[0] = model.And((operands[0], self.leaf(duration=duration)))
-        return (
-            model.Or(tuple(operands)) if self.chance(0.8) else model.And((model.Or(tuple(operands[1:])), operands[0]))
-        )
+        either = self.chance(0.8)
+        return model.Or(tuple(operands)) if either else model.And((model.Or(tuple(operands[1:])), operands[0]))
 
     def when(self, duration: bool) -> model.Condition:
         return self.condition(duration=duration) if self.features.conditional and self.chance(0.2) else TRUE
 
     def timed_condition(self, durative: bool) -> model.TimedCondition:
-        of_durative = (model.Timing.AT_START, model.Timing.AT_END, model.Timing.OVER_ALL, model.Timing.OVER_ALL)
-        timing = self.pick(*of_durative) if durative else model.Timing.AT_START
+        over_all = (Timing.OVER_ALL, Timing.OVER_ALL)
+        timing = self.pick(Timing.AT_START, Timing.AT_END, *over_all) if durative else Timing.AT_START
         condition = self.condition(duration=durative)
         return model.TimedCondition(timing, condition, condition_text(condition))
-
-    # --- instances ---------------------------------------------------------------------------------------------------
 
     def instance(self, index: int) -> model.ActionInstance:
         durative = self.features.durative_only or self.chance(0.7)
@@ -171,31 +168,30 @@ class _Builder:
         self._place(shell)
         conditions = self.many(2, lambda: self.timed_condition(durative))
         moving = bool(self.moving)
-        return model.ActionInstance(
-            name,
-            shell.action,
-            shell.arguments,
-            durative,
-            self._durations(shell) if durative else (),
-            tuple({shell.label(part): part for part in conditions}.values()),
-            tuple(dict.fromkeys(self.many(2, lambda: self.atom_effect(durative)))),
-            self.many(1, lambda: self.numeric_effect(durative)) if moving else (),
-            self.many(1, self.continuous_effect) if moving and durative and self.features.continuous else (),
+        return replace(
+            shell,
+            durations=self._durations(shell) if durative else (),
+            conditions=tuple({shell.label(part): part for part in conditions}.values()),
+            atom_effects=tuple(dict.fromkeys(self.many(2, lambda: self.atom_effect(durative)))),
+            numeric_effects=self.many(1, lambda: self.numeric_effect(durative)) if moving else (),
+            continuous_effects=self.many(1, self.continuous_effect)
+            if moving and durative and self.features.continuous
+            else (),
         )
 
-    def _timing(self, durative: bool) -> model.Timing:
-        return self.pick(model.Timing.AT_START, model.Timing.AT_END) if durative else model.Timing.AT_START
+    def _timing(self, durative: bool) -> Timing:
+        return self.pick(Timing.AT_START, Timing.AT_END) if durative else Timing.AT_START
 
     def atom_effect(self, durative: bool) -> model.AtomEffect:
-        return model.AtomEffect(
-            self._timing(durative), self.pick(*self.atoms), self.pick(True, True, False), self.when(durative)
-        )
+        timing, atom, value = self._timing(durative), self.pick(*self.atoms), self.pick(True, True, False)
+        return model.AtomEffect(timing, atom, value, self.when(durative))
 
     def numeric_effect(self, durative: bool) -> model.NumericEffect:
-        operators = (model.AssignmentKind.INCREASE, model.AssignmentKind.INCREASE, model.AssignmentKind.ASSIGN)
         expression = self.expression(duration=durative)
         timing, fluent = self._timing(durative), self.pick(*self.moving)
-        return model.NumericEffect(timing, fluent, self.pick(*operators), expression, self.when(durative))
+        increase = model.AssignmentKind.INCREASE
+        operator = self.pick(increase, increase, model.AssignmentKind.ASSIGN)
+        return model.NumericEffect(timing, fluent, operator, expression, self.when(durative))
 
     def continuous_effect(self) -> model.ContinuousEffect:
         return model.ContinuousEffect(self.pick(*self.moving), self.rate())
@@ -211,13 +207,11 @@ class _Builder:
         symbol, sign = self.pick((">=", 1), ("<=", -1), ("=", 1))
         near = self._parametric(reference - sign * (slack if symbol != "=" else 0))
         bound = near if self.chance(0.8) else self.expression(duration=False)
-        relation = model.Relation.EQUAL if symbol == "=" else model.Relation.AT_LEAST
-        timing = self.pick(model.Timing.AT_START, model.Timing.AT_START, model.Timing.AT_END)
+        relation = Relation.EQUAL if symbol == "=" else Relation.AT_LEAST
+        timing = self.pick(Timing.AT_START, Timing.AT_START, Timing.AT_END)
         return model.DurationConstraint(
             timing, model.NumericCondition((duration - bound).scaled(sign), relation), f"{symbol} {bound}"
         )
-
-    # --- network -----------------------------------------------------------------------------------------------------
 
     def _time(self, lower: int, upper: int) -> Fraction:
         """A multiple of a half; in tame plans one that no time point has yet."""
@@ -238,11 +232,9 @@ class _Builder:
             return Polynomial.constant(value)
         parameter = self.pick(*self.parameters)
         factor = self.pick(Fraction(1), Fraction(1), Fraction(-1), Fraction(2))
-        return Polynomial({(model.ParameterReference(parameter.name),): factor}) + (value - factor * parameter.nominal)
+        return Polynomial({(ParameterReference(parameter.name),): factor}) + (value - factor * parameter.nominal)
 
-    def constraint(
-        self, source: model.TimePoint, target: model.TimePoint, *, bounded: bool
-    ) -> model.TemporalConstraint:
+    def constraint(self, source: TimePoint, target: TimePoint, *, bounded: bool) -> model.TemporalConstraint:
         """A constraint that the reference schedule satisfies."""
         distance = self.times[target] - self.times[source]
         if self.chance(0.3):
@@ -272,8 +264,6 @@ class _Builder:
             constraints.append(model.TemporalConstraint(model.ZERO, points[-1], None, self._parametric(-HALF)))
         return tuple(constraints)
 
-    # --- plan --------------------------------------------------------------------------------------------------------
-
     def timed_literal(self) -> model.TimedLiteral:
         time = Fraction(self.between(1, 14), 2)
         self.times[model.TimedLiteral(time, ATOMS[0], True).point] = time
@@ -282,21 +272,18 @@ class _Builder:
         return model.TimedLiteral(time, self.pick(*self.atoms), self.pick(True, False))
 
     def _timed_literals(self) -> tuple[model.TimedLiteral, ...]:
-        if not self.features.timed_literals or not self.chance(0.4):
-            return ()
-        literals = (self.timed_literal(), *self.many(1, self.timed_literal))
+        some = self.features.timed_literals and self.chance(0.4)
+        literals = (self.timed_literal(), *self.many(1, self.timed_literal)) if some else ()
         return tuple({(literal.time, literal.target): literal for literal in literals}.values())
 
     def _initial_value(self) -> model.Expression:
-        if self.parameters and self.chance(0.2):
-            return Polynomial.variable(model.ParameterReference(self.pick(*self.parameters).name))
-        return Polynomial.constant(self.number())
+        return self.parameter() if self.parameters and self.chance(0.2) else Polynomial.constant(self.number())
 
-    def plan(self) -> model.ParametrizedPlan:
+    def plan(self) -> ParametrizedPlan:
         timed_literals = self._timed_literals()
         instances = tuple(self.instance(index) for index in range(self.between(1, self.features.instances)))
         goals = self.many(2, lambda: self.condition(duration=False))
-        plan = model.ParametrizedPlan(
+        plan = ParametrizedPlan(
             "drawn",
             self.parameters,
             instances,
@@ -306,27 +293,21 @@ class _Builder:
             timed_literals,
             tuple(model.GoalCondition(goal, condition_text(goal)) for goal in dict.fromkeys(goals)),
         )
-        if not self.tame:
-            return plan
-        return tamed(plan, self.times, self._draw(st.randoms(use_true_random=True)))
+        return tamed(plan, self.times, self._draw(st.randoms(use_true_random=True))) if self.tame else plan
 
-
-# -- taming ---------------------------------------------------------------------------------------------------------
 
 ROUNDS, SAMPLES = 4, 4
 SEPARATION = Fraction(1, 4)
 _OPPOSITE = {
-    model.Relation.AT_LEAST: model.Relation.GREATER,
-    model.Relation.GREATER: model.Relation.AT_LEAST,
-    model.Relation.EQUAL: model.Relation.DIFFERENT,
-    model.Relation.DIFFERENT: model.Relation.EQUAL,
+    Relation.AT_LEAST: Relation.GREATER,
+    Relation.GREATER: Relation.AT_LEAST,
+    Relation.EQUAL: Relation.DIFFERENT,
+    Relation.DIFFERENT: Relation.EQUAL,
 }
 Part = TypeVar("Part", model.TimedCondition, model.GoalCondition)
 
 
-def tamed(
-    plan: model.ParametrizedPlan, times: Mapping[model.TimePoint, Fraction], random: Random
-) -> model.ParametrizedPlan:
+def tamed(plan: ParametrizedPlan, times: Mapping[TimePoint, Fraction], random: Random) -> ParametrizedPlan:
     """The plan with fewer ways to fail at nominal parameter values; `times` says how to order mutex time points.
 
     Broken conditions are negated or dropped, broken duration constraints dropped, until sampled schedules break none of
@@ -355,19 +336,17 @@ def _repaired(instance: model.ActionInstance, broken: set[str], negate: bool) ->
     return replace(instance, durations=durations, conditions=tuple(by_label.values()))
 
 
-def _kept(parts: Iterable[tuple[Part, str]], broken: set[str], negate: bool) -> list[Part]:
-    kept: list[Part] = []
+def _kept(parts: Iterable[tuple[Part, str]], broken: set[str], negate: bool) -> Iterable[Part]:
     for part, label in parts:
         if label not in broken:
-            kept.append(part)
+            yield part
         elif negate:
             condition = negation(part.condition)
-            kept.append(replace(part, condition=condition, text=condition_text(condition)))
-    return kept
+            yield replace(part, condition=condition, text=condition_text(condition))
 
 
 def _orders(
-    plan: model.ParametrizedPlan, times: Mapping[model.TimePoint, Fraction], broken: set[str]
+    plan: ParametrizedPlan, times: Mapping[TimePoint, Fraction], broken: set[str]
 ) -> Iterable[model.TemporalConstraint]:
     for instance in plan.instances:
         if f"{instance.identifier} {instance.action}: non-negative duration" in broken:
@@ -378,7 +357,7 @@ def _orders(
                 yield _order(*((a, b) if times[a] <= times[b] else (b, a)))
 
 
-def _order(first: model.TimePoint, second: model.TimePoint) -> model.TemporalConstraint:
+def _order(first: TimePoint, second: TimePoint) -> model.TemporalConstraint:
     """First before second, said without timed literals, which plan files cannot name."""
     if first.time is not None:
         return model.TemporalConstraint(model.ZERO, second, Polynomial.constant(first.time + SEPARATION), None)
@@ -395,7 +374,7 @@ def negation(condition: model.Condition) -> model.Condition:
         case model.Holds(atom, value):
             return model.Holds(atom, not value)
         case model.NumericCondition(expression, relation):
-            reversed_sign = relation in {model.Relation.AT_LEAST, model.Relation.GREATER}
+            reversed_sign = relation in {Relation.AT_LEAST, Relation.GREATER}
             return model.NumericCondition(-expression if reversed_sign else expression, _OPPOSITE[relation])
         case model.And(operands):
             return model.Or(tuple(negation(operand) for operand in operands))

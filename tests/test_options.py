@@ -1,184 +1,399 @@
-"""How values of options are read and options are spelled, without the command line around them."""
+"""Options and arguments: what people have is taken, what is wrong is said of it, commands and Python agree."""
 
+import inspect
 from decimal import Decimal
 from fractions import Fraction
+from math import inf, nan
 from pathlib import Path
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from robust.errors import InputError, Location
-from robust.numbers import EXPECTED_NUMBER, exact
-from robust.options.batch import CertifyCommand, ExecuteCommand, plan_file
-from robust.options.declare import (
-    as_typed,
-    names,
-    not_negative,
-    place_of,
-    plot_file,
-    positive,
-    seconds,
-    settings,
-    spelled,
-    writable,
-)
-from robust.options.verbs import EnvelopeOptions, RegionCommand
+import robust
+from robust import pike, stnu
+from robust.backends import KNOWLEDGE_BASES
+from robust.cli.build import Group, application, read
+from robust.cli.main import COMMANDS
+from robust.errors import InputError
+from robust.numbers import EXPECTED_NUMBER, approximate, duration, end, exact, exact_end, plural, readable
+from robust.options.declare import as_typed, declared, names_of
+from robust.options.verbs import CheckOptions, EnvelopeOptions, RegionOptions
+from robust.pike_bridge.knowledge import knowledge_bases
 from robust.qe.box import Interval
+from tests.cli import inputs
+from tests.cli.running import EXAMPLES, assert_one_line, command, example
+from tests.stnu.networks import network
 
-PLACE = Location("beta")
 
-
-def test_messages_spell_options_as_they_were_typed():
-    assert spelled("time_limit") == "time_limit"
-    with as_typed(["time_limit"]):
-        assert spelled("time_limit") == "--time-limit"
-        assert place_of("time_limit") == Location("--time-limit")
-        assert place_of("time_limit", "soon") == Location("--time-limit 'soon'")
-    assert spelled("time_limit") == "time_limit"
+def irr(beta):
+    return EnvelopeOptions(method="irr", beta=beta)
 
 
 @pytest.mark.parametrize(
-    ("value", "number"),
-    [(3, 3), (Fraction(1, 3), Fraction(1, 3)), ("0.1", Fraction(1, 10)), (0.1, Fraction(1, 10)), (Decimal("1E2"), 100)],
-)
-def test_numbers_are_exact(value, number):
-    assert exact(value, PLACE) == number
-    assert isinstance(exact(value, PLACE), Fraction)
-    assert positive(value, PLACE) == number
-
-
-@pytest.mark.parametrize("value", [True, None, [1], "one"])
-def test_what_is_no_number_is_refused(value):
-    with pytest.raises(InputError, match=r"^beta: found .*, expected"):
-        exact(value, PLACE)
-
-
-@pytest.mark.parametrize("value", [0, -1, "-1/2"])
-def test_not_positive(value):
-    with pytest.raises(InputError, match=f"^beta: found '{value}', expected a number above 0"):
-        positive(value, PLACE)
-
-
-def test_plot_files(tmp_path):
-    for name in ("a.svg", "a.PNG", "a.pdf"):
-        assert plot_file(str(tmp_path / name), PLACE) == tmp_path / name
-    with pytest.raises(InputError, match=r"^beta: found .*, expected a name that ends in \.svg, \.png, \.pdf"):
-        plot_file(tmp_path / "a.txt", PLACE)
-    with pytest.raises(InputError, match=r"^beta: found no directory .*, expected one to write the plot to"):
-        plot_file(tmp_path / "none" / "a.svg", PLACE)
-    (tmp_path / "d.svg").mkdir()
-    with pytest.raises(InputError, match=r"^beta: cannot write .*, expected a file that can be written"):
-        plot_file(tmp_path / "d.svg", PLACE)
-
-
-def test_settings_of_parameters():
-    both = {"k": Interval(Fraction(1), None, upper_closed=False), "m": Fraction(1, 2)}
-    expected = {**both, "m": Interval(Fraction(1, 2), Fraction(1, 2))}
-    assert settings(both, ["k", "m"]) == settings({**both, "m": "0.5"}, ["k", "m"]) == expected
-    assert settings([" k = 1 : +inf ", "m=1/2"], ["k", "m"]) == settings(["m=1/2", "k=1:inf"], ["k", "m"]) == expected
-    assert settings(["k=-inf:2"], ["k"]) == {"k": Interval(None, Fraction(2), lower_closed=False)}
-    assert settings(["k=2:2"], ["k"]) == {"k": Interval(Fraction(2), Fraction(2))}
-
-
-def region(**options):
-    return RegionCommand(domain=Path(), problem=Path(), plan=Path(), **options)
-
-
-def execute(**options):
-    return ExecuteCommand(domain=Path(), problem=Path(), **options)
-
-
-def certify(files, **options):
-    return CertifyCommand(files=[Path()] * files, output=Path("plan.cert"), **options)
-
-
-ORDER = "expected LOW:HIGH with LOW not above HIGH"
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
+    ("ask", "says"),
     [
-        (lambda: exact([1], PLACE), f"beta: found '[1]', expected {EXPECTED_NUMBER}"),
-        (lambda: not_negative(Fraction(-1, 2), PLACE), "beta: found '-1/2', expected a number of at least 0"),
-        (lambda: not_negative("x", PLACE), f"beta: found 'x', expected {EXPECTED_NUMBER}"),
-        (lambda: seconds("0", PLACE), "beta: found '0', expected a number above 0"),
-        (lambda: names("a,,b", PLACE), "beta: found 'a,,b', expected names such as a,b,c"),
-        (lambda: settings({"k": "x"}, ["k"]), f"at 'k': found 'x', expected {EXPECTED_NUMBER}"),
-        (lambda: settings({"kk": 1}, ["k"]), "unknown parameter 'kk'; did you mean 'k'?"),
-        (lambda: settings(["k"], ["k"]), "at 'k': found 'k', expected NAME=VALUE or NAME=LOW:HIGH"),
-        (lambda: settings(["kk=1"], ["k"]), "at 'kk=1': found unknown parameter 'kk'; did you mean 'k'?"),
-        (lambda: settings(["k=1", "k=2"], ["k"]), "at 'k=2': found a second value for 'k', expected one"),
-        (lambda: settings(["k=x"], ["k"]), f"at 'k=x': found 'x', expected {EXPECTED_NUMBER}"),
-        (lambda: settings(["k=x:1"], ["k"]), f"at 'k=x:1': found 'x', expected {EXPECTED_NUMBER}"),
-        (lambda: settings(["k=1:x"], ["k"]), f"at 'k=1:x': found 'x', expected {EXPECTED_NUMBER}"),
-        (
-            lambda: settings(["k=:1"], ["k"]),
-            f"at 'k=:1': found an empty end of an interval, expected {EXPECTED_NUMBER}, inf or -inf",
+        *(
+            (lambda beta=beta: irr(beta), f"beta: found '{beta}', expected a number above 0")
+            for beta in (0, -1, "-1/2")
         ),
-        (lambda: settings(["k=2:1"], ["k"]), f"at 'k=2:1': found '2:1', {ORDER}"),
-        (lambda: settings(["k=inf:1"], ["k"]), f"at 'k=inf:1': found 'inf:1', {ORDER}"),
-        (lambda: settings(["k=+inf:1"], ["k"]), f"at 'k=+inf:1': found '+inf:1', {ORDER}"),
-        (lambda: settings(["k=1:-inf"], ["k"]), f"at 'k=1:-inf': found '1:-inf', {ORDER}"),
-        (
-            lambda: plan_file(Path("a.toml"), PLACE),
-            "beta: found 'a.toml', expected a plan's name: parameters go to .toml files",
+        *(
+            (lambda beta=beta: irr(beta), f"beta: found '{beta}', expected {EXPECTED_NUMBER}")
+            for beta in ([1], "one", True)
         ),
+        (lambda: EnvelopeOptions(beta=1), "beta: found it with method='widen', expected method='irr', or no beta"),
         (
-            lambda: plan_file(Path("none/a.stn"), PLACE),
-            "beta: found no directory 'none', expected one to write the plan to",
-        ),
-        (lambda: writable(Path("/"), PLACE, "it"), "beta: cannot write '/', expected a file that can be written"),
-        (lambda: region(latex=True, json=True), "--latex: cannot be combined with --json; choose one"),
-        (lambda: execute(plan=Path(), runs=0), "runs: found 0, expected at least 1 run"),
-        (lambda: execute(plan=Path(), replans=-1), "replans: found -1, expected at least 0 re-plans"),
-        (execute, "give PLAN or --planner: without either there is no plan to execute"),
-        (
-            lambda: certify(1, alethe=Path()),
-            "found --alethe with a plan with choices; expected it with DOMAIN PROBLEM PLAN",
-        ),
-        (lambda: certify(1, kind="box"), "found --kind box with a plan with choices; expected execution or knowledge"),
-        (
-            lambda: certify(3, assume=("a=b",)),
-            "found --assume with DOMAIN PROBLEM PLAN; expected it with a plan with choices",
-        ),
-        (
-            lambda: certify(3, kind="knowledge"),
-            "found --kind knowledge with DOMAIN PROBLEM PLAN; expected it with a plan with choices",
-        ),
-        (lambda: certify(3, box=Path()), "found --box with --kind plan; expected it with box or maximal"),
-        (
-            lambda: certify(2, box=Path(), kind="region"),
-            "found --box with --kind region; expected it with box or maximal",
-        ),
-        (
-            lambda: certify(3, alethe=Path(), kind="region"),
-            "found --alethe with --kind region; expected it with plan, box or maximal",
-        ),
-        (
-            lambda: EnvelopeOptions(method="optimal", order=["k"]),
+            lambda: EnvelopeOptions(method="optimal", order=["a"]),
             "order: found it with method='optimal', expected method='widen' or 'irr', or no order",
         ),
+        (lambda: EnvelopeOptions(order="a,,b"), "order: found 'a,,b', expected names such as a,b,c"),
+        (lambda: EnvelopeOptions(method="widn"), "unknown method 'widn'; did you mean 'widen'?"),
         (lambda: EnvelopeOptions(solver="z4"), "unknown solver 'z4'; known are cvc5, z3"),
-        (lambda: EnvelopeOptions(timeout=-1), "timeout: found '-1', expected a number of at least 0"),
+        (lambda: EnvelopeOptions(solver=3), "unknown solver 3; did you mean 'z3'?"),
+        (lambda: CheckOptions(epsilon=True), f"epsilon: found 'True', expected {EXPECTED_NUMBER}"),
+        (lambda: CheckOptions(epsilon="x"), f"epsilon: found 'x', expected {EXPECTED_NUMBER}"),
+        (lambda: CheckOptions(epsilon=Fraction(-1, 2)), "epsilon: found '-1/2', expected a number of at least 0"),
+        (lambda: CheckOptions(timeout=-1), "timeout: found '-1', expected a number of at least 0"),
+        (lambda: RegionOptions(backend="projekt"), "unknown back end 'projekt'; did you mean 'project'?"),
+        (lambda: RegionOptions(splitting="fully"), "unknown splitting 'fully'; did you mean 'full'?"),
     ],
 )
-def test_what_is_wrong_is_said_in_full(make, message):
-    with pytest.raises(InputError) as error:
-        make()
-    assert str(error.value) == message
+def test_what_is_wrong_is_said_of_the_parameter(ask, says):
+    with pytest.raises(InputError) as caught:
+        ask()
+    assert str(caught.value) == says
 
 
-def test_what_belongs_together_is_accepted():
-    assert region(latex=True).latex
-    assert region(json=True, timeout=0).limit == 0
-    assert (execute(planner="aries", runs=1, replans=0).runs, execute(plan=Path()).plan) == (1, Path())
-    assert certify(1, kind="execution").kind == "execution"
-    assert certify(3, box=Path(), kind="maximal").box == Path()
-    assert certify(3, alethe=Path(), kind="maximal").alethe == Path()
-    assert EnvelopeOptions(method="irr", order="a, b", beta="1/2", timeout=2e9).order == ("a", "b")
+@pytest.mark.parametrize("value", [Fraction(1, 8), "1/8", "0.125", Decimal("0.125"), 0.125])
+def test_numbers_are_exact(value):
+    assert CheckOptions(epsilon=value).separation == irr(value).precision == Fraction(1, 8)
+    assert CheckOptions(epsilon=0.1).separation == Fraction(1, 10)
+    assert EnvelopeOptions(order="a, b").order == ("a", "b")
 
 
-def test_files_can_be_written_in_place_of_old_ones(tmp_path):
-    old = tmp_path / "old.stn"
-    old.touch()
-    assert [plan_file(path, PLACE) for path in (old, tmp_path / "new.stn")] == [old, tmp_path / "new.stn"]
-    assert writable(old, PLACE, "the page") == old
+def test_options_cannot_be_changed_and_have_no_others():
+    options = CheckOptions(timeout=3)
+    assert (options.limit, options.changed(timeout=4).limit, options.limit) == (3.0, 4.0, 3.0)
+    assert (CheckOptions(timeout=0).limit, CheckOptions(timeout=2e9).limit) == (0, 1e9)
+    with pytest.raises(AttributeError, match="cannot assign to option 'timeout'"):
+        options.timeout = 4
+    with pytest.raises(TypeError, match="unexpected keyword argument 'timout'"):
+        CheckOptions(timout=4)
+    with pytest.raises(TypeError, match="no keyword argument 'domain'"):
+        COMMANDS["check"].load().options(problem="p", plan="q")
+
+
+def test_messages_name_options_as_typed():
+    with as_typed({"beta"}), pytest.raises(InputError, match="--beta: found it with --method widen"):
+        EnvelopeOptions(beta="1")
+
+
+@pytest.mark.parametrize("name", ["check", "envelope", "region", "compare"])
+def test_functions_take_what_commands_take(name):
+    signature = inspect.signature(getattr(robust, name))
+    assert next(iter(signature.parameters)) == "plan"
+    typed = declared(COMMANDS[name].load().options)
+    for parameter in list(signature.parameters.values())[1:]:
+        assert parameter.kind is inspect.Parameter.KEYWORD_ONLY
+        assert parameter.name.startswith("on_") or typed[parameter.name].default == parameter.default
+        assert f"\n    {parameter.name}: " in inspect.getdoc(getattr(robust, name))
+    assert set(KNOWLEDGE_BASES) == set(knowledge_bases())
+
+
+LEAVES = [
+    ((name, *more), entry)
+    for name, group in COMMANDS.items()
+    if name != "bench"
+    for more, entry in ([((), group)] if not isinstance(group, Group) else [((n,), e) for n, e in group.load().items()])
+]
+VALUES = ("z3", "cvc5", "a b", "-1", "--json", "1/2", "x=1", "", "--", "-o", "irr", "7", "00", "γ", "=")
+
+
+def by_typer(words):
+    actions = []
+    app = application(
+        COMMANDS, words, "help", "version", lambda action, options: actions.append((action, options)) or 0
+    )
+    try:
+        app(args=list(words), prog_name="robust", standalone_mode=False)
+    except Exception:
+        return None
+    return actions[0] if actions else None
+
+
+@given(st.data())
+def test_both_readers_agree(data):
+    """What is read at once, typer reads likewise; what it refuses is not in order."""
+    path, entry = data.draw(st.sampled_from(LEAVES))
+    options = declared(entry.load().options).items()
+    typed = [typed for name, option in options if not option.argument for typed in names_of(name, option)]
+    names = [word for each in typed for word in each.split("/")]
+    word = st.one_of(
+        st.sampled_from([*names, *VALUES]),
+        st.builds("{}={}".format, st.sampled_from(names or ["x"]), st.sampled_from(VALUES)),
+    )
+    words = [*path, *data.draw(st.lists(word, max_size=7))]
+    at_once = read(COMMANDS, words)
+    if at_once is not None:
+        assert by_typer(words) == at_once
+
+
+@pytest.mark.parametrize(
+    ("verb", "option", "which"),
+    [("repair", "--output", 2), ("convert", "--output", 2), ("certify", "--output", 0), ("compare", "--html", 1)],
+)
+def test_what_is_read_is_not_written_over(verb, option, which, tmp_path):
+    files = [tmp_path / Path(name).name for name in example("plan-flexible-wait.stn")]
+    before = [Path(name).read_bytes() for name in example("plan-flexible-wait.stn")]
+    for file, content in zip(files, before, strict=True):
+        file.write_bytes(content)
+    link = tmp_path / "link"
+    link.symlink_to(files[which])
+    for target in (files[which], link):
+        ended = command(verb, *files, option, target)
+        assert_one_line(ended, 2, f"{option}: found")
+        assert "expected another file" in ended.err
+    assert [file.read_bytes() for file in files] == before
+
+
+FILES = example()
+KITCHEN = EXAMPLES / "kitchen" / "kitchen.tpnu.json"
+HANDOVER = EXAMPLES / "handover" / "handover.stnu"
+STEPS = example("steps.plan")
+LIMIT = "limit=at-most:e1:e44"
+INVALID = robust.envelope(example("plan-flexible-wait.stn"))
+
+
+@pytest.fixture(scope="module")
+def plan():
+    return robust.load_plan(*FILES)
+
+
+@given(st.fractions().filter(lambda value: value.denominator < 10**6), st.floats(-1e200, 1e200))
+def test_numbers_of_all_kinds_are_exact(value, number):
+    """Floats are their decimal reading."""
+    assert exact(value) == exact(str(value)) == value
+    assert exact(int(value)) == int(value)
+    decimal = Decimal(value.numerator) / 8
+    assert exact(decimal) == Fraction(decimal)
+    if number == 0 or abs(number) > 1e-200:
+        assert exact(number) == Fraction(repr(number))
+    assert isinstance(exact(value), Fraction)
+
+
+def test_one_tenth_is_one_tenth(plan):
+    for tenth in (0.1, "0.1", "1/10", Decimal("0.1"), Fraction(1, 10), np.float64(0.1)):
+        assert exact(tenth) == robust.check(plan, epsilon=tenth).epsilon == Fraction(1, 10)
+    for asked in (
+        robust.validate(*STEPS, epsilon=0.1),
+        robust.convert(*STEPS, epsilon=0.1),
+        robust.repair(plan, epsilon=0.1),
+        robust.region(plan, epsilon=0.1),
+        pike.load(KITCHEN, epsilon=0.1),
+    ):
+        assert asked.epsilon == Fraction(1, 10)
+
+
+@pytest.mark.parametrize("wrong", [nan, inf, True, False, np.bool_(True), Decimal("NaN"), None, [1], "soon", 1j])
+def test_what_is_no_number_is_refused(plan, wrong):
+    for ask, name in (
+        (lambda: robust.check(plan, at={"to_ridge": wrong}), "at 'to_ridge'"),
+        (lambda: robust.check(plan, epsilon=wrong), "epsilon"),
+        (lambda: robust.envelope(plan, method="irr", beta=wrong), "beta"),
+        (lambda: robust.load_plan(*FILES, epsilon=wrong), "epsilon"),
+        (lambda: pike.load(KITCHEN, epsilon=wrong), "epsilon"),
+        (lambda: stnu.repair(HANDOVER, requirement=wrong), "requirement"),
+    )[: 1 if wrong is None else None]:  # elsewhere None is not given
+        with pytest.raises(InputError) as caught:
+            ask()
+        assert str(caught.value).startswith(f"{name}: found "), caught.value
+        assert "expected" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        ("7/4", "1.75"),
+        ("-3", "−3"),
+        ("1/3", "1/3"),
+        ("1/1000", "0.001"),
+        ("123456789", "123456789"),
+        ("100000/3", "100000/3"),
+        ("1000000/7", "1000000/7"),
+        ("10000000/7", "≈1.42857e+06"),
+        ("-12345678901/1000", "≈−1.23457e+07"),
+        ("1/3000000000", "≈3.33333e−10"),
+        (f"{10**400}", "≈inf"),
+    ],
+)
+def test_numbers_for_people(value, text):
+    assert readable(Fraction(value)) == text
+
+
+def test_ends_lengths_of_time_and_counts_for_people():
+    assert (end(None, upper=True), end(None, upper=False)) == ("∞", "−∞")
+    assert end(Fraction(2), upper=True, closed=False) == "< 2"
+    assert (exact_end(None, upper=True), exact_end(None, upper=False)) == ("inf", "-inf")
+    assert exact_end(Fraction(7, 4), upper=False) == "7/4"
+    assert approximate(Fraction(-(10**400))) == -inf
+    assert [duration(seconds) for seconds in (0.123, 61, 7300)] == ["0.12 s", "1 min 1 s", "2 h 1 min"]
+    assert [plural(count, "check") for count in (0, 1, 2)] == ["0 checks", "1 check", "2 checks"]
+
+
+def test_boxes_are_what_people_have(plan):
+    box = robust.envelope(plan)
+    intervals = box.box.intervals
+    for same in (
+        box,
+        box.box,
+        {name: (each.lower, each.upper) for name, each in intervals.items()},
+        {name: [float(each.lower), str(each.upper)] for name, each in intervals.items()},
+        dict(intervals),
+        [f"{name}={each.lower}:{each.upper}" for name, each in intervals.items()],
+    ):
+        checked = robust.check(plan, at=same)
+        assert (checked.box, checked.answer) == (box.box, robust.Answer.PROVED)
+        assert robust.repair(plan, require=same).status is robust.RepairStatus.UNNEEDED
+
+
+BELOW, ABOVE = Interval(None, Fraction(3), lower_closed=False), Interval(Fraction(3), None, upper_closed=False)
+POINT = Interval(Fraction(1, 2), Fraction(1, 2))
+
+
+@pytest.mark.parametrize(
+    ("at", "interval"),
+    [
+        *((value, BELOW) for value in ((None, 3), (-inf, 3), ("-inf", "3"), BELOW, ["to_ridge=-inf:3"])),
+        *((value, ABOVE) for value in ((3, None), (3, inf), ("3", "inf"), ABOVE, [" to_ridge = 3 : +inf "])),
+        *((value, POINT) for value in (Fraction(1, 2), "0.5", 0.5, POINT, ["to_ridge=1/2"], ["to_ridge=0.5:1/2"])),
+        (Interval(Fraction(1), Fraction(2), upper_closed=False),) * 2,
+    ],
+)
+def test_intervals_are_what_people_have(plan, at, interval):
+    given_as_text = isinstance(at, list)
+    assert robust.check(plan, at=at if given_as_text else {"to_ridge": at}).box["to_ridge"] == interval
+
+
+def test_closed_ends_of_intervals_count(tmp_path):
+    """Only at an end of the interval does the plan break."""
+    files = inputs.write(tmp_path, domain=inputs.DOMAIN.replace("(>= (fuel) 1)", "(< (fuel) 5)")).files
+    plan = robust.load_plan(*files, parameters=["fluent:(fuel)"])
+    for closed, answer in ((False, robust.Answer.PROVED), (True, robust.Answer.REFUTED)):
+        fuel = Interval(Fraction(4), Fraction(5), upper_closed=closed)
+        assert robust.check(plan, at={"fuel": fuel}).answer is answer
+    assert robust.check(plan, at={"fuel": 5}).answer is robust.Answer.REFUTED
+
+
+@pytest.mark.parametrize(
+    ("at", "says"),
+    [
+        (5, "at: found '5', expected a box, an envelope, or values"),
+        ({"to_moon": 5}, "unknown parameter 'to_moon'"),
+        ({"to_rigde": 5}, "unknown parameter 'to_rigde'; did you mean 'to_ridge'?"),
+        ({"to_ridge": (2, 1)}, "at 'to_ridge': found 2 and 1, expected a lower end"),
+        ({"to_ridge": (1, 2, 3)}, "at 'to_ridge': found 3 numbers, expected a lower and an upper end"),
+        ({"to_ridge": (nan, 2)}, "at 'to_ridge': found 'nan', expected a number"),
+        ({"to_ridge": (inf, 2)}, "at 'to_ridge': found 'inf', expected a number"),
+        ([5], "at: found '5', expected a text"),
+        (b"to_ridge=5", "at: found"),
+        (INVALID, "at: found an envelope without a verified box"),
+    ],
+)
+def test_wrong_boxes_are_refused(plan, at, says):
+    with pytest.raises(InputError) as caught:
+        robust.check(plan, at=at)
+    assert says in str(caught.value)
+
+
+def test_plans_are_loaded_or_paths_and_one_text_is_enough():
+    for files in (FILES, tuple(FILES), [Path(file) for file in FILES]):
+        assert robust.check(files).answer is robust.Answer.PROVED
+    assert robust.load_plan(*FILES, parameters="start:drive_1").parameters[-1].name == "start_drive_1"
+    assert pike.region(KITCHEN, "coffee=duration:make-coffee", choices="xA1").key == ("xA1",)
+    assert robust.risk(FILES, ["to_ridge=constant:30", "to_crater=constant:40"]).probability.lower == 1
+
+
+@pytest.mark.parametrize("wrong", ["plan.stn", FILES[:2], 3, None, [*FILES, "more"], [1, 2, 3]])
+@pytest.mark.parametrize("ask", [robust.check, robust.envelope, robust.region, robust.compare, robust.repair])
+def test_what_is_no_plan_is_refused(ask, wrong):
+    with pytest.raises(InputError, match=r"^(plan|domain): found .*, expected "):
+        ask(wrong)
+
+
+WRONG = [
+    (lambda plan: robust.check(plan, every="yes"), "every: found \"'yes'\", expected True or False"),
+    (lambda plan: robust.check(plan, smt2=3), "smt2: found '3', expected a path"),
+    (lambda plan: robust.check(plan, on_obligation=3), "on_obligation: found '3', expected a function"),
+    (lambda plan: robust.envelope(plan, order=3), "order: found '3', expected texts"),
+    (lambda plan: robust.risk(plan, 3), "distribution: found '3', expected texts"),
+    (lambda plan: robust.risk(plan, {"to_ridge": 30}), "distribution 'to_ridge': found '30', expected a dist"),
+    (lambda _: robust.load_plan(*FILES, parameters=3), "parameters: found '3', expected texts"),
+    (lambda _: robust.load_plan(3, *FILES[1:]), "domain: found '3', expected a path"),
+    (lambda _: robust.validate(*STEPS[:2], 3), "plan: found '3', expected a path"),
+    (lambda _: robust.convert(*STEPS, mode="lazy"), "unknown mode 'lazy'"),
+    (lambda _: stnu.load(None), "found 'None', expected the path of a readable text file"),
+    (lambda _: stnu.dispatch(HANDOVER, timeout="soon"), "timeout: found 'soon', expected a number"),
+    (lambda _: pike.load(3), "found '3', expected the path of a readable text file"),
+    (lambda _: robust.load_plan(*FILES[:2], "x" * 5000), "cannot read (file name too long), expected a readable"),
+    (lambda _: robust.load_plan("(define\n(domain d))", *FILES[1:]), "'(define\\n(domain d))': found no such file"),
+    (lambda plan: robust.risk(plan, {3: "normal:1:1"}), "distribution '3': found unknown parameter '3'"),
+    (lambda _: robust.risk(STEPS, {"dur": "normal:1:1"}), "'dur'; the plan has none, and --parameter makes some"),
+    (lambda _: pike.region(KITCHEN, LIMIT).possible({}), "found no values, expected one of each parameter: limit"),
+    (lambda _: pike.region(KITCHEN, LIMIT).possible({"limit": "x"}), "value of limit: found 'x', expected"),
+    (lambda _: stnu.check(3), "network: found '3', expected a network or a path"),
+    (lambda _: stnu.repair(HANDOVER, weights={("x", "y"): 1}), "weights: found no link ('x', 'y')"),
+    (lambda _: stnu.repair(HANDOVER, contingent=0), "contingent: found 0, expected a number above 0"),
+    (lambda _: pike.check(3), "plan: found '3', expected a plan"),
+    (lambda _: pike.check(KITCHEN, backend="pims"), "unknown back end 'pims'; did you mean 'pitms'"),
+    (lambda _: pike.check(KITCHEN, assume={"xB": "mug"}), "assume: found unknown choice 'xB'"),
+    (lambda _: pike.check(KITCHEN, assume="xA1"), "assume 'xA1': found 'xA1', expected NAME=VALUE"),
+    (lambda _: pike.check(KITCHEN, assume={"xA1": 3}), "assume: found '3', expected a text"),
+    (lambda _: pike.run(KITCHEN, outcome={"xA1": 3}), "outcome 'xA1': found '3', expected a value"),
+    (lambda _: pike.run(KITCHEN, outcome={"xA1": ("mug", -1)}), "outcome 'xA1': found time '-1', expected 0"),
+    (lambda _: pike.run(KITCHEN, disturb="no"), "disturb 'no': found 'no', expected '(atom)@TIME'"),
+    (lambda _: pike.run(KITCHEN, reasoner="smt", backend="pitms"), "backend: found pitms with reasoner='smt'"),
+    (lambda _: pike.run(KITCHEN, pace="slow"), "unknown pace 'slow'; known are"),
+    (lambda _: pike.region(KITCHEN, 3), "parameters: found '3', expected texts"),
+    (lambda _: pike.act("(wait)", "soon", 3), "lower: found 'soon', expected a number"),
+]
+
+
+@pytest.mark.parametrize(("ask", "says"), WRONG)
+def test_wrong_arguments_are_named(plan, ask, says):
+    with pytest.raises(InputError) as caught:
+        ask(plan)
+    assert says in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_there_is_to_catch():
+    assert issubclass(robust.InvalidPlanError, robust.RefutedError)
+    for name, code in (("InputError", 2), ("InvalidPlanError", 1), ("UnsupportedError", 4), ("SolverError", 3)):
+        error = getattr(robust, name)
+        assert issubclass(error, robust.RobustError)
+        assert error.exit_code == code
+        assert error.__doc__
+
+
+def test_an_invalid_plan_says_what_breaks(tmp_path):
+    steps = Path(STEPS[2]).read_text(encoding="utf-8").splitlines()
+    path = tmp_path / "late.plan"
+    path.write_text("\n".join(line for line in steps if "sample" not in line), encoding="utf-8")
+    with pytest.raises(robust.InvalidPlanError) as caught:
+        robust.convert(*STEPS[:2], path)
+    assert caught.value.violations
+    assert not robust.validate(*STEPS[:2], path).valid
+
+
+def test_lengths_of_contingent_links_are_given_by_name():
+    links = (("A", "C", 1, 10, "contingent"), ("C", "D", 1, 2))
+    dispatched = stnu.dispatch(network(*links))
+    assert dispatched.execute_with({"C": Fraction(7)}).lengths == {"C": 7}
+    for wrong in ({}, {"D": Fraction(1)}, {"C": Fraction(7), "A": Fraction(0)}):
+        with pytest.raises(InputError, match=r"^found lengths of .*, expected those of the contingent links: C$"):
+            dispatched.execute_with(wrong)
+    late = stnu.dispatch(network(*links, ("A", "D", None, 8)))
+    assert not late.checked.is_controllable
+    with pytest.raises(robust.RefutedError, match="is not controllable"):
+        late.execute()

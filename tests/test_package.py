@@ -1,12 +1,15 @@
-"""The package as a whole: versions agree, imports go one way, importing it is cheap, public names exist."""
+"""The package: versions agree, imports go one way and are cheap, names exist, answers have no truth value."""
 
 import ast
 import importlib.metadata
+import inspect
 import json
 import re
-import subprocess
 import sys
 from collections.abc import Iterator
+from enum import Enum
+from functools import cache
+from importlib import import_module
 from itertools import islice
 from pathlib import Path
 
@@ -14,8 +17,11 @@ import networkx
 import pytest
 
 import robust
+from robust import pike, stnu
+from robust.presented import NoTruthValue, VerdictEnum
+from tests.cli.running import REPOSITORY as ROOT
+from tests.cli.running import example, ran
 
-ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "robust"
 HEAVY = ("pysmt", "z3", "cvc5", "sympy", "matplotlib", "numpy")
 DRAWING = ("matplotlib", "networkx")
@@ -25,51 +31,33 @@ def text(name: str) -> str:
     return (ROOT / name).read_text(encoding="utf-8")
 
 
-# -- versions --------------------------------------------------------------------------------------------------------
+def section(name: str, pattern: str) -> str:
+    """The first group of a pattern that a file matches."""
+    match = re.search(pattern, text(name), re.MULTILINE | re.DOTALL)
+    assert match is not None, (name, pattern)
+    return match[1]
 
 
-def test_citation_and_changelog_have_the_version_of_the_package():
-    cited = re.search(r"^version: (\S+)$", text("CITATION.cff"), re.MULTILINE)
-    logged = re.search(r"^## \[(\d[^\]]*)\]", text("CHANGELOG.md"), re.MULTILINE)
-    assert cited is not None
-    assert logged is not None
-    assert (cited[1], logged[1]) == (robust.__version__, robust.__version__)
-
-
-def test_installed_metadata_have_the_version_of_the_package():
-    try:
-        installed = importlib.metadata.version("robust-plans")
-    except importlib.metadata.PackageNotFoundError:
-        pytest.skip("the package is on the path, but not installed")
-    assert installed == robust.__version__
-
-
-def test_minimum_python_is_said_the_same_everywhere():
-    project = text("pyproject.toml")
-    assert 'requires-python = ">=3.11"' in project
-    assert 'target-version = "py311"' in project
-    assert 'python_version = "3.11"' in project
+def test_versions_are_said_the_same_everywhere():
+    assert section("CITATION.cff", r"^version: (\S+)$") == robust.__version__
+    assert section("CHANGELOG.md", r"^## \[(\d[^\]]*)\]") == robust.__version__
+    assert importlib.metadata.version("robust-plans") == robust.__version__
+    for line in ('requires-python = ">=3.11"', 'target-version = "py311"', 'python_version = "3.11"'):
+        assert line in text("pyproject.toml")
     assert "Python 3.11" in text("README.md")
 
 
 def test_every_dependency_is_locked():
     locked = {name.lower() for name in re.findall(r"^([A-Za-z0-9_.-]+)==", text("constraints.txt"), re.MULTILINE)}
-    project = text("pyproject.toml")
-    wanted = re.search(r"^dependencies = \[(.*?)^\]", project, re.MULTILINE | re.DOTALL)
-    extras = re.search(r"^dev = \[(.*?)^\]", project, re.MULTILINE | re.DOTALL)
-    assert wanted is not None
-    assert extras is not None
-    names = {name.lower() for name in re.findall(r'"([A-Za-z0-9_.-]+)', wanted[1] + extras[1])}
+    wanted = "".join(section("pyproject.toml", rf"^{name} = \[(.*?)^\]") for name in ("dependencies", "dev"))
+    names = {name.lower() for name in re.findall(r'"([A-Za-z0-9_.-]+)', wanted)}
     assert names - {"robust-plans"} <= locked  # extras may name other extras
 
 
-# -- imports go one way ----------------------------------------------------------------------------------------------
-
-
+@cache
 def layers() -> dict[str, int]:
     """The order of folders that ARCHITECTURE.md states, as a rank for each."""
-    section = text("ARCHITECTURE.md").split("who may import whom")[1].split("\n## ")[0]
-    rows = [line.split("|")[1] for line in section.splitlines() if line.startswith("| `robust/")]
+    rows = re.findall(r"^\| (`robust/.*?)\|", section("ARCHITECTURE.md", "who may import whom(.*?)\n## "), re.MULTILINE)
     return {
         name.removesuffix(".py").rstrip("/"): rank
         for rank, row in enumerate(rows)
@@ -85,70 +73,67 @@ def module_name(path: Path) -> str:
 MODULES = {module_name(path): path for path in sorted(PACKAGE.rglob("*.py"))}
 
 
-def imported(path: Path, package: str = "robust") -> Iterator[tuple[str, str]]:
-    """Modules of a package (of any, if empty) that a file imports but for type checkers, with each name taken."""
-    checked = ast.parse(path.read_text(encoding="utf-8"))
-    only_types = [
-        node for node in ast.walk(checked) if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)
-    ]
-    skipped = {id(inner) for node in only_types for statement in node.body for inner in ast.walk(statement)}
-    for node in ast.walk(checked):
-        if id(node) in skipped:
-            continue
-        if isinstance(node, ast.Import):
-            yield from ((alias.name, "") for alias in node.names if package in {alias.name.split(".")[0], ""})
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}:{node.lineno}: relative import; expected an absolute one"
-            for alias in node.names if package in {(node.module or "").split(".")[0], ""} else ():
-                inner = f"{node.module}.{alias.name}"
-                home = robust._HOME.get(alias.name) if node.module == "robust" else None
-                yield (inner, "") if inner in MODULES else (home or node.module or "", alias.name)
+@cache
+def tree(name: str) -> ast.Module:
+    return ast.parse(MODULES[name].read_text(encoding="utf-8"))
 
 
-def test_a_module_imports_only_from_its_own_layer_and_those_above():
-    rank = layers()
-    wrong = []
-    for name, path in MODULES.items():
-        own = name.split(".")[1] if name != "robust" else None
-        assert own is None or own in rank, f"ARCHITECTURE.md does not say what {name} may import"
-        for module, _ in imported(path):
-            layer = module.split(".")[1] if module != "robust" else None
-            if own is not None and layer is not None and rank[layer] > rank[own]:
-                wrong.append(f"{name} imports {module}")
-    assert not wrong
+@cache
+def imported(name: str, package: str = "robust") -> tuple[tuple[str, str], ...]:
+    """Modules of a package (of any, if empty) that one imports but for type checkers, with each name taken."""
+
+    def found() -> Iterator[tuple[str, str]]:
+        nodes = list(ast.walk(tree(name)))
+        only_types = [node for node in nodes if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)]
+        skipped = {id(inner) for node in only_types for statement in node.body for inner in ast.walk(statement)}
+        for node in nodes:
+            if id(node) in skipped:
+                continue
+            if isinstance(node, ast.Import):
+                yield from ((alias.name, "") for alias in node.names if package in {alias.name.split(".")[0], ""})
+            elif isinstance(node, ast.ImportFrom):
+                assert node.level == 0, f"{name}:{node.lineno}: relative import; expected an absolute one"
+                for alias in node.names if package in {(node.module or "").split(".")[0], ""} else ():
+                    inner = f"{node.module}.{alias.name}"
+                    home = robust._HOME.get(alias.name) if node.module == "robust" else None
+                    yield (inner, "") if inner in MODULES else (home or node.module or "", alias.name)
+
+    return tuple(found())
 
 
-def test_no_modules_import_each_other_in_a_circle():
-    """Also not from inside functions: what implements imports its interface, and a registry imports both."""
-    graph = networkx.DiGraph(
-        (name, module)
-        for name, path in MODULES.items()
-        for module, _ in imported(path)
-        if module in MODULES and module not in {name, "robust"}
-    )
-    assert [sorted(circle) for circle in networkx.strongly_connected_components(graph) if len(circle) > 1] == []
-
-
-def mentioned(path: Path) -> Iterator[str]:
-    """Modules that a file imports at all, for types only as well, or names in a text."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+def mentioned(name: str) -> Iterator[str]:
+    """Modules that one imports at all, for types only as well, or names in a text."""
+    for node in ast.walk(tree(name)):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             inner = [f"{node.module}.{alias.name}" for alias in node.names]
             yield from (name if name in MODULES else node.module or "" for name in inner)
         elif isinstance(node, ast.Constant) and isinstance(node.value, str):
-            name = re.match(r"robust(\.\w+)*", node.value)
-            parts = name[0].split(".") if name is not None else []
+            match = re.match(r"robust(\.\w+)*", node.value)
+            parts = match[0].split(".") if match is not None else []
             modules = (".".join(parts[:end]) for end in range(len(parts), 1, -1))
             yield from islice((module for module in modules if module in MODULES), 1)
 
 
-def test_no_circle_goes_through_types_or_names_of_modules_in_texts_either():
+def test_a_module_imports_only_from_its_own_layer_and_those_above():
+    rank, wrong = layers(), []
+    for name in MODULES.keys() - {"robust"}:
+        own = name.split(".")[1]
+        assert own in rank, f"ARCHITECTURE.md does not say what {name} may import"
+        for module, _ in imported(name):
+            if module != "robust" and rank[module.split(".")[1]] > rank[own]:
+                wrong.append(f"{name} imports {module}")
+    assert not wrong
+
+
+@pytest.mark.parametrize("modules_of", [lambda name: [module for module, _ in imported(name)], mentioned])
+def test_no_modules_import_each_other_in_a_circle(modules_of):
+    """Neither from inside functions (what implements imports its interface) nor by types or by names in texts."""
     graph = networkx.DiGraph(
         (name, module)
-        for name, path in MODULES.items()
-        for module in mentioned(path)
+        for name in MODULES
+        for module in modules_of(name)
         if module in MODULES and module not in {name, "robust"}
     )
     assert [sorted(circle) for circle in networkx.strongly_connected_components(graph) if len(circle) > 1] == []
@@ -157,8 +142,8 @@ def test_no_circle_goes_through_types_or_names_of_modules_in_texts_either():
 def test_class_names_are_unique():
     """A name that is searched for is found once."""
     homes: dict[str, list[str]] = {}
-    for name, path in MODULES.items():
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for name in MODULES:
+        for node in ast.walk(tree(name)):
             if isinstance(node, ast.ClassDef):
                 homes.setdefault(node.name, []).append(name)
     assert {name: modules for name, modules in homes.items() if len(modules) > 1} == {}
@@ -166,66 +151,144 @@ def test_class_names_are_unique():
 
 def test_every_layer_of_the_architecture_exists_and_says_what_lives_there():
     for name in layers():
-        path = PACKAGE / name / "__init__.py" if (PACKAGE / name).is_dir() else PACKAGE / f"{name}.py"
-        assert ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))), path
+        assert ast.get_docstring(tree(f"robust.{name}")), name
 
 
 def test_the_solver_layer_takes_only_arithmetic_from_the_plan_layer():
-    taken = {
-        taken
-        for path in (PACKAGE / "smt").glob("*.py")
-        for taken in imported(path)
-        if taken[0].startswith("robust.plan")
-    }
+    solving = [name for name in MODULES if name.startswith("robust.smt")]
+    taken = {name for module in solving for name in imported(module) if name[0].startswith("robust.plan")}
     assert taken <= {("robust.plan.polynomial", "Polynomial"), ("robust.plan.model", "Relation")}
 
 
 def test_the_simulator_shares_no_code_with_the_relational_encoding():
     simulator = {"robust.plan.simulate", "robust.plan.timeline"}
     for name in simulator:
-        assert not [module for module, _ in imported(MODULES[name]) if "encode" in module]
-    for name, path in MODULES.items():
+        assert not [module for module, _ in imported(name) if "encode" in module]
+    for name in MODULES:
         if name.startswith("robust.encode") and "positions" not in name:
-            assert not simulator & {module for module, _ in imported(path)}, name
+            assert not simulator & {module for module, _ in imported(name)}, name
 
 
 def test_only_one_folder_draws():
     """For all others, what a figure is called is a type at most."""
-    for name, path in MODULES.items():
-        loaded = {module.split(".")[0] for module, _ in imported(path, "")}
+    for name in MODULES:
+        loaded = {module.split(".")[0] for module, _ in imported(name, "")}
         assert name.startswith("robust.draw.") or not loaded & set(DRAWING), name
 
 
-# -- importing is cheap ----------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
-    ("name", "heavy"),
-    [("plan", HEAVY), ("smt", HEAVY), ("irr", HEAVY), ("show.presenting", DRAWING), ("draw.interactive", DRAWING)],
-)
-def test_importing_loads_nothing_heavy(name, heavy):
-    code = f"import json, sys, robust.{name}; print(json.dumps(sorted(sys.modules)))"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
-    assert not set(heavy) & set(json.loads(run.stdout))
+    ("modules", "heavy"), [("robust.plan, robust.smt, robust.irr", HEAVY), ("robust.show.presenting", DRAWING),
+                           ("robust.draw.interactive", DRAWING)],
+)  # fmt: skip
+def test_importing_loads_nothing_heavy(modules, heavy):
+    ended = ran(sys.executable, "-c", f"import json, sys, {modules}; print(json.dumps(sorted(sys.modules)))")
+    assert not set(heavy) & set(json.loads(ended.out))
 
 
-# -- public names ----------------------------------------------------------------------------------------------------
+def test_nothing_is_imported_before_signals_are_blocked():
+    """From then on Ctrl-C shows no traceback; what the interpreter loads by itself is not ours."""
+    code = "import sys; before = set(sys.modules); import robust.cli; print(*sorted(set(sys.modules) - before))"
+    loaded = {*ran(sys.executable, "-c", code).out.split()}
+    assert {"robust", "robust.cli"} <= loaded
+    assert not {"typing", "dataclasses", "re", "rich", "msgspec", "robust.errors"} & loaded
 
 
 def test_public_names_are_sorted_and_each_has_a_home():
     assert robust.__all__ == sorted({*robust._HOME, "__version__", "pike", "stnu"})
     assert None not in [getattr(robust, name) for name in robust.__all__]
     assert (PACKAGE / "py.typed").is_file()
-
-
-def test_a_name_that_does_not_exist_is_an_attribute_error():
     with pytest.raises(AttributeError, match="no attribute 'envelop'"):
         robust.envelop  # noqa: B018 - the access is the test
 
 
-def test_nothing_is_imported_before_signals_are_blocked():
-    """From then on Ctrl-C shows no traceback; what the interpreter loads by itself is not ours."""
-    code = "import sys; before = set(sys.modules); import robust.cli; print(*sorted(set(sys.modules) - before))"
-    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert {"robust", "robust.cli"} <= {*ran.stdout.split()}
-    assert not {"typing", "dataclasses", "re", "rich", "msgspec", "robust.errors"} & {*ran.stdout.split()}
+@pytest.mark.parametrize("module", [robust, pike, stnu], ids=lambda module: module.__name__)
+def test_public_names_exist_and_are_documented(module):
+    for name in module.__all__:
+        value = getattr(module, name)
+        if isinstance(value, type) or callable(value):
+            assert (value.__doc__ or "").strip(), name
+            assert not (value.__doc__ or "").startswith(f"{name}("), f"{name} has no words of its own"
+
+
+def test_scripts_of_users_are_checked_by_types(tmp_path):
+    """mypy, strictly, reads a script that uses all of the package, and finds what is wrong in another."""
+    script, wrong = Path(__file__).with_name("typed_script.py"), tmp_path / "wrong.py"
+    lines = [
+        'import robust\n\nplan = robust.load_plan("d", "p", "s")\nrobust.check(plan, encodin="positions")',
+        'robust.envelope(plan, beta=[1]).box.area\nrobust.risk(plan, {"a": "normal:3:1"}, withing=1)',
+        'robust.batch("compare", "suite", job=2, regio="project")\n',
+    ]
+    wrong.write_text("\n".join(lines), encoding="utf-8")
+    variables = {"MYPYPATH": str(ROOT), "PATH": "/usr/bin:/bin"}
+    ended = ran(sys.executable, "-m", "mypy", script, wrong, cwd=ROOT, env=variables, timeout=300)
+    assert (ended.err, script.name in ended.out) == ("", False), ended.out
+    for name in ("encodin", "withing", "job", "regio"):
+        assert f'Unexpected keyword argument "{name}"' in ended.out
+    assert 'Argument "beta"' in ended.out
+    assert 'has no attribute "area"' in ended.out
+    functions = [name for name in robust.__all__ if name.islower() and callable(getattr(robust, name))]
+    used = script.read_text(encoding="utf-8")
+    elsewhere = {"from_unified_planning", "to_unified_planning"}  # what they take is not typed
+    assert [name for name in functions if f"robust.{name}(" not in used and name not in elsewhere] == []
+    for module, names in (("pike", ("check", "compile", "run", "region", "envelope")), ("stnu", ("check", "repair"))):
+        assert [name for name in names if f"{module}.{name}(" not in used] == []
+
+
+TELLING = {
+    "agree",
+    "answer",
+    "ending",
+    "exit_code",
+    "is_controllable",
+    "obstacle",
+    "outcome",
+    "status",
+    "valid",
+    "verdict",
+}
+"""What attributes are called that say what came of a question."""
+NO_ANSWERS = """About AssignmentKind Below Case Cause Changeable Comparator Control Guarantee Human Kind Means Mode
+MomentSide NodeKind Operator Pace Phase Relation Role Sense Side Stage Subject Target TeamParameterKind Temporal
+TimePointKind Timing Update Way"""
+"""Enumerations that answer no question."""
+
+
+@cache
+def classes(kind: type) -> list[type]:
+    """All of that kind that the package declares, but for the checker, which imports nothing of it."""
+    wanted = [name for name in MODULES if "__main__" not in name and not name.startswith("robust.certify.checker")]
+    found = {value for name in wanted for _, value in inspect.getmembers(import_module(name), inspect.isclass)}
+    return sorted((each for each in found if each.__module__.startswith("robust.") and issubclass(each, kind)), key=str)
+
+
+@pytest.mark.parametrize("result", classes(NoTruthValue), ids=lambda result: result.__qualname__)
+def test_results_have_no_truth_value_and_name_what_has(result):
+    if inspect.isabstract(result) or "_ask" not in dir(result):  # what results inherit from
+        return
+    assert hasattr(result, result._ask) or result._ask in result.__annotations__
+    with pytest.raises(TypeError, match=rf"^{result.__name__} has no truth value: ask \.{result._ask}, or "):
+        bool(object.__new__(result))
+
+
+@pytest.mark.parametrize("kind", classes(Enum), ids=lambda kind: kind.__qualname__)
+def test_answers_have_no_truth_value(kind):
+    assert issubclass(kind, VerdictEnum) is (kind.__name__ not in NO_ANSWERS.split())
+    for member in kind if issubclass(kind, VerdictEnum) else ():
+        with pytest.raises(TypeError, match=rf"^{member} has no truth value: ask whether it `is {kind.__name__}\."):
+            bool(member)
+
+
+def test_whatever_says_what_came_of_a_question_is_a_result():
+    values = [getattr(package, name) for package in (robust, pike, stnu) for name in package.__all__]
+    public = {value for value in values if isinstance(value, type)}
+    telling = {kind for kind in public if TELLING & {*vars(kind), *vars(kind).get("__annotations__", ())}}
+    assert {kind for kind in telling if not issubclass(kind, NoTruthValue | Exception)} == set()
+    assert len(telling) > 15
+
+
+def test_what_is_no_answer_has_a_truth_value():
+    checked = robust.check(example())
+    assert checked.box
+    assert list(filter(None, checked.obligations)) == list(checked.obligations)
+    with pytest.raises(TypeError, match=r"^CheckResult has no truth value: ask \.answer, or whether it `is None`$"):
+        assert checked

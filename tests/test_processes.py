@@ -1,18 +1,14 @@
 """Commands are measured one by one, and end with all they have started: at a limit, when stopped, with their parent."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess
 import sys
 import time
 import tracemalloc
-from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from threading import Thread
-from typing import Any
 
 import pytest
 
@@ -21,6 +17,7 @@ from robust.processes import KEPT, ProcessEnd, Processes, StoppedError
 from robust.smt.limits import Deadline, OutOfTimeError, from_copy, stream_from_copy, uninterrupted
 from robust.watcher import CANNOT_START
 from tests.children import WAIT, Told, eventually, interrupted_after, is_running
+from tests.cli.running import environment, ran
 
 
 def python(code: str) -> list[str]:
@@ -32,49 +29,35 @@ def run(code: str, seconds: float | None = None, **options: int) -> ProcessEnd:
 
 
 @pytest.fixture
-def told(tmp_path: Path) -> Told:
+def told(tmp_path):
     return Told(tmp_path)
 
 
-def test_output_exit_code_and_time() -> None:
+def test_output_exit_code_time_and_surroundings(tmp_path):
+    code = "import os; print(os.getcwd(), os.environ['ROBUST_TEST'], 'PATH' in os.environ, os.read(0, 9))"
+    ended = Processes().run(python(code), folder=tmp_path, variables={"ROBUST_TEST": "yes"})
+    assert ended.stdout == f"{tmp_path} yes True b''\n"
     ended = run("import sys, time; print('out'); print('first\\nlast', file=sys.stderr); time.sleep(0.2); sys.exit(3)")
-    assert (ended.stdout, ended.exit_code, ended.timed_out) == ("out\n", 3, False)
-    assert ended.last_line == "last"
+    assert (ended.stdout, ended.exit_code, ended.timed_out, ended.last_line) == ("out\n", 3, False, "last")
     assert 0.2 <= ended.seconds < 5
-
-
-def test_what_a_failure_says() -> None:
     assert run("import os; os._exit(7)").last_line == "no message"
     assert run("print('so far'); import os; print('note: none', file=os.sys.stderr)").last_line == "so far"
     killed = run("import os; os.kill(os.getpid(), 11)")
     assert (killed.exit_code, killed.timed_out) == (-11, False)
-
-
-def test_where_and_with_what_a_command_runs(tmp_path: Path) -> None:
-    code = "import os; print(os.getcwd(), os.environ['ROBUST_TEST'], 'PATH' in os.environ, os.read(0, 9))"
-    ended = Processes().run(python(code), folder=tmp_path, variables={"ROBUST_TEST": "yes"})
-    assert ended.stdout == f"{tmp_path} yes True b''\n"
-
-
-def test_more_output_than_a_pipe_holds() -> None:
-    ended = run("import sys; print('x' * 10**6); print('y' * 10**6, file=sys.stderr)")
+    ended = run("import sys; print('x' * 10**6); print('y' * 10**6, file=sys.stderr)")  # more than a pipe holds
     assert (len(ended.stdout), len(ended.stderr)) == (10**6 + 1, 10**6 + 1)
 
 
-def test_more_than_any_file_may_hold(tmp_path: Path) -> None:
-    command = ["sh", "-c", "exec head -c 300M /dev/zero > zeros"]
-    ended = Processes().run(command, Deadline.after(60), folder=tmp_path)
-    assert (ended.exit_code, ended.timed_out) == (-signal.SIGXFSZ, False)
+def test_a_command_that_does_not_exist(tmp_path):
+    ended = Processes().run([str(tmp_path / "absent")])
+    assert ended.exit_code == CANNOT_START
+    assert ended.last_line == f"cannot start '{tmp_path / 'absent'}': No such file or directory"
 
 
-def test_the_end_of_what_is_printed_is_kept_and_no_more() -> None:
-    def peak() -> int:
-        tracemalloc.reset_peak()
-        return tracemalloc.get_traced_memory()[0]
-
+def test_the_end_of_what_is_printed_is_kept_and_no_more():
     tracemalloc.start()
     try:
-        before = peak()
+        before = tracemalloc.get_traced_memory()[0]
         ended = run("for n in range(4 * 10**5): print(f'line {n:0244}')\nprint('the end')")
         assert tracemalloc.get_traced_memory()[1] - before < 5 * KEPT
     finally:
@@ -86,52 +69,46 @@ def test_the_end_of_what_is_printed_is_kept_and_no_more() -> None:
     assert ended.exit_code == 0
 
 
-def test_a_command_that_prints_without_end_is_ended_at_the_limit() -> None:
-    ended = Processes().run(["yes", "x" * 999], Deadline.after(1))
-    assert ended.timed_out
-    assert len(ended.stdout) <= KEPT
-    assert set(ended.stdout.splitlines()[:-1]) == {"x" * 999}
-
-
-def test_signals_are_those_of_a_new_process() -> None:
+def test_signals_are_those_of_a_new_process():
     """Blocked or ignored ones are not inherited from here."""
     usual = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGTERM])
     try:
-        code = "import signal as s; print(s.pthread_sigmask(s.SIG_BLOCK, []))"
-        assert run(code).stdout == "set()\n"
+        assert run("import signal as s; print(s.pthread_sigmask(s.SIG_BLOCK, []))").stdout == "set()\n"
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, usual)
     assert Processes().run(["grep", "SigIgn", "/proc/self/status"]).stdout.split() == ["SigIgn:", "0" * 16]
 
 
-def test_memory_is_that_of_the_process_and_not_of_its_parent() -> None:
+def test_memory_is_that_of_the_process_and_not_of_its_parent_and_has_a_limit():
     ballast = bytearray(300 * 2**20)
     assert run("pass").memory_mb < 100
     assert 200 < run("x = bytearray(200 * 2**20)").memory_mb < 300
     assert run("pass").memory_mb < 100  # the maximum over earlier ones does not count
     assert len(ballast) > 0
-
-
-def test_the_limit_of_memory() -> None:
     code = "x = bytearray(400 * 2**20)"
     assert run(code, memory_mb=1000).exit_code == 0
     assert run(code, memory_mb=300).last_line == "MemoryError"
 
 
-def test_the_limit_of_time() -> None:
+def test_the_limits_of_time_and_of_the_size_of_files(tmp_path):
+    filling = ["sh", "-c", "exec head -c 300M /dev/zero > zeros"]
+    ended = Processes().run(filling, Deadline.after(60), folder=tmp_path)
+    assert (ended.exit_code, ended.timed_out) == (-signal.SIGXFSZ, False)
     started = time.monotonic()
     ended = run(f"print('early', flush=True); {WAIT}", 0.5)
-    assert ended.timed_out
-    assert ended.exit_code == -signal.SIGKILL
-    assert ended.stdout == "early\n"
+    assert (ended.timed_out, ended.exit_code, ended.stdout) == (True, -signal.SIGKILL, "early\n")
     assert 0.1 <= ended.seconds < 10
-    assert time.monotonic() - started < 20
     assert ended.memory_mb > 1
+    ended = Processes().run(["yes", "x" * 999], Deadline.after(1))
+    assert ended.timed_out
+    assert len(ended.stdout) <= KEPT
+    assert set(ended.stdout.splitlines()[:-1]) == {"x" * 999}
+    assert time.monotonic() - started < 20
 
 
 @pytest.mark.parametrize("session", [False, True], ids=["same session", "session of its own"])
 @pytest.mark.parametrize("limit", [None, 2], ids=["ends by itself", "at the limit"])
-def test_descendants_end_with_the_command(told: Told, session: bool, limit: float | None) -> None:
+def test_descendants_end_with_the_command(told, session, limit):
     """Nor is one waited for that keeps the command's output open."""
     code = f"""
 import os, subprocess, sys, time
@@ -147,16 +124,10 @@ time.sleep({0 if limit is None else 60})
     assert told.gone()
 
 
-def test_a_command_that_does_not_exist(tmp_path: Path) -> None:
-    ended = Processes().run([str(tmp_path / "absent")])
-    assert ended.exit_code == CANNOT_START
-    assert ended.last_line == f"cannot start '{tmp_path / 'absent'}': No such file or directory"
+def test_stop_ends_running_commands_and_refuses_new_ones(told):
+    processes, outcomes = Processes(), []
 
-
-def test_stop_ends_running_commands_and_refuses_new_ones(told: Told) -> None:
-    processes, outcomes = Processes(), list[str]()
-
-    def work() -> None:
+    def work():
         try:
             processes.run(python(told.code))
         except StoppedError:
@@ -173,22 +144,16 @@ def test_stop_ends_running_commands_and_refuses_new_ones(told: Told) -> None:
         processes.run(python("pass"))
 
 
-def test_an_interrupted_caller(told: Told) -> None:
-    with pytest.raises(KeyboardInterrupt), interrupted_after(1.5):
-        run(told.code)
-    assert told.gone()
+def parent(call: str) -> subprocess.Popen[bytes]:
+    """A process that makes that call."""
+    code = "import sys; from pathlib import Path; from robust.processes import *; from robust.smt.limits import *; "
+    return subprocess.Popen([sys.executable, "-c", code + call], env=environment())
 
 
-CALLS = ("Processes().run([sys.executable, '-S', '-c', {0!r}])", "from_copy(lambda: exec({0!r}), Deadline(), 'x')")
-
-
-@pytest.mark.parametrize("call", CALLS, ids=["command", "copy"])
-def test_children_end_with_their_parent(told: Told, call: str) -> None:
-    code = f"import sys; from robust.processes import *; from robust.smt.limits import *; {call.format(told.code)}"
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
-    with subprocess.Popen([sys.executable, "-c", code], env=environment) as parent:
+def test_copies_end_with_their_parent(told):
+    with parent(f"from_copy(lambda: exec({told.code!r}), Deadline(), 'x')") as process:
         assert told.begun()
-        parent.kill()
+        process.kill()
     assert told.gone()
 
 
@@ -204,35 +169,31 @@ import time; time.sleep(60)
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP])
-def test_those_who_fork_away_end_with_the_parent_and_so_does_its_folder(
-    told: Told, tmp_path: Path, number: signal.Signals
-) -> None:
+def test_those_who_fork_away_end_with_the_parent_and_so_does_its_folder(told, tmp_path, number):
     scratch = tmp_path / "scratch"
     scratch.mkdir()
     (scratch / "file").touch()
     away = FORKING_AWAY.format(told=told.code.replace("; ", "\n        "))
-    call = f"Processes().run([sys.executable, '-S', '-c', {away!r}], scratch=Path({str(scratch)!r}))"
-    code = f"import sys; from pathlib import Path; from robust.processes import *; {call}"
-    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
-    with subprocess.Popen([sys.executable, "-c", code], env=environment) as parent:
+    with parent(f"Processes().run([sys.executable, '-S', '-c', {away!r}], scratch=Path({str(scratch)!r}))") as process:
         assert told.begun()
         assert scratch.exists()
-        parent.send_signal(number)
+        process.send_signal(number)
     assert told.gone()
     assert eventually(lambda: not scratch.exists())
 
 
-def test_a_folder_stays_as_long_as_the_parent_lives(tmp_path: Path) -> None:
+def test_a_folder_stays_as_long_as_the_parent_lives(told, tmp_path):
     for deadline, code in ((Deadline.after(0.3), WAIT), (Deadline(), "pass")):
         Processes().run(python(code), deadline, scratch=tmp_path)
         assert tmp_path.exists()
-    with pytest.raises(KeyboardInterrupt), interrupted_after(0.5):
-        Processes().run(python(WAIT), scratch=tmp_path)
+    with pytest.raises(KeyboardInterrupt), interrupted_after(1.5):
+        Processes().run(python(told.code), scratch=tmp_path)
     assert tmp_path.exists()
+    assert told.gone()
 
 
-def test_no_descriptor_and_no_child_is_left() -> None:
-    def children() -> set[str]:
+def test_no_descriptor_and_no_child_is_left():
+    def children():
         return set(Path(f"/proc/self/task/{os.getpid()}/children").read_text(encoding="ascii").split())
 
     run("pass")
@@ -245,17 +206,17 @@ def test_no_descriptor_and_no_child_is_left() -> None:
 
 
 @pytest.mark.parametrize("start", ["fork", "command"])
-def test_an_interrupt_while_a_child_starts_leaves_none(told: Told, monkeypatch: pytest.MonkeyPatch, start: str) -> None:
+def test_an_interrupt_while_a_child_starts_leaves_none(told, monkeypatch, start):
     """It comes when the child is there, and its number is not known yet."""
     owner, name = (os, "fork") if start == "fork" else (subprocess.Popen, "__init__")
     original = getattr(owner, name)
 
-    def begin(*given: Any, **options: Any) -> Any:
-        found = original(*given, **options)
-        if found != 0:
+    def begin(*given, **options):
+        child = original(*given, **options)
+        if child != 0:
             assert told.begun()
             signal.raise_signal(signal.SIGINT)
-        return found
+        return child
 
     monkeypatch.setattr(owner, name, begin)
     call = partial(from_copy, partial(exec, told.code), Deadline(), "waiting")
@@ -266,7 +227,7 @@ def test_an_interrupt_while_a_child_starts_leaves_none(told: Told, monkeypatch: 
     assert not is_running(int(told.path.read_text(encoding="utf-8")))
 
 
-def test_a_copy_whose_parent_dies_at_once_does_not_begin(told: Told) -> None:
+def test_a_copy_whose_parent_dies_at_once_does_not_begin(told):
     """The parent is gone before the copy can ask the system to end with it."""
     code = f"""
 import os, time
@@ -280,18 +241,12 @@ fork, limits.ctypes.CDLL = os.fork, Late
 os.fork = lambda: fork() and os._exit(0)
 limits.from_copy(lambda: exec({told.code!r}), limits.Deadline(), "x")
 """
-
-    subprocess.run(
-        [sys.executable, "-c", code], check=False, env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
-    )
-    assert not eventually(told.path.exists, 3)
+    ran(sys.executable, "-c", code, stdout=None, stderr=None)
+    assert not eventually(told.path.exists, 2)
 
 
-# -- copies of this process --------------------------------------------------------------------------------------------
-
-
-def test_the_copy_is_ended_by_the_deadline_and_by_interruption() -> None:
-    def endless() -> Iterator[int]:
+def test_the_copy_is_ended_by_the_deadline_and_by_interruption():
+    def endless():
         yield 1
         while True:
             pass
@@ -308,8 +263,8 @@ def test_the_copy_is_ended_by_the_deadline_and_by_interruption() -> None:
     assert time.monotonic() - started < 20
 
 
-def test_failures_in_the_copy_are_told() -> None:
-    def failing() -> Iterator[int]:
+def test_failures_in_the_copy_are_told():
+    def failing():
         yield 1
         raise ValueError("not this one")
 

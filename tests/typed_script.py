@@ -1,4 +1,4 @@
-"""What a user's script may say about the package; `tests/test_typed.py` has mypy read it, strictly. It is not run."""
+"""What a user's script may say about the package; `tests/test_package.py` has mypy read it, strictly. It is not run."""
 
 from decimal import Decimal
 from fractions import Fraction
@@ -9,8 +9,6 @@ import robust
 from robust import pike, stnu
 
 FILES = ["domain.pddl", "problem.pddl", "plan.stn"]
-
-# -- plans -------------------------------------------------------------------------------------------------------------
 
 plan: robust.ParametrizedPlan = robust.load_plan(
     *FILES, parameters=["duration:drive"], epsilon=0.001, timeout=Decimal(3)
@@ -56,14 +54,10 @@ except robust.InvalidPlanError as error:
 except robust.RobustError as error:
     where: robust.Location | None = error.location
 
-# -- networks with uncertainty -----------------------------------------------------------------------------------------
-
 network: stnu.Network = stnu.load("network.stnu")
 controllable: bool = stnu.check(network, timeout=5).is_controllable
 execution: stnu.Execution = stnu.dispatch("network.stnu").execute(seed=3)
 cost: Fraction | None = stnu.repair(network, requirement=2, contingent=None, weights={("a", "b"): 0.5}).cost
-
-# -- plans with choices ------------------------------------------------------------------------------------------------
 
 drink = pike.choose("drink", {"tea": pike.act("(tea)", 3, 5), "milk": pike.act("(milk)", Decimal(1), 2.5)})
 written: pike.Tpnu = pike.build("breakfast", pike.within(pike.sequence(drink), upper="7"))

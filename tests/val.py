@@ -76,13 +76,12 @@ def judged_by_val(plan: model.ParametrizedPlan, violations: Sequence[Violation])
 
 def _broken_at_isolated_instants(plan: model.ParametrizedPlan) -> set[str]:
     """Labels of over-all conditions that continuous change may break at single instants only."""
-    if not any(instance.continuous_effects for instance in plan.instances):
-        return set()
     return {
         instance.label(part)
         for instance in plan.instances
         for part in instance.conditions
         if part.timing is model.Timing.OVER_ALL and _excludes_instants(part.condition, disjunctive=False)
+        if any(other.continuous_effects for other in plan.instances)
     }
 
 
@@ -103,23 +102,11 @@ def _as_val_separates(plan: model.ParametrizedPlan) -> model.ParametrizedPlan:
     instances = []
     for instance in plan.instances:
         adds = {(effect.timing, effect.atom) for effect in instance.atom_effects if effect.value}
-        atom_effects = tuple(
-            effect
-            for effect in instance.atom_effects
-            if effect.condition == model.Truth(True) and (effect.value or (effect.timing, effect.atom) not in adds)
-        )
-        numeric_effects = tuple(
-            _without_itself(effect) for effect in instance.numeric_effects if effect.condition == model.Truth(True)
-        )
-        instances.append(
-            replace(
-                instance,
-                durations=(),
-                atom_effects=atom_effects,
-                numeric_effects=numeric_effects,
-                continuous_effects=(),
-            )
-        )
+        atoms = [effect for effect in instance.atom_effects if effect.condition == model.Truth(True)]
+        atoms = [effect for effect in atoms if effect.value or (effect.timing, effect.atom) not in adds]
+        numbers = [_without_itself(part) for part in instance.numeric_effects if part.condition == model.Truth(True)]
+        effects = {"atom_effects": tuple(atoms), "numeric_effects": tuple(numbers), "continuous_effects": ()}
+        instances.append(replace(instance, durations=(), **effects))
     return replace(plan, instances=tuple(instances))
 
 
@@ -127,11 +114,9 @@ def _without_itself(effect: model.NumericEffect) -> model.NumericEffect:
     """An increase without what it reads of its own fluent."""
     if effect.operator is model.AssignmentKind.ASSIGN:
         return effect
-
-    def other(variable: model.NumericVariable) -> model.Expression:
-        return Polynomial.constant(0) if variable == effect.fluent else Polynomial.variable(variable)
-
-    return replace(effect, expression=effect.expression.substitute(other))
+    zero = Polynomial.constant(0)
+    kept = effect.expression.substitute(lambda v: zero if v == effect.fluent else Polynomial.variable(v))
+    return replace(effect, expression=kept)
 
 
 def _interferes_with_itself(instance: model.ActionInstance) -> bool:

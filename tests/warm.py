@@ -39,18 +39,15 @@ def serve(path: str) -> None:
         listening.bind(path)
         listening.listen()
         os.write(1, b"ready\n")
-        children = set()
+        children: set[int] = set()
         while True:
             asking, _ = listening.accept()
             with asking:
                 message, streams, _, _ = socket.recv_fds(asking, 2**20, 3)
-                if child := os.fork():
-                    children.add(child)
-                else:
-                    answer(asking, message, streams)
+                children.add(os.fork() or answer(asking, message, streams))
             for stream in streams:
                 os.close(stream)
-            children -= {each for each in children if os.waitpid(each, os.WNOHANG)[0]}
+            children -= {child for child in children if os.waitpid(child, os.WNOHANG)[0]}
 
 
 def answer(asking: socket.socket, message: bytes, streams: list[int]) -> None:

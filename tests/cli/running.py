@@ -1,6 +1,7 @@
 """Running the command line: in this process, or as a process of its own."""
 
 import json
+import logging
 import os
 import signal
 import subprocess
@@ -8,8 +9,8 @@ import sys
 import time
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
-from io import StringIO
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
 import jsonschema
@@ -44,12 +45,12 @@ def answer_of(ended: Ended, name: str | None = None) -> dict[str, Any]:
     return answer
 
 
-def assert_one_line(ended: Ended, code: int = 2) -> None:
+def assert_one_line(ended: Ended, code: int = 2, says: str = "") -> None:
     """A message of one line, and nothing else."""
     assert (ended.code, ended.out) == (code, ""), ended
     assert ended.err.startswith("robust: error: ")
-    assert ended.err.count("\n") == 1
-    assert ended.err.endswith("\n")
+    assert (ended.err.count("\n"), ended.err[-1:]) == (1, "\n")
+    assert says in ended.err
 
 
 def example(plan: str = "plan.stn", directory: Path = NAVIGATION) -> list[str]:
@@ -58,37 +59,45 @@ def example(plan: str = "plan.stn", directory: Path = NAVIGATION) -> list[str]:
 
 def command(*arguments: object) -> Ended:
     """In this process; what only a process shows (signals, streams, imports) is tested with :func:`process`."""
-    out, err = StringIO(), StringIO()
-    with redirect_stdout(out), redirect_stderr(err):
-        code = run([str(argument) for argument in arguments])
-    return Ended(code, out.getvalue(), err.getvalue())
+    logger, streams = logging.getLogger("robust"), {"mode": "w+", "encoding": "utf-8", "newline": ""}
+    with TemporaryFile(**streams) as out, TemporaryFile(**streams) as err:
+        try:
+            with redirect_stdout(out), redirect_stderr(err):
+                code = run([str(argument) for argument in arguments])
+        finally:
+            logger.handlers.clear()
+            logger.setLevel(logging.NOTSET)
+        for stream in (out, err):
+            stream.seek(0)
+        return Ended(code, out.read(), err.read())
 
 
 def environment(**more: str) -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": str(REPOSITORY), "COLUMNS": "80", **more}
 
 
-def process(*arguments: object, given: str | None = None, **more: str) -> Ended:
-    """A process of its own; `given` is what it finds on standard input."""
-    words = [str(argument) for argument in arguments]
-    done = subprocess.run(
-        [*COMMAND, *words],
-        check=False,
-        capture_output=True,
-        text=True,
-        input=given,
-        env=environment(**more),
-        timeout=60,
-    )
+def ran(*words: object, **options: Any) -> Ended:
+    """Any program, in a process."""
+    settings = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "env": environment(), "timeout": 60, **options}
+    done = subprocess.run([str(word) for word in words], check=False, text=True, **settings)
     return Ended(done.returncode, done.stdout, done.stderr)
+
+
+def process(*arguments: object, **options: Any) -> Ended:
+    """A process of its own."""
+    return ran(*COMMAND, *arguments, **options)
+
+
+def started(*arguments: object, **options: Any) -> subprocess.Popen[str]:
+    """A process of its own that goes on."""
+    words = [*COMMAND, *(str(argument) for argument in arguments)]
+    settings: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, **options}
+    return subprocess.Popen(words, **{"env": environment(), **settings})
 
 
 def stopped(*arguments: object, after: float | str, number: signal.Signals = signal.SIGINT) -> Ended:
     """A process that gets a signal after some seconds, or when it has logged (`--verbose`) a text."""
-    words = [str(argument) for argument in arguments]
-    with subprocess.Popen(
-        [*COMMAND, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment()
-    ) as running:
+    with started(*arguments) as running:
         if isinstance(after, str):
             while after not in (line := running.stderr.readline()):
                 assert line, f"ended before it logged {after!r}"

@@ -1,6 +1,8 @@
-"""Where answers are printed: colours only where they are wanted, and nothing is cut where there is little room."""
+"""Where answers are printed: colours where they are wanted, tables that keep every word; and completion."""
 
 import re
+import shlex
+import shutil
 from collections import Counter
 from io import StringIO
 
@@ -11,65 +13,9 @@ from hypothesis import strategies as st
 
 from robust.show.console import console
 from robust.show.tables import show_table, table
-from tests.cli.running import EXAMPLES, command, example, process
+from tests.cli.running import command, environment, example, ran
 
-KITCHEN = str(EXAMPLES / "kitchen" / "kitchen.tpnu.json")
 WAITING = example("plan-flexible-wait.stn")
-DRAWN = ("--distribution", "to_ridge=normal:30:4", "--distribution", "to_crater=normal:40:3", "--within", "0.01")
-COMMANDS = {
-    "check": (*WAITING, "--all"),
-    "envelope": example(),
-    "region": example(),
-    "compare": example(),
-    "risk": (*example(), *DRAWN),
-    "repair": WAITING,
-    "validate": example("steps.plan"),
-    "convert": (*example("steps.plan"), "-o", "made.stn"),
-    "execute": (*example(), "--seed", "4"),
-    "certify": (*example(), "-o", "plan.cert"),
-    "verify": ("plan.cert", *example()),
-    "demo": (),
-    "pike check": (KITCHEN, "--all-scenarios", "--backend", "pitms"),
-    "pike compile": (KITCHEN,),
-    "pike run": (KITCHEN, "--backend", "smt", "--explain"),
-    "pike plot": (KITCHEN, "-o", "kitchen.svg"),
-    "pike new": ("kitchen", "-o", "."),
-    "pike region": (KITCHEN, "--parameter", "coffee=duration:make-coffee"),
-    "pike envelope": (KITCHEN, "--parameter", "coffee=duration:make-coffee"),
-    "stnu check": (str(EXAMPLES / "handover" / "handover.stnu"),),
-    "stnu dispatch": (str(EXAMPLES / "handover" / "handover.stnu"),),
-    "stnu repair": (str(EXAMPLES / "handover" / "handover.stnu"),),
-}
-
-
-def words(text: str) -> Counter[str]:
-    """Words as often as they occur, without rules, and without what varies: times, and what searches come across."""
-    varies = r"─+|[0-9.]+ m?s\b[,.]?|[0-9]+ (?:checks?|cells?|plans?|polyhedra|points)\b[,.]?"
-    return Counter(re.sub(varies, " ", " ".join(text.split())).split())
-
-
-@pytest.fixture(scope="module")
-def directory(tmp_path_factory):
-    return tmp_path_factory.mktemp("narrow")
-
-
-@pytest.mark.parametrize("name", COMMANDS)
-def test_nothing_is_cut_at_60_columns(name, directory, monkeypatch):
-    monkeypatch.chdir(directory)
-    asked = (*name.split(), *COMMANDS[name], *(("--force",) if name == "pike new" else ()))
-
-    def printed(columns):
-        monkeypatch.setenv("COLUMNS", columns)
-        # Of several obligations that end a side of the demo's boxes, a solver that was asked before may name another.
-        return process(*asked, COLUMNS=columns) if name == "demo" else command(*asked)
-
-    wide, narrow = printed("200"), printed("60")
-    assert narrow.code == wide.code
-    assert narrow.out
-    lines = [line for line in narrow.out.splitlines() if len(line) > 60]
-    assert not [line for line in lines if " " in line.strip()], lines  # a path has no place to be broken at
-    lost = words(wide.out) - words(narrow.out)
-    assert not {word for word in lost if len(word) < 50}, lost
 
 
 @given(st.lists(st.tuples(*[st.text("abc (,)", max_size=20)] * 4), min_size=1, max_size=5), st.integers(40, 120))
@@ -77,18 +23,14 @@ def test_nothing_is_cut_at_60_columns(name, directory, monkeypatch):
 def test_tables_keep_every_word(rows, width):
     printed = StringIO()
     show_table(console(printed, width=width), table(("first", "second", "third", "fourth"), rows, right=("second",)))
-    found = Counter(re.sub("─+", " ", printed.getvalue()).split())
-    assert not Counter(" ".join(cell for row in rows for cell in row).split()) - found - _stuck(found)
+    seen = Counter(re.sub("─+", " ", printed.getvalue()).split())
+    joined = Counter({word.rstrip(","): count for word, count in seen.items()})  # what joins the lines of a cell sticks
+    assert not Counter(" ".join(cell for row in rows for cell in row).split()) - seen - joined
     assert all(len(line) <= width or " " not in line.strip() for line in printed.getvalue().splitlines())
 
 
-def _stuck(found: Counter[str]) -> Counter[str]:
-    """Words to which what joins the lines of a cell sticks."""
-    return Counter({word.rstrip(","): count for word, count in found.items()})
-
-
 @pytest.mark.parametrize(
-    ("option", "environment", "colored"),
+    ("option", "variables", "colored"),
     [
         ((), {}, False),
         (("--color", "auto"), {}, False),
@@ -100,21 +42,68 @@ def _stuck(found: Counter[str]) -> Counter[str]:
     ],
     ids=str,
 )
-def test_colors_are_where_they_are_wanted(option, environment, colored, monkeypatch):
+def test_colors_are_where_they_are_wanted(option, variables, colored, monkeypatch):
     for name in ("NO_COLOR", "FORCE_COLOR"):
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setenv("TERM", "xterm")
-    for name, value in environment.items():
+    for name, value in {"TERM": "xterm", **variables}.items():
         monkeypatch.setenv(name, value)
     ended = command("check", *WAITING, *option, "--quiet")
-    assert ended.code == 1
-    assert ("\x1b[1;31m" in ended.out) == colored
-    answer = command("check", *WAITING, *option, "--json")
-    assert "\x1b" not in answer.out
+    assert (ended.code, "\x1b[1;31m" in ended.out) == (1, colored)
+    assert "\x1b" not in command("check", *WAITING, *option, "--json").out
 
 
-def test_colors_that_do_not_exist_are_one_line():
-    ended = command("check", *WAITING, "--color", "green")
-    assert (ended.code, ended.out) == (2, "")
-    assert "--color" in ended.err
-    assert ended.err.count("\n") == 1
+LINES = {
+    "robust envel": "envelope",
+    "robust pike comp": "compile",
+    "robust envelope --meth": "--method",
+    "robust envelope --method wid": "widen",
+}
+SHELLS = {
+    "bash": ("bash", "-c", '. "$0"; COMP_WORDS=($1); COMP_CWORD=$((${#COMP_WORDS[@]} - 1)); '
+             '_robust_completion robust; echo "${COMPREPLY[@]}"'),
+    "fish": ("fish", "-c", 'source $argv[1]; complete -C $argv[2]'),
+}  # fmt: skip
+"""How a shell completes a line by a script."""
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory, warm):
+    """A home directory, with the command `robust` in it."""
+    program = tmp_path_factory.mktemp("home") / "robust"
+    program.write_text(f'#!/bin/sh\nexec {shlex.join(warm)} "$@"\n', encoding="utf-8")
+    program.chmod(0o755)
+    return program.parent
+
+
+def at(home, *line, **variables):
+    path = f"{home}:{environment()['PATH']}"
+    return ran(*line, env=environment(HOME=str(home), PATH=path, **variables), cwd=home)
+
+
+@pytest.mark.parametrize("shell", ["zsh", "fish", "powershell"])
+@pytest.mark.parametrize("line", LINES)
+def test_a_shell_is_told_how_the_last_word_goes_on(home, shell, line):
+    asked = {"_ROBUST_COMPLETE": f"complete_{shell}", "_TYPER_COMPLETE_ARGS": line}
+    asked |= {"_TYPER_COMPLETE_WORD_TO_COMPLETE": line.split()[-1], "_TYPER_COMPLETE_FISH_ACTION": "get-args"}
+    ended = at(home, "robust", **asked)
+    assert (ended.code, ended.err) == (0, "")
+    assert LINES[line] in ended.out
+
+
+def test_fish_learns_whether_there_is_anything_to_complete(home):
+    asked = {"_ROBUST_COMPLETE": "complete_fish", "_TYPER_COMPLETE_FISH_ACTION": "is-args"}
+    for line, code in (("robust envel", 0), ("robust nothing", 1)):
+        assert at(home, "robust", _TYPER_COMPLETE_ARGS=line, **asked).code == code
+
+
+@pytest.mark.parametrize("shell", ["bash", "fish", "zsh", "pwsh"])
+def test_shells_have_a_script_by_which_those_installed_complete(home, shell):
+    shown = at(home, "robust", "--show-completion", shell, _TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION="1")
+    assert shown.code == 0
+    assert "_ROBUST_COMPLETE" in shown.out
+    if shell in SHELLS and shutil.which(shell):
+        script = home / f"completion.{shell}"
+        script.write_text(shown.out, encoding="utf-8")
+        for line, word in LINES.items():
+            ended = at(home, *SHELLS[shell], script, line)
+            assert (ended.err, word in ended.out) == ("", True), line

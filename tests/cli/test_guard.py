@@ -1,7 +1,6 @@
 """The guard on its own: what it interrupts, what it leaves alone, and what it puts back."""
 
 import signal
-import subprocess
 import sys
 import threading
 import time
@@ -9,34 +8,36 @@ import time
 import pytest
 
 from robust.cli.guard import STOPS, Cause, Guard
-from tests.cli.running import environment
+from tests.children import eventually
+from tests.cli.running import ran
 
 
-def send(guard: Guard, number: signal.Signals = signal.SIGINT) -> None:
+def send(guard, number=signal.SIGINT):
     """A signal to the process, as its watcher gets it; here, threads of the test runner might take it instead."""
     signal.pthread_kill(guard._watcher.ident, number)
 
 
 def test_puts_everything_back():
-    before = signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGALRM), signal.pthread_sigmask(0, [])
-    threads = threading.active_count()
+    def now():
+        handlers = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGALRM)]
+        return handlers, signal.pthread_sigmask(0, []), threading.active_count()
+
+    before = now()
     with Guard():
         assert signal.pthread_sigmask(signal.SIG_BLOCK, []) >= STOPS
-    assert (signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGALRM), signal.pthread_sigmask(0, [])) == before
-    assert threading.active_count() == threads
-
-
-def wait_after_a_signal(guard: Guard, number: signal.Signals) -> None:
-    send(guard, number)
-    time.sleep(10)
+    assert now() == before
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_interrupts_work_that_waits_and_leaves_what_follows_alone(number):
+    def work():
+        send(guard, number)
+        time.sleep(10)
+
     with Guard() as guard:
         started = time.monotonic()
         with pytest.raises(KeyboardInterrupt), guard.working():
-            wait_after_a_signal(guard, number)
+            work()
         assert time.monotonic() - started < 10
         assert guard.cause is Cause.INTERRUPTED
         time.sleep(0.5)
@@ -45,7 +46,7 @@ def test_interrupts_work_that_waits_and_leaves_what_follows_alone(number):
 def test_interrupts_again_what_swallowed_the_first():
     swallowed = []
 
-    def swallow_two(guard):
+    def swallow_two():
         send(guard)
         while len(swallowed) < 2:
             try:
@@ -55,7 +56,7 @@ def test_interrupts_again_what_swallowed_the_first():
         time.sleep(10)
 
     with Guard() as guard, pytest.raises(KeyboardInterrupt), guard.working():
-        swallow_two(guard)
+        swallow_two()
     assert len(swallowed) == 2
 
 
@@ -65,23 +66,17 @@ def test_ends_work_at_the_limit():
             time.sleep(10)
         assert guard.cause is Cause.TIMEOUT
         assert 0.1 < guard.age < 1
+        assert guard.remaining(None) is None
+        assert 8 < guard.remaining(10) <= 10
+        assert 0 < guard.remaining(1e-9) <= 1e-3
 
 
 def test_signal_before_work_is_remembered():
     with Guard() as guard:
         send(guard)
-        deadline = time.monotonic() + 5
-        while guard.cause is None and time.monotonic() < deadline:
-            time.sleep(0.01)
+        assert eventually(lambda: guard.cause is not None, 5)
         with pytest.raises(KeyboardInterrupt), guard.working():
             pytest.fail("work began")
-
-
-def test_remaining():
-    guard = Guard()
-    assert guard.remaining(None) is None
-    assert 9 < (guard.remaining(10) or 0) <= 10
-    assert 0 < (guard.remaining(1e-9) or 0) <= 1e-3
 
 
 def test_does_nothing_in_another_thread():
@@ -101,29 +96,23 @@ def test_does_nothing_in_another_thread():
 
 
 STUCK = """
-import signal, time
+import os, signal, threading, time
 from robust.cli.guard import Guard
 with Guard() as guard, guard.working({limit}, lambda: print("best so far", flush=True) is None):
+    if not {limit}:
+        os.kill(os.getpid(), signal.SIGINT)
     end = time.monotonic() + 20
     while time.monotonic() < end:
         try:
-            print("ready", flush=True)
             time.sleep(20)
         except KeyboardInterrupt:
             pass
 """
 
 
-@pytest.mark.parametrize("limit", ["None", "0.1"])
+@pytest.mark.parametrize("limit", [None, 0.1])
 def test_answers_for_work_that_does_not_end(limit):
-    words = [sys.executable, "-c", STUCK.format(limit=limit)]
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment()) as stuck:
-        assert stuck.stdout.readline() == "ready\n"
-        if limit == "None":
-            stuck.send_signal(signal.SIGINT)
-        started = time.monotonic()
-        out, err = stuck.communicate(timeout=10)
-        assert time.monotonic() - started < 9
-    assert stuck.returncode == 3
-    assert out.endswith("best so far\n")
-    assert err == ""
+    started = time.monotonic()
+    ended = ran(sys.executable, "-c", STUCK.format(limit=limit))
+    assert time.monotonic() - started < 15
+    assert (ended.code, ended.out, ended.err) == (3, "best so far\n", "")

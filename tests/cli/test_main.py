@@ -1,77 +1,84 @@
-"""What is there before anything is computed, and whatever is wrong: one line that says so; most of it is recorded."""
+"""What is there before anything is computed, what extras are for, and whatever is wrong: one line that says so."""
 
-import os
-import re
-import subprocess
+import json
 import sys
 
 import pytest
 from matplotlib.figure import Figure
 
 import robust
-import robust.api
-from tests.cli import inputs
-from tests.cli.running import COMMAND, EXAMPLES, answer_of, assert_one_line, command, environment, example, process
+from robust.errors import UnsupportedError
+from tests.cli.running import COMMAND, EXAMPLES, Ended, assert_one_line, command, environment, example, process, ran
 
-# -- start -----------------------------------------------------------------------------------------------------------
-
-
-HEAVY = ("pysmt", "z3", "cvc5", "sympy", "matplotlib", "rich")
+KITCHEN = str(EXAMPLES / "kitchen" / "kitchen.tpnu.json")
+STEPS = example("steps.plan")
+FLEXIBLE = example("plan-flexible-wait.stn")
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["--version"], ["check", "--help"], ["bench", "scaling", "--help"]])
-def test_nothing_heavy_is_imported(arguments):
-    script = (
-        "import sys; from robust.cli import run; "
-        f"code = run({arguments!r}); "
-        f"print([name for name in {HEAVY!r} if name in sys.modules], file=sys.stderr); sys.exit(code)"
-    )
-    words = [sys.executable, "-W", "error", "-c", script]
-    done = subprocess.run(words, check=False, capture_output=True, text=True, env=environment())
-    assert (done.returncode, done.stderr) == (0, "[]\n")
-
-
-def test_help_loads_little():
+def test_help_loads_little_and_nothing_heavy():
     """What takes time at the start is loading modules; seconds would depend on what else the machine does."""
-    script = (
-        "import sys; before = set(sys.modules); from robust.cli import run; run(['--help']); "
-        "print(*sorted(set(sys.modules) - before), file=sys.stderr)"
-    )
-    done = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True, env=environment())
-    loaded = done.stderr.split()
+    script = """
+import sys
+before = set(sys.modules)
+from robust.cli import run
+run(["--help"])
+print(*sorted(set(sys.modules) - before), file=sys.stderr)
+run(["--version"]), run(["check", "--help"]), run(["bench", "scaling", "--help"])
+print(*{"pysmt", "z3", "cvc5", "sympy", "matplotlib", "rich"} & set(sys.modules), file=sys.stderr)
+"""
+    ended = ran(sys.executable, "-W", "error", "-c", script)
+    first, heavy = ended.err.splitlines()
+    loaded = first.split()
+    assert (ended.code, heavy) == (0, "")
     assert "robust.cli" in loaded
     assert len([name for name in loaded if name.startswith("robust")]) < 30
     assert len(loaded) < 250
 
 
-# -- what is wrong ---------------------------------------------------------------------------------------------------
+EXTRAS = ("matplotlib", "numpy", "networkx", "dd", "scipy", "dask", "unified_planning")
+RANDOM = [f"--distribution={kind}" for kind in ("to_ridge=normal:30:5", "to_crater=constant:40")]
+CORE = (
+    ("check", *example()),
+    ("envelope", *example()),
+    ("region", *example(), "--latex"),
+    ("risk", *example(), *RANDOM, "--within", "0.5"),
+    ("validate", *STEPS),
+    ("convert", *STEPS, "--parameter", "duration:drive"),
+    ("pike", "check", KITCHEN),
+    ("pike", "compile", KITCHEN),
+    ("pike", "run", KITCHEN, "--explain", "--outcome", "xA1=mug"),
+)
+NEEDED = (
+    (("envelope", *example(), "--plot", "box.svg"), "matplotlib", "plots"),
+    (("pike", "plot", KITCHEN, "-o", "plan.svg"), "matplotlib", "plots"),
+    (("pike", "compile", KITCHEN, "--backend", "bdd"), "dd", "bdd"),
+    (("pike", "check", KITCHEN, "--cross"), "dd", "bdd"),
+)
 
 
-def test_the_unchanged_input_is_right(tmp_path):
-    assert command("check", *inputs.write(tmp_path).files).code == 0
+def test_the_core_needs_no_extra_and_what_needs_one_says_which():
+    lines = [[*words, "--quiet"] for words in CORE] + [words for words, *_ in NEEDED]
+    script = f"""
+import json, sys
+sys.modules.update(dict.fromkeys({EXTRAS!r}))
+from tests.cli.running import command
+ended = [command(*words) for words in {lines!r}]
+print(json.dumps([(each.code, each.out, each.err) for each in ended]))
+"""
+    ended = [Ended(*each) for each in json.loads(ran(sys.executable, "-c", script).out)]
+    assert [each.code for each in ended] == [0] * len(CORE) + [4] * len(NEEDED), ended
+    for refused, (_, package, extra) in zip(ended[len(CORE) :], NEEDED, strict=True):
+        assert_one_line(refused, 4, f"found no {package}")
+        assert f"pip install 'robust-plans[{extra}]'" in refused.err
 
 
-def test_plan_without_instances(tmp_path):
-    ended = command("check", *inputs.write(tmp_path, plan="# nothing\n").files)
-    assert_one_line(ended)
-    assert "plan.stn" in ended.err
-    assert "expected at least one" in ended.err
-
-
-def test_what_is_to_be_said_of_the_input_is_a_line_for_each(tmp_path):
-    found = inputs.write(tmp_path, problem=inputs.PROBLEM.replace("- place", "-place"))
-    ended = command("check", *found.files, "--json")
-    assert ended.code == 0
-    answer_of(ended, "robust/check/1")
-    lines = ended.err.splitlines()
-    assert len(lines) == 1
-    assert re.fullmatch(r"robust: warning: .*problem\.pddl:\d+:\d+: found '-place', took it for '- place'", lines[0])
-    assert command("check", *found.files, "--quiet").err == ""
-
-
-def test_file_name_with_line_break(tmp_path):
-    domain, problem, _ = inputs.write(tmp_path).files
-    assert_one_line(command("check", domain, problem, tmp_path / "a\nb.stn"))
+def test_python_says_which_extra_draws(monkeypatch):
+    envelope = robust.envelope(example())
+    for name in [name for name in sys.modules if name.startswith(("matplotlib", "robust.show."))]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(UnsupportedError, match=r"found no matplotlib.*robust-plans\[plots\]"):
+        envelope.plot()
 
 
 def test_plot_that_cannot_be_written_in_the_end(monkeypatch, tmp_path):
@@ -85,69 +92,44 @@ def test_plot_that_cannot_be_written_in_the_end(monkeypatch, tmp_path):
     assert "no space left on device" in ended.err
 
 
-def test_internal_errors_are_one_line_and_the_traceback_is_on_request(monkeypatch):
+def test_errors_are_one_line_and_the_traceback_is_on_request(monkeypatch):
     def fail(*_arguments, **_options):
         raise ZeroDivisionError("first\nsecond")
 
-    monkeypatch.setattr(robust.api, "searching_check", fail)
+    assert_one_line(command("check", *example()[:2], "no\nplan.stn"))
+    monkeypatch.setattr("robust.api.searching_check", fail)
+    line = "robust: internal error: ZeroDivisionError: first second; please report this, with the output of --verbose\n"
     ended = command("check", *example())
-    assert ended.code == 3
-    assert ended.err == (
-        "robust: internal error: ZeroDivisionError: first second; please report this, with the output of --verbose\n"
-    )
+    assert (ended.code, ended.err) == (3, line)
     verbose = command("check", *example(), "--verbose")
-    assert verbose.code == 3
-    assert "Traceback" in verbose.err
+    assert (verbose.code, "Traceback" in verbose.err) == (3, True)
     assert verbose.err.splitlines()[-1].startswith("robust: internal error: ZeroDivisionError")
 
 
-def test_output_device_that_is_full():
-    words = [*COMMAND, "check", *example()]
-    with open("/dev/full", "w") as full:
-        done = subprocess.run(words, stdout=full, check=False, stderr=subprocess.PIPE, text=True, env=environment())
-    assert done.returncode == 2
-    assert done.stderr == "robust: error: cannot write to standard output: no space left on device\n"
+def redirected(stream, *words):
+    return ran("sh", "-c", " ".join([*COMMAND, *words, stream]))
 
 
-def closing(stream, *words):
-    line = " ".join([*COMMAND, *words, stream])
-    return subprocess.run(["sh", "-c", line], check=False, capture_output=True, text=True, env=environment())
+@pytest.mark.parametrize("words", [("check", *example()), ("check", *example(), "--json"), ("--help",)])
+def test_an_answer_that_a_full_device_does_not_take_is_no_success(words):
+    ended = redirected(">/dev/full", *words)
+    by_us = "cannot write to standard output: no" if words != ("--help",) else "No"
+    assert (ended.code, ended.err) == (2, f"robust: error: {by_us} space left on device\n")
 
 
 def test_closed_streams():
     """Without stdout there is nobody to answer to; messages may get lost."""
-    done = closing(">&-", "check", *example())
-    assert done.returncode == 2
-    assert done.stderr.startswith("robust: error: found standard output closed, expected somewhere to write")
-    done = closing("2>&-", "check", "none", "none", "none")
-    assert (done.returncode, done.stdout) == (2, "")
+    ended = redirected(">&-", "check", *example())
+    assert ended.code == 2
+    assert ended.err.startswith("robust: error: found standard output closed, expected somewhere to write")
+    ended = redirected("2>&-", "check", "none", "none", "none")
+    assert (ended.code, ended.out) == (2, "")
     for stream in ("2>&-", "2>/dev/full"):
-        done = closing(stream, "check", *example("plan-flexible-wait.stn"))
-        assert done.returncode == 1
-        assert done.stdout.startswith("refuted")
+        ended = redirected(stream, "check", *FLEXIBLE)
+        assert (ended.code, ended.out[:7]) == (1, "refuted")
 
 
-@pytest.mark.parametrize("words", [("check", *example(), "--quiet"), ("check", *example(), "--json"), ("--help",)])
-def test_an_answer_that_a_full_device_does_not_take_is_no_success(words):
-    done = closing(">/dev/full", *words)
-    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
-    assert "no space left on device" in done.stderr.lower()
-
-
-@pytest.mark.parametrize("words", [("stnu", "check", str(EXAMPLES / "handover" / "handover.stnu"), "-q"), ("--help",)])
-def test_an_answer_that_nobody_reads_is_no_success(words):
-    """As of other tools, which SIGPIPE ends without a word."""
-    reader, writer = os.pipe()
-    os.close(reader)
-    with os.fdopen(writer, "wb") as gone:
-        done = subprocess.run(
-            [*COMMAND, *words], stdout=gone, stderr=subprocess.PIPE, check=False, text=True, env=environment()
-        )
-    assert (done.returncode, done.stderr) == (141, "")
-
-
-def test_streams_without_unicode():
-    ended = process("check", *example("plan-flexible-wait.stn"), PYTHONIOENCODING="ascii")
-    assert ended.code == 1
-    assert ended.err == ""
+def test_streams_in_other_encodings():
+    ended = process("check", *FLEXIBLE, env={**environment(), "PYTHONIOENCODING": "ascii"})
+    assert (ended.code, ended.err) == (1, "")
     assert "(charge scout) = 170" in ended.out

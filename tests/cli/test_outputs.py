@@ -1,9 +1,8 @@
-"""No file that cannot be written costs an answer, and none is replaced that nobody named."""
+"""No file that cannot be written costs an answer, and none that is too large is read; others are recorded."""
 
 import json
 import os
 import resource
-import shutil
 from pathlib import Path
 
 import pytest
@@ -13,37 +12,37 @@ from robust.records import RecordFile
 from robust.sweeps.sweep import SCHEMA
 from tests.cli import inputs
 from tests.cli.running import EXAMPLES, NAVIGATION, answer_of, assert_one_line, command, example
-from tests.cli.test_stnu import LATE
 
 KITCHEN = EXAMPLES / "kitchen" / "kitchen.tpnu.json"
-DELIVERY = [str(EXAMPLES / "delivery" / name) for name in ("domain.pddl", "problem.pddl", "plan.stn")]
-STEPS = [*DELIVERY[:2], str(EXAMPLES / "delivery" / "steps.plan")]
+DELIVERY = example(directory=EXAMPLES / "delivery")
+STEPS = example("steps.plan", EXAMPLES / "delivery")
 PARAMETERS = ("--parameter", "coffee=duration:make-coffee", "--parameter", "limit=at-most:e1:e44")
-SMALL, OFF, NETWORK, SUITE = "small", "off", "network", "suite"
-"""Stand for a small plan, one with a wrong duration, a network that is not controllable, and a folder of plans."""
+SMALL, OFF = ([f"{folder}/{file}" for file in inputs.RIGHT] for folder in ("small", "off"))
+"""A small plan, and one with a wrong duration; `small` is also a folder of plans."""
+LATE = inputs.INPUTS / "networks" / "late.json"
 
 OUTPUTS = {
-    "check --smt2": ("check", example(), "--smt2", ""),
-    "envelope --smt2": ("envelope", example(), "--smt2", ""),
-    "envelope -o": ("envelope", SMALL, "--export", "csv", "-o", ".csv"),
-    "envelope --plot": ("envelope", SMALL, "--plot", ".svg"),
-    "region --plot": ("region", SMALL, "--plot", ".svg"),
-    "compare --plot": ("compare", SMALL, "--plot", ".svg"),
-    "compare --html": ("compare", SMALL, "--html", ".html"),
-    "risk --plot": ("risk", SMALL, "--distribution", "leave=uniform:0:9", "--plot", ".svg"),
-    "repair -o": ("repair", OFF, "-o", ".stn"),
-    "batch --csv": ("batch", "check", SUITE, "--csv", ".csv"),
-    "batch --html": ("batch", "check", SUITE, "--html", ".html"),
-    "certify -o": ("certify", SMALL, "-o", ".cert"),
-    "certify --alethe": ("certify", example(), "-o", os.devnull, "--alethe", ""),
-    "convert -o": ("convert", STEPS, "-o", ".stn"),
-    "convert --stnu": ("convert", SMALL, "--stnu", ".json"),
-    "execute --plot": ("execute", [*DELIVERY], "--plot", ".svg"),
-    "stnu repair -o": ("stnu", "repair", NETWORK, "-o", ".json"),
-    "pike plot -o": ("pike", "plot", [str(KITCHEN)], "-o", ".svg"),
-    "pike run --plot": ("pike", "run", [str(KITCHEN)], "--plot", ".svg"),
-    "pike region --plot": ("pike", "region", [str(KITCHEN)], *PARAMETERS, "--plot", ".svg"),
-    "pike envelope --plot": ("pike", "envelope", [str(KITCHEN)], *PARAMETERS, "--plot", ".svg"),
+    "check --smt2": ("check", *example(), "--smt2", ""),
+    "envelope --smt2": ("envelope", *example(), "--smt2", ""),
+    "envelope -o": ("envelope", *SMALL, "--export", "csv", "-o", ".csv"),
+    "envelope --plot": ("envelope", *SMALL, "--plot", ".svg"),
+    "region --plot": ("region", *SMALL, "--plot", ".svg"),
+    "compare --plot": ("compare", *SMALL, "--plot", ".svg"),
+    "compare --html": ("compare", *SMALL, "--html", ".html"),
+    "risk --plot": ("risk", *SMALL, "--distribution", "leave=uniform:0:9", "--plot", ".svg"),
+    "repair -o": ("repair", *OFF, "-o", ".stn"),
+    "batch --csv": ("batch", "check", "small", "--csv", ".csv"),
+    "batch --html": ("batch", "check", "small", "--html", ".html"),
+    "certify -o": ("certify", *SMALL, "-o", ".cert"),
+    "certify --alethe": ("certify", *example(), "-o", os.devnull, "--alethe", ""),
+    "convert -o": ("convert", *STEPS, "-o", ".stn"),
+    "convert --stnu": ("convert", *SMALL, "--stnu", ".json"),
+    "execute --plot": ("execute", *DELIVERY, "--plot", ".svg"),
+    "stnu repair -o": ("stnu", "repair", LATE, "-o", ".json"),
+    "pike plot -o": ("pike", "plot", KITCHEN, "-o", ".svg"),
+    "pike run --plot": ("pike", "run", KITCHEN, "--plot", ".svg"),
+    "pike region --plot": ("pike", "region", KITCHEN, *PARAMETERS, "--plot", ".svg"),
+    "pike envelope --plot": ("pike", "envelope", KITCHEN, *PARAMETERS, "--plot", ".svg"),
 }
 """Commands whose last word is the suffix of what they write; none is a folder."""
 FOLDERS = [name for name, words in OUTPUTS.items() if not words[-1]]
@@ -54,33 +53,23 @@ FILES = [name for name in OUTPUTS if name not in FOLDERS]
 def here(tmp_path, monkeypatch):
     """A directory with inputs, which is the working directory."""
     monkeypatch.chdir(tmp_path)
-    for name, plan in ((SMALL, inputs.PLAN), (OFF, inputs.PLAN.replace("[5, 5]", "[5, 6]"))):
+    for name, plan in (("small", inputs.PLAN), ("off", inputs.PLAN.replace("[5, 5]", "[5, 6]"))):
         Path(name).mkdir()
         inputs.write(Path(name), plan=plan)
-    shutil.copytree(SMALL, SUITE)
-    Path("late.json").write_text(LATE, encoding="utf-8")
     return tmp_path
 
 
-def words_of(name, target):
-    """A command line whose output is the target."""
-    stands = {each: [f"{each}/{file}" for file in inputs.RIGHT] for each in (SMALL, OFF)}
-    stands |= {NETWORK: ["late.json"], SUITE: [SUITE]}
-    *words, _ = OUTPUTS[name]
-    return [one for word in words for one in (word if isinstance(word, list) else stands.get(word, [word]))] + [target]
-
-
 def full(name):
-    """A file that is there and takes nothing."""
-    target = f"full{OUTPUTS[name][-1]}"
-    os.symlink("/dev/full", target)
-    return target
+    """A command line whose output is a file that is there and takes nothing, and that file."""
+    *words, suffix = OUTPUTS[name]
+    os.symlink("/dev/full", f"full{suffix}")
+    return [*words, f"full{suffix}"], f"full{suffix}"
 
 
 @pytest.mark.parametrize("name", FILES)
 def test_an_answer_is_not_lost_with_a_file(here, name):
-    target = full(name)
-    ended = command(*words_of(name, target), "--json")
+    words, target = full(name)
+    ended = command(*words, "--json")
     assert ended.code == 2
     assert "error" not in answer_of(ended)
     assert f"cannot write '{target}': no space left on device" in ended.err
@@ -97,7 +86,7 @@ def test_an_answer_is_not_lost_with_files_in_a_folder(here, name, monkeypatch):
         return original(path, *what, **how)
 
     monkeypatch.setattr(Path, "write_text", write_text)
-    ended = command(*words_of(name, "queries"), "--json", *(["--quiet"] if name == FOLDERS[0] else []))
+    ended = command(*OUTPUTS[name][:-1], "queries", "--json", *(["--quiet"] if name == FOLDERS[0] else []))
     assert ended.code == 2
     assert "error" not in answer_of(ended)
     assert "queries: cannot write " in ended.err
@@ -106,37 +95,28 @@ def test_an_answer_is_not_lost_with_files_in_a_folder(here, name, monkeypatch):
 
 @pytest.mark.parametrize("name", ["repair -o", "stnu repair -o", "convert -o", "batch --csv"])
 def test_people_see_the_answer_first(here, name):
-    ended = command(*words_of(name, full(name)))
-    assert ended.code == 2
-    assert ended.out != ""
+    ended = command(*full(name)[0])
+    assert (ended.code, ended.out != "") == (2, True)
     assert ended.err.endswith("no space left on device\n")
-    if name == "convert -o":
-        assert "durative-action instance" in ended.out  # what else would be lost
+    assert name != "convert -o" or "durative-action instance" in ended.out  # what else would be lost
 
 
 @pytest.mark.parametrize("name", OUTPUTS)
 def test_what_can_be_known_is_known_before_anything_is_computed(here, name):
     """No such folder, and a folder in place of a file, or a file in that of a folder."""
-    suffix = OUTPUTS[name][-1]
-    if suffix:
-        targets = [f"nowhere/a{suffix}", f"folder{suffix}"]
-        Path(targets[1]).mkdir()
-    else:
-        Path("file").touch()
-        targets = ["file", "file/folder"]
-    for target in targets:
-        ended = command(*words_of(name, target))
-        assert_one_line(ended)
-        assert Path(target).parts[0] in ended.err
+    *words, suffix = OUTPUTS[name]
+    Path(f"folder{suffix}").mkdir()
+    Path("file").touch()
+    for target in (f"nowhere/a{suffix}", f"folder{suffix}") if suffix else ("file", "file/folder"):
+        assert_one_line(command(*words, target), 2, Path(target).parts[0])
 
 
 def test_the_other_files_are_written_all_the_same(here):
-    for file in ("full.csv", "full.svg"):
-        os.symlink("/dev/full", file)
-    ended = command(*words_of("batch --csv", "full.csv"), "--html", "page.html")
-    assert (ended.code, Path("page.html").read_text(encoding="utf-8")[:9]) == (2, "<!DOCTYPE")
-    files = [f"{SMALL}/{each}" for each in inputs.RIGHT]
-    assert command("envelope", *files, "--plot", "full.svg", "-o", "box.csv", "--export", "csv").code == 2
+    words, _ = full("batch --csv")
+    assert command(*words, "--html", "page.html").code == 2
+    assert Path("page.html").read_text(encoding="utf-8").startswith("<!DOCTYPE")
+    words, _ = full("envelope --plot")
+    assert command(*words, "-o", "box.csv", "--export", "csv").code == 2
     assert Path("box.csv").read_text(encoding="utf-8").startswith("name,")
 
 
@@ -150,104 +130,17 @@ def test_answers_of_a_batch_outlive_their_store(here, monkeypatch):
         original(self, record)
 
     monkeypatch.setattr(RecordFile, "append", append)
-    ended = command("batch", "check", SUITE, "--store", "night.store", "--json")
+    ended = command("batch", "check", "small", "--store", "night.store", "--json")
     assert (ended.code, ended.err) == (2, "robust: error: cannot be written: No space left on device\n")
-    [plan] = answer_of(ended)["plans"]
-    assert "proved" in json.dumps(plan)
+    assert "proved" in json.dumps(answer_of(ended)["plans"])
 
 
-# -- what nobody named -------------------------------------------------------------------------------------------------
-
-OTHERS = {
-    "convert": (["convert", *STEPS, "-o", "mine.stn"], "mine.toml"),
-    "certify": (["certify", *STEPS, "-o", "mine.cert"], "mine.stn"),
-    "certify with parameters": (["certify", *DELIVERY, "-o", "mine.cert"], "mine.toml"),
-    "check": (["check", *example(), "--smt2", "mine"], "mine/00001-old.smt2"),
-    "envelope": (["envelope", *example(), "--smt2", "mine"], "mine/00009-old.smt2"),
-    "alethe": (["certify", *example(), "-o", "mine.cert", "--alethe", "mine"], "mine/0000.alethe"),
-    "witness": (["pike", "check", KITCHEN, "--cross", "--witness", "mine"], "mine/domain.pddl"),
-    "new": (["pike", "new", "wing", "-o", "mine"], "mine/problem.pddl"),
-}
-
-
-@pytest.mark.parametrize("name", OTHERS)
-def test_nothing_is_replaced_that_nobody_named(here, name):
-    words, file = OTHERS[name]
-    Path("mine").mkdir()
-    Path(file).write_text("# kept\n", encoding="utf-8")
-    before = sorted(here.rglob("*"))
-    ended = command(*words)
-    assert_one_line(ended)
-    assert f"{file.split('/')[0]}" in ended.err
-    assert ended.err.endswith("expected no such files; --force replaces them\n")
-    assert (Path(file).read_text(encoding="utf-8"), sorted(here.rglob("*"))) == ("# kept\n", before)
-    if name in {"convert", "certify", "check", "new"}:
-        assert command(*words, "--force").code == 0
-        assert name == "check" or Path(file).read_text(encoding="utf-8") != "# kept\n"
-
-
-@pytest.mark.parametrize(
-    ("words", "error"),
-    [
-        (
-            ("convert", *STEPS, "-o", "mine.stn", "--parameters", "mine.toml", "--force"),
-            "--output: found 'mine.toml', which is another option, expected another name",
-        ),
-        (
-            ("envelope", *example(), "--parameters", "mine.toml", "--export", "csv", "-o", "mine.toml"),
-            "--output: found 'mine.toml', which is read, expected another file",
-        ),
-        (
-            ("certify", *example()[:2], "mine.stn", "-o", "mine.toml"),
-            "--output: found 'mine.toml', where parameters of 'mine.stn' are read, expected another file",
-        ),
-        (
-            ("envelope", *example(), "--export", "csv", "-o", "new.svg", "--plot", "new.svg"),
-            "--plot: found 'new.svg', which --output names, expected another file",
-        ),
-        (
-            ("certify", *example(), "-o", "new\nestablished: new.cert"),
-            r"--output: found 'new\nestablished: new.cert', expected a name without control characters",
-        ),
-    ],
-)
-def test_a_file_has_one_use(here, words, error):
-    """Even --force replaces nothing that is read, and no line of an answer comes from the name of a file."""
-    Path("mine.toml").write_text("", encoding="utf-8")
-    shutil.copy(example()[2], "mine.stn")
-    ended = command(*words)
-    assert_one_line(ended)
-    assert error in ended.err
-    assert (Path("mine.toml").read_text(encoding="utf-8"), list(here.glob("new*"))) == ("", [])
-
-
-def test_a_table_like_parameters_beside_a_plan_is_named(here):
-    shutil.copy(example()[2], "mine.stn")
-    Path("mine.toml").write_text('[parameter.k]\nduration = "i"\n', encoding="utf-8")
-    ended = command("check", *example()[:2], "mine.stn")
-    assert ended.code == 0
-    assert "mine.toml: found table 'parameter', which is not read; expected [parameters.NAME]" in ended.err
-
-
-def test_a_store_is_no_device(here):
+@pytest.mark.parametrize("device", ["/dev/zero", "/dev/full"])
+def test_a_store_is_no_device(here, device):
     """Which may have no end."""
-    for target in ("/dev/zero", "/dev/full"):
-        ended = command("batch", "check", SUITE, "--store", target)
-        assert_one_line(ended)
-        assert ended.err.startswith(f"robust: error: {target}: found no regular file, expected a ")
-    assert SCHEMA in ended.err
-
-
-# -- too large ---------------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def large(tmp_path_factory) -> Path:
-    """100 MB in one line, without taking place on the disk."""
-    path = tmp_path_factory.mktemp("large") / "large"
-    with path.open("wb") as file:
-        file.truncate(100 * 2**20)
-    return path
+    ended = command("batch", "check", "small", "--store", device)
+    assert_one_line(ended, 2, SCHEMA)
+    assert ended.err.startswith(f"robust: error: {device}: found no regular file, expected a ")
 
 
 READERS = {
@@ -267,12 +160,14 @@ READERS = {
 
 
 @pytest.mark.parametrize("name", READERS)
-def test_files_that_are_too_large_or_have_no_end_are_refused(large, name):
+def test_files_that_are_too_large_or_have_no_end_are_refused(tmp_path, name):
+    large = tmp_path / "large"
+    with large.open("wb") as file:
+        file.truncate(100 * 2**20)  # in one line, without taking place on the disk
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     for path in (large, "/dev/zero") if name != "certificate" else ("/dev/zero",):
         ended = command(*[path if word == "FILE" else word for word in READERS[name]])
-        assert_one_line(ended)
-        assert f"{path}: found more than " in ended.err
+        assert_one_line(ended, 2, f"{path}: found more than ")
         assert ended.err.endswith(" MB, expected a smaller file\n")
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 200 * 2**10
 
@@ -280,9 +175,7 @@ def test_files_that_are_too_large_or_have_no_end_are_refused(large, name):
 def test_a_long_line_of_a_plan_is_refused_and_a_long_log_is_read(tmp_path):
     path = tmp_path / "plan"
     path.write_bytes(b"; planner\r" + b"x" * (2**20 + 1))
-    ended = command("check", *example()[:2], path)
-    assert_one_line(ended)
-    assert f"{path}:1: found a line of more than 1 MB" in ended.err
+    assert_one_line(command("check", *example()[:2], path), 2, f"{path}:1: found a line of more than 1 MB")
     steps = (NAVIGATION / "steps.plan").read_bytes()
     path.write_bytes((b"; " + b"x" * 2**19 + b"\n") * 20 + steps)
     assert command("validate", *example()[:2], path, "--quiet").code == 0

@@ -13,7 +13,7 @@ There is one recording for each shape of an answer: a command, as text or JSON, 
 right is tested by oracles, and that back ends, solvers and encodings agree by tests that cross them.
 
 Each case runs in a new directory with `examples` and `domains` (links to robust/examples and benchmarks/domains of
-`--checkout`) and `inputs` (a copy of the directory beside this file).
+`--checkout`) and `inputs` (a copy of the directory beside this file), and with what `changes.toml` says of it.
 
 Numbers of checks, queries and polyhedra, and the order in which parts of a region are found, follow from the models
 that a solver happens to find. They are the same in each process, but a change of the order in which formulas are made
@@ -42,7 +42,6 @@ import argparse
 import difflib
 import fnmatch
 import json
-import logging
 import os
 import re
 import shlex
@@ -51,23 +50,22 @@ import subprocess
 import sys
 import tempfile
 import time
+import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import chdir, redirect_stderr, redirect_stdout
+from contextlib import chdir
 from dataclasses import dataclass
-from io import StringIO
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
-from tests.cli.inputs import BAD_INPUTS, RIGHT
-
-INPUTS, DATA = Path(__file__).parent / "inputs", Path(__file__).parent / "data"
-CHECKOUT = Path(__file__).resolve().parents[2]
+HERE = Path(__file__).resolve().parent
+INPUTS, DATA, CHECKOUT = HERE / "inputs", HERE / "data", HERE.parents[1]
+CHANGES = tomllib.loads((HERE / "changes.toml").read_text(encoding="utf-8"))
+"""Of which files some recordings are: a folder, and what is changed in it."""
 COLUMNS = 100
 LIMIT = 900.0
 """Seconds after which a command is killed; no case comes near."""
-
-
 SLOW = re.compile(
     r"bench|batch|compare-(?!flexible)|certify-(json|box-file|alethe$)|execute-planners|pike-check-cross"
     r"|pike-run-(disturb-explained|fails|patience-margin|windows-explain)"
@@ -85,27 +83,11 @@ class Case:
     lines: tuple[str, ...]
 
     @property
-    def slow(self) -> bool:
-        return SLOW.match(self.name) is not None
-
-    @property
-    def masked(self) -> bool:
-        return MASKED.match(self.name) is not None
-
-    @property
-    def files(self) -> Mapping[str, bytes]:
-        """What is in the directory beside the inputs."""
-        return _bad_inputs() if self.name == "bad-inputs" else {}
-
-    @property
     def needs_process(self) -> bool:
-        """Whether what it says depends on the process: on stdin, on how long a start takes, on the memory of cvc5."""
-        if self.name == "help":
-            return False
-        # What is wrong ends before anything is read from stdin or computed, but some commands change the process.
-        wrong = self.name.startswith("bad-")
-        words = ("bench", "batch") if wrong else ("--stdio", "--timeout", "cvc5", "bench", "batch")
-        return any(word in line for line in self.lines for word in words)
+        """Whether what it says depends on the process: on how long a start takes, on the memory of cvc5."""
+        # What is wrong ends before anything is computed, but some commands change the process.
+        words = ("bench", "batch") if self.name.startswith("bad-") else ("--timeout", "cvc5", "bench", "batch")
+        return self.name != "help" and any(word in line for line in self.lines for word in words)
 
 
 _LINE = re.compile(r"^\$ robust ?(.*)\n(?=exit |killed |\$ robust |\Z)", re.MULTILINE)
@@ -118,23 +100,26 @@ def cases() -> list[Case]:
     return [Case(name, tuple(_LINE.findall(text))) for name, text in recordings]
 
 
-def _bad_inputs() -> dict[str, bytes]:
-    """A directory of files for each row of the table of wrong inputs, and for files that are no text or none at all."""
-    right = {name: text.encode() for name, text in RIGHT.items()}
-    wrong = {bad.name: {bad.file: RIGHT[bad.file].replace(bad.old, bad.new).encode()} for bad in BAD_INPUTS}
-    for name in right:
-        wrong |= {f"{Path(name).stem} binary": {name: bytes(range(256)) * 8}, f"{Path(name).stem} empty": {name: b""}}
-    slugs = {name: re.sub(r"[^a-z0-9]+", "-", name.lower()) for name in wrong}
-    return {f"{slugs[name]}/{file}": text for name, files in wrong.items() for file, text in {**right, **files}.items()}
-
-
-# -- running -----------------------------------------------------------------------------------------------------------
+def _changed(folder: str, changes: Mapping[str, Sequence[str]], unreadable: bool = False) -> dict[str, bytes]:
+    """A directory for each change of the files in a folder; if asked also for each file as no text and as no byte."""
+    right = {path.name: path.read_bytes() for path in (CHECKOUT / folder).iterdir() if path.is_file()}
+    made = {}
+    for name, words in changes.items():
+        made[name] = dict(right)
+        for file, old, new in zip(words[::3], words[1::3], words[2::3], strict=True):
+            text = made[name].get(file, b"").decode()
+            assert old in text, name
+            made[name][file] = (text.replace(old, new, 1) if old else new).encode()
+    for file in right if unreadable else ():
+        stem = Path(file).stem
+        made |= {f"{stem} binary": {**right, file: bytes(range(256)) * 8}, f"{stem} empty": {**right, file: b""}}
+    slugs = {name: re.sub(r"[^a-z0-9]+", "-", name.lower()) for name in made}
+    return {f"{slugs[name]}/{file}": text for name, files in made.items() for file, text in files.items()}
 
 
 Ended = tuple[int, str, str]
-"""An exit code, and what was printed on stdout and stderr."""
 Runner = Callable[[Sequence[str], Path, bytes], Ended]
-"""Runs the words of a command line in a directory, with something on stdin."""
+"""Runs words in a directory, with something on stdin: the exit code, and what was printed on stdout and stderr."""
 
 
 def processes(command: Sequence[str]) -> Runner:
@@ -149,44 +134,32 @@ def processes(command: Sequence[str]) -> Runner:
     return run
 
 
-THIS = processes((sys.executable, "-m", "robust"))
-"""With this interpreter and the package that it finds."""
-
-
 def in_process(words: Sequence[str], directory: Path, given: bytes) -> Ended:
-    """In this process and its main thread, without the seconds that a start takes; nothing can be on stdin."""
-    from robust.cli import run  # noqa: PLC0415 - only for those that run here
+    """In this process and its main thread, without the seconds that a start takes."""
+    from tests.cli.running import command  # noqa: PLC0415 - which imports the package, that of this checkout
 
-    if given:
-        raise ValueError("found something on stdin, expected a case for processes")
-    out, err, before = StringIO(), StringIO(), dict(os.environ)
-    logger = logging.getLogger("robust")
-    try:
-        os.environ.clear()
-        os.environ.update(_environment())
-        with chdir(directory), redirect_stdout(out), redirect_stderr(err):
-            code = run(list(words))
-    finally:
-        os.environ.clear()
-        os.environ.update(before)
-        logger.handlers.clear()
-        logger.setLevel(logging.NOTSET)
-    return code, out.getvalue(), err.getvalue()
+    with tempfile.TemporaryFile("w+", encoding="utf-8", newline="") as stdin:
+        stdin.buffer.write(given)
+        stdin.seek(0)
+        variables, reading = patch.dict(os.environ, _environment(), clear=True), patch.object(sys, "stdin", stdin)
+        with chdir(directory), variables, reading:
+            ended = command(*words)
+    return ended.code, ended.out, ended.err
 
 
 @dataclass(frozen=True)
 class Place:
     """Where the files of cases come from, and what runs them."""
 
-    checkout: Path = CHECKOUT
-    run: Runner = THIS
+    checkout: Path
+    run: Runner
 
     def prepare(self, case: Case, directory: Path) -> None:
         """Put into an empty directory what a case reads."""
         shutil.copytree(INPUTS, directory / "inputs")
         (directory / "examples").symlink_to(self.checkout / "robust" / "examples")
         (directory / "domains").symlink_to(self.checkout / "benchmarks" / "domains")
-        for name, content in case.files.items():
+        for name, content in _changed(**CHANGES[case.name]).items() if case.name in CHANGES else ():
             (directory / name).parent.mkdir(exist_ok=True)
             (directory / name).write_bytes(content)
 
@@ -195,9 +168,10 @@ class Place:
         with tempfile.TemporaryDirectory(prefix="recording-") as name:
             directory = Path(name).resolve()
             self.prepare(case, directory)
-            before = set(_found(directory))
+            before = {path: path.read_bytes() for path in _files(directory)}
             parts = [part for line in case.lines for part in self._ran(line, directory, case)]
-            made = [f"{each.relative_to(directory)}:{_kept(each)}" for each in _found(directory) if each not in before]
+            after = [path for path in _files(directory) if before.get(path) != path.read_bytes()]
+            made = [f"{path.relative_to(directory)}:{_kept(path)}" for path in after]
             parts += ["-- files", *(self._unplaced(text, directory) for text in made)] if made else []
         return "\n".join(parts) + "\n"
 
@@ -214,7 +188,7 @@ class Place:
         yield f"exit {code}"
         for name, stream in zip(("stdout", "stderr"), streams, strict=True):
             if stream:
-                kind, text = _masked(stream, case.masked)
+                kind, text = _masked(stream, MASKED.match(case.name) is not None)
                 yield f"-- {name}{kind}"
                 yield self._unplaced(text, directory).rstrip("\n")
 
@@ -230,7 +204,7 @@ def _environment() -> dict[str, str]:
     return {**kept, "COLUMNS": str(COLUMNS), "LINES": "40", "LC_ALL": "C.UTF-8", "TERM": "dumb", "MPLBACKEND": "agg"}
 
 
-def _found(directory: Path) -> list[Path]:
+def _files(directory: Path) -> list[Path]:
     """The files below a directory, but not below links."""
     return sorted(
         Path(top) / name for top, _, names in os.walk(directory) for name in names if not name.endswith(".pyc")
@@ -251,8 +225,6 @@ def _kept(path: Path) -> str:
         return " something" if content else " empty"
     return "\n" + _masked(content.decode("utf-8"), everything=False)[1].rstrip("\n")
 
-
-# -- masking -----------------------------------------------------------------------------------------------------------
 
 MEASURED = re.compile(
     r"^(?!(baseline_)?limit)(.*_)?"
@@ -316,9 +288,6 @@ def _folded(value: Any, depth: int = 0) -> str:
     return f"{line[0]}\n{inner}\n{' ' * depth}{line[-1]}"
 
 
-# -- the command line --------------------------------------------------------------------------------------------------
-
-
 def difference(case: Case, place: Place, data: Path, *, loose: bool = False) -> str:
     """A unified diff of what is recorded and what a case comes to now; empty if nothing differs."""
     path = data / f"{case.name}.txt"
@@ -337,51 +306,43 @@ _EFFORT = re.compile(
 _STEP = re.compile(r'\{"check": .*|"convergence": .*|queries/\d+-.*|[][{}]*')
 
 
-def _loosened(text: str) -> list[str]:
+def _loosened(text: str) -> list[list[str]]:
     """Without what depends on which models a solver happens to find: counts of its work, and the order of lines."""
-    lines = [_EFFORT.sub("#", line).strip().rstrip(",") for line in text.splitlines()]
-    return sorted(line for line in lines if not _STEP.fullmatch(line))
+    answers = re.split(r"^(?=\$ robust)", text, flags=re.MULTILINE)
+    lines = [[_EFFORT.sub("#", line).strip().rstrip(",") for line in answer.splitlines()] for answer in answers]
+    return [sorted(line for line in answer if not _STEP.fullmatch(line)) for answer in lines]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    options = _parser().parse_args(arguments)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("action", choices=["record", "compare"])
+    parser.add_argument("directory", nargs="?", type=Path, default=DATA)
+    parser.add_argument("--only", metavar="PATTERN", default="", help="a shell pattern for names, or a part of them")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="commands at a time")
+    parser.add_argument("--command", default=f"{sys.executable} -m robust", help="default: robust of this interpreter")
+    parser.add_argument("--loose", action="store_true", help="whatever the order of lines and the work of solvers")
+    parser.add_argument("--checkout", type=Path, default=CHECKOUT, metavar="DIR", help="where examples are found")
+    options = parser.parse_args(arguments)
     place = Place(options.checkout.resolve(), processes(shlex.split(options.command)))
-    chosen = [case for case in cases() if _matches(case.name, options.only)]
-    data: Path = options.directory
-    data.mkdir(parents=True, exist_ok=True)
-    differing = []
+    chosen = [case for case in cases() if options.only in case.name or fnmatch.fnmatch(case.name, options.only)]
+    options.directory.mkdir(parents=True, exist_ok=True)
     started = time.monotonic()
 
-    def work(case: Case) -> tuple[Case, str]:
+    def work(case: Case) -> str:
         if options.action == "compare":
-            return case, difference(case, place, data, loose=options.loose)
-        (data / f"{case.name}.txt").write_text(place.recorded(case), encoding="utf-8")
-        return case, ""
+            return difference(case, place, options.directory, loose=options.loose)
+        (options.directory / f"{case.name}.txt").write_text(place.recorded(case), encoding="utf-8")
+        return ""
 
+    differing = []
     with ThreadPoolExecutor(options.jobs) as pool:
-        for case, text in pool.map(work, chosen):
+        for case, text in zip(chosen, pool.map(work, chosen), strict=True):
             if text:
                 differing.append(case.name)
                 print(text, flush=True)
     summary = f"{len(chosen)} cases in {time.monotonic() - started:.0f} s, {len(differing)} differ"
     print(summary, *differing, file=sys.stderr)
     return 1 if differing else 0
-
-
-def _matches(name: str, pattern: str | None) -> bool:
-    return pattern is None or pattern in name or fnmatch.fnmatch(name, pattern)
-
-
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("action", choices=["record", "compare"])
-    parser.add_argument("directory", nargs="?", type=Path, default=DATA)
-    parser.add_argument("--only", metavar="PATTERN", help="a shell pattern for names, or a part of them")
-    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="commands at a time")
-    parser.add_argument("--command", default=f"{sys.executable} -m robust", help="default: robust of this interpreter")
-    parser.add_argument("--loose", action="store_true", help="whatever the order of lines and the work of solvers")
-    parser.add_argument("--checkout", type=Path, default=CHECKOUT, metavar="DIR", help="where examples are found")
-    return parser
 
 
 if __name__ == "__main__":

@@ -8,14 +8,14 @@ import re
 import pytest
 
 from tests.cli.running import Ended, answer_of
-from tests.recordings.recordings import CHECKOUT, DATA, Place, cases, difference, in_process
+from tests.recordings.recordings import CHECKOUT, DATA, SLOW, Place, cases, difference, in_process
 
-OTHER_WITNESSES = re.compile(
+OTHER = re.compile(
     r"convert-(causal-steps|parameters|json-causal-steps)|envelope-verbose|demo-tour|region-(latex|form-.*)|check-at"
     r"|pike-check-(all-text|text-kitchen)"
 )
 """Several answers are right, and which one is given depends on what the solver was asked before."""
-QUICK = [case for case in cases() if not (case.slow or case.needs_process or OTHER_WITNESSES.fullmatch(case.name))]
+QUICK = [case for case in cases() if not (SLOW.match(case.name) or case.needs_process or OTHER.fullmatch(case.name))]
 
 
 @pytest.fixture(scope="module")

@@ -4,42 +4,20 @@
 """
 
 import json
+import pkgutil
+from importlib import import_module
 from pathlib import Path
 
 import jsonschema
 import pytest
 
+from robust import show
 from robust.json_text import schema_of
-from robust.show import (
-    batch,
-    certificates,
-    documents,
-    execution,
-    pike,
-    pike_envelopes,
-    plan_documents,
-    repairs,
-    risk,
-    schemas,
-    stnu,
-    validation,
-)
+from robust.show import schemas
 from robust.show.schemas import FILES, schema
 
-MODULES = (
-    batch,
-    certificates,
-    documents,
-    execution,
-    pike,
-    pike_envelopes,
-    plan_documents,
-    repairs,
-    risk,
-    stnu,
-    validation,
-)
-DOCUMENTS = {one.__struct_config__.tag: one for module in MODULES for one in module.DOCUMENTS}
+MODULES = [import_module(module.name) for module in pkgutil.iter_modules(show.__path__, "robust.show.")]
+DOCUMENTS = {kind.__struct_config__.tag: kind for module in MODULES for kind in getattr(module, "DOCUMENTS", ())}
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -54,7 +32,7 @@ def test_published_schemas_are_those_of_the_types(name):
 
 
 if __name__ == "__main__":
-    for each, kind in DOCUMENTS.items():
-        if schema(each) != (new := schema_of(kind, each)):
+    for name, kind in DOCUMENTS.items():
+        if schema(name) != (new := schema_of(kind, name)):
             text = json.dumps(new, indent=2, ensure_ascii=False) + "\n"
-            Path(schemas.__file__).with_name(FILES[each]).write_text(text, encoding="utf-8")
+            Path(schemas.__file__).with_name(FILES[name]).write_text(text, encoding="utf-8")

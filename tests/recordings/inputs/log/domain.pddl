@@ -1,0 +1,7 @@
+(define (domain delivery)
+  (:requirements :typing :durative-actions :fluents)
+  (:types place van)
+  (:predicates (at ?v - van ?p - place) (rung))
+  (:durative-action go :parameters (?v - van ?from ?to - place) :duration (= ?duration 5)
+    :condition (at start (at ?v ?from)) :effect (and (at start (not (at ?v ?from))) (at end (at ?v ?to))))
+  (:action ring :parameters (?v - van) :precondition () :effect (rung)))
