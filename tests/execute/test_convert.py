@@ -1,13 +1,13 @@
 """Conversion in both modes: small plans whose networks are known, drawn plans, examples, recorded plans."""
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
-from itertools import chain
 from random import Random
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from robust.errors import InputError
@@ -17,36 +17,16 @@ from robust.execute.esterel import esterel_edges
 from robust.execute.parametrization import option_of, write_specs
 from robust.irr.check import Answer
 from robust.plan.load import load_plan
-from robust.plan.model import ZERO, ParameterReference, ParametrizedPlan
+from robust.plan.model import ZERO, ParametrizedPlan, TemporalConstraint, TimePoint
 from robust.plan.simulate import simulate
 from robust.plan.stn import write_stn
-from tests.execute.plans import EPSILON, converted, durative
+from tests.execute.plans import EPSILON, converted, text_of
 from tests.pddl_text import pddl_text
-from tests.sampling import Network, sample_schedules
+from tests.plan.building import drawn
+from tests.sampling import Network, bound_value, sample_schedules
 from tests.strategies import plans
 
-TIMED = (
-    durative("heat", "10", "", "(at end (warm))"),
-    durative("bathe", "5", "(at start (warm)) (over all (>= (water) 3))", "(at end (done))"),
-    durative("draw", ">= 1", "", "(decrease (water) (* #t 1))"),
-    durative("rest", "6", "(over all (or (lit) (open)))", "(at end (done))"),
-)
-DOMAIN = f"""
-(define (domain house)
-  (:requirements :typing :durative-actions :fluents :timed-initial-literals :duration-inequalities)
-  (:predicates (lit) (open) (warm) (done))
-  (:functions (water))
-  (:action switch-on :parameters () :precondition () :effect (lit))
-  (:action press :parameters () :precondition () :effect (lit))
-  (:action switch-off :parameters () :precondition () :effect (not (lit)))
-  (:durative-action read :parameters () :duration (and (>= ?duration 2) (<= ?duration 9))
-    :condition (over all (lit)) :effect (at end (done)))
-  {" ".join(TIMED)}
-  (:action unlock :parameters () :precondition () :effect (open))
-  (:action fill :parameters () :precondition () :effect (increase (water) 2))
-  (:action drink :parameters () :precondition (>= (water) 13) :effect (done))
-  (:action wait :parameters () :precondition (open) :effect (done)))
-"""
+DOMAIN = text_of("house.pddl")
 
 
 def problem(init: str = "", goal: str = "(done)") -> str:
@@ -63,11 +43,11 @@ LITERALS = "(at 4 (open)) (at 8 (not (open))) (at 30 (not (lit))) "
 WITHIN = "n0 - .zero in [4001/1000, 7999/1000]"
 
 
-def lines(found: Conversion) -> set[str]:
+def lines(conversion: Conversion) -> set[str]:
     """The constraints without durations."""
     return {
         f"{one.target} - {one.source} in [{one.lower}, {one.upper}]"
-        for one in found.plan.constraints
+        for one in conversion.plan.constraints
         if one.source.instance is None or one.source.instance != one.target.instance
     }
 
@@ -112,13 +92,13 @@ NETWORKS = {
 @pytest.mark.parametrize("name", NETWORKS)
 def test_networks(name):
     steps, init, expected = NETWORKS[name]
-    found = house(steps, init=init, mode=Mode.ESTEREL if "transformer" in name else Mode.CAUSAL)
-    assert lines(found) == expected
-    assert found.check.answer is Answer.PROVED
+    conversion = house(steps, init=init, mode=Mode.ESTEREL if "transformer" in name else Mode.CAUSAL)
+    assert lines(conversion) == expected
+    assert conversion.check.answer is Answer.PROVED
 
 
 def test_what_becomes_of_durations_and_orders():
-    [duration] = [one for one in house(READING).plan.constraints if one.source.instance == one.target.instance]
+    [duration] = [bound for bound in house(READING).plan.constraints if bound.source.instance == bound.target.instance]
     assert (str(duration.lower), str(duration.upper)) == ("2", "9")
     assert "n2 - n0 in [1/1000, None]" in lines(house(READING, "duration:read")), "which a parameter does not imply"
     assert house(BOTH).redundant > 0
@@ -129,29 +109,26 @@ def test_what_becomes_of_durations_and_orders():
     assert house(FILLING, mode=Mode.ESTEREL).check.answer is Answer.REFUTED
 
 
-def test_bounds_that_numbers_need_are_found_and_loosened():
-    drawing = "0: (draw) [2]\n0: (heat) [10]\n11: (bathe) [5]"
-    found = house(drawing)
-    [needed] = found.tightened
+DRAWING = "0: (draw) [2]\n0: (heat) [10]\n11: (bathe) [5]"
+
+
+def test_bounds_that_numbers_need_are_found_and_loosened_while_there_is_time():
+    whole = house(DRAWING)
+    [needed] = whole.tightened
     # 10 - d >= 3 as long as bathe may overlap or follow.
     assert needed.obligation == "n2 bathe: over all (>= (water) 3)"
     assert str(needed.edge) == "n0.start - n0.end >= -7"
-    assert found.check.answer is Answer.PROVED
-
-
-def test_out_of_time_the_network_allows_the_schedule_of_the_plan_only():
-    found = house("0: (draw) [2]\n0: (heat) [10]\n11: (bathe) [5]", timeout=1e-9)
-    assert (found.ended, found.check.answer) == (ConversionEnd.TIMEOUT, Answer.PROVED)
-    assert sample_schedules(found.plan, {}, Random(1), 5) == [dict(found.schedule)]  # noqa: S311 - reproducible
-    whole = house("0: (draw) [2]\n0: (heat) [10]\n11: (bathe) [5]")
-    assert set(found.check.obligations) == set(whole.check.obligations)
+    assert whole.check.answer is Answer.PROVED
+    hasty = house(DRAWING, timeout=1e-9)
+    assert (hasty.ended, hasty.check.answer) == (ConversionEnd.TIMEOUT, Answer.PROVED)
+    assert sample_schedules(hasty.plan, {}, Random(1), 5) == [dict(hasty.schedule)]  # noqa: S311 - reproducible
+    assert set(hasty.check.obligations) == set(whole.check.obligations)
 
 
 def test_a_disjunction_whose_literals_take_turns_needs_bounds():
-    found = house("2: (rest) [6]\n3: (unlock)\n4: (switch-off)", init="(lit)")
-    assert {one.obligation for one in found.tightened} == {"n0 rest: over all (or (lit) (open))"}
     # The light goes out either after unlocking or not before the rest is over; the plan does the former.
-    [needed] = found.tightened
+    [needed] = house("2: (rest) [6]\n3: (unlock)\n4: (switch-off)", init="(lit)").tightened
+    assert needed.obligation == "n0 rest: over all (or (lit) (open))"
     assert (str(needed.edge.source), str(needed.edge.target)) == ("n1", "n2")
     assert needed.edge.weight <= Fraction(1)
 
@@ -161,26 +138,27 @@ def test_a_least_duration_that_others_imply_is_left_out():
     domain = DOMAIN.replace("(<= ?duration 9)", "(<= ?duration 90)")
     domain = domain.replace("(over all (lit)) :effect", "(and (at start (open)) (at end (open))) :effect")
     initial = "(open) (at 4 (not (open))) (at 30 (open))"
-    found = house("1: (read) [40]", init=initial, domain=domain)
-    bounds = {(str(one.lower), str(one.upper)) for one in found.plan.constraints}
+    conversion = house("1: (read) [40]", init=initial, domain=domain)
+    bounds = {(str(bound.lower), str(bound.upper)) for bound in conversion.plan.constraints}
     assert bounds == {("None", "90"), ("None", "3999/1000"), ("30001/1000", "None")}
-    assert found.check.answer is Answer.PROVED
+    assert conversion.check.answer is Answer.PROVED
     with_parameter = house("1: (read) [40]", "fluent:(water)", init=initial, domain=domain)
-    assert "2" in {str(one.lower) for one in with_parameter.plan.constraints}
+    assert "2" in {str(bound.lower) for bound in with_parameter.plan.constraints}
 
 
 def test_what_a_plan_file_cannot_hold_is_said_beside_it_and_reads_back(tmp_path):
-    found = house(BATH, "duration:heat", "tank=fluent:(water),lb=1/3")
-    beside = [(one.name, one.target.value, one.subject) for one in found.beside]
+    conversion = house(BATH, "duration:heat", "tank=fluent:(water),lb=1/3")
+    beside = [(spec.name, spec.target.value, spec.subject) for spec in conversion.beside]
     assert beside == [("tank", "fluent", "(water)"), ("dur_n0", "duration", "n0")]
-    assert [one.name for one in found.stn.parameters] == ["dur_n0"]
-    assert [one.text for one in found.plan.instances[0].durations] == ["(= ?duration dur_n0)"]
+    assert [parameter.name for parameter in conversion.stn.parameters] == ["dur_n0"]
+    assert [bound.text for bound in conversion.plan.instances[0].durations] == ["(= ?duration dur_n0)"]
     files = [tmp_path / name for name in ("domain.pddl", "problem.pddl", "plan.stn", "parameters.toml")]
-    for path, text in zip(files, (DOMAIN, problem(), write_stn(found.stn), write_specs(found.beside)), strict=True):
+    texts = DOMAIN, problem(), write_stn(conversion.stn), write_specs(conversion.beside)
+    for path, text in zip(files, texts, strict=True):
         path.write_text(text)
-    for options in ({"parameter_file": files[3]}, {"parameters": [option_of(one) for one in found.beside]}):
-        again = load_plan(*files[:3], **options)
-        assert (set(again.parameters), again.instances) == (set(found.plan.parameters), found.plan.instances)
+    for options in ({"parameter_file": files[3]}, {"parameters": [option_of(spec) for spec in conversion.beside]}):
+        again, plan = load_plan(*files[:3], **options), conversion.plan
+        assert (set(again.parameters), again.instances) == (set(plan.parameters), plan.instances)
 
 
 OTHER = "default 7 for parameter 'dur_n0', expected the plan's own 10"
@@ -201,20 +179,23 @@ def test_wrong_plans_and_specifications(steps, specs, kind, message):
         house(steps, *specs)
 
 
-def allows(outer: ParametrizedPlan, inner: ParametrizedPlan) -> list[str]:
-    """The constraints of `outer` that some schedule of `inner` breaks, at nominal values: none if it allows all."""
+def sides(
+    constraint: TemporalConstraint, values: dict[str, Fraction]
+) -> Iterator[tuple[TimePoint, TimePoint, Fraction]]:
+    """(a, b, w): t_b − t_a ≥ w."""
+    if constraint.lower is not None:
+        yield constraint.source, constraint.target, bound_value(constraint.lower, values)
+    if constraint.upper is not None:
+        yield constraint.target, constraint.source, -bound_value(constraint.upper, values)
+
+
+def allows(outer: ParametrizedPlan, inner: ParametrizedPlan) -> bool:
+    """Whether all schedules of `inner` at nominal values are schedules of `outer`, too."""
     network = Network(inner, inner.nominal)
     index = {point: i for i, point in enumerate(network.points)}
-    broken = []
-    for one in outer.constraints:
-        for source, target, bound, sign in (
-            (one.source, one.target, one.upper, 1),
-            (one.target, one.source, one.lower, -1),
-        ):
-            most = network.distances[index[source]][index[target]]
-            if bound is not None and (most is None or Fraction(most, network.scale) > sign * bound.constant_term):
-                broken.append(f"{target} - {source} <= {sign * bound.constant_term}")
-    return broken
+    bounds = [bound for constraint in outer.constraints for bound in sides(constraint, outer.nominal)]
+    most = [(network.distances[index[target]][index[source]], -least) for source, target, least in bounds]
+    return all(distance is not None and Fraction(distance, network.scale) <= limit for distance, limit in most)
 
 
 @pytest.mark.parametrize(
@@ -229,7 +210,7 @@ def allows(outer: ParametrizedPlan, inner: ParametrizedPlan) -> list[str]:
 def test_drawn_plans(options):
     seen: Counter[str] = Counter()
 
-    @settings(max_examples=70, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+    @drawn(70)
     @given(
         plans(dyadic=True, linear=True, parameters=0, zero_durations=False, infeasible=False, tame=True, **options),
         st.randoms(use_true_random=False),
@@ -247,7 +228,7 @@ def test_drawn_plans(options):
             assert simulate(esterel.plan, {}, esterel.schedule).valid
             seen[f"esterel {esterel.check.answer.value}"] += 1
             if esterel.check.answer is Answer.PROVED and not causal.tightened:
-                assert allows(causal.plan, esterel.plan) == []
+                assert allows(causal.plan, esterel.plan)
             return
 
     check()
@@ -267,21 +248,13 @@ def test_recorded_networks_are_those_of_the_transformer(dataset):
         problem_file = path.name.replace("plan", "problem").replace(".stn", ".pddl")
         plan = load_plan(directory / "domain.pddl", directory / problem_file, path)
         network = Network(plan, plan.nominal)
-        times = {
-            p: Fraction(-(row[0] or 0), network.scale) for p, row in zip(network.points, network.distances, strict=True)
-        }
+        times = dict(
+            zip(network.points, (Fraction(-(row[0] or 0), network.scale) for row in network.distances), strict=True)
+        )
         edges = esterel_edges(Original(replace(plan, constraints=()), times, EPSILON))
-        made = {(one.source, one.target, one.weight) for one in edges if one.target != ZERO}
-        nominal = {ParameterReference(one.name): one.nominal for one in plan.parameters}
-        assert made == set(chain.from_iterable(_bounds(one, nominal) for one in plan.constraints)), path.name
-        deadlines = {one.source for one in edges if one.target == ZERO}
-        assert deadlines == {one.target for one in plan.constraints if one.source == ZERO and one.upper is not None}
-
-
-def _bounds(constraint, nominal):
-    """Both bounds at nominal values, without deadlines."""
-    bounds = (constraint.lower, constraint.upper)
-    lower, upper = (None if bound is None else bound.evaluate(nominal) for bound in bounds)
-    yield constraint.source, constraint.target, lower
-    if upper is not None and constraint.source != ZERO:
-        yield constraint.target, constraint.source, -upper
+        recorded_edges = {edge for bound in plan.constraints for edge in sides(bound, plan.nominal) if edge[1] != ZERO}
+        assert {tuple(edge) for edge in edges if edge.target != ZERO} == recorded_edges, path.name
+        deadlines = {edge.source for edge in edges if edge.target == ZERO}
+        assert deadlines == {
+            bound.target for bound in plan.constraints if bound.source == ZERO and bound.upper is not None
+        }

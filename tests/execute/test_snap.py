@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from fractions import Fraction
 from math import floor
@@ -20,32 +21,19 @@ from robust.irr.check import Answer
 from robust.numbers import format_number
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.timed import parse_timed_plan
+from tests.execute.plans import text_of
+from tests.network.oracles import has_schedule
 
 Constraint = tuple[int, int, Fraction]
 """(a, b, w): t_b − t_a ≥ w; point 0 is time zero."""
 
 
-def feasible(size: int, constraints: Sequence[Constraint]) -> bool:
-    """Bellman and Ford: whether no cycle of constraints asks for more than nothing."""
-    least = [Fraction(0)] * size
-    for _ in range(size + 1):
-        changed = False
-        for a, b, weight in constraints:
-            if least[a] + weight > least[b]:
-                least[b] = least[a] + weight
-                changed = True
-        if not changed:
-            return True
-    return False
-
-
-def within(printed: Sequence[Fraction], *shifts: Fraction) -> list[Constraint]:
-    """Every point within that distance of where it was printed; one for all, or one for each."""
-    bounds = []
-    for point, time in enumerate(printed[1:], start=1):
-        shift = shifts[-1] if len(shifts) == 1 else shifts[point - 1]
+def near(constraints: Sequence[Constraint], printed: Sequence[Fraction], shifts: Sequence[Fraction]) -> bool:
+    """Whether there is a schedule in which every point is within its distance of where it was printed."""
+    bounds = list(constraints)
+    for point, (time, shift) in enumerate(zip(printed[1:], shifts, strict=True), start=1):
         bounds += [(0, point, time - shift), (point, 0, -time - shift)]
-    return bounds
+    return has_schedule(range(len(printed)), bounds)
 
 
 # -- networks ----------------------------------------------------------------------------------------------------------
@@ -66,35 +54,22 @@ def networks(draw):
 @given(networks())
 def test_the_least_shift_is_feasible_and_nothing_below_it_is(drawn):
     printed, bounds = drawn
-    found = least_shift(bounds, printed)
-    exact = [Fraction(time) for time in printed]
-    constraints = [(a, b, Fraction(weight)) for a, b, weight in bounds]
-    if found is None:
-        assert not feasible(len(exact), constraints)
+    shift = least_shift(bounds, printed)
+    others = len(printed) - 1
+    if shift is None:
+        assert not has_schedule(range(len(printed)), bounds)
         return
-    assert feasible(len(exact), [*constraints, *within(exact, Fraction(found))])
-    assert not found or not feasible(len(exact), [*constraints, *within(exact, Fraction(found - 1))])
-    windows = NearSchedules(
-        bounds, [0, *(time - found for time in printed[1:])], [0, *(time + found for time in printed[1:])]
-    )
+    assert near(bounds, printed, [shift] * others)
+    assert not shift or not near(bounds, printed, [shift - 1] * others)
+    low, high = ([0, *(time + sign * shift for time in printed[1:])] for sign in (-1, 1))
+    windows = NearSchedules(bounds, low, high)
     assert windows.possible
     times = windows.place(printed)
     assert all(times[b] - times[a] >= weight for a, b, weight in bounds)
-    assert max(abs(a - b) for a, b in zip(times, printed, strict=True)) == found
+    assert max(abs(a - b) for a, b in zip(times, printed, strict=True)) == shift
 
 
 # -- plans -------------------------------------------------------------------------------------------------------------
-
-DOMAIN = """
-(define (domain workshop) (:requirements :typing :durative-actions :fluents)
-  (:types job machine)
-  (:predicates (free ?m - machine) (done ?j - job) (lit) (first ?j - job) (after ?i ?j - job))
-  (:functions (work ?j - job) (speed ?m - machine))
-  (:durative-action do :parameters (?j - job ?m - machine ?i - job) :duration (= ?duration (/ (work ?j) (speed ?m)))
-    :condition (and (at start (free ?m)) (at start (done ?i)) (over all (lit)))
-    :effect (and (at start (not (free ?m))) (at end (free ?m)) (at end (done ?j))))
-  (:action light :parameters () :precondition () :effect (lit)))
-"""
 
 
 class Step(NamedTuple):
@@ -105,16 +80,11 @@ class Step(NamedTuple):
     duration: Fraction | None
 
 
-class Drawn(NamedTuple):
-    """A valid plan, exactly; `pairs` are steps the first of which ends ε or more before the other starts."""
+def drawn_plan(random: Random) -> tuple[str, list[Step], list[tuple[int, int]]]:
+    """Jobs on machines, each after another one, as early as they can be or a little later: a valid plan, exactly.
 
-    problem: str
-    steps: list[Step]
-    pairs: list[tuple[int, int]]
-
-
-def drawn_plan(random: Random) -> Drawn:
-    """Jobs on machines, each after another one, as early as they can be or a little later."""
+    The problem, the steps, and pairs of steps the first of which ends ε or more before the other starts.
+    """
     count, machines = random.randint(2, 7), random.randint(1, 3)
     speeds = [random.choice([1, 2, 3, 7, 9, Fraction(5, 2), 11]) for _ in range(machines)]
     work = [Fraction(random.randint(1, 400), random.choice([1, 1, 10])) for _ in range(count)]
@@ -132,15 +102,16 @@ def drawn_plan(random: Random) -> Drawn:
         pairs += [(place, job) for place in before]
         facts.append(f"(= (work j{job}) {format_number(work[job - 1])})")
     facts += [f"(= (speed m{i}) {format_number(Fraction(speed))}) (free m{i})" for i, speed in enumerate(speeds)]
-    jobs = " ".join(f"j{i}" for i in range(count + 1))
-    names = " ".join(f"m{i}" for i in range(machines))
+    jobs, names = (
+        " ".join(f"{kind}{i}" for i in range(number)) for kind, number in (("j", count + 1), ("m", machines))
+    )
     goal = " ".join(f"(done j{i})" for i in range(1, count + 1))
     problem = f"(define (problem day) (:domain workshop) (:objects {jobs} - job {names} - machine)"
-    return Drawn(f"{problem} (:init {' '.join(facts)}) (:goal (and {goal})))", steps, pairs)
+    return f"{problem} (:init {' '.join(facts)}) (:goal (and {goal})))", steps, pairs
 
 
 def shown(value: Fraction, decimals: int, *, truncated: bool) -> str:
-    """So many decimals, or, if that is zero, six significant digits filled up to eight decimals."""
+    """With this number of decimals, or, if it is zero, six significant digits filled up to eight decimals."""
     kept = decimals or next((places for places in range(8) if value * 10**places >= 10**5), 8)
     whole = floor(value * 10**kept + (0 if truncated else Fraction(1, 2)))
     text = str(whole).rjust(kept + 1, "0")
@@ -150,54 +121,42 @@ def shown(value: Fraction, decimals: int, *, truncated: bool) -> str:
 def rounded_plan(seed: int) -> str:
     """Draw a plan, print it, read and convert it, and compare the shift; says what became of it."""
     random = Random(seed)  # noqa: S311 (not for secrets)
-    drawn = drawn_plan(random)
+    problem_text, steps, pairs = drawn_plan(random)
     decimals, truncated = random.choice([0, 0, 3, 3, 3, 4, 5, 8]), random.random() < 0.5
-    lines = []
-    for step in drawn.steps:
+    text = ""
+    for step in steps:
         length = "" if step.duration is None else f" [{shown(step.duration, decimals, truncated=truncated)}]"
-        lines.append(f"{shown(step.start, decimals, truncated=truncated)}: {step.text}{length}\n")
-    timed = parse_timed_plan("".join(lines))
+        text += f"{shown(step.start, decimals, truncated=truncated)}: {step.text}{length}\n"
+    timed = parse_timed_plan(text)
     # Node i + 1 is the start of step i; durations are exact, and what was printed first comes first, ends at a tie.
-    lengths = [step.duration or Fraction(0) for step in drawn.steps]
+    lengths = [step.duration or Fraction(0) for step in steps]
     printed = [Fraction(0), *(step.time for step in timed.steps)]
     order: list[Constraint] = [(0, node, Fraction(0)) for node in range(1, len(printed))]
-    order += [(early + 1, late + 1, EPSILON + lengths[early]) for early, late in drawn.pairs]
-    kept = all(
-        printed[early + 1] + (timed.steps[early].duration or 0) <= printed[late + 1] for early, late in drawn.pairs
-    )
-    order += within(printed, *(min(unit, EPSILON) for unit, _ in timed.units))
-    domain = parse_domain(DOMAIN)
-    problem = parse_problem(drawn.problem, domain)
-    if not kept or not feasible(len(printed), order):
+    order += [(early + 1, late + 1, EPSILON + lengths[early]) for early, late in pairs]
+    kept = all(printed[early + 1] + (timed.steps[early].duration or 0) <= printed[late + 1] for early, late in pairs)
+    domain = parse_domain(text_of("workshop.pddl"))
+    problem = parse_problem(problem_text, domain)
+    if not kept or not near(order, printed, [min(unit, EPSILON) for unit, _ in timed.units]):
         with pytest.raises(InvalidPlanError):
             convert(domain, problem, timed)
         return "refused"
-    found = convert(domain, problem, timed)
-    assert found.check.answer is Answer.PROVED
-    starts = [found.schedule[instance.start] for instance in found.plan.instances]
-    for length, instance in zip(lengths, found.plan.instances, strict=True):
-        assert not instance.durative or found.schedule[instance.end] - found.schedule[instance.start] == length
-    assert all(starts[late] - starts[early] >= EPSILON + lengths[early] for early, late in drawn.pairs)
+    conversion = convert(domain, problem, timed)
+    assert conversion.check.answer is Answer.PROVED
+    instances, times = conversion.plan.instances, conversion.schedule
+    starts = [times[instance.start] for instance in instances]
+    for length, instance in zip(lengths, instances, strict=True):
+        assert not instance.durative or times[instance.end] - times[instance.start] == length
+    assert all(starts[late] - starts[early] >= EPSILON + lengths[early] for early, late in pairs)
     shift = max(abs(a - b) for a, b in zip(starts, printed[1:], strict=True))
-    assert feasible(len(printed), [*order, *within(printed, shift)])
-    assert not shift or not feasible(len(printed), [*order, *within(printed, shift - Fraction(1, 10**12))])
+    assert near(order, printed, [shift] * len(starts))
+    assert not shift or not near(order, printed, [shift - Fraction(1, 10**12)] * len(starts))
     change = max(abs(length - (step.duration or 0)) for length, step in zip(lengths, timed.steps, strict=True))
-    assert found.snapped.shift == max(shift, change)
+    assert conversion.snapped.shift == max(shift, change)
     return "moved" if shift else "as printed"
 
 
-def outcomes(seeds: range) -> dict[str, int]:
-    found: dict[str, int] = {}
-    for seed in seeds:
-        what = rounded_plan(seed)
-        found[what] = found.get(what, 0) + 1
-    return found
-
-
-def test_a_hundred_roundings():
-    assert outcomes(range(100))["moved"] >= 20
-
-
-@pytest.mark.slow
-def test_five_hundred_roundings():
-    assert outcomes(range(100, 600))["moved"] >= 100
+@pytest.mark.parametrize(
+    ("seeds", "least"), [(range(100), 20), pytest.param(range(100, 600), 100, marks=pytest.mark.slow)]
+)
+def test_roundings(seeds, least):
+    assert Counter(map(rounded_plan, seeds))["moved"] >= least

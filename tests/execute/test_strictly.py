@@ -13,45 +13,30 @@ import pytest
 import robust
 from robust.errors import InputError
 from robust.execute import replan
-from robust.execute.convert import Mode, convert
+from robust.execute.convert import Mode
 from robust.irr.check import Answer
 from robust.plan import model
-from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.simulate import mutex_pairs, simulate
 from robust.plan.timed import parse_timed_plan
 from robust.show.text import Words
 from tests.encode.test_conflicts import Drawing, on_a_grid
-from tests.execute.plans import errand, errands
+from tests.execute.plans import converted, errand, errands
 from tests.pddl_text import pddl_text
 from tests.plan.building import F, assign, instant, plan_of
 from tests.sampling import sample_schedules
 
 NEVER = Fraction(0)
-TIED = "0: (go home market) [7.5]\n7.5: (go market home) [7.5]"
 
 
 def test_what_is_tied_is_broken_and_can_be_moved() -> None:
-    steps = parse_timed_plan(TIED)
+    steps = parse_timed_plan("0: (go home market) [7.5]\n7.5: (go market home) [7.5]")
     verdict = robust.validate(errands, errand, steps, epsilon=0, tolerance=0)
     words = "the end of (go home market) and the start of (go market home) have to be at different times"
     assert str(verdict.violations[0]) == f"at 7.5: {words}, but are at the same time (lines 1, 2)"
     assert verdict.remedies.epsilon is None
     moved = robust.validate(errands, errand, steps, epsilon=0, tolerance="0.01")
-    assert not [one for one in moved.violations if one.obligation.startswith("separation")]
-    assert moved.snapped is not None
-    assert 0 < moved.snapped.shift < Fraction(1, 100)
-
-
-def test_effects_that_disagree_have_words() -> None:
-    domain = (
-        "(define (domain d) (:predicates (p) (q)) (:functions (f)) (:action a :parameters () :precondition () :effect "
-    )
-    domain += "(and (when (p) (assign (f) 1)) (when (q) (assign (f) 2)))))"
-    problem = "(define (problem x) (:domain d) (:init (= (f) 0) (p) (q)) (:goal (= (f) 2)))"
-    verdict = robust.validate(domain, problem, parse_timed_plan("1: (a)"))
-    assert [str(one) for one in verdict.violations] == [
-        "at 1: (a) demands one change only of (f), but (f) is assigned 1 and assigned 2 (line 1)"
-    ]
+    assert not [breach for breach in moved.violations if breach.obligation.startswith("separation")]
+    assert 0 < moved.shift < Fraction(1, 100)
 
 
 def test_words_of_what_is_separated() -> None:
@@ -73,40 +58,32 @@ def hunt(seed: int) -> Iterator[str]:
     """Judge and convert the schedules of a drawn plan, and execute what the networks allow."""
     random = Random(seed)  # noqa: S311 - no secret
     plan = Drawing(random).plan()
-    bare = replace(plan, constraints=())
     schedules = list(on_a_grid(plan))
     for schedule in random.sample(schedules, min(3, len(schedules))):
         texts = pddl_text(plan, {}, schedule)
-        simulation = simulate(bare, {}, schedule, epsilon=NEVER)
-        if any(one.condition == model.Truth(value=False) for each in plan.instances for one in each.agreements):
+        if any(part.condition == model.Truth(value=False) for action in plan.instances for part in action.agreements):
             with pytest.raises(InputError, match="an assignment and another change"):
                 robust.validate(*texts, epsilon=0, tolerance=0)
             yield "refused"
             continue
         verdict = robust.validate(*texts, epsilon=0, tolerance=0)
+        simulation = simulate(replace(plan, constraints=()), {}, schedule, epsilon=NEVER)
         assert verdict.valid == (not simulation.violations)
         yield "valid" if verdict.valid else "invalid"
-        kinds = {one.obligation.partition(" ")[0] for one in verdict.violations}
-        yield from kinds & {"effects", "separation:"}
-        if verdict.valid:
-            domain = parse_domain(texts.domain)
-            parsed = domain, parse_problem(texts.problem, domain), parse_timed_plan(texts.plan)
-            for mode in Mode:
-                found = convert(*parsed, mode=mode, epsilon=NEVER, tolerance=NEVER)
-                assert "at different times" in found.notes(parsed[2])[-1]
-                if mode is Mode.CAUSAL:
-                    assert found.check.answer is Answer.PROVED
-                if found.check.answer is Answer.PROVED:
-                    yield f"{mode.value}, proved"
-                    for times in sample_schedules(found.plan, {}, random, 3, epsilon=NEVER):
-                        assert simulate(found.plan, {}, times, epsilon=NEVER).valid
-                        assert all(times[a] != times[b] for a, b in mutex_pairs(found.plan))
+        yield from {breach.obligation.partition(" ")[0] for breach in verdict.violations} & {"effects", "separation:"}
+        for mode in Mode if verdict.valid else ():
+            conversion = converted(*texts, mode=mode, epsilon=NEVER, tolerance=NEVER)
+            assert "at different times" in conversion.notes(parse_timed_plan(texts.plan))[-1]
+            assert mode is Mode.ESTEREL or conversion.check.answer is Answer.PROVED
+            if conversion.check.answer is Answer.PROVED:
+                yield f"{mode.value}, proved"
+                for times in sample_schedules(conversion.plan, {}, random, 3, epsilon=NEVER):
+                    assert simulate(conversion.plan, {}, times, epsilon=NEVER).valid
+                    assert all(times[a] != times[b] for a, b in mutex_pairs(conversion.plan))
 
 
 @pytest.mark.parametrize("count", [25, pytest.param(1000, marks=pytest.mark.slow)])
 def test_verdicts_and_networks_are_strict(count: int) -> None:
-    seen: Counter[str] = Counter()
-    for seed in range(count):
-        seen.update(hunt(seed))
+    seen = Counter(outcome for seed in range(count) for outcome in hunt(seed))
     kinds = ("valid", "invalid", "effects", "separation:", "causal, proved", "esterel, proved")
     assert min(seen[kind] for kind in kinds) >= count / 12, seen

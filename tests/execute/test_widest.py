@@ -1,6 +1,7 @@
 """The widest boxes that a dispatcher can serve: by hand, beside shrinking, and face by face with other means."""
 
 from fractions import Fraction
+from functools import cache
 from itertools import product
 from random import Random
 
@@ -8,17 +9,19 @@ import pytest
 
 from robust.api import envelope
 from robust.execute.controllability import Control, Controllability, ControlVerdict, Objective, shrink, widest
-from robust.plan.load import load_plan
-from robust.qe.box import Box, Interval, Side
+from robust.qe.box import Box, Side
 from tests.encode.asking import Judge
-from tests.execute.plans import DOMAINS, EPSILON, PLANS, drawn_with_box, interval, nothing_else, tasks, working
+from tests.execute import plans
+from tests.execute.plans import EPSILON, box_of, interval
 
 F = Fraction
 GROWN = Objective(EPSILON, "relational")
 AROUND = Objective(EPSILON, "relational", optimal=True, contain_nominal=True)
 ANYWHERE = Objective(EPSILON, "relational", optimal=True)
+KINDS = pytest.mark.parametrize("kind", [Control.DYNAMIC, Control.STRONG], ids=lambda kind: kind.value)
 
 
+@cache
 def overlapping():
     """The second task must start from 1 to 2 before the first one ends; the third comes after it, and ends by 30."""
     constraints = (
@@ -28,31 +31,25 @@ def overlapping():
         "w3.start - w1.end in [0.001, inf]",
         "w3.end - .zero in [0, 30]",
     )
-    return tasks("parameter third default 5;" + working(*constraints, on="abc"), problem=nothing_else("abc"))
-
-
-def box_of(**ends):
-    return Box({name: interval(text) for name, text in ends.items()})
+    text = "parameter third default 5;" + plans.working(*constraints, on="abc")
+    return plans.tasks(text, problem=plans.nothing_else("abc"))
 
 
 def test_what_one_parameter_gives_back_another_one_takes():
     plan = overlapping()
     box = envelope(plan).box
-    assert box == box_of(first="[1, 34999/2000]", third="[1, 24999/2000]") or box["third"] == interval(
-        "[1, 24999/2000]"
-    )
+    assert box["third"] == interval("[1, 24999/2000]")
     shrunk = shrink(plan, box, Control.DYNAMIC)
     assert shrunk["first"] == interval("[19/2, 21/2]")
-    found = widest(plan, shrunk, Control.DYNAMIC, GROWN)
-    assert found.box["first"] == interval("[19/2, 21/2]")
-    assert found.box["third"] == interval("[1, 19499/1000]")
-    assert {(face[0], face[1].value): stop.name.partition(":")[0] for face, stop in found.stops.items()} == {
+    result = widest(plan, shrunk, Control.DYNAMIC, GROWN)
+    assert result.box == box_of(first="[19/2, 21/2]", third="[1, 19499/1000]")
+    assert {(face[0], face[1].value): stop.name.partition(":")[0] for face, stop in result.stops.items()} == {
         ("first", "lower"): "not dynamically controllable beyond",
         ("first", "upper"): "not dynamically controllable beyond",
         ("third", "lower"): "w3 work",
         ("third", "upper"): "not dynamically controllable beyond",
     }
-    assert "w1.end - w2.start in [1, 2]" in found.stops["first", Side.UPPER].name
+    assert "w1.end - w2.start in [1, 2]" in result.stops["first", Side.UPPER].name
 
 
 def test_the_widest_of_all_is_proved_by_cutting_planes():
@@ -60,23 +57,20 @@ def test_the_widest_of_all_is_proved_by_cutting_planes():
     start = Box.nominal(plan.parameters)
     around, anywhere = (widest(plan, start, Control.DYNAMIC, objective) for objective in (AROUND, ANYWHERE))
     assert around.box == box_of(first="[9, 10]", third="[1, 19999/1000]")
-    assert anywhere.box == box_of(first="[1, 1]", third="[1, 28999/1000]"), (
-        "what is certain of the first is all for the third"
-    )
+    # what is certain of the first is all for the third
+    assert anywhere.box == box_of(first="[1, 1]", third="[1, 28999/1000]")
     assert (around.bound, anywhere.bound) == (F(19999, 1000), F(27999, 1000))
 
 
-@pytest.mark.parametrize("kind", [Control.DYNAMIC, Control.STRONG], ids=lambda kind: kind.value)
-@pytest.mark.parametrize("plan", PLANS, ids=lambda plan: plan[3])
+@KINDS
+@pytest.mark.parametrize("plan", plans.PLANS, ids=lambda plan: plan[3])
 def test_it_is_nowhere_narrower_than_what_shrinking_leaves(plan, kind):
-    folder, domain, problem, name = plan
-    base = DOMAINS / folder
-    loaded = load_plan(base / f"{domain}.pddl", base / f"{problem}.pddl", base / f"{name}.stn")
-    shrunk = shrink(loaded, envelope(loaded).box, kind)
-    found = widest(loaded, shrunk, kind, GROWN).box
-    assert all(one.is_within(found[each]) for each, one in shrunk.intervals.items())
-    if (name, kind) == ("plan-yield", Control.STRONG):
-        assert (shrunk.total_width, found.total_width) == (F(35, 18), F(7, 3))
+    loaded = plans.with_box(*plan)
+    shrunk = shrink(loaded.plan, loaded.box, kind)
+    box = widest(loaded.plan, shrunk, kind, GROWN).box
+    assert all(part.is_within(box[name]) for name, part in shrunk.intervals.items())
+    if (plan[3], kind) == ("plan-yield", Control.STRONG):
+        assert (shrunk.total_width, box.total_width) == (F(35, 18), F(7, 3))
 
 
 def stands(judge, box, kind):
@@ -84,14 +78,14 @@ def stands(judge, box, kind):
     return judge.contains(box) and Controllability(judge.plan, box).finding(kind).verdict is ControlVerdict.CONTROLLABLE
 
 
-@pytest.mark.parametrize("kind", [Control.DYNAMIC, Control.STRONG], ids=lambda kind: kind.value)
+@KINDS
 @pytest.mark.parametrize("seed", [*range(10), *(pytest.param(n, marks=pytest.mark.slow) for n in range(10, 60))])
 def test_no_face_can_move_outwards(seed, kind):
-    plan, valid = drawn_with_box(Random(f"widest {seed}"))  # noqa: S311 - reproducible
+    plan, valid = plans.drawn_with_box(Random(f"widest {seed}"))  # noqa: S311 - reproducible
     shrunk = shrink(plan, valid, kind)
     result = widest(plan, shrunk, kind, GROWN)
     box, judge = result.box, Judge(plan, EPSILON)
-    assert all(one.is_within(box[each]) for each, one in shrunk.intervals.items())
+    assert all(part.is_within(box[name]) for name, part in shrunk.intervals.items())
     assert stands(judge, box, kind)
     for (name, side), stop in result.stops.items():
         assert stop.name
@@ -103,7 +97,7 @@ def test_no_face_can_move_outwards(seed, kind):
         assert best.box.total_width >= box.total_width
 
 
-@pytest.mark.parametrize("kind", [Control.DYNAMIC, Control.STRONG], ids=lambda kind: kind.value)
+@KINDS
 def test_no_box_on_a_grid_is_wider_than_the_widest(kind):
     """All boxes around the nominal point whose ends are integers, of a plan with two parameters."""
     plan = overlapping()
@@ -111,7 +105,7 @@ def test_no_box_on_a_grid_is_wider_than_the_widest(kind):
     judge = Judge(plan, EPSILON)
     tried = 0
     for low, high, least, most in product((8, 9, 10), (10, 11, 12), (1, 3, 5), range(5, 22, 2)):
-        box = Box({"first": Interval(F(low), F(high)), "third": Interval(F(least), F(most))})
+        box = box_of(first=(low, high), third=(least, most))
         if box.total_width > best:
             tried += 1
             assert not stands(judge, box, kind), box
