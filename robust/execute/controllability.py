@@ -19,7 +19,7 @@ the question is coNP-complete (Morris and Muscettola, 1999).
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass, replace
 from enum import Enum
@@ -35,7 +35,7 @@ from robust.execute import controllable_boxes as boxes
 from robust.irr.exact import OptimalBox
 from robust.irr.search import stops_at
 from robust.irr.stops import JUST, Stop, declared_stop
-from robust.irr.widen import DiscoveredBadSet, Obstacle
+from robust.irr.widen import DiscoveredBadSet
 from robust.network.dispatchable import waits
 from robust.network.uncertain import Wait, dynamic, explain
 from robust.plan.model import ParametrizedPlan
@@ -295,7 +295,7 @@ def widest(
         wanted = boxes.Strongly(network, deadline)  # a fixed schedule is all that is known of vague parameters
     inside = boxes.Controllable(bad, wanted, plan.parameters, start)
     grown, bound = [start], None
-    met = boxes.grow(start, inside, (), parameters=plan.parameters, deadline=deadline, on_box=grown.append)
+    met = boxes.grow(inside, (), grown, parameters=plan.parameters, deadline=deadline)
     if objective.optimal:
         search = OptimalBox(
             bad=bad, pieces=met, contain_nominal=objective.contain_nominal, deadline=deadline, inside=inside
@@ -303,45 +303,28 @@ def widest(
         grown.append(search.run())
         bound = search.bound
     box = grown[-1]
-    proof = _Maximality(plan, kind, bad, box, met, deadline)
-    return Widest(box, proof.stops(), inside.cut(box), bound)
+    obstructions = [obstacle for obstacle in met if isinstance(obstacle, boxes.Obstruction)]
+    stops: dict[Face, Stop] = {}
+    reach: dict[Face, Fraction] = {}  # each finite face stops because beyond it there is no control, or else no plan
+    for parameter, side in product(plan.parameters, Side):
+        face, end = (parameter.name, side), box[parameter.name].end(side)
+        if end is not None:
+            stop = declared_stop(parameter, side, end)
+            if stop is None and _obstructed(box, face, end, obstructions):
+                beyond = Controllability(plan, box.moved(face, end + side.sign * JUST), deadline=deadline)
+                stop = Stop(f"not {ADVERBS[kind]} controllable beyond: {beyond.finding(kind).reason}")
+            if stop is None:
+                reach[face] = JUST
+            else:
+                stops[face] = stop
+    return Widest(box, {**stops, **dict(stops_at(bad, box, reach, deadline))}, inside.cut(box), bound)
 
 
-@dataclass(frozen=True)
-class _Maximality:
-    """Why no face of a box can move outwards, given the obstacles that were met on the way to it."""
-
-    plan: ParametrizedPlan
-    kind: Control
-    bad: DiscoveredBadSet
-    box: Box
-    met: Sequence[Obstacle]
-    deadline: Deadline
-
-    def stops(self) -> dict[Face, Stop]:
-        """Why each finite face stops: beyond it the box is uncontrollable, or else an obligation breaks."""
-        stops: dict[Face, Stop] = {}
-        reach: dict[Face, Fraction] = {}
-        for parameter, side in product(self.plan.parameters, Side):
-            face, end = (parameter.name, side), self.box[parameter.name].end(side)
-            if end is not None:
-                stop = declared_stop(parameter, side, end) or self._obstructed(face, end)
-                if stop is None:
-                    reach[face] = JUST
-                else:
-                    stops[face] = stop
-        return {**stops, **dict(stops_at(self.bad, self.box, reach, self.deadline))}
-
-    def _obstructed(self, face: Face, end: Fraction) -> Stop | None:
-        """Why the box is not controllable beyond a face; None if that is not what stops the face."""
-        growing = Growing(self.box, {face: (end, Fraction(1))})
-        obstructions = (obstacle for obstacle in self.met if isinstance(obstacle, boxes.Obstruction))
-        least = (reason.least_stretch(growing) for reason in obstructions if face[0] in reason.mentioned)
-        if any(stretch is not None and not stretch[0] for stretch in least):
-            beyond = self.box.moved(face, end + face[1].sign * JUST)
-            why = Controllability(self.plan, beyond, deadline=self.deadline).finding(self.kind).reason
-            return Stop(f"not {ADVERBS[self.kind]} controllable beyond: {why}")
-        return None
+def _obstructed(box: Box, face: Face, end: Fraction, obstructions: Iterable[boxes.Obstruction]) -> bool:
+    """Whether one of some reasons keeps a face of a box where it is."""
+    growing = Growing(box, {face: (end, Fraction(1))})
+    least = (reason.least_stretch(growing) for reason in obstructions if face[0] in reason.mentioned)
+    return any(stretch is not None and not stretch[0] for stretch in least)
 
 
 ADVERBS = {Control.WEAK: "weakly", Control.DYNAMIC: "dynamically", Control.STRONG: "strongly"}

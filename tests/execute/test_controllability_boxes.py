@@ -1,13 +1,11 @@
 """Boxes of plans: which parameters are contingent, what is decided, and the part that is controllable."""
 
-import json
 import random
 from fractions import Fraction
 from itertools import product
 
 import pytest
 
-import robust
 from robust.errors import InputError, UnsupportedError
 from robust.execute.controllability import Control, Controllability, ControlVerdict, shrink
 from robust.execute.controllable_boxes import HORIZON, ends_of, loss, parametric_stnu
@@ -16,7 +14,7 @@ from robust.qe.box import Box, Side
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.cli import inputs
 from tests.cli.running import answer_of, command, example
-from tests.execute.plans import box_of, durative
+from tests.execute.plans import box_of, text_of
 from tests.network import oracles
 from tests.plan.building import expression_of, reference
 
@@ -325,48 +323,13 @@ def test_a_strong_schedule_suits_all_values():
     assert suited > 200
 
 
-def test_recorded_boxes_with_rigid_plans(dataset):
-    """A start that has to follow an end at once is seen in time, but in no timetable."""
-    recorded = json.loads((dataset / "recorded-results.json").read_text())
-    for instance in (entry for entry in recorded if entry["plan"].startswith("auv/")):
-        plan = robust.load_plan(*(dataset / instance[key] for key in ("domain", "problem", "plan")))
-        box = box_of(**instance["irr_box"])
-        assert verdicts(plan, box) == (YES, YES, NO)
-        assert shrink(plan, box, Control.STRONG) == Box.nominal(plan.parameters)
-
-
 # -- what `robust envelope` says; more is in tests/recordings ----------------------------------------------------------
-
-FETCH = durative("fetch", ">= 0", "(at start (idle))", "(at end (guest))")
-BREW = durative("brew", "2", "(at start (idle))", "(at end (tea))")
-DOMAIN = f"(define (domain visit) (:requirements :durative-actions) (:predicates (idle) (guest) (tea)) {FETCH} {BREW})"
-PROBLEM = "(define (problem one_guest) (:domain visit) (:init (idle)) (:goal (and (guest) (tea))))"
-PLAN = """\
-parameter trip default 10 lb 4 ub 20;
-durative-action instance f : (fetch);
-durative-action instance b : (brew);
-c: f.end - f.start in [trip, trip];
-c: f.start - .zero in [1, 1];
-c: b.end - b.start in [2, 2];
-c: f.end - b.end in [LOW, 5];
-"""
-"""The tea is to be ready when the guest comes, but not long before."""
-SAID = """\
-controllable: weakly
-not controllable: dynamically; trip as long as 20, trip as short as 4 cannot be met with REQUIREMENT
-not controllable: strongly; no schedule suits all values of trip: STRONG
-parameter box dynamically controllable lost below lost above
-trip [4, 20] [8, 12] 4 8
-no dynamically controllable part of the box contains this one; 75.0% of the total width is lost.
-the widest dynamically controllable box: no box in the envelope contains it that is dynamically controllable
-trip in [8, 12]
-below: not dynamically controllable beyond: trip as long as 12, trip as short as 7.999 cannot be met with REQUIREMENT
-above: not dynamically controllable beyond: trip as long as 12.001, trip as short as 8 cannot be met with REQUIREMENT"""
 
 
 def said(tmp_path, low, *options):
-    """The lines about controllability."""
-    files = inputs.write(tmp_path, DOMAIN, PROBLEM, PLAN.replace("LOW", low)).files
+    """The lines about a plan for tea, which is to be ready when the guest comes, but not long before."""
+    texts = map(text_of, ("visit.pddl", "visit-problem.pddl", "visit.stn"))
+    files = inputs.write(tmp_path, *(text.replace("LOW", low) for text in texts)).files
     ended = command("envelope", *files, "--controllability", "dynamic", *options)
     assert (ended.code, ended.err) == (0, "")
     return [" ".join(line.split()) for line in ended.out.splitlines() if line.strip(" ─")]
@@ -374,7 +337,7 @@ def said(tmp_path, low, *options):
 
 def test_text_says_what_is_lost_and_why_and_shows_waits(tmp_path):
     lines = said(tmp_path, "1")[-10:]
-    expected = SAID.replace("REQUIREMENT", "c: f.end - b.end in [1, 5] (line 7)").splitlines()
+    expected = text_of("visit.txt").replace("REQUIREMENT", "c: f.end - b.end in [1, 5] (line 7)").splitlines()
     assert lines[2].startswith(expected.pop(2).removesuffix("STRONG"))
     assert lines[:2] + lines[3:] == expected
     assert said(tmp_path, "-3")[-1] == "b.start waits for f.end, at most 13 after f.start"

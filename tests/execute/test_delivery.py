@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import robust
 from benchmarks.generators import delivery
+from benchmarks.generators.delivery import DeliveryOptions, DeliveryVariant, Order
 from robust.api import envelope
 from robust.errors import InputError
 from robust.execute.convert import check_plan, convert
@@ -25,27 +26,31 @@ from robust.plan.timed import parse_timed_plan
 from robust.smt.limits import Deadline
 from tests.execute.plans import EPSILON, FIRST_ORDER
 
+DURATIONS, BATTERY = DeliveryVariant.DURATIONS, DeliveryVariant.BATTERY
 
-def first_problem(variant=delivery.DeliveryVariant.DURATIONS, **options):
+
+def first_problem(variant=DURATIONS, **options):
     """The domain, and the first problem of the tables."""
     domain = parse_domain(delivery.delivery_domain(variant))
     return domain, parse_problem(delivery.table_problems(variant, **options)[0].text, domain)
 
 
 def converted(steps, specs, domain, problem):
-    return convert(domain, problem, parse_timed_plan(steps), specs=parse_specs(specs))
+    conversion = convert(domain, problem, parse_timed_plan(steps), specs=parse_specs(specs))
+    assert conversion.check.answer is Answer.PROVED
+    return conversion.plan
 
 
-@pytest.mark.parametrize("variant", delivery.DeliveryVariant)
+@pytest.mark.parametrize("variant", DeliveryVariant)
 def test_the_hundred_problems(variant):
     problems = delivery.table_problems(variant)
-    assert len({one.name for one in problems}) == len({one.deadlines for one in problems}) == 100
+    assert len({entry.name for entry in problems}) == len({entry.deadlines for entry in problems}) == 100
     domain = parse_domain(delivery.delivery_domain(variant))
-    for one in (problems[0], problems[57], problems[99]):
-        problem = parse_problem(one.text, domain)
-        assert {literal.time for literal in problem.timed_literals} == set(one.deadlines)
+    for entry in (problems[0], problems[57], problems[99]):
+        problem = parse_problem(entry.text, domain)
+        assert {literal.time for literal in problem.timed_literals} == set(entry.deadlines)
         assert Fluent("distance", ("shelf", "base_station")) in problem.fluents
-        assert (Fluent("battery", ("robot1",)) in problem.fluents) is (variant is delivery.DeliveryVariant.BATTERY)
+        assert (Fluent("battery", ("robot1",)) in problem.fluents) is (variant is BATTERY)
 
 
 def test_deadlines_are_half_normal_quantiles():
@@ -64,63 +69,57 @@ def test_the_nominal_plan_just_meets_its_deadline_and_its_battery_decides():
     names = {"move": "moving", "collect": "collecting", "assemble": "assembling", "mount": "mounting"}
     names |= {"deliver": "delivering", **{f"prepare_{step}": step for step in delivery.PREPARATIONS}}
     need = sum(delivery.TASKS[names[step.action]] for step in plan.steps)
-    check(plan, *first_problem(delivery.DeliveryVariant.BATTERY, battery=need), EPSILON)
+    check(plan, *first_problem(BATTERY, battery=need), EPSILON)
     with pytest.raises(InvalidPlanError, match="battery"):
-        check(plan, *first_problem(delivery.DeliveryVariant.BATTERY, battery=need - Fraction(1, 2)), EPSILON)
+        check(plan, *first_problem(BATTERY, battery=need - Fraction(1, 2)), EPSILON)
 
 
 def test_everything_uncertain_is_a_parameter_of_its_own():
     """Each preparation time by the duration of its action, and each consumption by its fluent."""
     specs = [f"duration:{delivery.preparation_action(step)}" for step in delivery.PREPARATIONS]
     specs += [f"fluent:(battery_use {task})" for task in delivery.TASKS if task != "disposing"]
-    conversion = converted(FIRST_ORDER, specs, *first_problem(delivery.DeliveryVariant.BATTERY))
-    assert conversion.check.answer is Answer.PROVED
-    assert len(conversion.plan.parameters) == 6 + 11
+    assert len(converted(FIRST_ORDER, specs, *first_problem(BATTERY)).parameters) == 6 + 11
 
 
 def test_the_boxes_of_a_nominal_plan_are_bounded_by_the_window_and_by_the_battery():
     specs = ["long=duration:prepare_step6", "short=duration:prepare_step1"]
-    box = envelope(converted(FIRST_ORDER, specs, *first_problem()).plan).box
+    box = envelope(converted(FIRST_ORDER, specs, *first_problem())).box
     most = 170 + Fraction("420.389") - 414 - EPSILON  # one separation is needed
     assert [box[name].upper for name in ("short", "long")] == [most, most]
-    problem = first_problem(delivery.DeliveryVariant.BATTERY)
-    moving = envelope(converted(FIRST_ORDER, ["fluent:(battery_use moving),lb=0"], *problem).plan).box[
-        "battery_use_moving"
-    ]
+    plan = converted(FIRST_ORDER, ["fluent:(battery_use moving),lb=0"], *first_problem(BATTERY))
+    moving = envelope(plan).box["battery_use_moving"]
     spent = sum(delivery.TASKS.values()) - delivery.TASKS["disposing"] - delivery.TASKS["moving"]
     assert (moving.lower, moving.upper) == (0, (360 - spent) / 4)
 
 
-@pytest.mark.parametrize("parameters", range(1, 34))
-def test_scaling_instances_have_valid_plans_and_so_many_parameters(parameters):
-    instance = delivery.scaling_instance(parameters, seed=1)
-    domain = parse_domain(instance.domain)
-    plan, problem = parse_timed_plan(instance.plan), parse_problem(instance.problem, domain)
-    check(plan, domain, problem, EPSILON)
-    chosen = {spec.removeprefix("duration:") for spec in instance.specs}
-    assert sum(step.action in chosen for step in plan.steps) == parameters
-    if parameters in {2, 7, 12}:
-        conversion = converted(instance.plan, instance.specs, domain, problem)
-        assert conversion.check.answer is Answer.PROVED
-        box = envelope(conversion.plan).box
-        nominal = conversion.plan.nominal
-        assert len(box.intervals) == len(nominal) == parameters
-        assert all(nominal[name] < interval.upper for name, interval in box.intervals.items())
+def test_scaling_instances_have_valid_plans_and_the_parameters_that_were_asked_for():
+    for parameters in range(1, 34):
+        instance = delivery.scaling_instance(parameters, seed=1)
+        domain = parse_domain(instance.domain)
+        steps, problem = parse_timed_plan(instance.plan), parse_problem(instance.problem, domain)
+        check(steps, domain, problem, EPSILON)
+        chosen = {spec.removeprefix("duration:") for spec in instance.specs}
+        assert sum(step.action in chosen for step in steps.steps) == parameters
+        if parameters in {2, 7, 12}:
+            plan = converted(instance.plan, instance.specs, domain, problem)
+            box = envelope(plan).box
+            assert len(box.intervals) == len(plan.nominal) == parameters
+            assert all(plan.nominal[name] < interval.upper for name, interval in box.intervals.items())
 
 
 def test_the_same_seed_gives_the_same_instance():
     assert delivery.scaling_instance(20, 3) == delivery.scaling_instance(20, 3) != delivery.scaling_instance(20, 4)
-    orders = delivery.Order(2, Fraction(900)), delivery.Order(1)
-    options = delivery.DeliveryOptions(delivery.DeliveryVariant.BATTERY, orders, robots=2)
-    one, same, other = (delivery.delivery_problem(options, seed) for seed in (5, 5, 6))
-    assert one == same != other
+    options = DeliveryOptions(BATTERY, (Order(2, Fraction(900)), Order(1)), robots=2)
+    first, same, other = (delivery.delivery_problem(options, seed) for seed in (5, 5, 6))
+    assert first == same != other
 
 
 def test_the_shipped_example_is_generated_and_proved():
     folder = Path(robust.__file__).parent / "examples/delivery"
     files = [folder / name for name in ("domain.pddl", "problem.pddl", "plan.stn")]
-    texts = delivery.delivery_domain(delivery.DeliveryVariant.DURATIONS), delivery.table_problems()[0].text
-    for file, text in zip(files, texts, strict=False):
+    for file, text in zip(
+        files, (delivery.delivery_domain(DURATIONS), delivery.table_problems()[0].text), strict=False
+    ):
         assert "".join(file.read_text(encoding="utf-8").split()) == "".join(text.split())  # but for white space
     plan = load_plan(*files, parameter_file=folder / "plan.toml")
     assert len(plan.parameters) == 6
@@ -130,7 +129,7 @@ def test_the_shipped_example_is_generated_and_proved():
 @given(seed=st.integers(0, 2**32), orders=st.integers(1, 5), robots=st.integers(1, 3))
 @settings(max_examples=30)
 def test_random_places(seed, orders, robots):
-    options = delivery.DeliveryOptions(delivery.DeliveryVariant.DURATIONS, (delivery.Order(1),) * orders, robots=robots)
+    options = DeliveryOptions(DURATIONS, (Order(1),) * orders, robots=robots)
     where = delivery.places(options, seed)
     assert set(where) == set(options.place_names)
     points = list(where.values())
@@ -140,24 +139,18 @@ def test_random_places(seed, orders, robots):
         assert all(delivery.distance(a, b) <= delivery.distance(a, c) + delivery.distance(c, b) for c in points)
 
 
-ORDERS = {"variant": delivery.DeliveryVariant.DURATIONS, "orders": (delivery.Order(1),)}
-
-
-@pytest.mark.parametrize(
-    ("make", "options"),
-    [
-        (delivery.Order, {"rings": 4}),
-        (delivery.Order, {"rings": 1, "deadline": Fraction(0)}),
-        (delivery.Order, {"rings": 1, "steps": 7}),
-        (delivery.DeliveryOptions, {**ORDERS, "orders": ()}),
-        (delivery.DeliveryOptions, {**ORDERS, "robots": 0}),
-        (delivery.DeliveryOptions, {**ORDERS, "spindles": 0}),
-        (delivery.DeliveryOptions, {**ORDERS, "battery": Fraction(-1)}),
-        (delivery.DeliveryOptions, {**ORDERS, "places": {"cellar": (0, 0)}}),
-        (delivery.scaling_instance, {"parameters": 0, "seed": 1}),
-        (delivery.scaling_instance, {"parameters": 1001, "seed": 1}),
+IMPOSSIBLE = {
+    Order: [{"rings": 4}, {"rings": 1, "deadline": Fraction(0)}, {"rings": 1, "steps": 7}],
+    DeliveryOptions: [
+        {"variant": DURATIONS, "orders": (Order(1),), **wrong}
+        for wrong in ({"orders": ()}, {"robots": 0}, {"spindles": 0}, {"battery": -1}, {"places": {"cellar": (0, 0)}})
     ],
-)
-def test_impossible_options(make, options):
-    with pytest.raises(InputError, match=r"found .*expected"):
-        make(**options)
+    delivery.scaling_instance: [{"parameters": 0, "seed": 1}, {"parameters": 1001, "seed": 1}],
+}
+
+
+@pytest.mark.parametrize("make", IMPOSSIBLE)
+def test_impossible_options(make):
+    for options in IMPOSSIBLE[make]:
+        with pytest.raises(InputError, match=r"found .*expected"):
+            make(**options)

@@ -19,14 +19,14 @@ from robust.execute.replan import ReplanningOptions, prepare_plan
 from robust.execute.slices import Observations, SliceAnswer, continued
 from robust.execute.worlds import Luck, SimulatedWorld
 from robust.plan.load import load_plan
-from robust.plan.model import ZERO, Atom, Fluent
+from robust.plan.model import ZERO, Atom, Fluent, Parameter
 from robust.plan.simulate import simulate
 from robust.qe.box import Box
 from robust.qe.compute import RegionSearch
 from robust.smt.limits import NEVER
 from tests.execute import plans
 from tests.execute.plans import EPSILON, PLAN, PLANS, box_of, interval, tasks, tasks_dispatchable, with_box, working
-from tests.plan.building import at, between
+from tests.plan.building import at, between, reference
 from tests.sampling import Network
 
 F = Fraction
@@ -228,16 +228,17 @@ def test_blex_accepts_a_share_of_every_duration_and_finds_out_when_it_is_too_lat
 @pytest.mark.parametrize(
     ("length", "intervals", "expected"),
     [
-        ("p", {"p": "(4, 20]"}, "(4, 20]"),
-        ("p", {"p": "[4, inf)"}, "[4, inf)"),
-        ("30 - p", {"p": "(4, 20]"}, "[10, 26)"),
-        ("p + q", {"p": "(4, 20]", "q": "[1, 2]"}, "(5, 22]"),
-        ("9 + p - q", {"p": "[4, 20)", "q": "[1, 2)"}, "(11, 28)"),
+        (reference("p"), {"p": "(4, 20]"}, "(4, 20]"),
+        (reference("p"), {"p": "[4, inf)"}, "[4, inf)"),
+        (-reference("p") + 30, {"p": "(4, 20]"}, "[10, 26)"),
+        (reference("p") + reference("q"), {"p": "(4, 20]", "q": "[1, 2]"}, "(5, 22]"),
+        (reference("p") - reference("q") + 9, {"p": "[4, 20)", "q": "[1, 2)"}, "(11, 28)"),
     ],
 )
 def test_lengths_that_nature_may_choose_end_as_the_box_does(length, intervals, expected):
-    declared = "".join(f"parameter {name} default 5;" for name in intervals)
-    plan = tasks(f"{declared}durative-action instance w1 : (work a); c: w1.end - w1.start in [{length}, {length}];")
+    plan = tasks(working(on="a"))
+    (constraint,) = (replace(constraint, lower=length, upper=length) for constraint in plan.constraints)
+    plan = replace(plan, parameters=tuple(Parameter(name, F(5)) for name in intervals), constraints=(constraint,))
     (link,) = make_dispatchable(plan, box_of(**intervals)).network.natural.values()
     assert link.allowed == interval(expected)
 

@@ -28,12 +28,15 @@ Constraint = tuple[int, int, Fraction]
 """(a, b, w): t_b − t_a ≥ w; point 0 is time zero."""
 
 
-def near(constraints: Sequence[Constraint], printed: Sequence[Fraction], shifts: Sequence[Fraction]) -> bool:
-    """Whether there is a schedule in which every point is within its distance of where it was printed."""
-    bounds = list(constraints)
-    for point, (time, shift) in enumerate(zip(printed[1:], shifts, strict=True), start=1):
-        bounds += [(0, point, time - shift), (point, 0, -time - shift)]
-    return has_schedule(range(len(printed)), bounds)
+def within(printed: Sequence[Fraction], shifts: Sequence[Fraction]) -> list[Constraint]:
+    """Every point within its distance of where it was printed."""
+    near = list(enumerate(zip(printed[1:], shifts, strict=True), start=1))
+    return [*((0, i, time - shift) for i, (time, shift) in near), *((i, 0, -time - shift) for i, (time, shift) in near)]
+
+
+def near(constraints: Sequence[Constraint], printed: Sequence[Fraction], shift: Fraction) -> bool:
+    """Whether there is a schedule in which every point is that near to where it was printed."""
+    return has_schedule(range(len(printed)), [*constraints, *within(printed, [shift] * (len(printed) - 1))])
 
 
 # -- networks ----------------------------------------------------------------------------------------------------------
@@ -55,12 +58,11 @@ def networks(draw):
 def test_the_least_shift_is_feasible_and_nothing_below_it_is(drawn):
     printed, bounds = drawn
     shift = least_shift(bounds, printed)
-    others = len(printed) - 1
     if shift is None:
         assert not has_schedule(range(len(printed)), bounds)
         return
-    assert near(bounds, printed, [shift] * others)
-    assert not shift or not near(bounds, printed, [shift - 1] * others)
+    assert near(bounds, printed, shift)
+    assert not shift or not near(bounds, printed, shift - 1)
     low, high = ([0, *(time + sign * shift for time in printed[1:])] for sign in (-1, 1))
     windows = NearSchedules(bounds, low, high)
     assert windows.possible
@@ -133,10 +135,11 @@ def rounded_plan(seed: int) -> str:
     printed = [Fraction(0), *(step.time for step in timed.steps)]
     order: list[Constraint] = [(0, node, Fraction(0)) for node in range(1, len(printed))]
     order += [(early + 1, late + 1, EPSILON + lengths[early]) for early, late in pairs]
+    order += within(printed, [min(unit, EPSILON) for unit, _ in timed.units])
     kept = all(printed[early + 1] + (timed.steps[early].duration or 0) <= printed[late + 1] for early, late in pairs)
     domain = parse_domain(text_of("workshop.pddl"))
     problem = parse_problem(problem_text, domain)
-    if not kept or not near(order, printed, [min(unit, EPSILON) for unit, _ in timed.units]):
+    if not kept or not has_schedule(range(len(printed)), order):
         with pytest.raises(InvalidPlanError):
             convert(domain, problem, timed)
         return "refused"
@@ -148,8 +151,8 @@ def rounded_plan(seed: int) -> str:
         assert not instance.durative or times[instance.end] - times[instance.start] == length
     assert all(starts[late] - starts[early] >= EPSILON + lengths[early] for early, late in pairs)
     shift = max(abs(a - b) for a, b in zip(starts, printed[1:], strict=True))
-    assert near(order, printed, [shift] * len(starts))
-    assert not shift or not near(order, printed, [shift - Fraction(1, 10**12)] * len(starts))
+    assert near(order, printed, shift)
+    assert not shift or not near(order, printed, shift - Fraction(1, 10**12))
     change = max(abs(length - (step.duration or 0)) for length, step in zip(lengths, timed.steps, strict=True))
     assert conversion.snapped.shift == max(shift, change)
     return "moved" if shift else "as printed"
