@@ -1,26 +1,44 @@
-"""Conversion in both modes: small plans whose networks are known, drawn plans, examples, recorded plans."""
+"""Conversion in both modes: small plans whose networks are known, drawn plans, rounded times, recorded plans."""
+
+from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from itertools import product
+from math import floor
 from random import Random
+from typing import NamedTuple
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robust.errors import InputError
-from robust.execute.convert import Conversion, ConversionEnd, Mode
-from robust.execute.distances import InvalidPlanError, Original
+from robust.execute.convert import Conversion, ConversionEnd, Mode, convert
+from robust.execute.distances import (
+    DistanceEdge,
+    EdgeNetwork,
+    InvalidPlanError,
+    Original,
+    constraints_of,
+    edge,
+    is_implied,
+)
 from robust.execute.esterel import esterel_edges
 from robust.execute.parametrization import option_of, write_specs
+from robust.execute.snap import NearSchedules, least_shift
 from robust.irr.check import Answer
+from robust.numbers import format_number
 from robust.plan.load import load_plan
-from robust.plan.model import ZERO, ParametrizedPlan, TemporalConstraint, TimePoint
+from robust.plan.model import ZERO, ParametrizedPlan, TemporalConstraint, TimePoint, TimePointKind
+from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.simulate import simulate
-from robust.plan.stn import write_stn
+from robust.plan.stn import STNConstraint, write_stn
+from robust.plan.timed import parse_timed_plan
 from tests.execute.plans import EPSILON, converted, text_of
+from tests.network.oracles import has_schedule, longest_paths, point
 from tests.pddl_text import pddl_text
 from tests.plan.building import drawn
 from tests.sampling import Network, bound_value, sample_schedules
@@ -224,3 +242,201 @@ def test_recorded_networks_are_those_of_the_transformer(dataset):
         assert deadlines == {
             bound.target for bound in plan.constraints if bound.source == ZERO and bound.upper is not None
         }
+
+
+# -- rounded times made exact, against feasibility of difference constraints -------------------------------------------
+
+Constraint = tuple[int, int, Fraction]
+"""(a, b, w): t_b − t_a ≥ w; point 0 is time zero."""
+
+
+def within(printed: Sequence[Fraction], shifts: Sequence[Fraction]) -> list[Constraint]:
+    """Every point within its distance of where it was printed."""
+    near = list(enumerate(zip(printed[1:], shifts, strict=True), start=1))
+    return [*((0, i, time - shift) for i, (time, shift) in near), *((i, 0, -time - shift) for i, (time, shift) in near)]
+
+
+def near(constraints: Sequence[Constraint], printed: Sequence[Fraction], shift: Fraction) -> bool:
+    """Whether there is a schedule in which every point is that near to where it was printed."""
+    return has_schedule(range(len(printed)), [*constraints, *within(printed, [shift] * (len(printed) - 1))])
+
+
+# -- networks ----------------------------------------------------------------------------------------------------------
+
+
+@st.composite
+def networks(draw):
+    """Printed times, even ones, and bounds that some times satisfy, mostly."""
+    size = draw(st.integers(2, 6))
+    times = [0, *(draw(st.integers(0, 20)) for _ in range(size - 1))]
+    printed = [0, *(2 * draw(st.integers(max(0, time // 2 - 3), time // 2 + 3)) for time in times[1:])]
+    points, slack = st.integers(0, size - 1), st.integers(-1, 6)
+    drawn = draw(st.lists(st.tuples(points, points, slack), max_size=3 * size))
+    return printed, [(a, b, times[b] - times[a] - less) for a, b, less in drawn if a != b]
+
+
+@settings(max_examples=400, deadline=None, derandomize=True)
+@given(networks())
+def test_the_least_shift_is_feasible_and_nothing_below_it_is(drawn):
+    printed, bounds = drawn
+    shift = least_shift(bounds, printed)
+    if shift is None:
+        assert not has_schedule(range(len(printed)), bounds)
+        return
+    assert near(bounds, printed, shift)
+    assert not shift or not near(bounds, printed, shift - 1)
+    low, high = ([0, *(time + sign * shift for time in printed[1:])] for sign in (-1, 1))
+    windows = NearSchedules(bounds, low, high)
+    assert windows.possible
+    times = windows.place(printed)
+    assert all(times[b] - times[a] >= weight for a, b, weight in bounds)
+    assert max(abs(a - b) for a, b in zip(times, printed, strict=True)) == shift
+
+
+# -- plans -------------------------------------------------------------------------------------------------------------
+
+
+class Step(NamedTuple):
+    """A step at its exact times; an instantaneous one has no duration."""
+
+    start: Fraction
+    text: str
+    duration: Fraction | None
+
+
+def drawn_plan(random: Random) -> tuple[str, list[Step], list[tuple[int, int]]]:
+    """Jobs on machines, each after another one, as early as they can be or a little later: a valid plan, exactly.
+
+    The problem, the steps, and pairs of steps the first of which ends ε or more before the other starts.
+    """
+    count, machines = random.randint(2, 7), random.randint(1, 3)
+    speeds = [random.choice([1, 2, 3, 7, 9, Fraction(5, 2), 11]) for _ in range(machines)]
+    work = [Fraction(random.randint(1, 400), random.choice([1, 1, 10])) for _ in range(count)]
+    begin = Fraction(random.choice([0, 0, 1, 1000, 9999]))
+    steps = [Step(begin, "(light)", None)]
+    pairs, facts = [], ["(done j0)", "(= (work j0) 0)"]
+    for job in range(1, count + 1):
+        machine, parent = random.randrange(machines), random.randrange(job)
+        earlier = [place for place in range(1, job) if f" m{machine} " in steps[place].text]
+        before = {*(earlier[-1:]), *([parent] if parent else [])}
+        ends = [steps[place].start + (steps[place].duration or 0) for place in before]
+        gap = random.choice([EPSILON, EPSILON, EPSILON * 2, Fraction(random.randint(1, 2000), 700)])
+        start = max([begin, *(end + max(gap, EPSILON) for end in ends)])
+        steps.append(Step(start, f"(do j{job} m{machine} j{parent})", work[job - 1] / speeds[machine]))
+        pairs += [(place, job) for place in before]
+        facts.append(f"(= (work j{job}) {format_number(work[job - 1])})")
+    facts += [f"(= (speed m{i}) {format_number(Fraction(speed))}) (free m{i})" for i, speed in enumerate(speeds)]
+    jobs, names = (
+        " ".join(f"{kind}{i}" for i in range(number)) for kind, number in (("j", count + 1), ("m", machines))
+    )
+    goal = " ".join(f"(done j{i})" for i in range(1, count + 1))
+    problem = f"(define (problem day) (:domain workshop) (:objects {jobs} - job {names} - machine)"
+    return f"{problem} (:init {' '.join(facts)}) (:goal (and {goal})))", steps, pairs
+
+
+def shown(value: Fraction, decimals: int, *, truncated: bool) -> str:
+    """With this number of decimals, or, if it is zero, six significant digits filled up to eight decimals."""
+    kept = decimals or next((places for places in range(8) if value * 10**places >= 10**5), 8)
+    whole = floor(value * 10**kept + (0 if truncated else Fraction(1, 2)))
+    text = str(whole).rjust(kept + 1, "0")
+    return f"{text[: len(text) - kept]}.{text[len(text) - kept :]}".ljust(0 if decimals else len(text) + 9 - kept, "0")
+
+
+def rounded_plan(seed: int) -> str:
+    """Draw a plan, print it, read and convert it, and compare the shift; says what became of it."""
+    random = Random(seed)  # noqa: S311 (not for secrets)
+    problem_text, steps, pairs = drawn_plan(random)
+    decimals, truncated = random.choice([0, 0, 3, 3, 3, 4, 5, 8]), random.random() < 0.5
+    text = ""
+    for step in steps:
+        length = "" if step.duration is None else f" [{shown(step.duration, decimals, truncated=truncated)}]"
+        text += f"{shown(step.start, decimals, truncated=truncated)}: {step.text}{length}\n"
+    timed = parse_timed_plan(text)
+    # Node i + 1 is the start of step i; durations are exact, and what was printed first comes first, ends at a tie.
+    lengths = [step.duration or Fraction(0) for step in steps]
+    printed = [Fraction(0), *(step.time for step in timed.steps)]
+    order: list[Constraint] = [(0, node, Fraction(0)) for node in range(1, len(printed))]
+    order += [(early + 1, late + 1, EPSILON + lengths[early]) for early, late in pairs]
+    order += within(printed, [min(unit, EPSILON) for unit, _ in timed.units])
+    kept = all(printed[early + 1] + (timed.steps[early].duration or 0) <= printed[late + 1] for early, late in pairs)
+    domain = parse_domain(text_of("workshop.pddl"))
+    problem = parse_problem(problem_text, domain)
+    if not kept or not has_schedule(range(len(printed)), order):
+        with pytest.raises(InvalidPlanError):
+            convert(domain, problem, timed)
+        return "refused"
+    conversion = convert(domain, problem, timed)
+    assert conversion.check.answer is Answer.PROVED
+    instances, times = conversion.plan.instances, conversion.schedule
+    starts = [times[instance.start] for instance in instances]
+    for length, instance in zip(lengths, instances, strict=True):
+        assert not instance.durative or times[instance.end] - times[instance.start] == length
+    assert all(starts[late] - starts[early] >= EPSILON + lengths[early] for early, late in pairs)
+    shift = max(abs(a - b) for a, b in zip(starts, printed[1:], strict=True))
+    assert near(order, printed, shift)
+    assert not shift or not near(order, printed, shift - Fraction(1, 10**12))
+    change = max(abs(length - (step.duration or 0)) for length, step in zip(lengths, timed.steps, strict=True))
+    assert conversion.snapped.shift == max(shift, change)
+    return "moved" if shift else "as printed"
+
+
+@pytest.mark.parametrize(
+    ("seeds", "least"), [(range(100), 20), pytest.param(range(100, 600), 100, marks=pytest.mark.slow)]
+)
+def test_roundings(seeds, least):
+    assert Counter(map(rounded_plan, seeds))["moved"] >= least
+
+
+# -- longest paths and irredundant edges, against brute force ----------------------------------------------------------
+
+A, B, C, D = map(point, "abcd")
+POINTS = (ZERO, A, B, C, D)
+LITERAL = TimePoint(TimePointKind.TIMED_LITERAL, time=Fraction(7))
+
+
+@st.composite
+def edge_lists(draw):
+    """Edges that a drawn schedule satisfies."""
+    times = {place: Fraction(draw(st.integers(0, 6)), draw(st.sampled_from([1, 3]))) for place in POINTS}
+    pairs = draw(st.lists(st.tuples(st.sampled_from(POINTS), st.sampled_from(POINTS), st.integers(0, 2)), max_size=12))
+    return [DistanceEdge(a, b, times[b] - times[a] - slack) for a, b, slack in pairs if a != b]
+
+
+def follows(bound, edges):
+    """Whether edges imply another one: by the longest path between its points."""
+    least = longest_paths(POINTS, edges, bound.source).get(bound.target)
+    return least is not None and least >= bound.weight
+
+
+@settings(max_examples=200, deadline=None, derandomize=True)
+@given(edge_lists(), st.integers(0, 4), st.integers(-2, 3))
+def test_implied_and_irredundant_edges_and_earliest_schedules(edges, split, slack):
+    network, given_edges, others = EdgeNetwork(POINTS, edges), edges[:split], edges[split:]
+    kept = network.needed(others, given_edges)
+    assert set(kept) <= set(others)
+    assert all(follows(other, [*given_edges, *kept]) for other in others)
+    for bound in kept:
+        assert not follows(bound, [*given_edges, *(other for other in kept if other != bound)])
+    for a, b in product(POINTS, POINTS):
+        bound = DistanceEdge(a, b, Fraction(slack))
+        assert network.implies(bound) is follows(bound, edges)
+    for bound in edges:
+        rest, looser = [other for other in edges if other != bound], bound._replace(weight=bound.weight - slack)
+        assert is_implied(looser, rest) is follows(looser, rest)
+    nonnegative = [*edges, *(DistanceEdge(ZERO, place, Fraction(0)) for place in POINTS[1:])]
+    assert EdgeNetwork(POINTS, nonnegative).earliest == longest_paths(POINTS, nonnegative, ZERO)
+
+
+def test_contradictions_have_no_schedule():
+    for first, second in ((A, B), (ZERO, A)):
+        edges = [DistanceEdge(first, second, Fraction(1)), DistanceEdge(second, first, Fraction(0))]
+        assert EdgeNetwork(POINTS, edges).earliest is None
+
+
+def test_constraints_have_the_strongest_bounds_and_edges_the_times_of_timed_literals():
+    bounds = [(A, B, 1), (A, B, 2), (B, A, -5), (ZERO, A, 0)]
+    edges = [DistanceEdge(source, target, Fraction(weight)) for source, target, weight in bounds]
+    first, second = STNConstraint(A, ZERO, Fraction(0), None), STNConstraint(B, A, Fraction(2), Fraction(5))
+    assert constraints_of(edges, {ZERO: 0, A: 1, B: 2}) == (first, second)
+    assert edge(LITERAL, A, Fraction(1)) == DistanceEdge(ZERO, A, Fraction(8))
+    assert edge(A, LITERAL, Fraction(1)) == DistanceEdge(A, ZERO, Fraction(-6))

@@ -1,26 +1,16 @@
 """Simulated worlds: draws, files, luck and actions; executives in them and in real time; runs with re-planning."""
 
 import asyncio
-import math
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from random import Random
-from statistics import fmean
 
 import pytest
 
 from robust.errors import InputError, UnsupportedError
 from robust.execute import replan
 from robust.execute.dispatchable import Blex
-from robust.execute.dispatcher import (
-    Completed,
-    Dispatch,
-    Dispatcher,
-    DispatchFailed,
-    LeftBox,
-    MessageRejected,
-    Observed,
-)
+from robust.execute.dispatcher import Completed, Dispatch, Dispatcher, DispatchFailed, LeftBox, Observed
 from robust.execute.drive import WallClock, drive, run_in_world
 from robust.execute.planners.interface import PlannerAnswer, PlannerStatus
 from robust.execute.worlds import Below, InstanceOutcome, Luck, Rule, Rules, SimulatedWorld, Subject, parse_rules
@@ -33,7 +23,6 @@ from robust.plan.timeline import State
 from tests.execute.plans import (
     EPSILON,
     PLAN,
-    PLANS,
     TASKS,
     TWO_TASKS,
     box_of,
@@ -41,7 +30,6 @@ from tests.execute.plans import (
     tasks,
     tasks_dispatchable,
     text_of,
-    with_box,
     working,
 )
 
@@ -61,15 +49,8 @@ def many(rule, count=4000):
 
 def test_draws_are_exact_and_fill_their_distributions():
     assert many(rule("constant", value=F(1, 3)), 2) == [F(1, 3), F(1, 3)]
-    uniform = many(rule("uniform", lower=F(1, 3), upper=F(2, 3)))
-    assert F(1, 3) <= min(uniform) < F(34, 100)
-    assert F(66, 100) < max(uniform) <= F(2, 3)
-    half = many(rule("half-normal", origin=2, deviation=3))
-    assert min(half) >= 2
-    assert abs(fmean(map(float, half)) - (2 + 3 * math.sqrt(2 / math.pi))) < 0.15
     plain = many(rule("normal", mean=10, deviation=5))
-    assert abs(fmean(map(float, plain)) - 10) < 0.3
-    assert all(isinstance(value, Fraction) and 1000 % value.denominator == 0 for value in (*plain, *half))
+    assert all(isinstance(value, Fraction) and 1000 % value.denominator == 0 for value in plain)
     folded = many(rule("normal", mean=10, deviation=5, minimum=8))
     assert folded == [value if value >= 8 else 16 - value for value in plain]
     clipped = many(rule("normal", Below.CLIP, mean=10, deviation=5, minimum=8))
@@ -254,45 +235,6 @@ def test_real_time_wakes_the_executive_and_hands_over_messages():
     endless = Echo(F(1000))
     driven(endless, "a", None)  # the inbox is closed
     assert [messages for _, messages in endless.steps] == [(), ("a",)]
-
-
-class FastClock:
-    """Time jumps to wherever somebody wants to sleep to."""
-
-    time = F(0)
-
-    def now(self):
-        return self.time
-
-    def seconds_until(self, moment):
-        return float(moment - self.time)
-
-
-@pytest.mark.parametrize("plan", PLANS, ids=lambda plan: plan[3])
-def test_driving_decides_as_simulation_does(plan):
-    dispatchable = with_box(*plan)
-    simulated = Dispatcher(dispatchable)
-    run_in_world(simulated, SimulatedWorld(dispatchable, Luck(Rules(), 3)))
-    dispatcher, world = Dispatcher(dispatchable), SimulatedWorld(dispatchable, Luck(Rules(), 3))
-    clock, inbox, announced = FastClock(), asyncio.Queue(), []
-
-    def hand_over():
-        for message in world.messages(clock.time):
-            inbox.put_nowait(message)
-
-    def announce(now, decisions):
-        announced.extend(decisions)
-        world.receive(now, decisions)
-        moments = [time for time in (dispatcher.wake, world.next_time) if time is not None]
-        if moments and inbox.empty():
-            clock.time = max(clock.time, min(moments))
-        hand_over()
-
-    hand_over()
-    asyncio.run(asyncio.wait_for(drive(dispatcher, inbox, announce, clock), 20))
-    assert dispatcher.times == simulated.times
-    assert dispatcher.ending == simulated.ending is None
-    assert not [decision for decision in announced if isinstance(decision, MessageRejected)]
 
 
 # -- runs with re-planning ---------------------------------------------------------------------------------------------

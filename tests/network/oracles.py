@@ -110,45 +110,30 @@ def dynamic_by_reductions(stnu):
     every round, the graph without lower-case edges has to be consistent.
     """
     ordinary, links = lengths(stnu)
-    upper = {(link.target, link.source, link): -link.upper for link in links}
-    for _ in range(10_000):
-        edges = dict(ordinary)
-        for (source, target, _), weight in upper.items():
-            bound(edges, source, target, None, weight)
-        if not consistent(stnu.points, edges):
+    edges = {(*ends, None): weight for ends, weight in ordinary.items()}
+    edges |= {(link.target, link.source, link): -link.upper for link in links}
+
+    def put(source, target, label, weight):
+        edges[source, target, label] = min(weight, edges.get((source, target, label), weight))
+
+    while True:
+        graph, before = {}, dict(edges)
+        for (source, target, _), weight in edges.items():
+            bound(graph, source, target, None, weight)
+        if not consistent(stnu.points, graph):
             return False
-        if not _reduce(ordinary, upper, links):
+        for (middle, target, label), weight in before.items():
+            into = [
+                (source, least) for (source, other, case), least in edges.items() if (other, case) == (middle, None)
+            ]
+            if weight < 0:  # of the lower case and across cases
+                into += [(link.source, link.lower) for link in links if link.target == middle and link != label]
+            for source, least in into:
+                put(source, target, label, least + weight)
+            if label is not None and weight >= -label.lower:
+                put(middle, target, None, weight)  # the label goes
+        if edges == before:
             return True
-    raise AssertionError("no fixpoint")
-
-
-def _reduce(ordinary, upper, links):
-    changed = False
-
-    def put(table, key, weight):
-        nonlocal changed
-        if key not in table or weight < table[key]:
-            table[key] = weight
-            changed = True
-
-    for (middle, target), weight in list(ordinary.items()):
-        for (source, other), first in list(ordinary.items()):
-            if other == middle:
-                put(ordinary, (source, target), first + weight)  # no case
-        for link in links:
-            if link.target == middle and weight < 0:
-                put(ordinary, (link.source, target), link.lower + weight)  # lower case
-    for (middle, target, link), weight in list(upper.items()):
-        for (source, other), first in list(ordinary.items()):
-            if other == middle:
-                put(upper, (source, target, link), first + weight)  # upper case
-        for other in links:
-            if other.target == middle and other != link and weight < 0:
-                put(upper, (other.source, target, link), other.lower + weight)  # cross case
-    for (source, target, link), weight in list(upper.items()):
-        if weight >= -link.lower:
-            put(ordinary, (source, target), weight)  # label removal
-    return changed
 
 
 def dynamic_by_game(stnu, horizon):

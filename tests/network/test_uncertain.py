@@ -1,20 +1,20 @@
 """Dynamic controllability: against all reductions, a game and known examples; in execution, all requirements hold."""
 
-import time
 from dataclasses import replace
 from fractions import Fraction
 from random import Random
+from time import perf_counter
 
 import pytest
 
 from robust.errors import InputError
 from robust.network import uncertain
-from robust.network.dispatchable import Windows, strategy, waits
+from robust.network.dispatchable import DispatchNetwork, Windows, strategy, waits
 from robust.network.uncertain import EdgeStep, Stnu, UncertainLink, Way, dynamic
 from robust.plan.model import ZERO
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.network import oracles
-from tests.network.oracles import network, point, random_network
+from tests.network.oracles import longest_paths, network, point, random_network
 
 # name, requirements, contingent links, weakly, dynamically
 EXAMPLES = [
@@ -168,9 +168,9 @@ def chain(length):
 
 
 def test_long_plans_do_not_exhaust_the_stack():
-    started = time.perf_counter()
+    started = perf_counter()
     assert dynamic(chain(400)).is_controllable
-    assert time.perf_counter() - started < 20
+    assert perf_counter() - started < 20
     with pytest.raises(OutOfTimeError):
         dynamic(chain(3), Deadline.after(0))
 
@@ -270,34 +270,6 @@ def test_all_requirements_hold_whatever_nature_does(seeds, expected):
     assert with_waits >= expected / 100
 
 
-def test_the_rest_stays_controllable():
-    """After each step of an execution, what is left is still dynamically controllable, decided anew."""
-    asked = 0
-    for seed in range(300):
-        rng = Random(seed)  # noqa: S311
-        stnu = random_network(rng, 3, 2, 5, 5)
-        answer = dynamic(stnu)
-        if answer.cycle is None:
-            dispatch = Executing(stnu, answer)
-            for now in dispatch.run({link: chosen_length(rng, link) for link in stnu.contingents}):
-                assert dynamic(rest_of(stnu, dispatch.times, now)).is_controllable, seed
-                asked += 1
-    assert asked > 150
-
-
-def rest_of(stnu, times, now):
-    """The network with what has happened as facts, and all else not before now."""
-    facts = dict.fromkeys(stnu.points, (now, None)) | {where: (time, time) for where, time in times.items()}
-    links = [UncertainLink(ZERO, where, *bounds) for where, bounds in facts.items()]
-    for link in stnu.links:
-        if not link.is_contingent:
-            links.append(link)
-        elif link.target not in times:
-            begun = times.get(link.source, now)
-            links.append(replace(link, lower=max(link.lower, now - begun)))
-    return Stnu(stnu.points, tuple(links))
-
-
 def test_a_wait_ends_with_the_observation_or_by_itself():
     stnu = network([("x", "c", -5, 3)], [("Z", "c", 1, 10)])
     (wait,) = waits(dynamic(stnu))
@@ -314,3 +286,65 @@ def test_a_wait_ends_with_the_observation_or_by_itself():
 def test_a_wait_is_not_implied_by_that_of_an_end_that_comes_at_the_same_time():
     stnu = network([("x", "c", None, 1)], [("x", "d", 0, 0), ("Z", "c", 5, 10)])
     assert [str(wait) for wait in waits(dynamic(stnu))] == ["x waits for c, at most 9 after .zero"]
+
+
+# -- MinMaxDispatchTime: windows of all time points after any history --------------------------------------------------
+
+
+def windows_after(count, edges, *times, waits=()):
+    """The windows of a network whose first time points happen at these times."""
+    bounds = [(source, target, Fraction(weight)) for source, target, weight in edges]
+    points = (ZERO, *(point(f"p{number}") for number in range(1, count)))
+    windows = Windows(DispatchNetwork(points, (), bounds, waits, closed=True))
+    for number, time in enumerate(times):
+        windows.happened(number, Fraction(time))
+    return windows
+
+
+def test_a_closed_network_without_schedule_is_refused():
+    with pytest.raises(InputError, match="no schedule"):
+        windows_after(2, [(0, 1, 3), (1, 0, -4)])
+
+
+def bounds_of(count, edges, fixed):
+    """Least and greatest times of points that are not fixed; edges are (a, b, most of b - a)."""
+    known = [(a, b, sign * time) for number, time in fixed.items() for a, b, sign in ((0, number, 1), (number, 0, -1))]
+    greatest = longest_paths(range(count), [(a, b, -most) for a, b, most in [*edges, *known]], 0)
+    least = longest_paths(range(count), [(b, a, -most) for a, b, most in [*edges, *known]], 0)
+    future = (number for number in range(count) if number not in fixed)
+    return {number: (least.get(number), -greatest[number] if number in greatest else None) for number in future}
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_windows_are_those_of_the_network_with_the_past_fixed_and_with_tighter_bounds(seed):
+    random = Random(seed)  # noqa: S311 - reproducible
+    count = random.randint(3, 8)
+    hidden = [Fraction(0), *(Fraction(random.randint(0, 60), random.choice([1, 2, 3])) for _ in range(count - 1))]
+    edges = [(number, 0, Fraction(0)) for number in range(1, count)]
+    for _ in range(random.randint(count, 3 * count)):
+        x, y = random.sample(range(count), 2)
+        edges.append((x, y, hidden[y] - hidden[x] + Fraction(random.randint(0, 20), random.choice([1, 2, 7]))))
+    windows, fixed = windows_after(count, edges), {}
+    for number in (0, *random.sample(range(1, count), count - 1)):
+        lower, upper = windows.window(number) if number else (Fraction(0), Fraction(0))
+        share = Fraction(random.randint(0, 5), 5)
+        fixed[number] = lower + (min(upper, lower + 9) - lower if upper is not None else 4) * share
+        windows.happened(number, fixed[number])
+        expected = bounds_of(count, edges, fixed)
+        assert {other: windows.window(other) for other in expected} == expected, (seed, number)
+        assert windows.times == fixed
+    x, y = random.sample(range(count), 2)
+    more = (x, y, hidden[y] - hidden[x])
+    windows = windows_after(count, edges, 0)
+    tightened = windows.over(windows.network.tightened([more]))
+    expected = bounds_of(count, [*edges, more], {0: Fraction(0)})
+    assert {other: tightened.window(other) for other in expected} == expected
+
+
+def test_who_comes_first_blocks_unless_both_coincide():
+    windows = windows_after(3, [(1, 0, 0), (2, 1, -1)], 0)
+    assert (windows.ready(1), windows.ready(2)) == (0, None)
+    windows.happened(1, Fraction(2))
+    assert windows.ready(2) == 3
+    windows = windows_after(3, [(1, 0, 0), (1, 2, 0), (2, 1, 0)], 0)
+    assert (windows.ready(1), windows.ready(2)) == (0, 0)
