@@ -205,22 +205,26 @@ class Revelation:
 def revelations(plan: model.ParametrizedPlan, links: Iterable[NaturalLink]) -> tuple[Revelation, ...]:
     """The revelations of the parameters of a plan; a parameter may have none."""
     written = written_fluents(plan)
-    revealed = [(link.parameter, Means.TIME, link.target, link.target.instance) for link in links]
-    levels = [
+    times = ((link.parameter, Means.TIME, link.target, link.target.instance) for link in links)
+    levels = (
         (_single(plan, expression, written), Means.LEVEL, point, instance.identifier)
         for instance in plan.instances
         for expression, point in _changes(instance)
-    ]
-    initial = [
+    )
+    initial = (
         (_parameter(value), Means.INITIAL, model.ZERO, None)
         for fluent, value in plan.initial_fluents.items()
         if fluent in written and value.is_linear
-    ]
-    for more in (levels, initial):
-        known = {name for name, *_ in revealed}
-        revealed += [revelation for revelation in more if revelation[0] not in known]
-    named = (Revelation(name, *what) for name, *what in revealed if name is not None)
-    return tuple(dict.fromkeys(named))
+    )
+    revealed: list[Revelation] = []
+    for kind in (times, levels, initial):
+        known = {revelation.parameter for revelation in revealed}
+        revealed += [
+            Revelation(name, means, point, instance)
+            for name, means, point, instance in kind
+            if name is not None and name not in known
+        ]
+    return tuple(dict.fromkeys(revealed))
 
 
 def _parameter(expression: model.Expression) -> str | None:

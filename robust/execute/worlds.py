@@ -245,8 +245,9 @@ def _check_numbers(rule: Rule, location: Location) -> None:
 Values = Mapping[model.NumericVariable, Fraction]
 
 _Part = TypeVar("_Part")
-_READING: Final = {"durations", "conditions", "atom_effects", "numeric_effects", "continuous_effects"}
-_READING |= {"condition", "operands", "expression", "rate"}
+_READING = {"durations", "conditions", "atom_effects", "numeric_effects", "continuous_effects"} | {
+    "condition", "operands", "expression", "rate",
+}  # fmt: skip
 """Fields of instances, their parts and conditions that read variables, or hold what does."""
 
 

@@ -119,10 +119,6 @@ LONG_BEFORE = two(("b.start", "a.end", 1, 6))
 @pytest.mark.parametrize(
     ("plan", "intervals", "expected"),
     [
-        (MEET, {"p": (4, 4), "q": (1, 9)}, (YES, YES, YES)),
-        (MEET, {"p": (3, 6), "q": (1, 9)}, (YES, YES, YES)),
-        (MEET, {"p": (3, 7), "q": (1, 9)}, (YES, YES, NO)),
-        (two(BEFORE), {"p": (3, 7), "q": (1, 9)}, (YES, NO, NO)),
         (two(("Z", "b.end", 0, 9)), {"p": (3, 7), "q": (1, 10)}, (NO, NO, NO)),
         # A parameter that is not in the network does not matter.
         (two(("a.end", "b.start", -1, 2), extra=["r"]), {"p": (3, 7), "q": (1, 9), "r": (None, None)}, (YES, YES, NO)),

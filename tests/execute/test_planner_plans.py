@@ -35,11 +35,9 @@ from robust.plan.parameters import parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem, read_domain, read_problem
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.stn import parse_stn, write_stn
-from robust.plan.timed import TimedPlan, parse_timed_plan, read_timed_plan, write_timed_plan
+from robust.plan.timed import TimedPlan, parse_timed_plan, read_timed_plan
 from robust.smt.limits import NEVER, Deadline
 from tests.execute.plans import EPSILON, FIRST_ORDER, ROOT
-from tests.pddl_text import PddlText
-from tests.val import run_val
 
 PRINTED = Path(__file__).parent / "planner_plans"
 STEPS = {
@@ -111,6 +109,7 @@ def test_what_is_written_is_proved_again(name):
     assert len(conversion.plan.instances) == len(given.timed.steps)
     assert len(given.timed.steps) == (STEPS[name] if name in STEPS else LOGS[name]["steps"])
     assert (conversion.check.answer, conversion.cut_short) == (Answer.PROVED, False)
+    assert robust.validate(given.domain, given.problem, given.timed).valid
     written = assemble(given.domain, given.problem, parse_stn(write_stn(conversion.stn)))
     again = check_plan(written, EPSILON, "z3", NEVER)
     assert again.answer is Answer.PROVED
@@ -143,17 +142,10 @@ def test_invalid_plans_are_refused_with_what_breaks(name):
         convert(given.domain, given.problem, given.timed)
     assert min(refused.value.violations, key=lambda violation: violation.time).obligation == obligation
     assert obligation in str(refused.value)
+    assert not robust.validate(given.domain, given.problem, given.timed).valid
     if apart is not None:
         assert f"are {apart} apart, less than 0.001" in str(refused.value)
         assert "starts would have to move by up to 0.0005, which --tolerance 0.0005 allows" in str(refused.value)
-
-
-@pytest.mark.parametrize("name", sorted(set(STEPS) - {"no-declarations"}))  # VAL wants declarations
-def test_val_agrees(name):
-    domain, problem, log = files_of(name)
-    steps = write_timed_plan(read_timed_plan(log))
-    verdict = run_val(PddlText(domain.read_text(), problem.read_text(), steps), tolerance=Fraction(1, 1000))
-    assert verdict.valid, verdict.report
 
 
 def bounds(plan: ParametrizedPlan) -> list[TemporalConstraint]:

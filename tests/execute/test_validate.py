@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import warnings
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -15,7 +14,7 @@ import pytest
 from hypothesis import Phase, given, settings
 
 import robust
-from robust.errors import InputError, InputWarning, UnsupportedError
+from robust.errors import InputError, UnsupportedError
 from robust.execute import replan
 from robust.execute.convert import Mode
 from robust.execute.validate import Breach, Verdict
@@ -25,14 +24,13 @@ from robust.plan.simulate import Violation, mutex_pairs, simulate
 from robust.plan.timed import TimedPlan, TimedStep, parse_timed_plan
 from robust.show.text import Words
 from tests.encode.test_conflicts import Drawing, on_a_grid
-from tests.execute.plans import ERRAND, ERRANDS, ROOT, converted, errand, errands, text_of
+from tests.execute.plans import ERRAND, ERRANDS, converted, errand, errands, text_of
 from tests.pddl_text import PddlText, pddl_text
 from tests.plan.building import RANDOM, F, assign, drawn, instant, plan_of
 from tests.sampling import sample_schedules
 from tests.strategies import plans
 from tests.val import judged_by_val, run_val
 
-LOGS = ROOT.parent / "shared" / "planner-logs"
 GOING = "0: (go home market) [7.5]\n"
 
 # -- in words ----------------------------------------------------------------------------------------------------------
@@ -233,22 +231,6 @@ def test_verdicts_agree_with_val(examples, least):
     assert sum(classes) < least / 10
     assert seen["VAL cannot read it"] <= least / 50
     assert examples < 1000 or all(classes)
-
-
-# -- logs of planners --------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.skipif(not LOGS.is_dir(), reason="the logs of planners are not there")
-def test_verdicts_about_logs_are_those_of_val():
-    """All that VAL can read; it refuses `storage`, whose predicates are used under other names than declared."""
-    seen: Counter[tuple[str, bool]] = Counter()
-    for entry in json.loads((LOGS / "plans.json").read_text(encoding="utf-8")):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore" if "storage" in entry["name"] else "error", InputWarning)
-            verdict = robust.validate(*(LOGS / entry[name] for name in ("domain", "problem", "log")))
-        assert verdict.steps == entry["steps"]
-        seen[entry["val"], verdict.valid] += 1
-    assert seen == {("valid", True): 26, ("invalid", False): 3, ("refused", True): 4}
 
 
 # -- ε = 0, and effects that disagree, where plans are judged, moved, converted and executed ---------------------------
