@@ -276,39 +276,30 @@ class DifferenceNetwork:
 
 
 def _strong_components(steps: Sequence[Sequence[int]]) -> list[int]:
-    """The number of the strongly connected component of each node [Tarjan 1972], without recursion."""
-    size = len(steps)
-    number, low, component = [-1] * size, [0] * size, [-1] * size
-    stack: list[int] = []
-    count = numbered = 0
-    for root in range(size):
-        if number[root] >= 0:
-            continue
-        work = [(root, iter(steps[root]))]
-        number[root] = low[root] = count
-        count += 1
-        stack.append(root)
-        while work:
-            node, rest = work[-1]
-            for other in rest:
-                if number[other] < 0:
-                    number[other] = low[other] = count
-                    count += 1
-                    stack.append(other)
-                    work.append((other, iter(steps[other])))
-                    break
-                if component[other] < 0:
-                    low[node] = min(low[node], number[other])
-            else:
-                work.pop()
-                if work:
-                    above = work[-1][0]
-                    low[above] = min(low[above], low[node])
-                if low[node] == number[node]:
-                    while component[node] < 0:
-                        component[stack.pop()] = numbered
-                    numbered += 1
-    return component
+    """The number of the strongly connected component of each node [Kosaraju], without recursion."""
+    before: list[list[int]] = [[] for _ in steps]
+    for node, leaving in enumerate(steps):
+        for other in leaving:
+            before[other].append(node)
+    seen, finished = [False] * len(steps), list[int]()
+    work = [(root, False) for root in range(len(steps))]
+    while work:
+        node, is_done = work.pop()
+        if is_done:
+            finished.append(node)
+        elif not seen[node]:
+            seen[node] = True
+            work += [(node, True), *((other, False) for other in steps[node])]
+    component = [-1] * len(steps)
+    for root in reversed(finished):
+        waiting = [root]
+        while waiting:
+            node = waiting.pop()
+            if component[node] < 0:
+                component[node] = root
+                waiting += before[node]
+    number = {root: count for count, root in enumerate(dict.fromkeys(component))}
+    return [number[root] for root in component]
 
 
 def _spanning(bounds: Sequence[Bound], given: Sequence[Bound], times: Sequence[int]) -> list[Bound]:

@@ -16,6 +16,7 @@ from benchmarks.generators.delivery import DeliveryVariant, delivery_domain, tab
 from benchmarks.generators.plans import drawn_plan
 from benchmarks.irr.tables import RememberingPlanner
 from robust.errors import InputError, UnsupportedError
+from robust.execute.distances import declarations, schedule_of
 from robust.execute.planners import PLANNERS, aries, create_planner, interface, reachability
 from robust.execute.planners.interface import PlannerAnswer, PlannerStatus, check
 from robust.execute.planners.reachability import EarliestTimes, ReachabilityFirst, relaxed_problem, unreachable
@@ -24,8 +25,8 @@ from robust.plan.load import assemble
 from robust.plan.pddl.reader import parse_domain, parse_problem, read_domain, read_problem
 from robust.plan.pddl.write import decimal, domain_text, problem_text
 from robust.plan.simulate import simulate
-from robust.plan.stn import InstanceDeclaration, STNPlan
-from robust.plan.timed import parse_timed_plan
+from robust.plan.stn import STNPlan
+from robust.plan.timed import TimedPlan, TimedStep, parse_timed_plan
 from robust.smt.limits import Deadline
 from tests.children import Told, interrupted_after
 from tests.execute import plans
@@ -463,49 +464,39 @@ def random_world(random: Random) -> tuple[str, str]:
     return domain, f"(define (problem r) (:domain w) (:init {initial} {' '.join(timed)}) (:goal (p0)))"
 
 
-class Schedules:
-    """Valid schedules of a world, made by chance: what is added is kept if nothing is broken."""
+def states_of_a_schedule(domain, problem, random: Random):
+    """Moments with the atoms that hold right after, in a schedule made by chance: what breaks nothing is added."""
 
-    def __init__(self, domain, problem, random: Random) -> None:
-        self.domain, self.problem, self.random = domain, problem, random
-        self.chosen: list[tuple[str, Fraction, Fraction]] = []
+    def simulated(steps):
+        timed = TimedPlan(tuple(steps))
+        declared = declarations(timed, domain, EPSILON)
+        plan = assemble(domain, problem, STNPlan((), declared, (), "random"))
+        return simulate(plan, {}, schedule_of(timed, declared), epsilon=EPSILON)
 
-    def run(self, chosen):
-        declared = tuple(
-            InstanceDeclaration(f"n{i}", name, (), self.domain.actions[name].durative, self.domain.location)
-            for i, (name, _, _) in enumerate(chosen)
-        )
-        plan = assemble(self.domain, self.problem, STNPlan((), declared, (), "random"))
-        schedule = {point: point.time or F(0) for point in plan.time_points}
-        for instance, (_, start, end) in zip(plan.instances, chosen, strict=True):
-            schedule |= {instance.end: end, instance.start: start}
-        return simulate(plan, {}, schedule, epsilon=EPSILON)
-
-    def extend(self) -> None:
-        new = [self._instance() for _ in range(self.random.choice((1, 1, 1, 2, 2, 3)))]
-        if all(breach.obligation.startswith("goal") for breach in self.run([*self.chosen, *new]).violations):
-            self.chosen += new
-
-    def _instance(self) -> tuple[str, Fraction, Fraction]:
+    def step() -> TimedStep:
         """An action as soon and as short as it goes, or at some moment, often one at which something happens."""
-        name = self.random.choice(sorted(self.domain.actions))
-        moments = [moment for _, start, end in self.chosen for moment in (start, end, end, end + EPSILON)]
-        start = self.random.choice((F(0), self.random.choice(moments or HALVES), self.random.choice(HALVES)))
-        schema = self.domain.actions[name]
+        schema = domain.actions[random.choice(sorted(domain.actions))]
+        start = random.choice((F(0), random.choice(moments or HALVES), random.choice(HALVES)))
         if not schema.durative:
-            return name, start, start
+            return TimedStep(start, schema.name, (), None)
         bound = schema.durations[0]
-        more = F(0) if bound.comparator.value == "=" else self.random.choice((F(0), F(0), *HALVES[:4]))
-        return name, start, start + bound.bound.value + more
+        more = F(0) if bound.comparator.value == "=" else random.choice((F(0), F(0), *HALVES[:4]))
+        return TimedStep(start, schema.name, (), bound.bound.value + more)
 
-    def states(self):
-        """Moments with the atoms that hold right after what happens then."""
-        atoms = set(self.problem.atoms)
-        yield F(0), frozenset(atoms)
-        for step in self.run(self.chosen).trace if self.chosen else ():
-            for atom, value in step.atoms_changed:
-                (atoms.add if value else atoms.discard)(atom)
-            yield step.time, frozenset(atoms)
+    chosen, moments, trace = [], [], ()
+    for _ in range(20):
+        new = [step() for _ in range(random.choice((1, 1, 1, 2, 2, 3)))]
+        simulation = simulated([*chosen, *new])
+        if all(breach.obligation.startswith("goal") for breach in simulation.violations):
+            chosen, trace = [*chosen, *new], simulation.trace
+            ends = [(added.time, added.time + (added.duration or 0)) for added in new]
+            moments += [moment for start, end in ends for moment in (start, end, end, end + EPSILON)]
+    atoms = set(problem.atoms)
+    yield F(0), frozenset(atoms)
+    for happening in trace:
+        for atom, value in happening.atoms_changed:
+            (atoms.add if value else atoms.discard)(atom)
+        yield happening.time, frozenset(atoms)
 
 
 @pytest.mark.parametrize(
@@ -521,10 +512,7 @@ def test_whatever_a_valid_plan_reaches_is_not_before_its_bound(seeds, least):
         domain, problem = parsed(*random_world(random))
         relaxed = relaxed_problem(domain, problem, Deadline())
         times = EarliestTimes(relaxed, Deadline())
-        schedules = Schedules(domain, problem, random)
-        for _ in range(20):
-            schedules.extend()
-        for moment, atoms in schedules.states():
+        for moment, atoms in states_of_a_schedule(domain, problem, random):
             numbers = [relaxed.number[atom] for atom in sorted(atoms) if atom in relaxed.number]
             for a, b in product(numbers, repeat=2):
                 bound, ticks = times.together((a, b)), moment * relaxed.ticks
