@@ -145,8 +145,7 @@ class Controllability:
     def _is_strong_only(self) -> bool:
         """Whether it takes a fixed schedule to know that the box is dynamically controllable."""
         ends = boxes.ends_of(self.box)
-        exact = not self.network.vague and next(self.network.early(ends), None) is None
-        return not exact and self._obstacle(ends) is not None and self.strong_answer().is_controllable
+        return not _is_exact(self.network, ends) and bool(self._obstacle(ends)) and self.strong_answer().is_controllable
 
     def strong_answer(self) -> boxes.StrongAnswer:
         """The one schedule that suits all values, or why there is none."""
@@ -188,20 +187,19 @@ class Controllability:
         reason = self._obstacle(ends)
         if reason is None:
             return ControlVerdict.CONTROLLABLE, None
-        vague = {name: why for name, why in self.network.vague.items() if name in self.box.intervals}
-        if not vague and next(self.network.early(ends), None) is None:
+        if _is_exact(self.network, ends):
             return ControlVerdict.NOT_CONTROLLABLE, reason
         if self.strong_answer().is_controllable:
             return ControlVerdict.CONTROLLABLE, None
-        for known, part in self._corners(vague):
-            network = boxes.parametric_stnu(self.plan, part)
-            if not network.vague and next(network.early(boxes.ends_of(part)), None) is None:
-                answer = dynamic(network.at(boxes.ends_of(part)), self.deadline)
+        for known, part in self._corners(self.network.vague):
+            network, ends = boxes.parametric_stnu(self.plan, part), boxes.ends_of(part)
+            if _is_exact(network, ends):
+                answer = dynamic(network.at(ends), self.deadline)
                 if answer.cycle is not None:
                     beforehand = ", ".join(f"{name} = {value}" for name, value in known.items())
                     why = explain(answer.form.stnu, answer.cycle)
                     return (ControlVerdict.NOT_CONTROLLABLE, f"{why}, even if {beforehand} is known" if known else why)
-        return ControlVerdict.UNKNOWN, "; ".join(vague.values()) or reason
+        return ControlVerdict.UNKNOWN, "; ".join(self.network.vague.values()) or reason
 
     def _obstacle(self, ends: boxes.Ends) -> str | None:
         """Why dynamic controllability is not proved; None if it is."""
@@ -228,6 +226,11 @@ class Controllability:
         for corner in corners:
             chosen = dict(zip(vague, corner, strict=True))
             yield chosen, self.box.changed(Box.point(chosen).intervals)
+
+
+def _is_exact(network: boxes.ParametricStnu, ends: boxes.Ends) -> bool:
+    """Whether the network of a box says all about dynamic controllability."""
+    return not network.vague and next(network.early(ends), None) is None
 
 
 def shrink(plan: ParametrizedPlan, box: Box, kind: Control, *, deadline: Deadline = NEVER) -> Box:

@@ -212,7 +212,8 @@ class _Promising:
         """The rest of a promise, with the values that were seen; None if it excludes a value that must be inside."""
         intervals = {}
         for name, interval in promised.intervals.items():
-            seen, rest = self.facts.seen.get(name), _common(interval, self.facts.possible.get(name, _ANYTHING))
+            seen, possible = self.facts.seen.get(name), self.facts.possible.get(name)
+            rest: Interval | None = interval if possible is None else _common(interval, possible)
             if seen is not None:
                 rest = seen if name in self.facts.settled else _around(interval, seen)
             if rest is None:

@@ -274,7 +274,7 @@ def networks(draw):
     return printed, [(a, b, times[b] - times[a] - less) for a, b, less in drawn if a != b]
 
 
-@settings(max_examples=400, deadline=None, derandomize=True)
+@settings(max_examples=200, deadline=None, derandomize=True)
 @given(networks())
 def test_the_least_shift_is_feasible_and_nothing_below_it_is(drawn):
     printed, bounds = drawn
@@ -380,7 +380,7 @@ def rounded_plan(seed: int) -> str:
 
 
 @pytest.mark.parametrize(
-    ("seeds", "least"), [(range(100), 20), pytest.param(range(100, 600), 100, marks=pytest.mark.slow)]
+    ("seeds", "least"), [(range(60), 12), pytest.param(range(100, 600), 100, marks=pytest.mark.slow)]
 )
 def test_roundings(seeds, least):
     assert Counter(map(rounded_plan, seeds))["moved"] >= least
@@ -407,7 +407,7 @@ def follows(bound, edges):
     return least is not None and least >= bound.weight
 
 
-@settings(max_examples=200, deadline=None, derandomize=True)
+@settings(max_examples=100, deadline=None, derandomize=True)
 @given(edge_lists(), st.integers(0, 4), st.integers(-2, 3))
 def test_implied_and_irredundant_edges_and_earliest_schedules(edges, split, slack):
     network, given_edges, others = EdgeNetwork(POINTS, edges), edges[:split], edges[split:]
@@ -426,13 +426,10 @@ def test_implied_and_irredundant_edges_and_earliest_schedules(edges, split, slac
     assert EdgeNetwork(POINTS, nonnegative).earliest == longest_paths(POINTS, nonnegative, ZERO)
 
 
-def test_contradictions_have_no_schedule():
+def test_contradictions_have_no_schedule_and_constraints_the_strongest_bounds():
     for first, second in ((A, B), (ZERO, A)):
         edges = [DistanceEdge(first, second, Fraction(1)), DistanceEdge(second, first, Fraction(0))]
         assert EdgeNetwork(POINTS, edges).earliest is None
-
-
-def test_constraints_have_the_strongest_bounds_and_edges_the_times_of_timed_literals():
     bounds = [(A, B, 1), (A, B, 2), (B, A, -5), (ZERO, A, 0)]
     edges = [DistanceEdge(source, target, Fraction(weight)) for source, target, weight in bounds]
     first, second = STNConstraint(A, ZERO, Fraction(0), None), STNConstraint(B, A, Fraction(2), Fraction(5))

@@ -137,13 +137,10 @@ def test_stories(options, steps, said, ended):
     assert ([str(one) for one in decisions], dispatcher.ended) == (said, ended)
 
 
-def test_messages_out_of_order_are_put_in_order():
+def test_messages_come_late_and_out_of_order_and_twice():
     dispatcher = Dispatcher(with_box(*PLANS[3]))
     after(dispatcher, (0,), (40, Completed("pour_1", F(32)), told.Started("pour_1", F(20))))
     assert (dispatcher.observed, dispatcher.rejected) == ({"start_1": 20}, [])
-
-
-def test_a_late_message_counts_from_when_it_was_sent_and_the_same_twice_as_one():
     dispatcher = begun()
     assert decided(dispatcher, 12, WORKED) == ["start f", "start c"]
     assert decided(dispatcher, 12, WORKED, Observed("first", F(7))) == []

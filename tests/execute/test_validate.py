@@ -15,7 +15,6 @@ from hypothesis import given
 
 import robust
 from robust.errors import InputError, UnsupportedError
-from robust.execute import replan
 from robust.execute.convert import Mode
 from robust.execute.validate import Breach, Verdict
 from robust.irr.check import Answer
@@ -225,12 +224,6 @@ def test_words_of_what_is_separated() -> None:
     twice = Words(plan_of(instant("a", assign(F, 1), assign(F, 2))))
     assert twice.obligation("effects of a agree").endswith("needs one change only of (f)")
     assert twice.concerned("effects of a agree") == ("a",)
-
-
-def test_the_next_plan_begins_later() -> None:
-    assert replan.origin_after(Fraction(3), (), NEVER) > 3
-    soon = model.TimedLiteral(replan.origin_after(Fraction(3), (), NEVER), F, Fraction(1))
-    assert replan.origin_after(Fraction(3), (soon,), NEVER) > soon.time
 
 
 def hunt(seed: int) -> Iterator[str]:

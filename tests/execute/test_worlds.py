@@ -315,6 +315,8 @@ def test_the_next_plan_begins_in_the_state_reached_after_what_has_just_happened(
     assert replan.origin_after(F(3), literals, EPSILON) == 3 + EPSILON
     for time in (F(5) - EPSILON / 2, F(5) - EPSILON):
         assert replan.origin_after(time, literals, EPSILON) == 5 + EPSILON + EPSILON / 2
+    later = replan.origin_after(F(3), (), F(0))
+    assert 3 < later < replan.origin_after(F(3), [TimedLiteral(later, Atom("open"), True)], F(0))
 
 
 def test_a_run_without_surprises_succeeds_without_asking_anybody():
