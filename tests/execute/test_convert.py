@@ -16,16 +16,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robust.errors import InputError
+from robust.execute import distances
 from robust.execute.convert import Conversion, ConversionEnd, Mode, convert
-from robust.execute.distances import (
-    DistanceEdge,
-    EdgeNetwork,
-    InvalidPlanError,
-    Original,
-    constraints_of,
-    edge,
-    is_implied,
-)
+from robust.execute.distances import DistanceEdge, EdgeNetwork, InvalidPlanError, Original
 from robust.execute.esterel import esterel_edges
 from robust.execute.parametrization import option_of, write_specs
 from robust.execute.snap import NearSchedules, least_shift
@@ -421,7 +414,7 @@ def test_implied_and_irredundant_edges_and_earliest_schedules(edges, split, slac
         assert network.implies(bound) is follows(bound, edges)
     for bound in edges:
         rest, looser = [other for other in edges if other != bound], bound._replace(weight=bound.weight - slack)
-        assert is_implied(looser, rest) is follows(looser, rest)
+        assert distances.is_implied(looser, rest) is follows(looser, rest)
     nonnegative = [*edges, *(DistanceEdge(ZERO, place, Fraction(0)) for place in POINTS[1:])]
     assert EdgeNetwork(POINTS, nonnegative).earliest == longest_paths(POINTS, nonnegative, ZERO)
 
@@ -433,6 +426,6 @@ def test_contradictions_have_no_schedule_and_constraints_the_strongest_bounds():
     bounds = [(A, B, 1), (A, B, 2), (B, A, -5), (ZERO, A, 0)]
     edges = [DistanceEdge(source, target, Fraction(weight)) for source, target, weight in bounds]
     first, second = STNConstraint(A, ZERO, Fraction(0), None), STNConstraint(B, A, Fraction(2), Fraction(5))
-    assert constraints_of(edges, {ZERO: 0, A: 1, B: 2}) == (first, second)
-    assert edge(LITERAL, A, Fraction(1)) == DistanceEdge(ZERO, A, Fraction(8))
-    assert edge(A, LITERAL, Fraction(1)) == DistanceEdge(A, ZERO, Fraction(-6))
+    assert distances.constraints_of(edges, {ZERO: 0, A: 1, B: 2}) == (first, second)
+    assert distances.edge(LITERAL, A, Fraction(1)) == DistanceEdge(ZERO, A, Fraction(8))
+    assert distances.edge(A, LITERAL, Fraction(1)) == DistanceEdge(A, ZERO, Fraction(-6))

@@ -20,18 +20,8 @@ from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.polynomial import Polynomial
 from robust.plan.timed import parse_timed_plan
 from robust.plan.timeline import State
-from tests.execute.plans import (
-    EPSILON,
-    PLAN,
-    TASKS,
-    TWO_TASKS,
-    box_of,
-    constant,
-    tasks,
-    tasks_dispatchable,
-    text_of,
-    working,
-)
+from tests.execute import plans
+from tests.execute.plans import EPSILON, box_of, constant, tasks, tasks_dispatchable, text_of, working
 
 F = Fraction
 FILE = text_of("world.toml")
@@ -98,7 +88,7 @@ NEED = {"specs": ("need=fluent:(need b)",), "box": {"first": (4, 20), "need": (1
 
 
 def world_of(*rules, specs=(), box=None):
-    dispatchable = tasks_dispatchable(box, PLAN, *specs)
+    dispatchable = tasks_dispatchable(box, plans.PLAN, *specs)
     return dispatchable, SimulatedWorld(dispatchable, Luck(Rules(rules), 0))
 
 
@@ -241,11 +231,11 @@ def test_real_time_wakes_the_executive_and_hands_over_messages():
 
 # One thing at a time.
 SERIAL = (
-    TASKS.replace("(at start (ready ?t))", "(at start (ready ?t)) (at start (free))")
+    plans.TASKS.replace("(at start (ready ?t))", "(at start (ready ?t)) (at start (free))")
     .replace("(at start (not (ready ?t)))", "(at start (not (ready ?t))) (at start (not (free))) (at end (free))")
     .replace("(at start (>= (stock) (need ?t)))", "(and (at start (>= (stock) (need ?t))) (at start (free)))")
 )
-FREE = TWO_TASKS.replace("(:init", "(:init (free)")
+FREE = plans.TWO_TASKS.replace("(:init", "(:init (free)")
 BOTH = "(and (done a) (done b))"
 DOMAIN_READ = parse_domain(SERIAL)
 PROBLEM_READ = parse_problem(FREE, DOMAIN_READ)
@@ -449,7 +439,7 @@ def test_the_judge_finds_what_the_executive_does_not():
 def test_a_run_that_breaks_something_has_failed():
     """A box that is larger than the envelope promises too much; the judge is not deceived."""
     goal = "(and (done a) (open))"
-    plan = tasks(working(on="a"), problem=TWO_TASKS.replace(BOTH, goal))
+    plan = tasks(working(on="a"), problem=plans.TWO_TASKS.replace(BOTH, goal))
     problem = parse_problem(FREE.replace(BOTH, goal), DOMAIN_READ)
     chosen = mission(constant(Subject.DURATION, "w1", 30), specs=(), problem=problem)
     run = replan.execute(chosen, 0, replan.prepare_plan(plan, chosen.options, box=box_of(first=(1, 90))))
