@@ -195,7 +195,7 @@ def test_drawn_plans(options, count):
     )
     def check(plan: ParametrizedPlan, random: Random) -> None:
         for schedule in sample_schedules(plan, plan.nominal, random, 3):
-            forward = all(schedule[one.start] <= schedule[one.end] for one in plan.instances)
+            forward = all(schedule[action.start] <= schedule[action.end] for action in plan.instances)
             if not forward or not simulate(plan, plan.nominal, schedule).valid:
                 continue
             texts = pddl_text(plan, plan.nominal, schedule)

@@ -35,7 +35,8 @@ F = Fraction
 def decided(dispatcher, now, *messages):
     """The decisions of one step as texts; rejections and endings as they are."""
     plain = told.Dispatch | told.DispatchSucceeded
-    return [str(one) if isinstance(one, plain) else one for one in dispatcher.step(F(now), messages)]
+    decisions = dispatcher.step(F(now), messages)
+    return [str(decision) if isinstance(decision, plain) else decision for decision in decisions]
 
 
 def after(dispatcher, *steps):
@@ -73,7 +74,7 @@ def test_a_plan_is_carried_out():
 
 
 def revealed(dispatchable):
-    return {(each.parameter, each.means.value, str(each.point)) for each in dispatchable.revelations}
+    return {(shown.parameter, shown.means.value, str(shown.point)) for shown in dispatchable.revelations}
 
 
 def test_what_reveals_each_parameter():
@@ -134,7 +135,7 @@ def test_stories(options, steps, said, ended):
     needed = {"first": (4, 20), "need": (1, 6)}, PLAN, "need=fluent:(need b)"
     dispatcher = Dispatcher(tasks_dispatchable(*needed if need else ()), **given)
     decisions = after(dispatcher, (0, *first), *steps)
-    assert ([str(one) for one in decisions], dispatcher.ended) == (said, ended)
+    assert (list(map(str, decisions)), dispatcher.ended) == (said, ended)
 
 
 def test_messages_come_late_and_out_of_order_and_twice():
@@ -412,11 +413,11 @@ def executed(dispatchable, values, seed):
     run_in_world(dispatcher, SimulatedWorld(dispatchable, Luck(plans.fixed(values), seed)))
     assert dispatcher.ended, (seed, values)
     assert not dispatcher.rejected
-    promised = [one for one in dispatcher.remainders if one.box is not None and values in one.box]
+    promised = [look for look in dispatcher.remainders if look.box is not None and values in look.box]
     if dispatcher.ending is None:
         judged = simulate(dispatchable.plan, values, dispatcher.times, epsilon=dispatchable.epsilon)
         assert judged.valid, (seed, values, judged.violations, judged.network_violations)
-        return "succeeded" if all(one.inside for one in dispatcher.observations) else "outside of its box"
+        return "succeeded" if all(seen.inside for seen in dispatcher.observations) else "outside of its box"
     assert not promised, (seed, values, promised)
     assert values not in dispatcher.dispatchable.box
     slices = dispatchable.slices

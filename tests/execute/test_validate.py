@@ -76,7 +76,7 @@ def test_what_is_taken_for_a_text_a_path_or_what_reading_gives(tmp_path):
 def test_a_plan_of_a_log():
     log = f"{GOING}8: (shop market) [2]\n; Plan found:\n8: (shop market) [2]\nDone.\n"
     verdicts = [robust.validate(errands, errand, log, plan_number=number) for number in (1, 2, None)]
-    assert [one.valid for one in verdicts] == [True, False, False]
+    assert [verdict.valid for verdict in verdicts] == [True, False, False]
     assert verdicts[0].note == "picked plan 1 of 2 (lines 1 to 2); skipped 1 line that is no step"
     assert verdicts[2].violations[0].lines == (4,)
 
@@ -156,9 +156,10 @@ def changed(
     return (plan, times) if possible else None
 
 
-def too_near(violations: Sequence[Violation | Breach]) -> Counter[tuple[Fraction, Fraction | None]]:
+def too_near(violations: Sequence[Violation | Breach]) -> list[tuple[Fraction, Fraction]]:
     """When separations break, and by how much; conjunctions are split where they are read, so others may be more."""
-    return Counter((one.time, one.amount) for one in violations if one.obligation.startswith("separation: "))
+    near = (breach for breach in violations if breach.obligation.startswith("separation: "))
+    return sorted((breach.time, breach.amount or Fraction(0)) for breach in near)
 
 
 def check_remedies(texts: PddlText, verdict: Verdict) -> None:
@@ -171,8 +172,8 @@ def check_remedies(texts: PddlText, verdict: Verdict) -> None:
         assert greatest < EPSILON
         assert robust.validate(*texts, epsilon=greatest, tolerance=0).valid
         assert not robust.validate(*texts, epsilon=greatest * Fraction(101, 100), tolerance=0).valid
-    near = [one for one in verdict.violations if one.obligation.startswith("separation: ")]
-    if near and len(near) == len(verdict.violations) and all(one.amount != EPSILON for one in near):
+    near = too_near(verdict.violations)
+    if near and len(near) == len(verdict.violations) and all(amount != EPSILON for _, amount in near):
         assert greatest is not None
 
 
