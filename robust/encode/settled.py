@@ -423,7 +423,7 @@ def settle(plan: model.ParametrizedPlan, epsilon: Fraction) -> Settled | None:
     scale = lcm(epsilon.denominator, *(weight.denominator for _, _, weight in bounds))
     apart = int(epsilon * scale)
     scaled = [(source, target, int(weight * scale)) for source, target, weight in bounds]
-    paths = DifferenceNetwork(len(index), scaled, near=max(apart, 1))
+    paths = DifferenceNetwork(len(index), scaled)
     if paths.schedule is None or paths.schedule[0] != 0:
         return None
     return Settled(plan, paths, scale, apart)

@@ -19,7 +19,7 @@ the question is coNP-complete (Morris and Muscettola, 1999).
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass, replace
 from enum import Enum
@@ -35,7 +35,7 @@ from robust.execute import controllable_boxes as boxes
 from robust.irr.exact import OptimalBox
 from robust.irr.search import stops_at
 from robust.irr.stops import JUST, Stop, declared_stop
-from robust.irr.widen import DiscoveredBadSet, Obstacle
+from robust.irr.widen import DiscoveredBadSet
 from robust.network.dispatchable import waits
 from robust.network.uncertain import Wait, dynamic, explain
 from robust.plan.model import ParametrizedPlan
@@ -145,8 +145,7 @@ class Controllability:
     def _is_strong_only(self) -> bool:
         """Whether it takes a fixed schedule to know that the box is dynamically controllable."""
         ends = boxes.ends_of(self.box)
-        exact = not self.network.vague and next(self.network.early(ends), None) is None
-        return not exact and self._obstacle(ends) is not None and self.strong_answer().is_controllable
+        return not _is_exact(self.network, ends) and bool(self._obstacle(ends)) and self.strong_answer().is_controllable
 
     def strong_answer(self) -> boxes.StrongAnswer:
         """The one schedule that suits all values, or why there is none."""
@@ -188,20 +187,19 @@ class Controllability:
         reason = self._obstacle(ends)
         if reason is None:
             return ControlVerdict.CONTROLLABLE, None
-        vague = {name: why for name, why in self.network.vague.items() if name in self.box.intervals}
-        if not vague and next(self.network.early(ends), None) is None:
+        if _is_exact(self.network, ends):
             return ControlVerdict.NOT_CONTROLLABLE, reason
         if self.strong_answer().is_controllable:
             return ControlVerdict.CONTROLLABLE, None
-        for known, part in self._corners(vague):
-            network = boxes.parametric_stnu(self.plan, part)
-            if not network.vague and next(network.early(boxes.ends_of(part)), None) is None:
-                answer = dynamic(network.at(boxes.ends_of(part)), self.deadline)
+        for known, part in self._corners(self.network.vague):
+            network, ends = boxes.parametric_stnu(self.plan, part), boxes.ends_of(part)
+            if _is_exact(network, ends):
+                answer = dynamic(network.at(ends), self.deadline)
                 if answer.cycle is not None:
                     beforehand = ", ".join(f"{name} = {value}" for name, value in known.items())
                     why = explain(answer.form.stnu, answer.cycle)
                     return (ControlVerdict.NOT_CONTROLLABLE, f"{why}, even if {beforehand} is known" if known else why)
-        return ControlVerdict.UNKNOWN, "; ".join(vague.values()) or reason
+        return ControlVerdict.UNKNOWN, "; ".join(self.network.vague.values()) or reason
 
     def _obstacle(self, ends: boxes.Ends) -> str | None:
         """Why dynamic controllability is not proved; None if it is."""
@@ -228,6 +226,11 @@ class Controllability:
         for corner in corners:
             chosen = dict(zip(vague, corner, strict=True))
             yield chosen, self.box.changed(Box.point(chosen).intervals)
+
+
+def _is_exact(network: boxes.ParametricStnu, ends: boxes.Ends) -> bool:
+    """Whether the network of a box says all about dynamic controllability."""
+    return not network.vague and next(network.early(ends), None) is None
 
 
 def shrink(plan: ParametrizedPlan, box: Box, kind: Control, *, deadline: Deadline = NEVER) -> Box:
@@ -295,7 +298,7 @@ def widest(
         wanted = boxes.Strongly(network, deadline)  # a fixed schedule is all that is known of vague parameters
     inside = boxes.Controllable(bad, wanted, plan.parameters, start)
     grown, bound = [start], None
-    met = boxes.grow(start, inside, (), parameters=plan.parameters, deadline=deadline, on_box=grown.append)
+    met = boxes.grow(inside, (), grown, parameters=plan.parameters, deadline=deadline)
     if objective.optimal:
         search = OptimalBox(
             bad=bad, pieces=met, contain_nominal=objective.contain_nominal, deadline=deadline, inside=inside
@@ -303,45 +306,28 @@ def widest(
         grown.append(search.run())
         bound = search.bound
     box = grown[-1]
-    proof = _Maximality(plan, kind, bad, box, met, deadline)
-    return Widest(box, proof.stops(), inside.cut(box), bound)
+    obstructions = [obstacle for obstacle in met if isinstance(obstacle, boxes.Obstruction)]
+    stops: dict[Face, Stop] = {}
+    reach: dict[Face, Fraction] = {}  # each finite face stops because beyond it there is no control, or else no plan
+    for parameter, side in product(plan.parameters, Side):
+        face, end = (parameter.name, side), box[parameter.name].end(side)
+        if end is not None:
+            stop = declared_stop(parameter, side, end)
+            if stop is None and _obstructed(box, face, end, obstructions):
+                beyond = Controllability(plan, box.moved(face, end + side.sign * JUST), deadline=deadline)
+                stop = Stop(f"not {ADVERBS[kind]} controllable beyond: {beyond.finding(kind).reason}")
+            if stop is None:
+                reach[face] = JUST
+            else:
+                stops[face] = stop
+    return Widest(box, {**stops, **dict(stops_at(bad, box, reach, deadline))}, inside.cut(box), bound)
 
 
-@dataclass(frozen=True)
-class _Maximality:
-    """Why no face of a box can move outwards, given the obstacles that were met on the way to it."""
-
-    plan: ParametrizedPlan
-    kind: Control
-    bad: DiscoveredBadSet
-    box: Box
-    met: Sequence[Obstacle]
-    deadline: Deadline
-
-    def stops(self) -> dict[Face, Stop]:
-        """Why each finite face stops: beyond it the box is uncontrollable, or else an obligation breaks."""
-        stops: dict[Face, Stop] = {}
-        reach: dict[Face, Fraction] = {}
-        for parameter, side in product(self.plan.parameters, Side):
-            face, end = (parameter.name, side), self.box[parameter.name].end(side)
-            if end is not None:
-                stop = declared_stop(parameter, side, end) or self._obstructed(face, end)
-                if stop is None:
-                    reach[face] = JUST
-                else:
-                    stops[face] = stop
-        return {**stops, **dict(stops_at(self.bad, self.box, reach, self.deadline))}
-
-    def _obstructed(self, face: Face, end: Fraction) -> Stop | None:
-        """Why the box is not controllable beyond a face; None if that is not what stops the face."""
-        growing = Growing(self.box, {face: (end, Fraction(1))})
-        obstructions = (obstacle for obstacle in self.met if isinstance(obstacle, boxes.Obstruction))
-        least = (reason.least_stretch(growing) for reason in obstructions if face[0] in reason.mentioned)
-        if any(stretch is not None and not stretch[0] for stretch in least):
-            beyond = self.box.moved(face, end + face[1].sign * JUST)
-            why = Controllability(self.plan, beyond, deadline=self.deadline).finding(self.kind).reason
-            return Stop(f"not {ADVERBS[self.kind]} controllable beyond: {why}")
-        return None
+def _obstructed(box: Box, face: Face, end: Fraction, obstructions: Iterable[boxes.Obstruction]) -> bool:
+    """Whether one of some reasons keeps a face of a box where it is."""
+    growing = Growing(box, {face: (end, Fraction(1))})
+    least = (reason.least_stretch(growing) for reason in obstructions if face[0] in reason.mentioned)
+    return any(stretch is not None and not stretch[0] for stretch in least)
 
 
 ADVERBS = {Control.WEAK: "weakly", Control.DYNAMIC: "dynamically", Control.STRONG: "strongly"}

@@ -150,7 +150,26 @@ class ParametricStnu:
     @cached_property
     def differences(self) -> tuple[WorstDifference, ...]:
         """The requirements with the worst lengths of contingent links, for every box."""
-        return _differences(self)
+        into = {link.target: link for link in self.links if link.is_contingent}
+
+        def place(point: model.TimePoint) -> tuple[model.TimePoint, Length]:
+            offset = _NOTHING
+            while point in into:
+                link = into[point]
+                offset = offset + (link.lower or 0)
+                point = link.source
+            return point, offset
+
+        base = {point: place(point) for point in self.points}
+        differences: dict[tuple[model.TimePoint, model.TimePoint, Form], WorstDifference] = {}
+        for link in self.links:
+            if not link.is_contingent:
+                (a, before), (b, after) = base[link.source], base[link.target]
+                sides = [] if link.lower is None else [(a, b, greatest(link.lower + before - after))]
+                sides += [] if link.upper is None else [(b, a, greatest(after - before - link.upper))]
+                for side in sides:
+                    differences.setdefault(side, WorstDifference(*side, link.origin))
+        return tuple(differences.values())
 
     def form(self, step: EdgeStep) -> Form:
         """The weight of an edge of the distance graph, over the ends of a box: never more in a larger box."""
@@ -303,29 +322,6 @@ class StrongAnswer(NoTruthValue, ask="is_controllable"):
     @property
     def is_controllable(self) -> bool:
         return self.schedule is not None
-
-
-def _differences(network: ParametricStnu) -> tuple[WorstDifference, ...]:
-    into = {link.target: link for link in network.links if link.is_contingent}
-
-    def place(point: model.TimePoint) -> tuple[model.TimePoint, Length]:
-        offset = Polynomial[str]({})
-        while point in into:
-            link = into[point]
-            offset = offset + (link.lower or 0)
-            point = link.source
-        return point, offset
-
-    base = {point: place(point) for point in network.points}
-    differences: dict[tuple[model.TimePoint, model.TimePoint, Form], WorstDifference] = {}
-    for link in network.links:
-        if not link.is_contingent:
-            (a, before), (b, after) = base[link.source], base[link.target]
-            sides = [] if link.lower is None else [(a, b, greatest(link.lower + before - after))]
-            sides += [] if link.upper is None else [(b, a, greatest(after - before - link.upper))]
-            for side in sides:
-                differences.setdefault(side, WorstDifference(*side, link.origin))
-    return tuple(differences.values())
 
 
 def strong(network: ParametricStnu, ends: Ends) -> StrongAnswer:
@@ -497,36 +493,35 @@ class KnownSet:
 
 
 def grow(
-    start: Box,
     bad: BadSet,
     known: Iterable[Obstacle],
+    grown: list[Box],
     *,
     parameters: Sequence[model.Parameter],
     fixed: Collection[str] = (),
     deadline: Deadline = NEVER,
-    on_box: Callable[[Box], None],
 ) -> list[Obstacle]:
     """Move the faces of a box outwards together until each is stopped; returns what was met or known.
 
     No box around the last one is as wanted, but for faces of parameters in `fixed`, which do not move.
 
     Args:
-        start: a box that `bad` has nothing against.
         bad: where boxes must not go.
         known: some of that.
+        grown: boxes, to which every box on the way is added; growing begins with the last of them.
         parameters: the parameters, with weights.
         fixed: parameters whose faces stay.
         deadline: when to give up.
-        on_box: called with every box on the way; each contains those before.
 
     Raises:
         OutOfTimeError: if the deadline passes first.
     """
-    met = list(known)
+    met, start = list(known), grown[-1]
     moving = [face for face in faces_of(parameters) if face[0] not in fixed and start[face[0]].end(face[1]) is not None]
-    Widening(
-        bad=bad, parameters=parameters, pieces=met, groups=[moving], deadline=deadline, on_box=on_box, start=start
-    ).run()
+    widening = Widening(
+        bad=bad, parameters=parameters, pieces=met, groups=[moving], deadline=deadline, on_box=grown.append, start=start
+    )
+    widening.run()
     return met
 
 
@@ -557,7 +552,7 @@ def shrink(parameters: Sequence[model.Parameter], box: Box, wanted: Property) ->
     beyond = [Polyhedron(tuple(nominal), (half,)) for side in box.constraints() for half in side.negation()]
     inside = Controllable(KnownSet(tuple(beyond)), wanted, parameters, start)
     grown = [start]
-    grow(start, inside, beyond, parameters=parameters, deadline=wanted.deadline, on_box=grown.append)
+    grow(inside, beyond, grown, parameters=parameters, deadline=wanted.deadline)
     return Shrunk(grown[-1], inside.cut(grown[-1]))
 
 
@@ -574,12 +569,12 @@ class Loss:
 
 def loss(box: Box, shrunk: Box) -> Loss:
     """The loss of replacing a box by one inside it."""
-    before, after = ends_of(box), ends_of(shrunk)
+    after = ends_of(shrunk)
     faces: dict[Face, Fraction | None] = {}
-    for face, old in before.items():
+    for face, old in ends_of(box).items():
         new = after[face]
-        both = None if old is None or new is None else abs(old - new)
-        faces[face] = Fraction(0) if old == new else both
+        finite = None if old is None or new is None else abs(old - new)
+        faces[face] = Fraction(0) if old == new else finite
     wide, narrow = box.total_width, shrunk.total_width
     share = None if wide is None or narrow is None else ((wide - narrow) / wide if wide else Fraction(0))
     return Loss(faces, share)

@@ -19,7 +19,7 @@ zero.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -160,8 +160,10 @@ def dispatch_network(network: boxes.ParametricStnu, box: Box, executor: Executor
 def _natural(link: boxes.ParametricLink, box: Box, executor: Executor) -> NaturalLink:
     length = link.lower or Polynomial({})
     if isinstance(executor, Blex) and length.is_constant:
-        return NaturalLink(link.source, link.target, length, executor.interval(length.constant_term))
-    return NaturalLink(link.source, link.target, length, _values(length, box))
+        allowed = executor.interval(length.constant_term)
+    else:
+        allowed = _values(length, box)
+    return NaturalLink(link.source, link.target, length, allowed)
 
 
 def _values(length: boxes.Length, box: Box) -> Interval:
@@ -173,15 +175,13 @@ def _possible_edges(
 ) -> Iterable[tuple[int, int, Fraction]]:
     """The edges that hold for some values in the box: each bound is the weakest in the box."""
     index = {point: i for i, point in enumerate(network.points)}
-    for link in network.links:
-        if link.is_contingent:
-            continue
+    bounds = [(natural.source, natural.target, natural.allowed.lower, natural.allowed.upper) for natural in links]
+    for link in (link for link in network.links if not link.is_contingent):
         lower = None if link.lower is None else _values(link.lower, box).lower
         upper = None if link.upper is None else _values(link.upper, box).upper
-        yield from edges_between(index[link.source], index[link.target], lower, upper)
-    for natural in links:
-        allowed = natural.allowed
-        yield from edges_between(index[natural.source], index[natural.target], allowed.lower, allowed.upper)
+        bounds.append((link.source, link.target, lower, upper))
+    for source, target, lower, upper in bounds:
+        yield from edges_between(index[source], index[target], lower, upper)
 
 
 class Means(Enum):
@@ -204,15 +204,33 @@ class Revelation:
 
 def revelations(plan: model.ParametrizedPlan, links: Iterable[NaturalLink]) -> tuple[Revelation, ...]:
     """The revelations of the parameters of a plan; a parameter may have none."""
-    revealed = [
-        Revelation(link.parameter, Means.TIME, link.target, link.target.instance)
-        for link in links
-        if link.parameter is not None
-    ]
-    for more in (_levels(plan), _initial(plan)):
+    written = written_fluents(plan)
+    times = ((link.parameter, Means.TIME, link.target, link.target.instance) for link in links)
+    levels = (
+        (_single(plan, expression, written), Means.LEVEL, point, instance.identifier)
+        for instance in plan.instances
+        for expression, point in _changes(instance)
+    )
+    initial = (
+        (_parameter(value), Means.INITIAL, model.ZERO, None)
+        for fluent, value in plan.initial_fluents.items()
+        if fluent in written and value.is_linear
+    )
+    revealed: list[Revelation] = []
+    for kind in (times, levels, initial):
         known = {revelation.parameter for revelation in revealed}
-        revealed += [revelation for revelation in more if revelation.parameter not in known]
+        revealed += [
+            Revelation(name, means, point, instance)
+            for name, means, point, instance in kind
+            if name is not None and name not in known
+        ]
     return tuple(dict.fromkeys(revealed))
+
+
+def _parameter(expression: model.Expression) -> str | None:
+    """The parameter in an expression, if it is the only one."""
+    names = [variable.name for variable in expression.variables if isinstance(variable, model.ParameterReference)]
+    return names[0] if len(names) == 1 else None
 
 
 def written_fluents(plan: model.ParametrizedPlan) -> set[model.Fluent]:
@@ -221,14 +239,6 @@ def written_fluents(plan: model.ParametrizedPlan) -> set[model.Fluent]:
     flows = {effect.fluent for instance in plan.instances for effect in instance.continuous_effects}
     timed = {literal.target for literal in plan.timed_literals if isinstance(literal.target, model.Fluent)}
     return effects | flows | timed
-
-
-def _levels(plan: model.ParametrizedPlan) -> Iterator[Revelation]:
-    written = written_fluents(plan)
-    for instance in plan.instances:
-        for expression, point in _changes(instance):
-            if (name := _single(plan, expression, written)) is not None:
-                yield Revelation(name, Means.LEVEL, point, instance.identifier)
 
 
 def _changes(instance: model.ActionInstance) -> list[tuple[model.Expression, model.TimePoint]]:
@@ -256,23 +266,15 @@ def _single(plan: model.ParametrizedPlan, expression: model.Expression, written:
         return Polynomial.variable(variable)
 
     in_terms = expression.substitute(static_value)
-    parameters = [variable for variable in in_terms.variables if isinstance(variable, model.ParameterReference)]
-    if len(parameters) != 1:
+    name = _parameter(in_terms)
+    if name is None:
         return None
-    (parameter,) = parameters
+    parameter = model.ParameterReference(name)
     mentions = [monomial for monomial in in_terms.terms if parameter in monomial]
     linear = len(mentions) == 1 and mentions[0].count(parameter) == 1
     # A factor such as ?duration is known when the effect happens, and not zero in an effect that matters.
     factors = [variable for variable in mentions[0] if variable != parameter]
-    return parameter.name if linear and all(isinstance(factor, model.Duration) for factor in factors) else None
-
-
-def _initial(plan: model.ParametrizedPlan) -> Iterator[Revelation]:
-    written = written_fluents(plan)
-    for fluent, value in plan.initial_fluents.items():
-        names = [variable.name for variable in value.variables if isinstance(variable, model.ParameterReference)]
-        if fluent in written and len(names) == 1 and value.is_linear:
-            yield Revelation(names[0], Means.INITIAL, model.ZERO, None)
+    return name if linear and all(isinstance(factor, model.Duration) for factor in factors) else None
 
 
 def _grouped(pairs: Iterable[tuple[model.TimePoint, _Grouped]]) -> Mapping[model.TimePoint, Sequence[_Grouped]]:

@@ -34,8 +34,7 @@ def distributions_of(
     """
     parameters = {parameter.name: parameter for parameter in plan.parameters}
     known = _given(given, parameters, place_of)
-    lasting = _lengths(plan)
-    ruled = False
+    lasting, ruled = _lengths(plan), bool(known)
     for name, parameter in parameters.items():
         if name in known:
             continue
@@ -47,30 +46,21 @@ def distributions_of(
             rule = world.duration(plan.instance[lasting[name]])
         ruled = ruled or rule is not None
         known[name] = _ruled(rule, parameter, place_of)
-    if world is not None and not ruled and not known.keys() & {*_names(given)}:
+    if world is not None and not ruled:
         message = f"found no rule about a parameter, expected one; known are {', '.join(parameters) or 'none'}"
         raise InputError(message, place_of("world", None))
     return {name: known[name] for name in parameters}
 
 
-def _names(given: Given) -> list[str]:
-    return list(given) if isinstance(given, Mapping) else [text.partition("=")[0].strip() for text in given]
-
-
 def _given(given: Given, parameters: Mapping[str, Parameter], place_of: Places) -> dict[str, Distribution]:
     """The distributions that were given, at most one for each parameter."""
-    pairs: list[tuple[str, str | Distribution, Location]] = []
-    if isinstance(given, Mapping):
-        pairs = [(name, value, place_of("distribution", str(name))) for name, value in given.items()]
-    else:
-        for text in given:
-            name, equals, value = (part.strip() for part in text.partition("="))
-            place = place_of("distribution", text)
+    distributions: dict[str, Distribution] = {}
+    for text, value in given.items() if isinstance(given, Mapping) else ((text, "") for text in given):
+        name, kind, place = text, value, place_of("distribution", str(text))
+        if not isinstance(given, Mapping):
+            name, equals, kind = (part.strip() for part in text.partition("="))
             if not equals or not name:
                 raise InputError(f"found {shorten(text)}, expected NAME=DISTRIBUTION such as a=normal:30:5", place)
-            pairs.append((name, value, place))
-    distributions: dict[str, Distribution] = {}
-    for name, kind, place in pairs:
         if name not in parameters:
             none = "; the plan has none, and --parameter makes some"
             remedy = did_you_mean(str(name), parameters) if parameters else none

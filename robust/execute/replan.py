@@ -27,7 +27,7 @@ from robust.execute.dispatcher import Dispatcher, Ending, LeftBox, MessageReject
 from robust.execute.drive import run_in_world
 from robust.execute.planners.interface import Planner
 from robust.execute.slices import Remainder
-from robust.execute.worlds import ExecutedInstance, InstanceOutcome, Luck, Rules, SimulatedWorld, condition_with
+from robust.execute.worlds import ExecutedInstance, InstanceOutcome, Luck, Rules, SimulatedWorld, with_values
 from robust.irr.exact import BoxMethod
 from robust.numbers import format_number
 from robust.plan import model
@@ -452,7 +452,7 @@ def beginning(plan: model.ParametrizedPlan, world: SimulatedWorld) -> model.Para
         initial_atoms=plan.initial_atoms,
         initial_fluents={fluent: Polynomial.constant(value) for fluent, value in world.initial.items()},
         timed_literals=plan.timed_literals,
-        goal=tuple(replace(goal, condition=condition_with(goal.condition, world.values)) for goal in plan.goal),
+        goal=with_values(plan.goal, world.values),
     )
 
 

@@ -32,7 +32,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
 
-from robust.execute import controllable_boxes
+from robust.execute import controllable_boxes as boxes
 from robust.plan.model import ZERO, Parameter, TimePoint, TimePointKind
 from robust.plan.polynomial import Polynomial
 from robust.presented import NoTruthValue, VerdictEnum
@@ -107,25 +107,23 @@ class Slices:
     parameters: tuple[Parameter, ...]
     region: Region
     exact: bool
-    stnu: controllable_boxes.ParametricStnu
+    stnu: boxes.ParametricStnu
     seconds: float | None
 
     def __post_init__(self) -> None:
         self.parts  # noqa: B018 - worked out before the execution begins
 
-    def after(
-        self, facts: Observations, what: str, promised: Box
-    ) -> tuple[Remainder, controllable_boxes.ParametricStnu]:
+    def after(self, facts: Observations, what: str, promised: Box) -> tuple[Remainder, boxes.ParametricStnu]:
         """The remainder once `what` has been observed, and the network with the events so far."""
         started = time.perf_counter()
         network = continued(self.stnu, facts)
         deadline = Deadline.after(None if self.seconds is None else self.seconds / 2)
+        box, kept = None, False
         try:
-            promise = _Promising(self, facts, network, deadline).run(promised)
-            answer = SliceAnswer.NOTHING if promise is None else SliceAnswer.PROMISED
+            box, kept = _Promising(self, facts, boxes.Dynamically(network, deadline)).run(promised)
+            answer = SliceAnswer.NOTHING if box is None else SliceAnswer.PROMISED
         except OutOfTimeError:
-            promise, answer = None, SliceAnswer.OUT_OF_TIME
-        box, kept = promise or (None, False)
+            answer = SliceAnswer.OUT_OF_TIME
         return Remainder(facts.now, what, answer, box, kept, time.perf_counter() - started), network
 
     @cached_property
@@ -134,7 +132,7 @@ class Slices:
         return tuple((base, removed, (*base.complement(), *removed)) for base, removed in self.region.parts())
 
 
-def continued(stnu: controllable_boxes.ParametricStnu, facts: Observations) -> controllable_boxes.ParametricStnu:
+def continued(stnu: boxes.ParametricStnu, facts: Observations) -> boxes.ParametricStnu:
     """The network with what has happened where it was, and what is to be executed from now on.
 
     Lengths that have been revealed are no longer nature's to choose, and time points that have happened are counted
@@ -145,19 +143,15 @@ def continued(stnu: controllable_boxes.ParametricStnu, facts: Observations) -> c
     natural = {link.target for link in links if link.is_contingent}
     mentioned = {point for link in links for point in (link.source, link.target)}
     for point in stnu.points:
+        at = Polynomial[str].constant(times.get(point, facts.now))
         if point in times and point in mentioned and point != ZERO:
-            at = Polynomial[str].constant(times[point])
-            links.append(
-                controllable_boxes.ParametricLink(ZERO, point, at, at, origin=f"{point} was at {times[point]}")
-            )
-    for point in stnu.points:
-        if point not in times and point not in natural and point.kind is not TimePointKind.TIMED_LITERAL:
-            now = Polynomial[str].constant(facts.now)
-            links.append(controllable_boxes.ParametricLink(ZERO, point, now, None, origin=f"{point} is not before now"))
-    return controllable_boxes.ParametricStnu(stnu.points, tuple(links), stnu.vague)
+            links.append(boxes.ParametricLink(ZERO, point, at, at, origin=f"{point} was at {times[point]}"))
+        elif point not in times and point not in natural and point.kind is not TimePointKind.TIMED_LITERAL:
+            links.append(boxes.ParametricLink(ZERO, point, at, None, origin=f"{point} is not before now"))
+    return boxes.ParametricStnu(stnu.points, tuple(links), stnu.vague)
 
 
-def _is_over(link: controllable_boxes.ParametricLink, times: Mapping[TimePoint, Fraction]) -> bool:
+def _is_over(link: boxes.ParametricLink, times: Mapping[TimePoint, Fraction]) -> bool:
     """Whether a link says nothing any more: its length was revealed, or both ends happened as it demands."""
     if link.target not in times or link.is_contingent:
         return link.target in times
@@ -169,50 +163,48 @@ def _is_over(link: controllable_boxes.ParametricLink, times: Mapping[TimePoint, 
     return long_enough and (link.upper is None or length <= link.upper.constant_term)
 
 
-def _from_zero(
-    link: controllable_boxes.ParametricLink, times: Mapping[TimePoint, Fraction]
-) -> controllable_boxes.ParametricLink:
+def _from_zero(link: boxes.ParametricLink, times: Mapping[TimePoint, Fraction]) -> boxes.ParametricLink:
     """A requirement, one end of which has happened, as one on when the other happens; other links as they are."""
-    lower, upper = link.lower, link.upper
     if link.is_contingent or (link.source in times) == (link.target in times):
         return link
-    if link.source in times:
-        point, time = link.target, times[link.source]
-    else:
-        point, time = link.source, times[link.target]
-        lower, upper = None if upper is None else -upper, None if lower is None else -lower
-    lower, upper = None if lower is None else lower + time, None if upper is None else upper + time
-    return controllable_boxes.ParametricLink(ZERO, point, lower, upper, origin=link.origin)
+    begun = link.source in times
+    point, known = (link.target, link.source) if begun else (link.source, link.target)
+    bounds = (link.lower, link.upper) if begun else (link.upper, link.lower)
+    lower, upper = (None if bound is None else (bound if begun else -bound) + times[known] for bound in bounds)
+    return boxes.ParametricLink(ZERO, point, lower, upper, origin=link.origin)
 
 
+@dataclass(frozen=True)
 class _Promising:
-    def __init__(
-        self, slices: Slices, facts: Observations, network: controllable_boxes.ParametricStnu, deadline: Deadline
-    ) -> None:
-        self._slices = slices
-        self._facts = facts
-        self._deadline = deadline
-        self._wanted = controllable_boxes.Dynamically(network, deadline)
-        self._names = tuple(parameter.name for parameter in slices.parameters)
-        self._weight = {parameter.name: parameter.weight for parameter in slices.parameters}
-        self._open = tuple(name for name in self._names if name not in facts.seen)
-        self._impossible = tuple(
-            Polyhedron(self._names, (beyond,))
-            for constraint in Box(facts.possible).constraints()
-            for beyond in constraint.negation()
-        )
+    """The search for a promise in what is left."""
 
-    def run(self, promised: Box) -> tuple[Box, bool] | None:
-        """The box, and whether it holds what was promised before; None if nothing is left."""
+    slices: Slices
+    facts: Observations
+    wanted: boxes.Dynamically
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        return tuple(parameter.name for parameter in self.slices.parameters)
+
+    @property
+    def _open(self) -> tuple[str, ...]:
+        return tuple(name for name in self._names if name not in self.facts.seen)
+
+    @cached_property
+    def _weight(self) -> dict[str, Fraction]:
+        return {parameter.name: parameter.weight for parameter in self.slices.parameters}
+
+    def run(self, promised: Box) -> tuple[Box | None, bool]:
+        """The box, None if nothing is left, and whether it holds what was promised before."""
         for candidate, kept in ((self._remainder(promised), True), (self._planned(), False)):
-            for _, _, bad in self._slices.parts if candidate is not None else ():
+            for _, _, bad in self.slices.parts if candidate is not None else ():
                 if candidate is not None and self._holds(candidate, bad):
                     return self._grown(candidate, bad), kept
-        for base, removed, bad in self._slices.parts:
+        for base, removed, bad in self.slices.parts:
             centre = self._centre(base, removed)
             if centre is not None:
                 return self._grown(centre, bad), False
-        return None
+        return None, False
 
     # -- boxes to start from -------------------------------------------------------------------------------------------
 
@@ -220,26 +212,25 @@ class _Promising:
         """The rest of a promise, with the values that were seen; None if it excludes a value that must be inside."""
         intervals = {}
         for name, interval in promised.intervals.items():
-            seen, possible = self._facts.seen.get(name), self._facts.possible.get(name)
+            seen, possible = self.facts.seen.get(name), self.facts.possible.get(name)
+            rest: Interval | None = interval if possible is None else _common(interval, possible)
             if seen is not None:
-                intervals[name] = seen if name in self._facts.settled else _around(interval, seen)
-            else:
-                common = interval if possible is None else _common(interval, possible)
-                if common is None:
-                    return None
-                intervals[name] = common
+                rest = seen if name in self.facts.settled else _around(interval, seen)
+            if rest is None:
+                return None
+            intervals[name] = rest
         return Box(intervals)
 
     def _planned(self) -> Box:
         intervals = {}
-        for parameter in self._slices.parameters:
+        for parameter in self.slices.parameters:
             value = parameter.nominal
-            possible = self._facts.possible.get(parameter.name, _ANYTHING)
+            possible = self.facts.possible.get(parameter.name, _ANYTHING)
             for side in Side:
                 end = possible.end(side)
                 if end is not None and side.sign * value > side.sign * end:
                     value = end
-            intervals[parameter.name] = self._facts.seen.get(parameter.name, Interval(value, value))
+            intervals[parameter.name] = self.facts.seen.get(parameter.name, Interval(value, value))
         return Box(intervals)
 
     def _holds(self, box: Box, bad: Sequence[Polyhedron]) -> bool:
@@ -251,19 +242,19 @@ class _Promising:
 
         Of a box that is no point, it may be negative although there are schedules.
         """
-        ends = controllable_boxes.ends_of(box)
-        if self._wanted.endless(ends):
+        ends = boxes.ends_of(box)
+        if self.wanted.endless(ends):
             return Polynomial[str]({})
-        reason = self._wanted.reason(ends)
+        reason = self.wanted.reason(ends)
         if reason is None:
             return None
         return sum((form.substitute(lambda face: Polynomial.variable(face[0])) for form in reason), Polynomial[str]({}))
 
     def _centre(self, base: Polyhedron, removed: Sequence[Polyhedron]) -> Box | None:
         """The middle of the widest cube in some convex part of what is left, with the values that were seen."""
-        part = base.restricted(Box({**self._facts.possible, **self._facts.seen}).constraints())
+        part = base.restricted(Box({**self.facts.possible, **self.facts.seen}).constraints())
         while True:
-            self._deadline.enforce()
+            self.wanted.deadline.enforce()
             point = outside(part, removed)
             if point is None:
                 return None
@@ -282,13 +273,13 @@ class _Promising:
         """The middle of the widest cube in a convex cell, as far as parameters are unknown."""
         constraints = [LinearConstraint.of({_STRETCH: 1}, ">=", 0), LinearConstraint.of({_STRETCH: 1}, "<=", _MOST)]
         for half in (half for constraint in cell for half in constraint.halves()):
-            constant, factors = half.constant, dict[str, Fraction]()
-            for name, factor in half.coefficients:
-                if name in self._facts.seen:
-                    end = self._facts.seen[name].end(Side.UPPER if factor > 0 else Side.LOWER)
-                    constant -= factor * (end or 0)
-                else:
-                    factors[name] = Fraction(factor)
+            factors = {name: Fraction(factor) for name, factor in half.coefficients if name not in self.facts.seen}
+            ends = (
+                factor * (self.facts.seen[name].end(Side.UPPER if factor > 0 else Side.LOWER) or 0)
+                for name, factor in half.coefficients
+                if name in self.facts.seen
+            )
+            constant = half.constant - sum(ends)
             if factors:
                 factors[_STRETCH] = sum((abs(f) * self._weight[name] for name, f in factors.items()), Fraction(0))
             constraints.append(LinearConstraint.of(factors, half.relation, constant))
@@ -299,25 +290,24 @@ class _Promising:
         point = best.point if best.attained else stretched.interior_point()
         if point is None:
             return None
-        return Box({n: self._facts.seen.get(n) or Interval(point[n], point[n]) for n in self._names})
+        return Box({n: self.facts.seen.get(n) or Interval(point[n], point[n]) for n in self._names})
 
     # -- growing -------------------------------------------------------------------------------------------------------
 
     def _grown(self, start: Box, bad: Sequence[Polyhedron]) -> Box:
-        inside = controllable_boxes.KnownSet((*bad, *self._impossible))
-        parameters = [self._in_haste(parameter) for parameter in self._slices.parameters]
-        wanted = controllable_boxes.Controllable(inside, self._wanted, parameters, start)
-        boxes = [start]
+        possible = Box(self.facts.possible).constraints()
+        impossible = (Polyhedron(self._names, (beyond,)) for bound in possible for beyond in bound.negation())
+        inside = boxes.KnownSet((*bad, *impossible))
+        parameters = [self._in_haste(parameter) for parameter in self.slices.parameters]
+        wanted = boxes.Controllable(inside, self.wanted, parameters, start)
+        fixed, deadline, grown = self.facts.settled, self.wanted.deadline, [start]
         with suppress(OutOfTimeError):  # a promise was found; time decides how wide it becomes
-            fixed, deadline = self._facts.settled, self._deadline
-            controllable_boxes.grow(
-                start, wanted, inside.pieces, parameters=parameters, fixed=fixed, deadline=deadline, on_box=boxes.append
-            )
-        return boxes[-1]
+            boxes.grow(wanted, inside.pieces, grown, parameters=parameters, fixed=fixed, deadline=deadline)
+        return grown[-1]
 
     def _in_haste(self, parameter: Parameter) -> Parameter:
         """A parameter that exceeds its plan gets a greater weight, or its value would soon leave the interval again."""
-        if parameter.nominal in self._facts.possible.get(parameter.name, _ANYTHING):
+        if parameter.nominal in self.facts.possible.get(parameter.name, _ANYTHING):
             return parameter
         others = [self._weight[name] for name in self._open if name != parameter.name]
         return replace(parameter, weight=sum(others, Fraction(0)) or parameter.weight)

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from math import lcm
 from operator import le
 
@@ -130,25 +131,20 @@ def snap(
     return _Snapping(plan, printed, tolerances, tuple(pairs), epsilon).run()
 
 
+@dataclass(frozen=True)
 class _Snapping:
-    def __init__(
-        self,
-        plan: ParametrizedPlan,
-        printed: Mapping[TimePoint, Fraction],
-        tolerances: Mapping[TimePoint, Fraction],
-        pairs: Sequence[tuple[TimePoint, TimePoint]],
-        epsilon: Fraction,
-    ) -> None:
-        self._plan = plan
-        self._printed = printed
-        self._tolerances = tolerances
-        self._pairs = pairs
-        self._epsilon = epsilon
-        starts = {instance.start for instance in plan.instances if instance.durative}
-        rank = {point: number for number, point in enumerate(plan.time_points)}
-        # Of what is printed at one time, ends come before starts.
-        ordered = sorted(rank, key=lambda point: (printed[point], point in starts, rank[point]))
-        self._order = {point: number for number, point in enumerate(ordered)}
+    _plan: ParametrizedPlan
+    _printed: Mapping[TimePoint, Fraction]
+    _tolerances: Mapping[TimePoint, Fraction]
+    _pairs: Sequence[tuple[TimePoint, TimePoint]]
+    _epsilon: Fraction
+
+    @cached_property
+    def _order(self) -> dict[TimePoint, int]:
+        """The time points in the printed order; of what is printed at one time, ends come before starts."""
+        starts = {instance.start for instance in self._plan.instances if instance.durative}
+        ordered = sorted(self._plan.time_points, key=lambda point: (self._printed[point], point in starts))
+        return {point: number for number, point in enumerate(ordered)}
 
     def run(self) -> Snapped:
         demands = self._demands()
@@ -174,14 +170,14 @@ class _Snapping:
         reach = [self._tolerances.get(point, Fraction(0)) for point in points]
         numbers += [*(self._printed[point] for point in points), *reach]
         scale = 2 * lcm(*(number.denominator for number in numbers))
-        orders = [(nodes[source], nodes[target]) for source, target in self._orders()]
-        if self._epsilon:
-            gap = self._epsilon
-        else:
-            # All numbers are multiples of 2 / scale: so many steps of this length are less than one of them.
+        if (
+            not self._epsilon
+        ):  # All numbers are multiples of 2 / scale, and less than all steps of this length together.
             scale *= len(points) + 1
-            gap = Fraction(2, scale)
-        bounds += [(source, target, gap) for source, target in orders]
+        gap = self._epsilon or Fraction(2, scale)
+        for pair in self._pairs:
+            early, late = sorted(pair, key=self._order.__getitem__)
+            bounds.append((nodes[early], nodes[late], gap))
         network = [
             (source, target, int((weight + before - after) * scale))
             for (source, before), (target, after), weight in bounds
@@ -203,10 +199,8 @@ class _Snapping:
             raise TooFarError(_CONTRADICTION, self._with_durations(demands))
 
         def windows(reach: int) -> NearSchedules:
-            low = [max(wish - reach, wish - limit) for wish, limit in zip(wished, near, strict=True)]
-            return NearSchedules(
-                network, low, [min(wish + reach, wish + limit) for wish, limit in zip(wished, near, strict=True)]
-            )
+            both = [(wish, min(reach, limit)) for wish, limit in zip(wished, near, strict=True)]
+            return NearSchedules(network, [wish - most for wish, most in both], [wish + most for wish, most in both])
 
         greatest = max(near)
         if not windows(greatest).possible:
@@ -237,12 +231,6 @@ class _Snapping:
                     for name in names_in(part.condition):
                         for point in writers.get(name, ()):
                             yield from self._outside(instance, point)
-
-    def _orders(self) -> Iterator[tuple[TimePoint, TimePoint]]:
-        """The mutex pairs, in the printed order."""
-        for pair in self._pairs:
-            early, late = sorted(pair, key=self._order.__getitem__)
-            yield early, late
 
     def _outside(self, instance: ActionInstance, point: TimePoint) -> Iterator[tuple[TimePoint, TimePoint, Fraction]]:
         """A writer of what has to hold over all of an instance stays before, within or after it, as it was printed.

@@ -41,13 +41,13 @@ from __future__ import annotations
 import heapq
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from enum import Enum
 from fractions import Fraction
 from itertools import count
 from os import PathLike
 from random import Random
-from typing import Final, TypeVar, assert_never
+from typing import Any, Final, TypeVar
 
 from robust.errors import InputError, Location, did_you_mean
 from robust.execute import dispatcher
@@ -162,10 +162,9 @@ def read_rules(path: str | PathLike[str]) -> Rules:
 def parse_rules(text: str, file: str = "<world>") -> Rules:
     """The rules in a text; InputError names the rule and the key that is wrong."""
     document = toml_document(text, file, "tables [[draw]]")
-    for key in document:
-        if key != "draw":
-            message = f"found key {shorten(key)}, expected only tables [[draw]]{did_you_mean(key, ['draw'])}"
-            raise InputError(message, Location(file))
+    for key in document.keys() - {"draw"}:
+        message = f"found key {shorten(key)}, expected only tables [[draw]]{did_you_mean(key, ['draw'])}"
+        raise InputError(message, Location(file))
     tables = document.get("draw", [])
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
         raise InputError("found a value for 'draw', expected tables [[draw]]", Location(file))
@@ -187,9 +186,8 @@ def _rule(table: Mapping[str, object], place: str) -> Rule:
         hint = did_you_mean(str(kind), KEYS)
         raise InputError(f"found distribution {shorten(str(kind))}, expected one of {', '.join(KEYS)}{hint}", location)
     known = {subject.value, "distribution", "relative", *KEYS[kind]}
-    for key in table:
-        if key not in known:
-            raise InputError(f"found key {shorten(key)}, expected another{did_you_mean(key, known)}", location)
+    for key in (key for key in table if key not in known):
+        raise InputError(f"found key {shorten(key)}, expected another{did_you_mean(key, known)}", location)
     below, relative = table.get("below", "fold"), table.get("relative", False)
     if not isinstance(relative, bool):
         raise InputError(f"found {shorten(str(relative))} for 'relative', expected true or false", location)
@@ -246,53 +244,30 @@ def _check_numbers(rule: Rule, location: Location) -> None:
 
 Values = Mapping[model.NumericVariable, Fraction]
 
-
-_Conditional = TypeVar("_Conditional", model.TimedCondition, model.AtomEffect, model.NumericEffect)
-
-
-def _conditional(parts: Iterable[_Conditional], values: Values) -> tuple[_Conditional, ...]:
-    return tuple(replace(part, condition=condition_with(part.condition, values)) for part in parts)
-
-
-def with_values(instance: model.ActionInstance, values: Values) -> model.ActionInstance:
-    """The instance with these variables replaced by their values, in conditions and effects."""
-    changes = (replace(part, expression=expression_with(part.expression, values)) for part in instance.numeric_effects)
-    flows = (replace(flow, rate=expression_with(flow.rate, values)) for flow in instance.continuous_effects)
-    bounds = (replace(bound, condition=_comparison(bound.condition, values)) for bound in instance.durations)
-    return replace(
-        instance,
-        durations=tuple(bounds),
-        conditions=_conditional(instance.conditions, values),
-        atom_effects=_conditional(instance.atom_effects, values),
-        numeric_effects=_conditional(changes, values),
-        continuous_effects=tuple(flows),
-    )
+_Part = TypeVar("_Part")
+_READING = {"durations", "conditions", "atom_effects", "numeric_effects", "continuous_effects"} | {
+    "condition", "operands", "expression", "rate",
+}  # fmt: skip
+"""Fields of instances, their parts and conditions that read variables, or hold what does."""
 
 
-def expression_with(expression: model.Expression, values: Values) -> model.Expression:
-    """An expression with these variables replaced by their values."""
+def with_values(part: _Part, values: Values) -> _Part:
+    """An instance, or a part of one, with these variables replaced by their values, in conditions and effects."""
 
     def value(variable: model.NumericVariable) -> model.Expression:
         known = values.get(variable)
         return Polynomial.variable(variable) if known is None else Polynomial.constant(known)
 
-    return expression.substitute(value)
-
-
-def _comparison(condition: model.NumericCondition, values: Values) -> model.NumericCondition:
-    return model.NumericCondition(expression_with(condition.expression, values), condition.relation)
-
-
-def condition_with(condition: model.Condition, values: Values) -> model.Condition:
-    """A condition with these variables replaced by their values."""
-    match condition:
-        case model.Truth() | model.Holds():
-            return condition
-        case model.NumericCondition():
-            return _comparison(condition, values)
-        case model.And(operands) | model.Or(operands):
-            return type(condition)(tuple(condition_with(operand, values) for operand in operands))
-    assert_never(condition)
+    whole: Any = part
+    if isinstance(whole, Polynomial):
+        whole = whole.substitute(value)
+    elif isinstance(whole, tuple):
+        whole = tuple(with_values(member, values) for member in whole)
+    else:
+        names = [field.name for field in fields(whole) if field.name in _READING]
+        whole = replace(whole, **{name: with_values(getattr(whole, name), values) for name in names})
+    replaced: _Part = whole
+    return replaced
 
 
 class WorldState:
@@ -479,12 +454,12 @@ class SimulatedWorld:
             self._messages.append(dispatcher.DispatchFailed(identifier, now, unmet))
             return
         self.state.apply(instance, model.Timing.AT_START, duration)
-        done = not planned.durative
-        outcome = InstanceOutcome.DONE if done else InstanceOutcome.RUNNING
-        end = now if done else None
-        self.executed[identifier] = ExecutedInstance(instance, now, end, outcome, duration is not None)
-        if not done:
+        run = ExecutedInstance(instance, now, None, InstanceOutcome.RUNNING, duration is not None)
+        self.executed[identifier] = run
+        if planned.durative:
             self.state.begin_flows(instance, duration)
+        else:
+            self._finish(run, now, InstanceOutcome.DONE)
         self._check_at(now)
         self._reveal(point)
         if duration is not None:
@@ -573,9 +548,8 @@ class SimulatedWorld:
 
     def _length(self, link: NaturalLink) -> Fraction:
         """The actual length of a distance; the parameter that it reveals gets the value that it has then."""
-        plan = self.dispatchable.plan
-        nominal = link.length.evaluate(plan.nominal)
-        instance = plan.instance[link.target.instance or ""]
+        nominal = link.length.evaluate(self.dispatchable.plan.nominal)
+        instance = self.dispatchable.plan.instance[link.target.instance or ""]
         is_duration = link.source == instance.start and link.target == instance.end
         drawn = self._luck.duration(instance, nominal) if is_duration else None
         if drawn is None:

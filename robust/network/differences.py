@@ -8,7 +8,7 @@ cycles and paths are reported as origins.
 One feasible schedule turns every bound into a slack that is not negative (Johnson's potentials), so that rows of
 greatest lower bounds come from Dijkstra's algorithm, and only for points that are asked about. Points whose distance
 is fixed form one component: cycles without slack are found as strongly connected components of the bounds that the
-schedule meets exactly. Most questions are only about order: they are answered by sets of points, one bit each.
+schedule meets exactly.
 
 Where weights are more than numbers, networks are solved by elimination of points, one after the other: what is left
 has, between the other points, the same greatest lower bounds [Dechter, Meiri and Pearl 1991, directional path
@@ -18,14 +18,12 @@ consistency].
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from bisect import bisect_left
 from collections import defaultdict, deque
 from collections.abc import Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from heapq import heappop, heappush
-from itertools import pairwise
 from math import lcm
 from typing import Generic, TypeVar
 
@@ -104,33 +102,21 @@ class DifferenceNetwork:
     Args:
         size: points are 0 … size − 1.
         bounds: the network.
-        near: the distance, at least 1, that :meth:`at_least` answers without search where it can, as it does 0.
-        schedule: times that satisfy the bounds, if some are known.
 
-    `schedule` are the least times from 0 that satisfy the bounds, or those given. If there are none it is None, `cycle`
-    tells why, and nothing else has a meaning.
+    `schedule` are the least times from 0 that satisfy the bounds. If there are none it is None, `cycle` tells why, and
+    nothing else has a meaning.
     """
 
-    def __init__(
-        self, size: int, bounds: Iterable[Bound], *, near: int = 1, schedule: Sequence[int] | None = None
-    ) -> None:
+    def __init__(self, size: int, bounds: Iterable[Bound]) -> None:
         self.size = size
-        self._near = near
         self._given = tuple(bounds)
-        strongest: dict[tuple[int, int], int] = {}
+        self._bounds: dict[tuple[int, int], int] = {}
         for source, target, weight in self._given:
-            pair = (source, target)
-            known = strongest.get(pair)
-            if known is None or known < weight:
-                strongest[pair] = weight
-        self._bounds = strongest
-        self.cycle: Cycle | None = None
-        if schedule is None:
-            schedule = [0] * size
-            cycle = delay(schedule, self._steps, range(size))
-            if cycle is not None:
-                self.cycle = Cycle(tuple(self._origins[number] for number in cycle.origins))
-        self.schedule: Sequence[int] | None = schedule if self.cycle is None else None
+            self._bounds[source, target] = max(weight, self._bounds.get((source, target), weight))
+        schedule = [0] * size
+        cycle = delay(schedule, self._steps, range(size))
+        self.cycle = None if cycle is None else Cycle(tuple(self._origins[number] for number in cycle.origins))
+        self.schedule: Sequence[int] | None = schedule if cycle is None else None
 
     @cached_property
     def _steps(self) -> Following:
@@ -190,20 +176,16 @@ class DifferenceNetwork:
 
     def _row(self, start: int) -> list[int | None]:
         """The least slack of a path from a component to each other; None where there is none."""
-        row = self._rows.get(start)
-        if row is None:
-            following = self._slack
-            row = self._rows[start] = [None] * len(following)
-            row[start] = 0
-            heap = [(0, start)]
-            while heap:
-                slack, place = heappop(heap)
-                if row[place] == slack:
-                    for other, more in following[place]:
-                        known = row[other]
-                        if known is None or slack + more < known:
-                            row[other] = slack + more
-                            heappush(heap, (slack + more, other))
+        if start in self._rows:
+            return self._rows[start]
+        row = self._rows[start] = [None] * len(self._slack)
+        heap = [(0, start)]
+        while heap:
+            slack, place = heappop(heap)
+            if row[place] is None:
+                row[place] = slack
+                for other, more in self._slack[place]:
+                    heappush(heap, (slack + more, other))
         return row
 
     # -- what follows --------------------------------------------------------------------------------------------------
@@ -248,68 +230,8 @@ class DifferenceNetwork:
         """Whether t_target − t_source ≥ weight in all schedules."""
         if self.times[target] - self.times[source] < weight:
             return False  # the schedule itself is one in which it is not
-        if weight <= self._near and (self._reached[weight > 0][source] >> target) & 1:
-            return True
         known = self.least(source, target)
         return known is not None and known >= weight
-
-    @cached_property
-    def _reached(self) -> tuple[list[int], list[int]]:
-        """For each point the points surely not before it, and those surely `near` after it, as sets of bits.
-
-        A path is seen if each of its steps leads forward, and for the second set if one of them is `near` long.
-        """
-        steps: tuple[list[list[int]], ...] = tuple([[] for _ in range(self.size)] for _ in range(2))
-        for source, target, weight in self._forward_steps():
-            steps[weight >= self._near][source].append(target)
-        times = self.times
-        order = sorted(range(self.size), key=times.__getitem__, reverse=True)
-        reached, apart = [1 << point for point in range(self.size)], [0] * self.size
-        changed = True
-        while changed:  # steps between equal times may form circles
-            changed = False
-            for point in order:
-                near, far = reached[point], apart[point]
-                for target in steps[0][point]:
-                    near |= reached[target]
-                    far |= apart[target]
-                for target in steps[1][point]:
-                    far |= reached[target]
-                near |= far
-                if near != reached[point] or far != apart[point]:
-                    reached[point], apart[point], changed = near, far, True
-        return reached, apart
-
-    def _forward_steps(self) -> Iterator[Bound]:
-        """Steps that lead forward in every schedule; what steps within components imply further is left out."""
-        times = self.times
-        members: dict[int, list[int]] = defaultdict(list)
-        for point in sorted(range(self.size), key=times.__getitem__):
-            members[self.component[point]].append(point)
-        for points in members.values():
-            for first, second in pairwise(points):
-                yield first, second, times[second] - times[first]
-                if times[first] == times[second]:
-                    yield second, first, 0
-            yield from self._distant_members(points)
-        places = {component: [times[point] for point in points] for component, points in members.items()}
-        for source, leaving in enumerate(self._slack):
-            for target, slack in leaving:
-                later, at = members[target], places[target]
-                for point in members[source]:
-                    for distance in (0, self._near):
-                        index = bisect_left(at, times[point] + distance + slack)
-                        if index < len(later):
-                            yield point, later[index], at[index] - times[point] - slack
-
-    def _distant_members(self, points: Sequence[int]) -> Iterator[Bound]:
-        """Steps within a component to the next point at distance `near`, where steps to neighbours are shorter."""
-        times = self.times
-        at = [times[point] for point in points]
-        for point in points:
-            index = bisect_left(at, times[point] + self._near)
-            if index < len(points):
-                yield point, points[index], at[index] - times[point]
 
     # -- what can go ---------------------------------------------------------------------------------------------------
 
@@ -343,54 +265,41 @@ class DifferenceNetwork:
             # Mostly two bounds imply a third one, which takes no search.
             if any(first + direct[middle].get(target, slack + 1) <= slack for middle, first in between):
                 continue
-            if not any(
-                (rest := self._row(middle)[target]) is not None and first + rest <= slack for middle, first in between
-            ):
+            rests = ((first, self._row(middle)[target]) for middle, first in between)
+            if not any(rest is not None and first + rest <= slack for first, rest in rests):
                 kept.append(bound)
-        for bounds_within in inner.values():
-            kept += _spanning(
-                bounds_within, [bound for bound in given if component[bound[0]] == component[bound[1]]], times
-            )
-        return kept
+        fixed_within = [bound for bound in given if component[bound[0]] == component[bound[1]]]
+        return [*kept, *(bound for within in inner.values() for bound in _spanning(within, fixed_within, times))]
 
     def _slack_of(self, bound: Bound) -> int:
         return self.times[bound[1]] - self.times[bound[0]] - bound[2]
 
 
 def _strong_components(steps: Sequence[Sequence[int]]) -> list[int]:
-    """The number of the strongly connected component of each node [Tarjan 1972], without recursion."""
-    size = len(steps)
-    number, low, component = [-1] * size, [0] * size, [-1] * size
-    stack: list[int] = []
-    count = numbered = 0
-    for root in range(size):
-        if number[root] >= 0:
-            continue
-        work = [(root, iter(steps[root]))]
-        number[root] = low[root] = count
-        count += 1
-        stack.append(root)
-        while work:
-            node, rest = work[-1]
-            for other in rest:
-                if number[other] < 0:
-                    number[other] = low[other] = count
-                    count += 1
-                    stack.append(other)
-                    work.append((other, iter(steps[other])))
-                    break
-                if component[other] < 0:
-                    low[node] = min(low[node], number[other])
-            else:
-                work.pop()
-                if work:
-                    above = work[-1][0]
-                    low[above] = min(low[above], low[node])
-                if low[node] == number[node]:
-                    while component[node] < 0:
-                        component[stack.pop()] = numbered
-                    numbered += 1
-    return component
+    """The number of the strongly connected component of each node [Kosaraju], without recursion."""
+    before: list[list[int]] = [[] for _ in steps]
+    for node, leaving in enumerate(steps):
+        for other in leaving:
+            before[other].append(node)
+    seen, finished = [False] * len(steps), list[int]()
+    work = [(root, False) for root in range(len(steps))]
+    while work:
+        node, is_done = work.pop()
+        if is_done:
+            finished.append(node)
+        elif not seen[node]:
+            seen[node] = True
+            work += [(node, True), *((other, False) for other in steps[node])]
+    component = [-1] * len(steps)
+    for root in reversed(finished):
+        waiting = [root]
+        while waiting:
+            node = waiting.pop()
+            if component[node] < 0:
+                component[node] = root
+                waiting += before[node]
+    number = {root: count for count, root in enumerate(dict.fromkeys(component))}
+    return [number[root] for root in component]
 
 
 def _spanning(bounds: Sequence[Bound], given: Sequence[Bound], times: Sequence[int]) -> list[Bound]:

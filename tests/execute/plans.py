@@ -11,7 +11,7 @@ from random import Random
 from textwrap import dedent
 
 from robust.api import envelope
-from robust.execute.convert import Conversion, Mode, convert
+from robust.execute.convert import Conversion, convert
 from robust.execute.dispatchable import Dispatchable, make_dispatchable
 from robust.execute.worlds import Rule, Rules, Subject
 from robust.plan.load import assemble, load_plan
@@ -35,44 +35,44 @@ PLANS = (
     ("solar_rover", "domain-yield", "problem-yield", "plan-yield"),
     ("auv_survey", "domain", "problem-two-vehicles", "two-vehicles-5"),
 )
+FIRST_ORDER = (ROOT / "robust/examples/delivery/steps.plan").read_text(encoding="utf-8")
 
-TASKS = """
-(define (domain tasks)
-  (:requirements :typing :durative-actions :fluents :duration-inequalities :timed-initial-literals)
-  (:types task)
-  (:predicates (free) (ready ?t - task) (done ?t - task) (open))
-  (:functions (need ?t - task) (stock))
-  (:durative-action work
-    :parameters (?t - task)
-    :duration (>= ?duration 1)
-    :condition (and (at start (ready ?t)) (over all (open)))
-    :effect (and (at start (not (ready ?t))) (at end (done ?t))))
-  (:durative-action fetch
-    :parameters (?t - task)
-    :duration (= ?duration 2)
-    :condition (at start (>= (stock) (need ?t)))
-    :effect (and (at end (decrease (stock) (need ?t))) (at end (ready ?t))))
-  (:action call :parameters (?t - task) :precondition (done ?t) :effect (free)))
-"""
-TWO_TASKS = """
-(define (problem two) (:domain tasks) (:objects a b - task)
-  (:init (ready a) (open) (at 60 (not (open))) (= (need a) 3) (= (need b) 4) (= (stock) 10))
-  (:goal (and (done a) (done b))))
-"""
-PLAN = """
-parameter first default 10;
-durative-action instance w1 : (work a);
-durative-action instance f : (fetch b);
-durative-action instance w2 : (work b);
-action instance c : (call a);
-c: w1.end - w1.start in [first, first];
-c: f.end - f.start in [2, 2];
-c: f.start - w1.end in [0.001, inf];
-c: w2.start - f.end in [0.001, inf];
-c: w2.end - w2.start in [5, 8];
-c: w2.end - .zero in [0, 60];
-c: c - w1.end in [0.001, inf];
-"""
+
+def text_of(name: str) -> str:
+    """A text of the folder `data`."""
+    return Path(__file__).with_name("data").joinpath(name).read_text(encoding="utf-8")
+
+
+# -- intervals and boxes -----------------------------------------------------------------------------------------------
+
+
+def interval(ends: str | Sequence[Fraction | int | str | None]) -> Interval:
+    """An interval as people write it, such as "[1, inf)", or by its closed ends."""
+    if isinstance(ends, str):
+        lower, upper = (None if end == "inf" else Fraction(end) for end in ends[1:-1].split(", "))
+        return Interval(lower, upper, ends[0] == "[", ends[-1] == "]")
+    return Interval(*(None if end is None else Fraction(end) for end in ends))
+
+
+def box_of(**intervals: str | Sequence[Fraction | int | str | None]) -> Box:
+    return Box({name: interval(ends) for name, ends in intervals.items()})
+
+
+def drawn(box: Box, random: Random, *, width: Fraction = Fraction(50)) -> dict[str, Fraction]:
+    """A point of a box, often a corner; infinite sides are cut."""
+    values = {}
+    for name, allowed in box.intervals.items():
+        low = (allowed.upper or Fraction(0)) - width if allowed.lower is None else allowed.lower
+        high = low + width if allowed.upper is None else allowed.upper
+        share = random.choice([Fraction(0), Fraction(1), Fraction(random.randint(1, 99), 100)])
+        chosen = low + (high - low) * share
+        values[name] = chosen if chosen in allowed else (low + high) / 2
+    return values
+
+
+# -- plans of tasks ----------------------------------------------------------------------------------------------------
+
+TASKS, TWO_TASKS, PLAN = map(text_of, ("tasks.pddl", "two-tasks.pddl", "two-tasks.stn"))
 
 
 def tasks(plan: str = PLAN, *specs: str, problem: str = TWO_TASKS) -> ParametrizedPlan:
@@ -85,7 +85,7 @@ def working(*constraints: str, on: Sequence[str] = "ab") -> str:
     """A plan in which w1 works on the first task as long as nature wants, w2 on the second one, and so on."""
     instances = (f"durative-action instance w{number} : (work {task});" for number, task in enumerate(on, 1))
     first = "parameter first default 10;", *instances, "c: w1.end - w1.start in [first, first];"
-    return "\n".join([*first, *(f"c: {one};" for one in constraints)])
+    return "\n".join([*first, *(f"c: {constraint};" for constraint in constraints)])
 
 
 def nothing_else(on: Sequence[str], until: int = 300) -> str:
@@ -98,15 +98,7 @@ def nothing_else(on: Sequence[str], until: int = 300) -> str:
 
 def tasks_dispatchable(box: Mapping[str, tuple[int, int]] | None = None, plan: str = PLAN, *specs: str) -> Dispatchable:
     """That plan with a box."""
-    ends = {"first": (4, 20)} if box is None else box
-    intervals = {name: Interval(Fraction(low), Fraction(high)) for name, (low, high) in ends.items()}
-    return make_dispatchable(tasks(plan, *specs), Box(intervals))
-
-
-def interval(text: str) -> Interval:
-    """An interval as people write it."""
-    lower, upper = (None if end == "inf" else Fraction(end) for end in text[1:-1].split(", "))
-    return Interval(lower, upper, text[0] == "[", text[-1] == "]")
+    return make_dispatchable(tasks(plan, *specs), box_of(**({"first": (4, 20)} if box is None else box)))
 
 
 @cache
@@ -114,22 +106,9 @@ def with_box(folder: str, domain: str, problem: str, plan: str) -> Dispatchable:
     """A benchmark plan with its box by exact widening."""
     base = DOMAINS / folder
     loaded = load_plan(base / f"{domain}.pddl", base / f"{problem}.pddl", base / f"{plan}.stn")
-    found = envelope(loaded)
-    assert found.verified
-    return make_dispatchable(loaded, found.box)
-
-
-def drawn(box: Box, random: Random, *, width: Fraction = Fraction(50)) -> dict[str, Fraction]:
-    """A point of a box, often a corner; infinite sides are cut."""
-    values = {}
-    for name, interval in box.intervals.items():
-        low, high = interval.lower, interval.upper
-        low = (high or Fraction(0)) - width if low is None else low
-        high = low + width if high is None else high
-        share = random.choice([Fraction(0), Fraction(1), Fraction(random.randint(1, 99), 100)])
-        chosen = low + (high - low) * share
-        values[name] = chosen if chosen in interval else (low + high) / 2
-    return values
+    result = envelope(loaded)
+    assert result.verified
+    return make_dispatchable(loaded, result.box)
 
 
 def constant(subject: Subject, name: str, value: Fraction | int | str) -> Rule:
@@ -168,26 +147,24 @@ def drawn_with_box(random: Random) -> tuple[ParametrizedPlan, Box]:
     """A drawn plan whose nominal values leave a schedule, and its box by exact widening."""
     while True:
         plan = drawn_plan(random)
-        found = envelope(plan)
-        if found.verified:
-            return plan, found.box
+        result = envelope(plan)
+        if result.verified:
+            return plan, result.box
 
 
 # -- conversions -------------------------------------------------------------------------------------------------------
 
 
-def converted(
-    domain: str, problem: str, plan: str, *specs: str, mode: Mode = Mode.CAUSAL, timeout: float | None = None
-) -> Conversion:
+def converted(domain: str, problem: str, plan: str, *specs: str, **options: object) -> Conversion:
     """The conversion of three texts."""
     parsed = parse_domain(domain)
     read, steps = parse_problem(problem, parsed), parse_timed_plan(plan, "plan.txt")
-    return convert(parsed, read, steps, mode=mode, specs=parse_specs(specs), timeout=timeout)
+    return convert(parsed, read, steps, specs=parse_specs(specs), **options)  # type: ignore[arg-type]
 
 
 def durative(name: str, duration: str, conditions: str, effects: str) -> str:
     """A durative action without parameters, as PDDL; `duration` is its length, or a comparison with it as `>= 2`."""
-    operator, length = duration.split() if " " in duration else ("=", duration)
+    operator, length = duration.split() if duration[0] in "<>" else ("=", duration)
     return (
         f"(:durative-action {name} :parameters () :duration ({operator} ?duration {length}) "
         f":condition (and {conditions}) :effect (and {effects}))"
@@ -196,20 +173,7 @@ def durative(name: str, duration: str, conditions: str, effects: str) -> str:
 
 # -- planners ----------------------------------------------------------------------------------------------------------
 
-ERRANDS = """(define (domain errands)
-(:requirements :typing :fluents :durative-actions :timed-initial-literals)
-(:types place)
-(:predicates (at ?p - place) (done ?p - place) (open))
-(:functions (distance ?a ?b - place))
-(:durative-action go :parameters (?a ?b - place) :duration (= ?duration (distance ?a ?b))
- :condition (at start (at ?a)) :effect (and (at start (not (at ?a))) (at end (at ?b))))
-(:durative-action shop :parameters (?p - place) :duration (and (>= ?duration 2) (<= ?duration 5))
- :condition (and (over all (at ?p)) (over all (open))) :effect (at end (done ?p))))
-"""
-ERRAND = """(define (problem one) (:domain errands) (:objects home market - place)
-(:init (at home) (open) (at 20 (not (open))) (= (distance home market) 7.5) (= (distance market home) 7.5))
-(:goal (done market)))
-"""
+ERRANDS, ERRAND = map(text_of, ("errands.pddl", "errand.pddl"))
 VALID = "0.000: (GO HOME MARKET) [7.500]\n7.501: (shop market)  [2.000]\n"
 BETTER = "0: (go home market) [7.5]\n7.5: (shop market) [2]\n"
 TOO_LATE = "0.000: (go home market) [7.5]\n18.5: (shop market) [2.0]\n"
@@ -231,6 +195,3 @@ class Fake:
 
     def printing(self, text: str, then: str = "") -> str:
         return self.command(f"print({text!r}, flush=True)\n{dedent(then)}")
-
-
-FIRST_ORDER = (ROOT / "robust/examples/delivery/steps.plan").read_text(encoding="utf-8")

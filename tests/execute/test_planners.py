@@ -1,33 +1,44 @@
-"""Planners that behave and planners that do not, and the text that they read and print."""
+"""Planners that behave and planners that do not, and the text that they read and print; proofs that there is no plan:
+bounds against everything that random valid plans do, and against planners.
+"""
 
 import re
 from fractions import Fraction
-from pathlib import Path
+from itertools import product
+from math import inf
+from random import Random
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.generators.delivery import DeliveryVariant, delivery_domain, table_problems
+from benchmarks.generators.plans import drawn_plan
+from benchmarks.irr.tables import RememberingPlanner
 from robust.errors import InputError, UnsupportedError
-from robust.execute.planners import aries, create_planner
-from robust.execute.planners import interface as kairos
+from robust.execute.distances import declarations, schedule_of
+from robust.execute.planners import PLANNERS, aries, create_planner, interface, reachability
 from robust.execute.planners.interface import PlannerAnswer, PlannerStatus, check
+from robust.execute.planners.reachability import EarliestTimes, ReachabilityFirst, relaxed_problem, unreachable
 from robust.numbers import parse_number
+from robust.plan.load import assemble
 from robust.plan.pddl.reader import parse_domain, parse_problem, read_domain, read_problem
 from robust.plan.pddl.write import decimal, domain_text, problem_text
-from robust.plan.timed import parse_timed_plan
+from robust.plan.simulate import simulate
+from robust.plan.stn import STNPlan
+from robust.plan.timed import TimedPlan, TimedStep, parse_timed_plan
 from robust.smt.limits import Deadline
 from tests.children import Told, interrupted_after
-from tests.execute.plans import BETTER, EPSILON, ERRAND, ERRANDS, TOO_LATE, VALID, Fake, errand, errands
+from tests.execute import plans
+from tests.execute.plans import BETTER, EPSILON, ERRAND, ERRANDS, TOO_LATE, VALID, durative, errand, errands, text_of
 from tests.plan.building import EVERYTHING
 
-ROOT = Path(__file__).parents[2]
+F = Fraction
 
 
 @pytest.fixture
 def fake(tmp_path):
-    return Fake(tmp_path)
+    return plans.Fake(tmp_path)
 
 
 def ask(command: str, seconds: float | None = 20) -> PlannerAnswer:
@@ -35,8 +46,12 @@ def ask(command: str, seconds: float | None = 20) -> PlannerAnswer:
 
 
 SOLVED, TIMEOUT, CRASHED = PlannerStatus.SOLVED, PlannerStatus.TIMEOUT, PlannerStatus.CRASHED
+NONSENSE, NO_PLAN = PlannerStatus.NONSENSE, PlannerStatus.NO_PLAN
 NOTHING = "no valid plan before the deadline"
 SEGFAULT = "os.kill(os.getpid(), signal.SIGSEGV)"
+SLEEP = "time.sleep(60)"
+NAMES_OF_DOMAIN = "found action 'fly', expected one of domain 'errands'"
+BROKEN = "'n1 shop: over all (open)' broken at time 20"
 
 
 @pytest.mark.parametrize(
@@ -48,19 +63,32 @@ SEGFAULT = "os.kill(os.getpid(), signal.SIGSEGV)"
         (f"{VALID}\n{BETTER}", "", 20, SOLVED, BETTER, ""),
         (f"{BETTER}\nnext\n{TOO_LATE}", "", 20, SOLVED, BETTER, ""),
         (VALID, "sys.exit(3)", 20, SOLVED, VALID, ""),
-        (VALID, "time.sleep(60)", 1, SOLVED, VALID, ""),
-        ("", "time.sleep(60)", 0.5, TIMEOUT, None, NOTHING),
-        (VALID, "time.sleep(60)", 0, TIMEOUT, None, NOTHING),
-        (VALID.splitlines()[0], "time.sleep(60)", 0.5, TIMEOUT, None, NOTHING),
+        (VALID, SLEEP, 0.7, SOLVED, VALID, ""),
+        (VALID, SLEEP, 0, TIMEOUT, None, NOTHING),
+        (VALID.splitlines()[0], SLEEP, 0.5, TIMEOUT, None, NOTHING),
         ("", "raise RuntimeError('out of ideas')", 20, CRASHED, None, "exit code 1: RuntimeError: out of ideas"),
         ("", "sys.exit(9)", 20, CRASHED, None, "exit code 9: no message"),
         ("so far so good", SEGFAULT, 20, CRASHED, None, "killed by signal 11: so far so good"),
         ("", "x = bytearray(2**36)", 20, CRASHED, None, "exit code 1: MemoryError"),
+        ("", "", 20, NO_PLAN, None, ""),
+        ("; No plan found", "", 20, NO_PLAN, None, ""),
+        ("the problem is UNSOLVABLE", "", 20, NO_PLAN, None, ""),
+        ("goal unreachable", "", 20, NO_PLAN, None, ""),
+        ("42", "", 20, NONSENSE, None, "found no plan in what it printed, ending with '42'"),
+        ("\x00\xff garbage", "", 20, NONSENSE, None, "ending with"),
+        ("0: (fly home market) [7.5]", "", 20, NONSENSE, None, NAMES_OF_DOMAIN),
+        ("0: (go home moon) [7.5]", "", 20, NONSENSE, None, "found 'moon'"),
+        ("1.2.3: (go home market) [7.5]", "", 20, NONSENSE, None, "found '1.2.3' as time"),
+        ("0: (go home market) [7.5]", "", 20, NONSENSE, None, "goal"),
+        ("0: (go home market) [7]\n7: (shop market) [2]", "", 20, NONSENSE, None, "invalid plan"),
+        (TOO_LATE, "", 20, NONSENSE, None, BROKEN),
     ],
 )
 def test_answers(fake, text, then, seconds, status, plan, message):
     answer = ask(fake.printing(text, then), seconds)
-    assert (answer.status, answer.message) == (status, message)
+    assert answer.status is status
+    assert message in answer.message if status in {NO_PLAN, NONSENSE} else message == answer.message
+    assert "\n" not in answer.message
     assert answer.plan == (None if plan is None else parse_timed_plan(plan))
     assert 0 < answer.seconds < 20
 
@@ -80,36 +108,9 @@ def test_what_the_planner_reads_and_where_it_writes(fake):
     assert ask(fake.command(numbered)).plan == parse_timed_plan(BETTER)
 
 
-NONSENSE, NO_PLAN = PlannerStatus.NONSENSE, PlannerStatus.NO_PLAN
-
-
-@pytest.mark.parametrize(
-    ("text", "status", "message"),
-    [
-        ("", NO_PLAN, ""),
-        ("; No plan found", NO_PLAN, ""),
-        ("the problem is UNSOLVABLE", NO_PLAN, ""),
-        ("goal unreachable", NO_PLAN, ""),
-        ("42", NONSENSE, "found no plan in what it printed, ending with '42'"),
-        ("\x00\xff garbage", NONSENSE, "ending with"),
-        ("0: (fly home market) [7.5]", NONSENSE, "found action 'fly', expected one of domain 'errands'"),
-        ("0: (go home moon) [7.5]", NONSENSE, "found 'moon'"),
-        ("1.2.3: (go home market) [7.5]", NONSENSE, "found '1.2.3' as time"),
-        ("0: (go home market) [7.5]", NONSENSE, "goal"),
-        ("0: (go home market) [7]\n7: (shop market) [2]", NONSENSE, "invalid plan"),
-        (TOO_LATE, NONSENSE, "'n1 shop: over all (open)' broken at time 20"),
-    ],
-)
-def test_nonsense_and_no_plan(fake, text, status, message):
-    answer = ask(fake.printing(text))
-    assert (answer.status, answer.plan) == (status, None)
-    assert message in answer.message
-    assert "\n" not in answer.message
-
-
 def test_what_is_no_answer():
     answer = ask("command:/no/such/planner {domain} {problem}")
-    assert answer.status is PlannerStatus.CRASHED
+    assert answer.status is CRASHED
     assert "cannot start '/no/such/planner': No such file or directory" in answer.message
     for status, plan in ((SOLVED, None), (TIMEOUT, parse_timed_plan(VALID))):
         with pytest.raises(ValueError, match="a plan goes with 'solved' only"):
@@ -124,7 +125,7 @@ def test_ending_with_whoever_asked(fake):
         signal.signal(number, signal.SIG_IGN)
     subprocess.run([sys.executable, "-c", {told.code!r}])
     """
-    assert ask(fake.command(body), 1.5).status is PlannerStatus.TIMEOUT
+    assert ask(fake.command(body), 1.5).status is TIMEOUT
     assert told.gone()
     with pytest.raises(KeyboardInterrupt), interrupted_after(1.5):
         ask(fake.command(body))
@@ -142,9 +143,10 @@ def test_ending_with_whoever_asked(fake):
         ("command:p '{domain} {problem}", "No closing quotation"),
         ("command:p {domain} {problem", "expected words and fields"),
         ("command:p {} {problem}", r"found field \{\}"),
+        ("command:p {domain} {problem} {0}", r"found field \{0\}"),
     ],
 )
-def test_planners_that_cannot_be_made(text, message):
+def test_unusable_planners(text, message):
     with pytest.raises(InputError, match=message):
         create_planner(text)
 
@@ -154,10 +156,13 @@ def test_missing_packages(monkeypatch):
         raise ImportError("no module")
 
     monkeypatch.setattr(aries.importlib, "import_module", missing)
-    monkeypatch.setattr(kairos, "program", lambda _: None)
+    monkeypatch.setattr(interface, "program", lambda _: None)
     for name in ("aries", "kairos"):
         with pytest.raises(UnsupportedError, match=rf"found no planner {name}.*pip install 'robust-plans\[planners\]'"):
             create_planner(name)
+
+
+# -- texts for planners ------------------------------------------------------------------------------------------------
 
 
 def test_text_of_a_domain_with_everything():
@@ -167,9 +172,10 @@ def test_text_of_a_domain_with_everything():
     assert parse_domain(domain_text(domain)) == domain
 
 
-@pytest.mark.parametrize(
-    "path", sorted((ROOT / "robust/examples").rglob("*domain*.pddl")), ids=lambda path: path.parent.name
-)
+EXAMPLES = sorted((plans.ROOT / "robust/examples").rglob("*domain*.pddl"))
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.parent.name)
 def test_text_of_the_examples(path):
     domain = read_domain(path)
     if domain.parameters or any(action.synth_parameters for action in domain.actions.values()):
@@ -178,15 +184,13 @@ def test_text_of_the_examples(path):
         return
     again = parse_domain(domain_text(domain))
     assert again == domain
-    for problem in (read_problem(one, domain) for one in path.parent.glob("*problem*.pddl")):
+    for problem in (read_problem(file, domain) for file in path.parent.glob("*problem*.pddl")):
         assert parse_problem(problem_text(problem, domain), again) == problem
 
 
 def test_times_that_are_no_decimals_are_rounded_to_the_safe_side():
-    problem = parse_problem(
-        ERRAND.replace("(at 20 (not (open)))", "(at 9.00049 (not (open))) (at 8.00051 (open))"), errands
-    )
-    text = problem_text(problem, errands)
+    literals = "(at 9.00049 (not (open))) (at 8.00051 (open))"
+    text = problem_text(parse_problem(ERRAND.replace("(at 20 (not (open)))", literals), errands), errands)
     assert "(at 9 (not (open)))" in text
     assert "(at 8.001 (open))" in text
 
@@ -199,15 +203,22 @@ def test_decimals(value, places):
     assert abs(near - value) <= unit / 2
 
 
+# -- Aries and Kairos --------------------------------------------------------------------------------------------------
+
+
 @pytest.fixture(params=["aries", "kairos"])
 def planner(request):
     pytest.importorskip({"aries": "up_aries", "kairos": "kairos"}[request.param])
     return create_planner(request.param)
 
 
+def parsed(domain_text: str, problem_text: str):
+    domain = parse_domain(domain_text)
+    return domain, parse_problem(problem_text, domain)
+
+
 def solve(planner, domain: str, problem: str, seconds: float = 60) -> PlannerAnswer:
-    read = parse_domain(domain)
-    return planner.solve(read, parse_problem(problem, read), Deadline.after(seconds))
+    return planner.solve(*parsed(domain, problem), Deadline.after(seconds))
 
 
 @pytest.mark.parametrize("variant", DeliveryVariant)
@@ -225,64 +236,50 @@ def test_delivery(planner, variant):
     ):
         assert old in late
         late = late.replace(old, new)
-    for problem, delivered in ((parse_problem(text, domain), None), (parse_problem(late, domain), "order2")):
+    for written, delivered in ((text, None), (late, "order2")):
+        problem = parse_problem(written, domain)
         answer = planner.solve(domain, problem, Deadline.after(60))
-        assert answer.status is PlannerStatus.SOLVED, answer.message
+        assert answer.status is SOLVED, answer.message
         check(answer.plan, domain, problem, EPSILON)
-        assert delivered in {None, *(one.arguments[2] for one in answer.plan.steps if one.action == "deliver")}
+        orders = {step.arguments[2] for step in answer.plan.steps if step.action == "deliver"}
+        assert delivered in {None, *orders}
 
 
-def test_no_plan_before_the_window_closes(planner):
+def test_no_plan_before_the_window_closes_and_none_at_all(planner):
     """Whether it is proved or not depends on the planner; there is no plan either way."""
-    answer = solve(planner, ERRANDS, ERRAND.replace("(at 20 (", "(at 9 ("), 2)
-    assert answer.status in (PlannerStatus.NO_PLAN, PlannerStatus.TIMEOUT)
-
-
-def test_kairos_proves_that_there_is_no_plan():
-    pytest.importorskip("kairos")
-    domain = "(define (domain d) (:predicates (p) (q)) (:action a :parameters () :precondition (q) :effect (p)))"
-    answer = solve(kairos.kairos_planner(), domain, "(define (problem x) (:domain d) (:init) (:goal (p)))")
-    assert (answer.status, answer.plan) == (PlannerStatus.NO_PLAN, None)
-    assert "unsolvable" in answer.message
+    assert solve(planner, ERRANDS, ERRAND.replace("(at 20 (", "(at 9 ("), 2).status in (NO_PLAN, TIMEOUT)
+    if planner.name == "kairos":
+        domain = "(define (domain d) (:predicates (p) (q)) (:action a :parameters () :precondition (q) :effect (p)))"
+        answer = solve(planner.planner, domain, "(define (problem x) (:domain d) (:init) (:goal (p)))")
+        assert (answer.status, answer.plan) == (NO_PLAN, None)
+        assert "unsolvable" in answer.message
 
 
 def test_long_times(planner):
     """Beyond the horizon that Aries has by itself."""
-    problem = ERRAND.replace("7.5)", "40000.25)").replace("(at 20 ", "(at 50000 ")
-    answer = solve(planner, ERRANDS, problem)
-    assert answer.status is PlannerStatus.SOLVED, answer.message
+    answer = solve(planner, ERRANDS, ERRAND.replace("7.5)", "40000.25)").replace("(at 20 ", "(at 50000 "))
+    assert answer.status is SOLVED, answer.message
     assert answer.plan.steps[0].duration == Fraction("40000.25")
-
-
-LOGIC = """(define (domain logic) (:requirements :adl :durative-actions)
-(:types place truck - object)
-(:predicates (at ?t - truck ?p - place) (lit ?p - place) (ready ?t - truck) (blocked ?p - place) (checked))
-(:action light :parameters (?p - place) :precondition (or (lit ?p) (not (blocked ?p)))
- :effect (forall (?q - place) (lit ?q)))
-(:durative-action drive :parameters (?t - truck ?a ?b - place) :duration (= ?duration 3)
- :condition (and (at start (at ?t ?a)) (at start (not (= ?a ?b))) (at start (forall (?p - place) (lit ?p)))
-  (at start (imply (checked) (ready ?t))) (over all (exists (?p - place) (not (blocked ?p)))))
- :effect (and (at start (not (at ?t ?a))) (at end (at ?t ?b)))))
-"""
-LOGIC_PROBLEM = """(define (problem x) (:domain logic) (:objects a b c - place t - truck)
-(:init (at t a) (blocked a) (blocked b) (at 5 (not (blocked b)))) (:goal (and (at t b) (or (checked) (lit a)))))"""
 
 
 def test_aries_on_the_logic_of_pddl():
     pytest.importorskip("up_aries")
-    answer = solve(create_planner("aries"), LOGIC, LOGIC_PROBLEM)
-    assert answer.status is PlannerStatus.SOLVED, answer.message
+    answer = solve(create_planner("aries"), text_of("logic.pddl"), text_of("logic-problem.pddl"))
+    assert answer.status is SOLVED, answer.message
     assert {step.action: step.duration is None for step in answer.plan.steps} == {"light": True, "drive": False}
     for epsilon in (Fraction(1), Fraction(1, 10**6), Fraction(0)):
         with pytest.raises(InputError, match="expected 1/20000 to 1/10"):
             create_planner("aries", epsilon=epsilon)
 
 
+DONE = "(at end (done ?p))"
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("(at end (done ?p))", "(when (at end (open)) (at end (done ?p)))", "a conditional effect"),
-        ("(at end (done ?p))", "(and (at end (done ?p)) (increase (distance ?p ?p) (* #t 1)))", "which changes"),
+        (DONE, f"(when (at end (open)) {DONE})", "a conditional effect"),
+        (DONE, f"(and {DONE} (increase (distance ?p ?p) (* #t 1)))", "which changes"),
         ("(>= ?duration 2)", "(>= ?duration (* 2 (distance ?p ?p)))", "a product or quotient in a duration"),
         ("(>= ?duration 2)", "(>= ?duration 0.0001)", "not an integer"),
         ("(and (over all (at ?p))", "(and (at start (<= (distance ?p ?p) 0.5)) (over all (at ?p))", "not an integer"),
@@ -293,3 +290,243 @@ def test_what_aries_does_not_solve_is_known_beforehand(old, new, message):
     assert old in ERRANDS
     with pytest.raises(UnsupportedError, match=message):
         solve(aries.aries_planner(), ERRANDS.replace(old, new), ERRAND)
+
+
+# -- proofs that there is no plan --------------------------------------------------------------------------------------
+
+
+class Silent:
+    """A planner that notes what it is asked, and when it has to be done."""
+
+    name = "silent"
+
+    def __init__(self):
+        self.asked = []
+
+    def solve(self, domain, problem, deadline):
+        self.asked.append((problem, deadline))
+        return PlannerAnswer(self.name, TIMEOUT, None, 0.0, "no idea")
+
+
+def proof(domain_text: str, problem_text: str) -> str | None:
+    return unreachable(*parsed(domain_text, problem_text), Deadline())
+
+
+def bound_of_goal(domain, problem) -> Fraction | None:
+    """When the goal can be reached, in the problem's unit; None if never."""
+    relaxed = relaxed_problem(domain, problem, Deadline())
+    bound = EarliestTimes(relaxed, Deadline()).condition(relaxed.goal)
+    return None if bound == inf else F(bound, relaxed.ticks)
+
+
+def closing_at(time: str):
+    return parse_problem(ERRAND.replace("at 20", f"at {time}"), errands)
+
+
+def test_a_planner_is_only_asked_where_there_is_no_proof(fake):
+    silent, deadline = Silent(), Deadline.after(20)
+    planner = ReachabilityFirst(silent)
+    assert planner.name == "silent"
+    assert planner.solve(errands, errand, deadline).message == "no idea"
+    answer = planner.solve(errands, closing_at("9.499"), deadline)
+    assert 0 < answer.seconds < 10
+    text = "the goal is out of reach: (open) ends at 9.499, and what needs it would end at 9.5 or later"
+    assert answer == PlannerAnswer("reachability", NO_PLAN, None, answer.seconds, text)
+    assert silent.asked == [(errand, deadline)]
+    assert planner.solve(errands, closing_at("9.5"), deadline).plan is None
+    assert len(silent.asked) == 2
+    assert ask(fake.printing(VALID)).plan is not None
+    assert all(isinstance(create_planner(name), ReachabilityFirst) for name in (*PLANNERS, fake.printing(VALID)))
+
+
+def test_what_is_left_to_the_planner(monkeypatch):
+    """What cannot be made ground, what is asked too late, and what has too many actions."""
+    early = ERRAND.replace("at 20", "at 9")
+    divided = ERRANDS.replace("(= ?duration (distance ?a ?b))", "(= ?duration (/ 1 (distance ?a ?b)))")
+    assert proof(divided, early.replace("(= (distance home market) 7.5)", "(= (distance home market) 0)")) is None
+    assert unreachable(errands, closing_at("9"), Deadline.after(0)) is None
+    for most, proved in ((4, True), (3, False)):  # go both ways, shop twice
+        monkeypatch.setattr(reachability, "MOST_ACTIONS", most)
+        assert (proof(ERRANDS, early) is not None) is proved
+
+
+@pytest.mark.parametrize(
+    ("condition", "shortest"),
+    [
+        ("", F("7.5")),
+        ("(at start (>= (distance ?a ?b) 8))", None),
+        ("(at start (>= (distance ?a ?b) 7))", F("7.5")),
+        ("(over all (not (at ?b)))", F("7.5")),
+        ("(at start (or (done ?a) (done ?b)))", F("7.5")),
+        ("(at end (done ?a))", F("9.5")),  # which is not done on the way
+        ("(at start (open)) (at end (not (open)))", F("7.5")),
+        ("(at start (done ?b))", None),
+    ],
+)
+def test_bounds_by_hand(condition, shortest):
+    """When the robot can be at the market, if going there needs this."""
+    domain = ERRANDS.replace("(at start (at ?a))", f"(and (at start (at ?a)) {condition})")
+    assert bound_of_goal(*parsed(domain, ERRAND.replace("(done market)", "(at market)"))) == shortest
+
+
+def test_the_same_question_has_the_same_answer():
+    silent = Silent()
+    planner = RememberingPlanner(silent)
+    assert planner.name == "silent"
+    first = planner.solve(errands, errand, Deadline())
+    assert planner.solve(errands, parse_problem(ERRAND, errands), Deadline.after(1)) is first
+    assert len(silent.asked) == 1
+    for old, new in (("7.5", "8"), ("(open)", ""), ("at 20", "at 21"), ("(done market)", "(done home)")):
+        planner.solve(errands, parse_problem(ERRAND.replace(old, new, 1), errands), Deadline())
+    planner.solve(parse_domain(ERRANDS), errand, Deadline())
+    assert len(silent.asked) == 6
+
+
+def test_the_bound_of_a_delivery_is_what_it_takes():
+    """One robot can only be in one place: the bounds are those of the best plans, without the gaps between actions."""
+    table = table_problems()[0]
+
+    def proof_until(*times: str) -> str | None:
+        text = table.text
+        for deadline, time in zip(table.deadlines, times, strict=True):
+            assert text.count(f"(at {float(deadline):g} ") == 1
+            text = text.replace(f"(at {float(deadline):g} ", f"(at {time} ")
+        return proof(delivery_domain(DeliveryVariant.DURATIONS), text)
+
+    assert proof_until("414", "1") is proof_until("1", "504") is None
+    assert proof_until("413.999", "503.999") == (
+        "the goal is out of reach: (window_open order1) ends at 413.999, and what needs it would end at 414 or later; "
+        "(window_open order2) ends at 503.999, and what needs it would end at 504 or later"
+    )
+
+
+@pytest.mark.parametrize("step", [50, pytest.param(11, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("variant", DeliveryVariant)
+def test_problems_with_plans_are_not_refused(variant, step):
+    domain = delivery_domain(variant)
+    assert {proof(domain, problem.text) for problem in table_problems(variant)[::step]} == {None}
+
+
+@pytest.mark.parametrize("corner", text_of("corners.txt").split("== ")[1:])
+def test_corners_of_the_semantics(corner):
+    """Actions, then an initial state, then a plan."""
+    _, actions, initial, steps = re.fullmatch(r"(.*?)\n(.*)\n-- (.*?)\n(.*)", corner, re.DOTALL).groups()
+    domain, problem = parsed(
+        f"(define (domain c) (:predicates (p) (q) (x) (y)) {actions})",
+        f"(define (problem c) (:domain c) (:init {initial}) (:goal (and (x) (y))))",
+    )
+    plan = parse_timed_plan(steps)
+    check(plan, domain, problem, EPSILON)  # it is a plan
+    assert unreachable(domain, problem, Deadline()) is None
+    assert bound_of_goal(domain, problem) <= max(step.time + (step.duration or 0) for step in plan.steps)
+
+
+def test_drawn_plans_are_not_refused():
+    """Of domains with parameters, numbers and continuous effects."""
+    for seed in range(0, 60, 4):
+        drawn = drawn_plan(seed)
+        assert proof(drawn.domain, drawn.problem) is None, seed
+
+
+ATOMS = tuple(f"p{i}" for i in range(5))
+HALVES = tuple(F(i, 2) for i in range(13))
+
+
+def random_world(random: Random) -> tuple[str, str]:
+    """A few actions of all kinds over a few atoms."""
+
+    def literal(negative: float) -> str:
+        atom = f"({random.choice(ATOMS)})"
+        return f"(not {atom})" if random.random() < negative else atom
+
+    def condition() -> str:
+        return f"(or {literal(0.2)} {literal(0.2)})" if random.random() < 0.1 else literal(0.15)
+
+    def effect(timing: str) -> str:
+        change = f"(at {timing} {literal(0.4)})"
+        return f"(when (at {timing} {literal(0.2)}) {change})" if random.random() < 0.1 else change
+
+    def action(name: str) -> str:
+        if random.random() < 0.15:
+            return f"(:action {name} :parameters () :precondition {condition()} :effect {literal(0.4)})"
+        shortest = random.choice((0, 0.5, 1, 1, 2, 3))
+        duration = random.choice((f"{shortest}", f">= {shortest}"))
+        timings = ["at start", "over all", "at end"]
+        conditions = " ".join(f"({random.choice(timings)} {condition()})" for _ in range(random.randint(0, 3)))
+        effects = " ".join(effect(random.choice(("start", "end"))) for _ in range(random.randint(1, 3)))
+        return durative(name, duration, conditions, effects)
+
+    actions = " ".join(action(f"a{i}") for i in range(random.randint(2, 5)))
+    domain = f"(define (domain w) (:predicates {' '.join(f'({atom})' for atom in ATOMS)}) {actions})"
+    literals = {(random.choice(HALVES[1:]), atom): random.random() < 0.5 for atom in ATOMS if random.random() < 0.25}
+    timed = (f"(at {float(t)} {f'({atom})' if value else f'(not ({atom}))'})" for (t, atom), value in literals.items())
+    initial = " ".join(f"({atom})" for atom in ATOMS if random.random() < 0.4)
+    return domain, f"(define (problem r) (:domain w) (:init {initial} {' '.join(timed)}) (:goal (p0)))"
+
+
+def states_of_a_schedule(domain, problem, random: Random):
+    """Moments with the atoms that hold right after, in a schedule made by chance: what breaks nothing is added."""
+
+    def simulated(steps):
+        timed = TimedPlan(tuple(steps))
+        declared = declarations(timed, domain, EPSILON)
+        plan = assemble(domain, problem, STNPlan((), declared, (), "random"))
+        return simulate(plan, {}, schedule_of(timed, declared), epsilon=EPSILON)
+
+    def step() -> TimedStep:
+        """An action as soon and as short as it goes, or at some moment, often one at which something happens."""
+        schema = domain.actions[random.choice(sorted(domain.actions))]
+        start = random.choice((F(0), random.choice(moments or HALVES), random.choice(HALVES)))
+        if not schema.durative:
+            return TimedStep(start, schema.name, (), None)
+        bound = schema.durations[0]
+        more = F(0) if bound.comparator.value == "=" else random.choice((F(0), F(0), *HALVES[:4]))
+        return TimedStep(start, schema.name, (), bound.bound.value + more)
+
+    chosen, moments, trace = [], [], ()
+    for _ in range(20):
+        new = [step() for _ in range(random.choice((1, 1, 1, 2, 2, 3)))]
+        simulation = simulated([*chosen, *new])
+        if all(breach.obligation.startswith("goal") for breach in simulation.violations):
+            chosen, trace = [*chosen, *new], simulation.trace
+            ends = [(added.time, added.time + (added.duration or 0)) for added in new]
+            moments += [moment for start, end in ends for moment in (start, end, end, end + EPSILON)]
+    atoms = set(problem.atoms)
+    yield F(0), frozenset(atoms)
+    for happening in trace:
+        for atom, value in happening.atoms_changed:
+            (atoms.add if value else atoms.discard)(atom)
+        yield happening.time, frozenset(atoms)
+
+
+@pytest.mark.parametrize(
+    ("seeds", "least"),
+    [(range(50), (500, 100, 10)), pytest.param(range(1000, 5000), (1000, 1000, 1000), marks=pytest.mark.slow)],
+    ids=["short", "long"],
+)
+def test_whatever_a_valid_plan_reaches_is_not_before_its_bound(seeds, least):
+    """Of pairs of atoms that were seen together, some are later, and some no later than their bound."""
+    seen = later = exact = 0
+    for seed in seeds:
+        random = Random(seed)  # noqa: S311 - reproducible
+        domain, problem = parsed(*random_world(random))
+        relaxed = relaxed_problem(domain, problem, Deadline())
+        times = EarliestTimes(relaxed, Deadline())
+        for moment, atoms in states_of_a_schedule(domain, problem, random):
+            numbers = [relaxed.number[atom] for atom in sorted(atoms) if atom in relaxed.number]
+            for a, b in product(numbers, repeat=2):
+                bound, ticks = times.together((a, b)), moment * relaxed.ticks
+                assert bound <= ticks, (seed, relaxed.facts[a], relaxed.facts[b], moment)
+                seen, later, exact = seen + 1, later + (bound > 0), exact + (0 < bound == ticks)
+    assert all(count > few for count, few in zip((seen, later, exact), least, strict=True))
+
+
+@pytest.mark.slow
+def test_no_planner_solves_what_is_refused(planner):
+    refused = 0
+    for seed in range(20000, 20120):
+        domain_text, problem_text = random_world(Random(seed))  # noqa: S311 - reproducible
+        if "(when" not in domain_text and proof(domain_text, problem_text) is not None:
+            refused += 1
+            assert solve(planner.planner, domain_text, problem_text, 2).plan is None, seed
+    assert refused > 10

@@ -17,14 +17,12 @@ def network(requirements, contingents):
     names = dict.fromkeys(name for link in (*requirements, *contingents) for name in link[:2] if name != "Z")
     places = {"Z": ZERO} | {name: point(name) for name in names}
 
-    def number(bound):
-        return None if bound is None else Fraction(bound)
+    def link(source, target, lower, upper, *contingent):
+        bounds = (None if end is None else Fraction(end) for end in (lower, upper))
+        return UncertainLink(places[source], places[target], *bounds, *contingent)
 
-    links = [UncertainLink(places[a], places[b], number(low), number(high)) for a, b, low, high in requirements]
-    links += [UncertainLink(ZERO, places[name], Fraction(0), None) for name in names]
-    links += [
-        UncertainLink(places[a], places[c], number(low), number(high), True, c) for a, c, low, high in contingents
-    ]
+    links = [*(link(*bounds) for bounds in requirements), *(link("Z", name, 0, None) for name in names)]
+    links += [link(*length, True, length[1]) for length in contingents]
     return Stnu(tuple(places.values()), tuple(links))
 
 
@@ -52,6 +50,24 @@ def random_network(rng, executable, contingents, requirements, size, *, unbounde
     return network(bounds, links)
 
 
+def longest_paths(points, bounds, *sources):
+    """Bellman and Ford: how late bounds (a, b, w), t_b − t_a ≥ w, make what follows sources at 0; None: for ever."""
+    times = dict.fromkeys(sources, Fraction(0))
+    for _ in range(len(points) + 1):
+        before = dict(times)
+        for first, second, weight in bounds:
+            if first in times:
+                times[second] = max(times[first] + weight, times.get(second, times[first] + weight))
+        if times == before:
+            return times
+    return None
+
+
+def has_schedule(points, bounds):
+    """Whether some times satisfy all bounds."""
+    return longest_paths(points, bounds, *points) is not None
+
+
 def bound(edges, source, target, lower, upper):
     """Add lower <= target - source <= upper to the edges of a distance graph."""
     for key, weight in (((source, target), upper), ((target, source), None if lower is None else -lower)):
@@ -60,15 +76,9 @@ def bound(edges, source, target, lower, upper):
 
 
 def consistent(points, edges):
-    """Whether a simple temporal network has a schedule: from zero on, all times are raised as far as edges demand."""
-    times = dict.fromkeys(points, Fraction(0))
-    for _ in range(len(points) + 1):
-        before = dict(times)
-        for (source, target), weight in edges.items():
-            times[source] = max(times[source], times[target] - weight)  # target - source <= weight
-        if times[ZERO] > 0 or times == before:
-            break
-    return times[ZERO] <= 0 and times == before
+    """Whether a simple temporal network, whose points all follow zero, has a schedule."""
+    bounds = [(target, source, -weight) for (source, target), weight in edges.items()]
+    return has_schedule(points, [*bounds, *((ZERO, other, 0) for other in points)])
 
 
 def lengths(stnu):
@@ -83,13 +93,14 @@ def lengths(stnu):
 def weak_by_corners(stnu):
     """Weak controllability: the lengths that leave a schedule are a convex set, so corners decide."""
     edges, links = lengths(stnu)
-    for corner in product(*((link.lower, link.upper) for link in links)):
+
+    def is_consistent(corner):
         chosen = dict(edges)
         for link, length in zip(links, corner, strict=True):
             bound(chosen, link.source, link.target, length, length)
-        if not consistent(stnu.points, chosen):
-            return False
-    return True
+        return consistent(stnu.points, chosen)
+
+    return all(map(is_consistent, product(*((link.lower, link.upper) for link in links))))
 
 
 def dynamic_by_reductions(stnu):
@@ -99,45 +110,30 @@ def dynamic_by_reductions(stnu):
     every round, the graph without lower-case edges has to be consistent.
     """
     ordinary, links = lengths(stnu)
-    upper = {(link.target, link.source, link): -link.upper for link in links}
-    for _ in range(10_000):
-        edges = dict(ordinary)
-        for (source, target, _), weight in upper.items():
-            bound(edges, source, target, None, weight)
-        if not consistent(stnu.points, edges):
+    edges = {(*ends, None): weight for ends, weight in ordinary.items()}
+    edges |= {(link.target, link.source, link): -link.upper for link in links}
+
+    def put(source, target, label, weight):
+        edges[source, target, label] = min(weight, edges.get((source, target, label), weight))
+
+    while True:
+        graph, before = {}, dict(edges)
+        for (source, target, _), weight in edges.items():
+            bound(graph, source, target, None, weight)
+        if not consistent(stnu.points, graph):
             return False
-        if not _reduce(ordinary, upper, links):
+        for (middle, target, label), weight in before.items():
+            into = [
+                (source, least) for (source, other, case), least in edges.items() if (other, case) == (middle, None)
+            ]
+            if weight < 0:  # of the lower case and across cases
+                into += [(link.source, link.lower) for link in links if link.target == middle and link != label]
+            for source, least in into:
+                put(source, target, label, least + weight)
+            if label is not None and weight >= -label.lower:
+                put(middle, target, None, weight)  # the label goes
+        if edges == before:
             return True
-    raise AssertionError("no fixpoint")
-
-
-def _reduce(ordinary, upper, links):
-    changed = False
-
-    def put(table, key, weight):
-        nonlocal changed
-        if key not in table or weight < table[key]:
-            table[key] = weight
-            changed = True
-
-    for (middle, target), weight in list(ordinary.items()):
-        for (source, other), first in list(ordinary.items()):
-            if other == middle:
-                put(ordinary, (source, target), first + weight)  # no case
-        for link in links:
-            if link.target == middle and weight < 0:
-                put(ordinary, (link.source, target), link.lower + weight)  # lower case
-    for (middle, target, link), weight in list(upper.items()):
-        for (source, other), first in list(ordinary.items()):
-            if other == middle:
-                put(upper, (source, target, link), first + weight)  # upper case
-        for other in links:
-            if other.target == middle and other != link and weight < 0:
-                put(upper, (other.source, target, link), other.lower + weight)  # cross case
-    for (source, target, link), weight in list(upper.items()):
-        if weight >= -link.lower:
-            put(ordinary, (source, target), weight)  # label removal
-    return changed
 
 
 def dynamic_by_game(stnu, horizon):
@@ -146,76 +142,51 @@ def dynamic_by_game(stnu, horizon):
     At each moment nature says which contingent links end, then the dispatcher executes some time points, round after
     round until neither moves; then a unit of time passes. Requirements are checked as soon as both ends have happened.
     """
-    links = stnu.contingents
-    ends = {link.target: link for link in links}
-    requirements = [link for link in stnu.links if not link.is_contingent]
     order = {p: i for i, p in enumerate(stnu.points)}
+    links = [(order[link.source], order[link.target], link.lower, link.upper) for link in stnu.contingents]
+    executable = [order[p] for p in stnu.executable]
+    # t_b - t_a <= most, of requirements
+    most = [(order[r.source], order[r.target], r.upper) for r in stnu.links if not r.is_contingent]
+    most += [
+        (order[r.target], order[r.source], -r.lower) for r in stnu.links if not r.is_contingent and r.lower is not None
+    ]
 
     def fine(times, now):
-        for link in requirements:
-            source, target = times[order[link.source]], times[order[link.target]]
-            if source is not None and target is not None:
-                if link.lower is not None and target - source < link.lower:
-                    return False
-                if link.upper is not None and target - source > link.upper:
-                    return False
-            late = source is not None and target is None and link.upper is not None and now > source + link.upper
-            if late or (target is not None and source is None and link.lower is not None and now > target - link.lower):
-                return False
-        return True
+        """What has not happened happens now or later."""
+        known = [bound for bound in most if bound[2] is not None and times[bound[0]] is not None]
+        return all((now if times[b] is None else times[b]) - times[a] <= weight for a, b, weight in known)
 
-    def with_(times, chosen, now):
-        changed = list(times)
-        for p in chosen:
-            changed[order[p]] = now
-        return tuple(changed)
+    def moved(times, chosen, now):
+        return tuple(now if i in chosen else time for i, time in enumerate(times))
 
     def subsets(items):
-        items = list(items)
         return chain.from_iterable(combinations(items, size) for size in range(len(items) + 1))
 
     @cache
     def nature(times, now, asked):
         """Whether the dispatcher wins; `asked` are ends that nature has decided not to let happen now."""
-        if not fine(times, now):
-            return False
-        if all(time is not None for time in times):
-            return True
-        if now > horizon:
-            return False
-        may, must = [], []
-        for end, link in ends.items():
-            begun = times[order[link.source]]
-            if times[order[end]] is None and begun is not None and end not in asked and now - begun >= link.lower:
-                (must if now - begun == link.upper else may).append(end)
+        if not fine(times, now) or None not in times or now > horizon:
+            return fine(times, now) and None not in times
+        possible = [
+            (end, now - times[begin] == upper)
+            for begin, end, lower, upper in links
+            if times[end] is None and times[begin] is not None and end not in asked and now - times[begin] >= lower
+        ]
+        may, must = ([end for end, forced in possible if forced is which] for which in (False, True))
         return all(
-            dispatcher(with_(times, (*must, *some), now), now, asked | (frozenset(may) - frozenset(some)))
+            dispatcher(moved(times, (*must, *some), now), now, asked | (frozenset(may) - frozenset(some)))
             for some in subsets(may)
         )
 
     @cache
     def dispatcher(times, now, asked):
-        ready = [p for p in stnu.points if p not in ends and times[order[p]] is None]
-        for some in subsets(ready):
+        for some in subsets([p for p in executable if times[p] is None]):
             if some:
-                won = nature(with_(times, some, now), now, asked)
-            elif all(t is not None for t in times):
-                won = fine(times, now)
+                won = nature(moved(times, some, now), now, asked)
             else:
-                won = fine(times, now) and nature(times, now + 1, frozenset())
+                won = fine(times, now) and (None not in times or nature(times, now + 1, frozenset()))
             if won:
                 return True
         return False
 
-    start = tuple(0 if p == ZERO else None for p in stnu.points)
-    return nature(start, 0, frozenset())
-
-
-def longest_paths(points, edges, source):
-    """Bellman and Ford: the longest paths from a time point to all that it reaches."""
-    longest = {source: Fraction(0)}
-    for _ in points:
-        for one, other, weight in edges:
-            if one in longest:
-                longest[other] = max(longest[one] + weight, longest.get(other, longest[one] + weight))
-    return longest
+    return nature(tuple(0 if p == ZERO else None for p in stnu.points), 0, frozenset())

@@ -5,7 +5,8 @@ from robust.errors import InputError
 from robust.execute.controllability import Control, Controllability, ControlVerdict
 from robust.stnu.files import graphml, network_json, parse_graphml, parse_network_json
 from robust.stnu.network import network_of_plan
-from tests.execute.test_controllability_boxes import MEET, box_of, random_box
+from tests.execute.plans import box_of
+from tests.execute.test_controllability_boxes import MEET, random_box
 
 
 def test_the_network_of_a_plan_is_as_controllable_as_the_box():

@@ -320,19 +320,16 @@ def unreachable(domain: syntax.Domain, problem: syntax.Problem, deadline: Deadli
 
 
 def _reason(problem: RelaxedProblem, times: EarliestTimes) -> str:
+    def number(ticks: Time) -> str:
+        return format_number(Fraction(int(ticks), problem.ticks))
+
     late = sorted(times.too_late.items(), key=lambda item: str(problem.facts[item[0]]))
-    if not late:
-        return "the goal is out of reach, whatever is done"
-    parts = [
-        f"{problem.facts[fact]} ends at {_number(problem.last[fact], problem)}, "
-        f"and what needs it would end at {_number(int(moment), problem)} or later"
+    parts = (
+        f"{problem.facts[fact]} ends at {number(problem.last[fact])}, "
+        f"and what needs it would end at {number(moment)} or later"
         for fact, moment in late
-    ]
-    return f"the goal is out of reach: {'; '.join(parts)}"
-
-
-def _number(ticks: int, problem: RelaxedProblem) -> str:
-    return format_number(Fraction(ticks, problem.ticks))
+    )
+    return f"the goal is out of reach{': ' if late else ', whatever is done'}{'; '.join(parts)}"
 
 
 @dataclass(frozen=True, slots=True)

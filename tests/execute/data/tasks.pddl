@@ -1,0 +1,16 @@
+(define (domain tasks)
+  (:requirements :typing :durative-actions :fluents :duration-inequalities :timed-initial-literals)
+  (:types task)
+  (:predicates (free) (ready ?t - task) (done ?t - task) (open))
+  (:functions (need ?t - task) (stock))
+  (:durative-action work
+    :parameters (?t - task)
+    :duration (>= ?duration 1)
+    :condition (and (at start (ready ?t)) (over all (open)))
+    :effect (and (at start (not (ready ?t))) (at end (done ?t))))
+  (:durative-action fetch
+    :parameters (?t - task)
+    :duration (= ?duration 2)
+    :condition (at start (>= (stock) (need ?t)))
+    :effect (and (at end (decrease (stock) (need ?t))) (at end (ready ?t))))
+  (:action call :parameters (?t - task) :precondition (done ?t) :effect (free)))

@@ -1,0 +1,1 @@
+(define (domain visit) (:requirements :durative-actions) (:predicates (idle) (guest) (tea)) (:durative-action fetch :parameters () :duration (>= ?duration 0) :condition (and (at start (idle))) :effect (and (at end (guest)))) (:durative-action brew :parameters () :duration (= ?duration 2) :condition (and (at start (idle))) :effect (and (at end (tea)))))

@@ -1,0 +1,8 @@
+(define (domain workshop) (:requirements :typing :durative-actions :fluents)
+  (:types job machine)
+  (:predicates (free ?m - machine) (done ?j - job) (lit) (first ?j - job) (after ?i ?j - job))
+  (:functions (work ?j - job) (speed ?m - machine))
+  (:durative-action do :parameters (?j - job ?m - machine ?i - job) :duration (= ?duration (/ (work ?j) (speed ?m)))
+    :condition (and (at start (free ?m)) (at start (done ?i)) (over all (lit)))
+    :effect (and (at start (not (free ?m))) (at end (free ?m)) (at end (done ?j))))
+  (:action light :parameters () :precondition () :effect (lit)))
