@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from robust.cli.guard import action
 from robust.errors import InputError, Location, RefutedError, UnsupportedError
+from robust.json_text import parse_json
 from robust.numbers import exact_end, quoted, shorten
 from robust.options.batch import CertifyCommand, VerifyCommand
 from robust.options.declare import place_of, refuse_replacing, settings
@@ -349,18 +350,30 @@ def demanded_box(texts: Sequence[str]) -> str | None:
 
 
 def read_box(path: Path, nominal: Box) -> Box:
-    """The parameters of a JSON answer of `robust envelope` or `robust check`, or just those."""
-    place = Location(str(path))
+    """The parameters of a JSON answer of `robust envelope` or `robust check`, or just those.
+
+    Raises:
+        InputError: where the file is not JSON, or not such an answer about these parameters.
+    """
+    place, text = Location(str(path)), read_text(path)
+    expected = "a box as `robust envelope --json` prints it"
+    parse_json(text, str(path))  # which says where it is none
+    document = json.loads(text)
+    answer = document if isinstance(document, dict) else {}
+    ends = answer.get("parameters", answer)
+    if not isinstance(ends, dict) or not isinstance(document, dict):
+        raise InputError(f"found {shorten(json.dumps(document))}, expected {expected}", place)
+    if not answer.get("verified", True):
+        raise InputError("found an envelope without a verified box, expected one with", place)
+    missing = nominal.intervals.keys() ^ ends.keys()
+    if missing:
+        raise InputError(f"found parameters that differ from the plan's in {sorted(missing)[0]!r}", place)
+    return Box({name: _interval(name, ends[name], place, expected) for name in nominal.intervals})
+
+
+def _interval(name: str, ends: Any, place: Location, expected: str) -> Interval:
     try:
-        document = json.loads(read_text(path))
-        ends: Mapping[str, Any] = document.get("parameters", document)
-        if not document.get("verified", True):
-            raise InputError("found an envelope without a verified box, expected one with", place)
-        missing = nominal.intervals.keys() ^ ends.keys()
-        if missing:
-            raise InputError(f"found parameters that differ from the plan's in {sorted(missing)[0]!r}", place)
-        return Box({name: Interval.from_dict(ends[name]) for name in nominal.intervals})
-    except (ValueError, AttributeError, TypeError, KeyError, RecursionError) as error:
-        raise InputError(
-            f"found {shorten(type(error).__name__)}, expected a box as `robust envelope --json` prints it", place
-        ) from None
+        return Interval.from_dict(ends)
+    except (ValueError, AttributeError, TypeError, KeyError):
+        found = shorten(json.dumps(ends))
+        raise InputError(f"found {found} as the ends of {name!r}, expected {expected}", place) from None
