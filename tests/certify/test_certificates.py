@@ -30,7 +30,7 @@ from tests.certify import networks, tools
 from tests.certify.adversary import BESIDE, PLAIN, TABLES
 from tests.certify.test_reader import meaningless
 from tests.certify.texts import Texts, random_texts
-from tests.pike_bridge.satisfiability import sat_plan
+from tests.pike_bridge.stories import sat_plan
 
 
 def soon():

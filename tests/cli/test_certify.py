@@ -5,7 +5,7 @@ import json
 import pytest
 
 from tests.cli.running import EXAMPLES, answer_of, command, example, process
-from tests.pike_bridge.satisfiability import sat_plan
+from tests.pike_bridge.stories import sat_plan
 
 KITCHEN = EXAMPLES / "kitchen" / "kitchen.tpnu.json"
 DELIVERY = example(directory=EXAMPLES / "delivery")

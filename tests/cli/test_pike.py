@@ -8,8 +8,7 @@ from matplotlib.image import imread
 from robust import pike
 from robust.pike_bridge.cross_check import Disagreement
 from tests.cli.running import EXAMPLES, answer_of, command
-from tests.pike_bridge.satisfiability import sat_plan
-from tests.pike_bridge.stories import figure_23
+from tests.pike_bridge.stories import figure_23, sat_plan
 
 KITCHEN, WING = (EXAMPLES / name / f"{name}.tpnu.json" for name in ("kitchen", "wing"))
 COFFEE = ("--parameter", "coffee=duration:make-coffee")

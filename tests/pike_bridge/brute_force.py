@@ -1,6 +1,6 @@
 """Simple temporal networks solved exactly, and correct executions by trying every weak order of events; for tests only.
 
-Strict constraints are expressed through an infinitesimal.
+Strict constraints are expressed through an infinitesimal: bounds are pairs of a number and how many of it are added.
 """
 
 from copy import copy
@@ -8,9 +8,6 @@ from fractions import Fraction
 from itertools import combinations, pairwise, product
 
 from robust.pike_bridge.model import AssignmentVocabulary, guard
-
-Bound = tuple[Fraction, int]
-"""A number and how many infinitesimals are added to it."""
 
 ZERO = (Fraction(0), 0)
 STRICTLY_LESS = (Fraction(0), -1)
@@ -45,13 +42,13 @@ class Stn:
     def strictly(self, earlier, later):
         return self.at_most(later, earlier, STRICTLY_LESS)
 
-    def same(self, one, other):
-        return self.at_most(one, other, ZERO).at_most(other, one, ZERO)
+    def apart(self, first, second, difference):
+        return self.at_most(first, second, (difference, 0)).at_most(second, first, (-difference, 0))
 
     def at_times(self, times):
         """Add that these events are as far apart as their times are."""
-        for (one, first), (other, second) in pairwise(times.items()):
-            self.at_most(one, other, (second - first, 0)).at_most(other, one, (first - second, 0))
+        for (first, time), (second, later) in pairwise(times.items()):
+            self.apart(first, second, later - time)
         return self
 
     def add(self, constraints):
@@ -62,23 +59,6 @@ class Stn:
                 self.at_most(constraint.target, constraint.source, (-constraint.lower, 0))
         return self
 
-    def schedule(self):
-        """Some times that satisfy all constraints, the earliest of them zero."""
-        # The distance from a point that is at or before all events; the infinitesimal is then made small enough.
-        times = {
-            event: min(self.bounds[origin, event] for origin in self.events if (origin, event) in self.bounds)
-            for event in self.events
-        }
-        small = Fraction(1)
-        for (source, target), (number, count) in self.bounds.items():
-            gap = number - (times[target][0] - times[source][0])
-            slope = times[target][1] - times[source][1] - count
-            if gap > 0 and slope > 0:
-                small = min(small, gap / slope)
-        concrete = {event: number + count * small for event, (number, count) in times.items()}
-        start = min(concrete.values(), default=Fraction(0))
-        return {event: time - start for event, time in concrete.items()}
-
 
 def holds(guard, scenario):
     return all(scenario[variable] == value for variable, value in guard)
@@ -86,13 +66,10 @@ def holds(guard, scenario):
 
 def broken_constraints(network, scenario, times):
     """The activated constraints that the times do not satisfy."""
-    activated = [each for each in network.temporal_constraints if holds(each.guard, scenario)]
-    apart = [times[each.target] - times[each.source] for each in activated]
-    return {
-        each
-        for each, between in zip(activated, apart, strict=True)
-        if (each.lower is not None and between < each.lower) or (each.upper is not None and between > each.upper)
-    }
+    activated = {each for each in network.temporal_constraints if holds(each.guard, scenario)}
+    apart = {each: times[each.target] - times[each.source] for each in activated}
+    early = {each for each, between in apart.items() if each.lower is not None and between < each.lower}
+    return early | {each for each, between in apart.items() if each.upper is not None and between > each.upper}
 
 
 def candidate_subplan(network, scenario):
@@ -107,8 +84,8 @@ def scenarios(domains):
 
 def environments(network):
     """Every partial assignment to the choices."""
-    for made in scenarios({name: (None, *domain) for name, domain in network.domains.items()}):
-        yield guard({name: value for name, value in made.items() if value is not None})
+    for values in scenarios({name: (None, *domain) for name, domain in network.domains.items()}):
+        yield guard({name: value for name, value in values.items() if value is not None})
 
 
 def extending(network, environment=frozenset()):
@@ -135,26 +112,25 @@ class ExactPrecedence:
 
     def precedes(self, first, second, context):
         environment = context | self.vocabulary.encode(self._guards[first] | self._guards[second])
-        return all(
-            (second, first) in subplan.bounds and subplan.bounds[second, first] < ZERO
-            for scenario, subplan in self._subplans
-            if scenario & environment == environment and subplan.consistent
-        )
+        bounds = (subplan.bounds.get((second, first), ZERO) for subplan in self._consistent(environment))
+        return all(bound < ZERO for bound in bounds)
 
     def conflicting(self, environment):
-        return not any(
-            subplan.consistent for scenario, subplan in self._subplans if scenario & environment == environment
-        )
+        return not any(self._consistent(environment))
+
+    def _consistent(self, environment):
+        extending = (subplan for scenario, subplan in self._subplans if scenario & environment == environment)
+        return (subplan for subplan in extending if subplan.consistent)
 
 
-def check_precedence(network, found, *, complete):
+def check_precedence(network, precedence, *, complete):
     """Whatever is claimed to precede does so in every scenario with a schedule; the reverse, too, if complete."""
     exact = ExactPrecedence(network)
     for context, first, second in product(environments(network), network.events, network.events):
         encoded = exact.vocabulary.encode(context)
         possible = not exact.conflicting(encoded | exact.vocabulary.encode(first.guard | second.guard))
         precedes = exact.precedes(first.name, second.name, encoded)
-        claimed = found.precedes(first.name, second.name, encoded)
+        claimed = precedence.precedes(first.name, second.name, encoded)
         assert precedes or not claimed
         assert not complete or claimed == (precedes and possible)
 
@@ -187,20 +163,15 @@ def correct_scenarios(plan):
     return {guard(each) for each in scenarios(plan.network.domains) if admits_correct_execution(plan, each)}
 
 
-def admits_correct_execution(plan, scenario):
-    return next(correct_orders(plan, scenario), None) is not None
-
-
-def correct_orders(plan, scenario, fixed=None):
-    """The network of the scenario under each weak order of its events that meets all conditions."""
+def admits_correct_execution(plan, scenario, fixed=None):
+    """Whether some weak order of the events meets all conditions; some events may have fixed times."""
     conditions = [condition for condition in plan.conditions if holds(condition.guard, scenario)]
-    for ranks, ordered in weak_orders(plan, scenario, fixed):
-        if all(is_met(plan, scenario, condition, ranks) for condition in conditions):
-            yield ordered
+    orders = weak_orders(plan, scenario, fixed)
+    return any(all(is_met(plan, scenario, condition, ranks) for condition in conditions) for ranks in orders)
 
 
 def weak_orders(plan, scenario, fixed=None):
-    """Each consistent weak order of the events that have effects or conditions, with the network that it leaves.
+    """The ranks in each consistent weak order of the events that have effects or conditions.
 
     Some events may have fixed times; all of them must be activated.
     """
@@ -211,12 +182,12 @@ def weak_orders(plan, scenario, fixed=None):
 
     def orders(left, ranks, latest, stn):
         if not left:
-            yield ranks, stn
+            yield ranks
         blocks = (block for size in range(1, len(left) + 1) for block in combinations(sorted(left), size))
         for block in blocks:
             ordered = stn.copy()
             for event in block:
-                ordered.same(block[0], event)
+                ordered.apart(block[0], event, 0)
             for event in latest:
                 ordered.strictly(event, block[0])
             if ordered.consistent:
@@ -226,25 +197,32 @@ def weak_orders(plan, scenario, fixed=None):
     return orders(mentioned, {}, (), subplan) if subplan.consistent else iter(())
 
 
-def is_met(plan, scenario, condition, times):
+def is_met(plan, scenario, condition, times, epsilon=0):
     """The definition: a producer, and no threat from it to the end; times may also be ranks."""
+
+    def before(earlier, later):
+        return times[later] > times[earlier] and times[later] - times[earlier] >= epsilon
 
     def own(effect, event):
         return condition.activity is not None and (effect.activity, effect.event) == (condition.activity, event)
 
-    activated = [effect for effect in plan.effects if holds(effect.guard, scenario)]
-    threats = [
-        times[effect.event]
-        for effect in activated
-        if effect.literal == condition.literal.negation and not own(effect, condition.last)
-    ]
-    producers = [
-        times[effect.event]
-        for effect in activated
-        if effect.literal == condition.literal
-        and (
-            times[effect.event] < times[condition.first]
-            or (condition.first != condition.last and own(effect, condition.first))
-        )
-    ]
-    return any(not any(made <= threat <= times[condition.last] for threat in threats) for made in producers)
+    effects = [effect for effect in plan.effects if holds(effect.guard, scenario)]
+    threats = [each for each in effects if each.literal == condition.literal.negation and not own(each, condition.last)]
+    producers = (
+        each.event
+        for each in effects
+        if each.literal == condition.literal
+        and (before(each.event, condition.first) or (condition.first != condition.last and own(each, condition.first)))
+    )
+    return any(
+        all(before(threat.event, producer) or before(condition.last, threat.event) for threat in threats)
+        for producer in producers
+    )
+
+
+def is_correct(plan, scenario, times, epsilon=0):
+    """Definitions 2.5 and 2.6, outright."""
+    conditions = (condition for condition in plan.conditions if holds(condition.guard, scenario))
+    return not broken_constraints(plan.network, scenario, times) and all(
+        is_met(plan, scenario, condition, times, epsilon) for condition in conditions
+    )

@@ -11,21 +11,9 @@ from itertools import combinations, permutations
 
 from hypothesis import strategies as st
 
+from robust.pike_bridge import model
 from robust.pike_bridge.builder import act, build, choose, parallel, sequence, within
-from robust.pike_bridge.model import (
-    ALWAYS,
-    Activity,
-    Assignment,
-    Choice,
-    Condition,
-    Constraint,
-    Effect,
-    Event,
-    Literal,
-    TeamPlan,
-    Tpnu,
-    guard,
-)
+from robust.pike_bridge.model import ALWAYS, Assignment, Constraint, Effect, Event, Literal, guard
 from robust.pike_bridge.theory import is_consistent
 from robust.plan.model import Atom
 
@@ -36,14 +24,15 @@ HALF = Fraction(1, 2)
 
 @dataclass(frozen=True)
 class Style:
-    """What random plans are like."""
+    """What random plans are like: what effects are about; then how many events have a guard, or effects with more of
+    one; how many pairs of events have a constraint, or are ordered by number; and how many effects and choices."""
 
-    literals: tuple[Literal, ...]  # what effects are about
-    guarded: float = 0.35  # how many events have a guard, or have effects with more of one than they have
-    densities: tuple[float, ...] = (0.3, 0.5, 0.9)  # how many pairs of events have a constraint
-    certain: float = 0.0  # how many pairs of events are ordered by their numbers
-    effects: tuple[int, ...] = (0, 1, 1, 1, 2)  # how many effects an event may have
-    choices: tuple[int, ...] = (1, 2, 2, 3)  # how many choices there may be
+    literals: tuple[Literal, ...]
+    guarded: float = 0.35
+    densities: tuple[float, ...] = (0.3, 0.5, 0.9)
+    certain: float = 0.0
+    effects: tuple[int, ...] = (0, 1, 1, 1, 2)
+    choices: tuple[int, ...] = (1, 2, 2, 3)
 
 
 MIXED = Style((P, P, P, P.negation, P.negation, Q, Q.negation))
@@ -69,25 +58,25 @@ def random_plan(random, *, events=5, style=None):
     for at in range(random.choice((1, 2, 2)) if pairs else 0):
         start, end = max(random.choice(pairs), random.choice(pairs), key=lambda pair: pair[0].name)
         label = _refined(random, start.guard | end.guard, network.choices, style.guarded)
-        activities.append(Activity(f"(use{at})", start.name, end.name, HALF, None, guard=label))
+        activities.append(model.Activity(f"(use{at})", start.name, end.name, HALF, None, guard=label))
         first, last = random.choice(((start, start), (end, end), (start, end)))
         known = [each.literal for each in effects if each.event not in {first.name, last.name}]
         wanted = random.choice(known if known and random.random() < 0.9 else style.literals)
-        conditions.append(Condition(wanted, first.name, last.name, label, at))
+        conditions.append(model.Condition(wanted, first.name, last.name, label, at))
         if random.random() < 0.4:
             effects.append(Effect(random.choice(style.literals), random.choice((start, end)).name, label, at))
     if random.random() < 0.2:
         goal = random.choice(network.events)
-        conditions.append(Condition(random.choice(style.literals), goal.name, goal.name, goal.guard, None))
+        conditions.append(model.Condition(random.choice(style.literals), goal.name, goal.name, goal.guard, None))
     whole = replace(network, activities=tuple(activities))
-    return TeamPlan(whole, tuple(conditions), tuple(dict.fromkeys(effects)))
+    return model.TeamPlan(whole, tuple(conditions), tuple(dict.fromkeys(effects)))
 
 
 def random_network(random, *, events=5, contradictory, style=MIXED):
     """Up to three choices; events with random guards around a reference schedule, which some bounds contradict."""
     density, tight = random.choice(style.densities), random.choice((0.1, 0.3, 0.9))
     choices = tuple(
-        Choice(name, ("1", "2", "3")[: random.choice((2, 2, 2, 3))], random.random() < 0.5, None)
+        model.Choice(name, ("1", "2", "3")[: random.choice((2, 2, 2, 3))], random.random() < 0.5, None)
         for name in "xyz"[: random.choice(style.choices)]
     )
     names = [f"e{at}" for at in range(1, random.randint(3, events) + 1)]
@@ -107,7 +96,7 @@ def random_network(random, *, events=5, contradictory, style=MIXED):
             lower, upper = random.choice(bounds if random.random() < tight else bounds[:2])
             label = _refined(random, both, choices, style.guarded)
             constraints.append(Constraint(one.name, other.name, lower, upper, label))
-    return Tpnu("random", choices, tuple(points), tuple(constraints), ())
+    return model.Tpnu("random", choices, tuple(points), tuple(constraints), ())
 
 
 def random_differences(random):
@@ -133,9 +122,9 @@ tiny_plans = seeds.map(partial(random_plan, events=4))
 def network(events, *constraints, choices=(), activities=()):
     """By hand: events by name, perhaps with what guards assign; constraints; choices with their values and events."""
     labels = events if isinstance(events, dict) else {name: {} for name in events.split()}
-    return Tpnu(
+    return model.Tpnu(
         "by hand",
-        tuple(Choice(name, tuple(values), True, event) for name, values, event in choices),
+        tuple(model.Choice(name, tuple(values), True, event) for name, values, event in choices),
         tuple(Event(name, guard(label)) for name, label in labels.items()),
         tuple(constraint(*each) for each in constraints),
         tuple(activities),
@@ -175,8 +164,7 @@ networks = st.one_of(differences, programs())
 
 def random_schedule(stn, random):
     """Random times that satisfy all constraints, if there is room for each event in turn."""
-    left = stn.copy()
-    times = {}
+    left, times = stn.copy(), {}
     for event in random.sample(stn.events, len(stn.events)):
         anchor = next(iter(times), None)
         if anchor is None:
@@ -186,7 +174,7 @@ def random_schedule(stn, random):
         if not room:
             return None
         difference = random.choice(room)
-        left.at_most(anchor, event, (difference, 0)).at_most(event, anchor, (-difference, 0))
+        left.apart(anchor, event, difference)
         times[event] = times[anchor] + difference
     return times
 
@@ -200,16 +188,11 @@ def _room(back, forth, random):
     """Multiples of the step within bounds on t(anchor) − t(event) and t(event) − t(anchor), at most 3 wide if open."""
     if back is None and forth is None:
         back, forth = (Fraction(random.randint(0, 3)), 0), (Fraction(random.randint(0, 3)), 0)
-    low = (-back[0], -back[1]) if back is not None else None
-    if low is None:
-        assert forth is not None
-        low = (forth[0] - 3, 0)
-    high = forth if forth is not None else (low[0] + 3, 0)
-    number = low[0] // STEP * STEP
-    while (number, 0) <= high:
-        if (number, 0) >= low:
-            yield number
-        number += STEP
+    low = (forth[0] - 3, 0) if back is None else (-back[0], -back[1])
+    high = (low[0] + 3, 0) if forth is None else forth
+    first = low[0] // STEP
+    steps = (first * STEP + STEP * count for count in range(int((high[0] - first * STEP) // STEP) + 1))
+    return (number for number in steps if low <= (number, 0) <= high)
 
 
 def _refined(random, label, choices, share):

@@ -1,15 +1,13 @@
-"""The plans that the paper shows: its figures, the kitchen and the wing.
+"""The plans that the paper shows: its figures, the kitchen and the wing; satisfiability as plans.
 
 An action `p…` of a figure produces what `c…` consumes, and `t…` threatens that.
 """
-
-from __future__ import annotations
 
 from dataclasses import replace
 from fractions import Fraction
 
 from robust.pike_bridge.action_model import Instance, shipped
-from robust.pike_bridge.builder import Element, act, build, choose, parallel, sequence
+from robust.pike_bridge.builder import act, build, choose, parallel, sequence
 from robust.plan.pddl.write import ActionText, sketched_domain, sketched_problem
 
 _ROLES = {
@@ -17,79 +15,52 @@ _ROLES = {
     "t": ActionText("t", end_effects=("(not (p))",)),
     "c": ActionText("c", at_start=("(p)",)),
 }
+P1, P2, P3, P4, T1, T2, C = (act(f"({name})", 1, 3) for name in ("p1", "p2", "p3", "p4", "t1", "t2", "c"))
 
 
-def _activity(name: str) -> Element:
-    return act(f"({name})", 1, 3)
-
-
-def _optional(choice: str, activity: str) -> Element:
+def _optional(choice, activity):
     """The activity if the choice is 1, nothing if it is 2."""
-    return choose(choice, {"1": _activity(activity), "2": sequence()})
+    return choose(choice, {"1": activity, "2": sequence()})
 
 
-def _instance(name: str, program: Element) -> Instance:
+FIGURES = {
+    "6a": sequence(parallel(P1, P2), C),  # two unordered producers before a consumer, without choices
+    # with a choice around each: the consumer (z = 1) needs x = 1 or y = 1
+    "6b": sequence(parallel(_optional("x", P1), _optional("y", P2)), _optional("z", C)),
+    "7a": sequence(_optional("x", P1), P2, C),  # the later producer is always activated: its link dominates the other
+    "7b": sequence(P1, _optional("x", P2), C),  # the later producer is optional: no link dominates the other
+    # several producers one after the other, of which only the last two matter: the last is optional
+    "8": sequence(_optional("x", P1), P2, P3, _optional("y", P4), C),
+    "9": parallel(sequence(P1, C), T1),  # a threat must not come between producer and consumer
+    # all optional and unordered
+    "11": parallel(*(_optional(*part) for part in zip("uvwxy", (P1, P2, C, T1, T2), strict=True))),
+    # the threat comes after the second producer, and in any order with the first and the consumer
+    "13": sequence(P2, parallel(_optional("x", T1), sequence(_optional("y", P1), _optional("z", C)))),
+}
+
+
+def _instance(name, program):
     network = build(name, program)
     actions = [each.action.strip("()") for each in network.activities]
-    texts = [replace(_ROLES.get(one[0], ActionText(one)), name=one) for one in actions]
+    texts = [replace(_ROLES.get(action[0], ActionText(action)), name=action) for action in actions]
     return Instance(network, sketched_domain(name, ("(p)",), texts), sketched_problem(name, name, (), ()))
 
 
-def figure_6a() -> Instance:
-    """Two unordered producers before a consumer, without choices."""
-    return _instance("figure-6a", sequence(parallel(_activity("p1"), _activity("p2")), _activity("c")))
-
-
-def figure_6b() -> Instance:
-    """The same with a choice around each: the consumer (z = 1) needs x = 1 or y = 1."""
-    producers = parallel(_optional("x", "p1"), _optional("y", "p2"))
-    return _instance("figure-6b", sequence(producers, _optional("z", "c")))
-
-
-def figure_7a() -> Instance:
-    """The later producer is always activated: its link dominates that of the optional one."""
-    return _instance("figure-7a", sequence(_optional("x", "p1"), _activity("p2"), _activity("c")))
-
-
-def figure_7b() -> Instance:
-    """The later producer is optional: no link dominates the other."""
-    return _instance("figure-7b", sequence(_activity("p1"), _optional("x", "p2"), _activity("c")))
-
-
-def figure_8() -> Instance:
-    """Several producers one after the other, of which only the last two matter: the last is optional."""
-    producers = [_optional("x", "p1"), _activity("p2"), _activity("p3"), _optional("y", "p4")]
-    return _instance("figure-8", sequence(*producers, _activity("c")))
-
-
-def figure_9() -> Instance:
-    """A consumer that starts 1 to 3 after its producer has ended, and a threat that must not come between the two."""
-    program = parallel(sequence(_activity("p1"), _activity("c")), _activity("t1"))
-    instance = _instance("figure-9", program)
+def figure(name):
+    """By its number; the consumer of figure 9 starts 1 to 3 after its producer has ended."""
+    instance = _instance(f"figure-{name}", FIGURES[name])
+    if name != "9":
+        return instance
     producer, consumer, _ = instance.network.activities
     # Programs bound elements, not what lies between them: so the link itself gets the bounds.
-    constraints = tuple(
-        replace(one, lower=Fraction(1), upper=Fraction(3))
-        if (one.source, one.target) == (producer.target, consumer.source)
-        else one
-        for one in instance.network.constraints
+    link, bounds = (producer.target, consumer.source), {"lower": Fraction(1), "upper": Fraction(3)}
+    constraints = (
+        replace(each, **bounds) if (each.source, each.target) == link else each for each in instance.network.constraints
     )
-    return replace(instance, network=replace(instance.network, constraints=constraints))
+    return replace(instance, network=replace(instance.network, constraints=tuple(constraints)))
 
 
-def figure_11() -> Instance:
-    """Two producers, two threats and a consumer, all optional and unordered."""
-    parts = {"u": "p1", "v": "p2", "w": "c", "x": "t1", "y": "t2"}
-    return _instance("figure-11", parallel(*(_optional(*part) for part in parts.items())))
-
-
-def figure_13() -> Instance:
-    """The threat comes after the second producer, and in any order with the first and the consumer."""
-    line = sequence(_optional("y", "p1"), _optional("z", "c"))
-    return _instance("figure-13", sequence(_activity("p2"), parallel(_optional("x", "t1"), line)))
-
-
-def figure_23(choices: int = 3) -> Instance:
+def figure_23(choices=3):
     """As many choices one after the other, each between two activities of [2, 4].
 
     Labeled shortest paths from end to start need one value with completions, and two to the number of choices without.
@@ -109,3 +80,30 @@ def kitchen():
 def wing():
     """The wing of an aeroplane [PIKE §6.1]. Choices: the human's h1 and h2 (uncontrollable), Baxter's b1 and b2."""
     return shipped("wing")
+
+
+def sat_plan(clauses, name="sat"):
+    """Satisfiability as plans with choices [PIKE, Appendix B, Figure 22], with clauses as in DIMACS files: `-3` for the
+    negation of the third variable.
+
+    A choice for each variable, then an activity for each clause that needs one of its literals. It is satisfiable if
+    and only if its plan admits a correct execution.
+    """
+    variables = sorted({abs(literal) for clause in clauses for literal in clause})
+    names = {
+        sign * variable: f"assign-{'' if sign > 0 else 'not-'}{variable}" for variable in variables for sign in (1, -1)
+    }
+    assign = [
+        choose(f"v{variable}", {"true": act(f"({names[variable]})", 1, 2), "false": act(f"({names[-variable]})", 1, 2)})
+        for variable in variables
+    ]
+    holding = {f"clause-{number}": (f"(clause-holds-{number})", clause) for number, clause in enumerate(clauses, 1)}
+    tests = [act(f"({clause})", 1, 2) for clause in holding]
+    actions = [
+        ActionText(action, end_effects=tuple(atom for atom, clause in holding.values() if literal in clause))
+        for literal, action in names.items()
+    ]
+    actions += [ActionText(clause, at_start=(atom,)) for clause, (atom, _) in holding.items()]
+    program = sequence(*(parallel(*part) for part in (assign, tests) if part))
+    domain = sketched_domain(name, [atom for atom, _ in holding.values()], actions)
+    return Instance(build(name, program), domain, sketched_problem(name, name, (), ()))

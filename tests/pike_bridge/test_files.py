@@ -2,9 +2,9 @@
 
 import copy
 import json
+from contextlib import nullcontext
 from fractions import Fraction
 from itertools import product
-from pathlib import Path
 
 import jsonschema
 import pytest
@@ -28,29 +28,23 @@ names = st.text(
     st.characters(exclude_categories=("Cc", "Cs"), exclude_characters="\u2028\u2029"), min_size=1, max_size=4
 )
 guards = st.dictionaries(names, names, max_size=2).map(guard)
-words = st.text("abc-?_1", min_size=1, max_size=4)
+actions = st.lists(st.text("abc-?_1", min_size=1, max_size=4), min_size=1, max_size=3).map(
+    lambda parts: f"({' '.join(parts)})"
+)
+
+
+def several(kind, *parts, most):
+    return st.lists(st.builds(kind, *parts), max_size=most).map(tuple)
+
+
+domains = st.lists(names, min_size=1, max_size=3, unique=True).map(tuple)
 networks = st.builds(
     Tpnu,
     names,
-    st.lists(
-        st.builds(Choice, names, st.lists(names, min_size=1, max_size=3, unique=True).map(tuple), st.booleans(), names),
-        max_size=2,
-    ).map(tuple),
-    st.lists(st.builds(Event, names, guards), max_size=3).map(tuple),
-    st.lists(st.builds(Constraint, names, names, st.none() | exact, st.none() | exact, guards), max_size=3).map(tuple),
-    st.lists(
-        st.builds(
-            Activity,
-            st.lists(words, min_size=1, max_size=3).map(lambda parts: f"({' '.join(parts)})"),
-            names,
-            names,
-            exact,
-            st.none() | exact,
-            st.none() | names,
-            guards,
-        ),
-        max_size=2,
-    ).map(tuple),
+    several(Choice, names, domains, st.booleans(), names, most=2),
+    several(Event, names, guards, most=3),
+    several(Constraint, names, names, st.none() | exact, st.none() | exact, guards, most=3),
+    several(Activity, actions, names, names, exact, st.none() | exact, st.none() | names, guards, most=2),
 )
 
 
@@ -78,6 +72,9 @@ def test_numbers_are_exact(written, value):
     assert network.constraints == (Constraint("e1", "e2", Fraction(value), None),)
 
 
+CHOICE = {"name": "x", "domain": ["a"], "controllable": True, "at": "e1"}
+CONSTRAINT = {"from": "a", "to": "b", "lower": 1, "upper": 1}
+ACTIVITY = {"action": "(a)", **CONSTRAINT}
 MISTAKES = {
     '{"format": "tpnu/2", "name": "n", "domain": "d", "problem": "p", "events": []}': "1:12: found 'tpnu/2'",
     '{"format": "tpnu/1",\n "nam": "n"}': "2:2: found key 'nam', expected one of a plan with choices; did you mean",
@@ -95,54 +92,39 @@ MISTAKES = {
     "": "1:1: found an empty file",
     "[" * 100_000: "1:101: found values nested more than 100 deep",
     '{"a":' * 100_000: "nested more than 100 deep",
+    document_with(events=[{"name": "e", "guard": {"x": 1}}]): "found 1, expected a text in quotes",
+    document_with(events=[{"name": ""}]): "expected a text that is not empty",
+    document_with(events=[{"name": "e", "guard": []}]): "expected a guard: an object",
+    document_with(events={}): "found an empty object, expected a list",
+    document_with(choices=[CHOICE | {"domain": []}]): "at least one value to choose",
+    document_with(choices=[CHOICE | {"domain": ["a", "a"]}]): "found a second 'a'",
+    document_with(choices=[CHOICE | {"controllable": 1}]): "found 1, expected true or false",
+    document_with(choices=[{key: CHOICE[key] for key in CHOICE if key != "at"}]): "found a choice without 'at'",
+    document_with(constraints=[CONSTRAINT | {"lower": "soon"}]): "found 'soon', expected a number",
+    document_with(constraints=[CONSTRAINT | {"lower": "1/0"}]): "denominator is not 0",
+    document_with(constraints=[CONSTRAINT | {"lower": True}]): "found true, expected a number, or null",
+    document_with(activities=[ACTIVITY | {"action": "get"}]): "expected a ground action",
+    document_with(activities=[ACTIVITY | {"lower": None}]): "found null, expected a num",
+    **{BOUNDED.replace("987", number): "300 digits" for number in ("1e999999999", "9" * 10_000, '"1e-99999"')},
 }
 
 
-@pytest.mark.parametrize(("text", "message"), MISTAKES.items(), ids=[*MISTAKES.values()])
+@pytest.mark.parametrize(("text", "message"), MISTAKES.items(), ids=range(len(MISTAKES)))
 def test_mistakes_are_pointed_at(text, message):
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(InputError, match=r"plan.json:\d+:\d+: ") as caught:
         parse_tpnu(text, "plan.json")
     assert f"plan.json:{message}" in str(caught.value) or message in str(caught.value)
     assert caught.value.location.line is not None
     assert "\n" not in str(caught.value)
 
 
-WRONG_PARTS = [
-    ({"events": [{"name": "e", "guard": {"x": 1}}]}, "found 1, expected a text in quotes"),
-    ({"events": [{"name": ""}]}, "expected a text that is not empty"),
-    ({"events": [{"name": "e", "guard": []}]}, "expected a guard: an object"),
-    ({"events": {}}, "found an empty object, expected a list"),
-    ({"choices": [{"name": "x", "domain": [], "controllable": True, "at": "e1"}]}, "at least one value to choose"),
-    ({"choices": [{"name": "x", "domain": ["a", "a"], "controllable": True, "at": "e1"}]}, "found a second 'a'"),
-    ({"choices": [{"name": "x", "domain": ["a"], "controllable": 1, "at": "e1"}]}, "found 1, expected true or false"),
-    ({"choices": [{"name": "x", "domain": ["a"], "controllable": True}]}, "found a choice without 'at'"),
-    ({"constraints": [{"from": "a", "to": "b", "lower": "soon", "upper": 1}]}, "found 'soon', expected a number"),
-    ({"constraints": [{"from": "a", "to": "b", "lower": "1/0", "upper": 1}]}, "denominator is not 0"),
-    ({"constraints": [{"from": "a", "to": "b", "lower": True, "upper": 1}]}, "found true, expected a number, or null"),
-    ({"activities": [{"action": "get", "from": "a", "to": "b", "lower": 1, "upper": 1}]}, "expected a ground action"),
-    (
-        {"activities": [{"action": "(a)", "from": "a", "to": "b", "lower": None, "upper": 1}]},
-        "found null, expected a num",
-    ),
-]
-
-
-@pytest.mark.parametrize(("changes", "message"), WRONG_PARTS)
-def test_wrong_parts(changes, message):
-    with pytest.raises(InputError, match="<tpnu>:1:") as caught:
-        parse_tpnu(document_with(**changes))
-    assert message in str(caught.value)
-
-
-@pytest.mark.parametrize("number", ["1e999999999", "9" * 10_000, '"1e-99999"'], ids=["large", "long", "small"])
-def test_enormous_numbers_are_refused_quickly(number):
-    with pytest.raises(InputError, match="300 digits"):
-        parse_tpnu(BOUNDED.replace("987", number))
-
-
-def test_actions_are_normalised():
-    activity = {"action": "( Get  Human Mug )", "from": "e1", "to": "e2", "lower": 1, "upper": None}
-    assert parse_tpnu(document_with(activities=[activity])).network.activities[0].action == "(get human mug)"
+def test_actions_are_normalised_and_places_known():
+    document = document_with(activities=[ACTIVITY | {"action": "( Get  Human Mug )"}])
+    assert parse_tpnu(document).network.activities[0].action == "(get human mug)"
+    events = '"events": [{"name": "e"}]'
+    places = parse_tpnu(f'{{"format": "tpnu/1", "name": "n", "domain": "d", "problem": "p",\n {events}}}').places
+    assert str(places.of("events", 0, "name")) == "<tpnu>:2:22"
+    assert str(places.of("events", 0, "guard", "x")) == "<tpnu>:2:13"
 
 
 @pytest.mark.parametrize(
@@ -157,14 +139,6 @@ def test_actions_are_normalised():
 def test_what_files_cannot_say_is_not_written(network):
     with pytest.raises(InputError):
         tpnu_text(network, domain="d", problem="p")
-
-
-def test_places():
-    places = parse_tpnu(
-        '{"format": "tpnu/1", "name": "n", "domain": "d", "problem": "p",\n "events": [{"name": "e"}]}'
-    ).places
-    assert str(places.of("events", 0, "name")) == "<tpnu>:2:22"
-    assert str(places.of("events", 0, "guard", "x")) == "<tpnu>:2:13"
 
 
 values = st.one_of(
@@ -183,35 +157,27 @@ def mutated(draw):
     document = copy.deepcopy(BASE)
     for _ in range(draw(st.integers(1, 2))):
         node = document
-        while True:
-            keys = list(node) if isinstance(node, dict) else list(range(len(node)))
-            if not keys:
-                break
+        while keys := list(node) if isinstance(node, dict) else list(range(len(node))):
             key = draw(st.sampled_from(keys))
-            if isinstance(node[key], (dict, list)) and node[key] and draw(st.integers(0, 3)):
-                node = node[key]
-                continue
-            change = draw(st.sampled_from(("replace", "replace", "remove", "add")))
-            if change == "replace":
-                node[key] = copy.deepcopy(draw(values))
-            elif change == "remove":
-                del node[key]
-            elif isinstance(node, dict):
-                node[draw(st.sampled_from(("guard", "agent", "lower", "other")))] = copy.deepcopy(draw(values))
-            else:
-                node.append(copy.deepcopy(draw(values)))
-            break
+            if not (isinstance(node[key], (dict, list)) and node[key] and draw(st.integers(0, 3))):
+                break
+            node = node[key]
+        change = draw(st.sampled_from(("replace", "replace", "remove", "add"))) if keys else "nothing"
+        if change == "replace":
+            node[key] = copy.deepcopy(draw(values))
+        elif change == "remove":
+            del node[key]
+        elif change == "add" and isinstance(node, dict):
+            node[draw(st.sampled_from(("guard", "agent", "lower", "other")))] = copy.deepcopy(draw(values))
+        elif change == "add":
+            node.append(copy.deepcopy(draw(values)))
     return document
 
 
 @given(mutated())
 def test_reader_and_schema_accept_the_same(document):
-    try:
+    with nullcontext() if SCHEMA.is_valid(document) else pytest.raises(InputError):
         parse_tpnu(json.dumps(document))
-        accepted = True
-    except InputError:
-        accepted = False
-    assert accepted == SCHEMA.is_valid(document)
 
 
 @pytest.mark.parametrize("key", ["choices", "events", "constraints", "activities", None])
@@ -222,11 +188,7 @@ def test_schema_has_the_members_that_are_read_and_written(key):
         schema = schema["$defs"][schema["properties"][key]["items"]["$ref"].rpartition("/")[2]]
     assert set(schema["properties"]) == {*part.required, *part.optional}
     assert schema["required"] == [*part.required]
-
-
-def test_schema_is_a_schema_and_packaged():
     jsonschema.Draft202012Validator.check_schema(SCHEMA.schema)
-    assert Path(SCHEMA_FILE).parent.name == "pike_bridge"
 
 
 def plain(value):
@@ -260,9 +222,7 @@ def test_no_other_text_is_json(parts):
     text = "".join(parts)
 
     def unique(pairs):
-        if len(dict(pairs)) < len(pairs):
-            raise ValueError("repeated key")
-        return dict(pairs)
+        return dict(pairs) if len(dict(pairs)) == len(pairs) else json.loads("")
 
     try:
         expected = json.loads(text, object_pairs_hook=unique)
@@ -323,10 +283,8 @@ def test_a_plan_from_files_is_that_in_memory(files, tmp_path):
     ],
 )
 def test_mistakes_are_located(files, before, after, message):
-    for path in (files, files.parent / "pddl" / "domain.pddl"):
-        if before in (text := path.read_text(encoding="utf-8")):
-            path.write_text(text.replace(before, after, 1), encoding="utf-8")
-            with pytest.raises((InputError, UnsupportedError), match=f"{path.name}:{message}"):
-                load_team_plan(files)
-            return
-    pytest.fail(f"nothing like {before}")
+    documents = (files, files.parent / "pddl" / "domain.pddl")
+    [path] = [path for path in documents if before in path.read_text(encoding="utf-8")]
+    path.write_text(path.read_text(encoding="utf-8").replace(before, after, 1), encoding="utf-8")
+    with pytest.raises((InputError, UnsupportedError), match=f"{path.name}:{message}"):
+        load_team_plan(files)

@@ -1,11 +1,9 @@
-"""Causal links, the examples of the paper, and its theorems [PIKE §4, Invariant 5.2] on random plans.
+"""Causal links, the examples of the paper, and its theorems [PIKE §4] on random plans.
 
-Every sweep checks a statement on what its seed gives, and says how often its premise held there.
+Theorem 4.1, of distances and temporal conflicts, is in `test_temporal.py`.
 """
 
-from collections import Counter
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from itertools import pairwise, product
@@ -19,37 +17,18 @@ from robust.pike_bridge.causal import Contexts, LabeledHappening, augment, open_
 from robust.pike_bridge.compile import Compiling, Temporal
 from robust.pike_bridge.distance_graph import StructuralPrecedence
 from robust.pike_bridge.knowledge.sat import SatKnowledgeBase
-from robust.pike_bridge.knowledge.tms import PiTms
-from robust.pike_bridge.labeled_apsp import LabeledDistances, temporal_conflicts
-from robust.pike_bridge.model import ALWAYS, EPSILON, INITIAL, Activity, Condition, Effect, TeamPlan, guard, may_produce
+from robust.pike_bridge.labeled_apsp import LabeledDistances
+from robust.pike_bridge.model import ALWAYS, EPSILON, Activity, Condition, Effect, TeamPlan, guard, may_produce
 from robust.pike_bridge.semantics import Execution, ExecutionExistence, Oracle, faults
-from robust.pike_bridge.theory import Not, Require, Some, Theory, conjunction, is_consistent
-from tests.pike_bridge.brute_force import (
-    ExactPrecedence,
-    HalfKnowledge,
-    Ignorance,
-    admits_correct_execution,
-    broken_constraints,
-    candidate_subplan,
-    correct_orders,
-    correct_scenarios,
-    holds,
-    is_met,
-    scenarios,
-    weak_orders,
-)
-from tests.pike_bridge.knowledge.theories import is_model, models, prime_implicants
-from tests.pike_bridge.plans import (
-    ORDERED,
-    P,
-    constraint,
-    network,
-    plans,
-    random_differences,
-    random_plan,
-    random_schedule,
-    random_times,
-)
+from robust.pike_bridge.theory import Not, Require, Some, conjunction, is_consistent
+from tests.pike_bridge import brute_force as brute
+from tests.pike_bridge import plans
+from tests.pike_bridge.brute_force import ExactPrecedence, HalfKnowledge, Ignorance, holds, scenarios
+from tests.pike_bridge.knowledge.theories import is_model
+from tests.pike_bridge.plans import P, constraint, network
+
+NOT_P = P.negation
+X1, X2 = guard({"x": "1"}), guard({"x": "2"})
 
 
 def extends(augmented, scenario, times=None):
@@ -57,15 +36,10 @@ def extends(augmented, scenario, times=None):
 
     That is what satisfies the theory and has a schedule: φ′_S of [PIKE, Theorem 4.6].
     """
-    times = times or {}
-    apart = ((one, other, times[other] - times[one]) for one, other in pairwise(times))
-    fixed = (constraint(one, other, gap, gap) for one, other, gap in apart)
-    network = replace(augmented.network, constraints=(*augmented.network.constraints, *fixed))
-    return SatKnowledgeBase(augmented.theory, network).could_commit([Require(guard(scenario))])
-
-
-X1 = guard({"x": "1"})
-X2 = guard({"x": "2"})
+    apart = ((source, target, later - time) for (source, time), (target, later) in pairwise((times or {}).items()))
+    fixed = (constraint(source, target, gap, gap) for source, target, gap in apart)
+    fixed_network = replace(augmented.network, constraints=(*augmented.network.constraints, *fixed))
+    return SatKnowledgeBase(augmented.theory, fixed_network).could_commit([Require(guard(scenario))])
 
 
 def shared(conditions, effects, guards=()):
@@ -78,13 +52,11 @@ def shared(conditions, effects, guards=()):
 
 AT_C = Condition(P, "c", "c", ALWAYS, 2)
 OVER_ALL = Condition(P, "b", "c", ALWAYS, 1)
-AT_B = [Condition(P, "b", "b", ALWAYS, at) for at in (0, 1)]
-MADE_AT_B, UNDONE_AT_C = Effect(P, "b", ALWAYS, 1), Effect(P.negation, "c", ALWAYS, 1)
-SHARING = shared((AT_C,), (Effect(P, "b", X1, 0), Effect(P.negation, "b", X2, 1), Effect(P, "b", X1, 0)), (X1, X2))
+AT_B = tuple(Condition(P, "b", "b", ALWAYS, at) for at in (0, 1))
+MADE_AT_B, UNDONE_AT_C = Effect(P, "b", ALWAYS, 1), Effect(NOT_P, "c", ALWAYS, 1)
+SHARING = shared((AT_C,), (Effect(P, "b", X1, 0), Effect(NOT_P, "b", X2, 1), Effect(P, "b", X1, 0)), (X1, X2))
 OWN_START = shared((OVER_ALL,), (MADE_AT_B, UNDONE_AT_C), (X1,))
-ENDING_TOGETHER = shared(
-    tuple(AT_B), (Effect(P, "a", ALWAYS, None), Effect(P.negation, "b", ALWAYS, 1)), (ALWAYS, ALWAYS)
-)
+ENDING_TOGETHER = shared(AT_B, (Effect(P, "a", ALWAYS, None), Effect(NOT_P, "b", ALWAYS, 1)), (ALWAYS, ALWAYS))
 LATER = shared((AT_B[1],), (Effect(P, "c", ALWAYS, 1), UNDONE_AT_C), (X1,))
 
 
@@ -94,10 +66,7 @@ LATER = shared((AT_B[1],), (Effect(P, "c", ALWAYS, 1), UNDONE_AT_C), (X1,))
         pytest.param(SHARING, ExactPrecedence, [("b", X1, "b", X2)], id="activities have effects of their own"),
         pytest.param(OWN_START, ExactPrecedence, [("b", ALWAYS)], id="the own start may support"),
         pytest.param(
-            ENDING_TOGETHER,
-            ExactPrecedence,
-            [("a", ALWAYS, "b", ALWAYS), ("a", ALWAYS)],
-            id="only another may threaten",
+            ENDING_TOGETHER, ExactPrecedence, [("a", ALWAYS, "b", ALWAYS), ("a", ALWAYS)], id="others may threaten"
         ),
         pytest.param(LATER, ExactPrecedence, [()], id="what comes after is no candidate"),
         pytest.param(LATER, Ignorance, [("c", ALWAYS, "c", ALWAYS)], id="unless nothing is known about it"),
@@ -105,16 +74,22 @@ LATER = shared((AT_B[1],), (Effect(P, "c", ALWAYS, 1), UNDONE_AT_C), (X1,))
 )
 def test_producers_and_threats(plan, precedence, candidates):
     """Events and guards of the one producer, if any, and of the one threat."""
-    found = open_conditions(plan, precedence(plan.network))
-    happenings = [[*question.producers, *question.threats] for question in found]
+    questions = open_conditions(plan, precedence(plan.network))
+    happenings = [[*question.producers, *question.threats] for question in questions]
     assert [sum(((each.event, each.guard) for each in several), ()) for several in happenings] == candidates
-    assert all(len(question.producers) <= 1 and len(question.threats) <= 1 for question in found)
+    assert all(len(question.producers) <= 1 and len(question.threats) <= 1 for question in questions)
 
 
-def test_what_is_supported_anyway_adds_nothing():
-    for plan, precedence in (SHARING, ExactPrecedence), (OWN_START, Ignorance):
-        result = augment(plan, precedence(plan.network))
-        assert (added(result), result.theory.conflicts) == (set(), ())
+def added(result):
+    count = len(result.plan.network.constraints)
+    assert result.network.constraints[:count] == result.plan.network.constraints
+    return set(result.network.constraints[count:])
+
+
+@pytest.mark.parametrize(("plan", "precedence"), [(SHARING, ExactPrecedence), (OWN_START, Ignorance)])
+def test_what_is_supported_anyway_adds_nothing(plan, precedence):
+    result = augment(plan, precedence(plan.network))
+    assert (added(result), result.theory.conflicts) == (set(), ())
 
 
 @pytest.mark.parametrize(
@@ -127,25 +102,19 @@ def test_what_is_supported_anyway_adds_nothing():
 )
 def test_two_producers_at_one_event(label, second, labels, values):
     effects = (Effect(P, "b", X1, 0), Effect(P, "b", second, 1))
-    plan = shared((replace(AT_C, guard=label),), effects, (X1, second))
-    result = augment(plan, ExactPrecedence(plan.network))
+    result = augmented(shared((replace(AT_C, guard=label),), effects, (X1, second)))
     assert ([link.label for link in result.links], result.theory.conflicts) == (labels, ())
     assert result.network.choices[1].domain == values
 
 
-def test_the_effect_of_another_activity_at_the_end_is_a_definite_threat():
-    plan = shared((OVER_ALL,), (MADE_AT_B, Effect(P.negation, "c", X1, None)), (X1,))
+def test_definite_threats_and_shared_variables():
+    plan = shared((OVER_ALL,), (MADE_AT_B, Effect(NOT_P, "c", X1, None)), (X1,))
     result = augment(plan, Ignorance(plan.network))
     assert result.theory.conflicts == (X1 | guard({"s[(p) @ b–c]": "b"}),)
-
-
-def test_conditions_that_ask_the_same_share_a_variable():
-    twice = (*AT_B, Condition(P, "b", "b", X1, 0))
-    plan = shared(twice, (Effect(P, "a", ALWAYS, None),), (ALWAYS,))
+    plan = shared((*AT_B, Condition(P, "b", "b", X1, 0)), (Effect(P, "a", ALWAYS, None),), (ALWAYS,))
     questions = open_conditions(plan, ExactPrecedence(plan.network))
-    assert [question.conditions for question in questions] == [twice[:2], twice[2:]]
-    variables = [choice.name for choice in augment(plan, ExactPrecedence(plan.network)).network.choices]
-    assert variables == ["x", "s[(p) @ b]", "s[(p) @ b][x = 1]"]
+    assert [question.conditions for question in questions] == [plan.conditions[:2], plan.conditions[2:]]
+    assert list(augmented(plan).network.domains) == ["x", "s[(p) @ b]", "s[(p) @ b][x = 1]"]
 
 
 S = "s[(p) @ c]"
@@ -153,125 +122,87 @@ S = "s[(p) @ c]"
 
 def example(effects, order, guards=None, bounds=()):
     """A plan whose event `c` needs p, which other events make true or false, and in which some events are ordered."""
-    labels = guards or {}
-    variables = {variable for label in labels.values() for variable, _ in label}
     names = dict.fromkeys([*effects, "c", *(name for pair in order for name in pair)])
-    guards = {name: labels.get(name, ALWAYS) for name in names}
+    guards = {name: (guards or {}).get(name, ALWAYS) for name in names}
+    variables = sorted({variable for label in guards.values() for variable, _ in label})
+    ordered = ((earlier, later, EPSILON, None, guards[earlier] | guards[later]) for earlier, later in order)
     figure = network(
         {name: dict(label) for name, label in guards.items()},
-        *((one, other, EPSILON, None, guards[one] | guards[other]) for one, other in order),
+        *ordered,
         *bounds,
-        choices=[(variable, "12", None) for variable in sorted(variables)],
+        choices=[(variable, "12", None) for variable in variables],
     )
-    made = (Effect(P if made else P.negation, name, guards[name], None) for name, made in effects.items())
-    return TeamPlan(figure, (Condition(P, "c", "c", guards["c"], None),), tuple(made))
+    happening = (Effect(P if produced else NOT_P, name, guards[name], None) for name, produced in effects.items())
+    return TeamPlan(figure, (Condition(P, "c", "c", guards["c"], None),), tuple(happening))
 
 
 def augmented(plan):
     return augment(plan, ExactPrecedence(plan.network))
 
 
-def added(result):
-    assert result.network.constraints[: len(result.plan.network.constraints)] == result.plan.network.constraints
-    return set(result.network.constraints[len(result.plan.network.constraints) :])
-
-
 def ordering(earlier, later, **label):
     return constraint(earlier, later, EPSILON, None, label)
 
 
-def links(result):
-    return {link.producer.event: link.label for link in result.links}
-
-
-def equivalent(formulas, expected, result):
-    domains = result.theory.domains
-    return models(Theory(domains, tuple(formulas))) == models(Theory(domains, (expected,)))
-
-
 def supports(when, *alternatives):
-    return Some((Not(conjunction(when)), Some(tuple(conjunction(each) for each in alternatives))))
+    return Some((Not(conjunction(when)), Some(tuple(map(conjunction, alternatives)))))
 
 
-def test_figure_6a_two_unordered_producers():
-    result = augmented(example({"p1": True, "p2": True}, [("p1", "c"), ("p2", "c")]))
-    assert links(result) == {"p1": frozenset(), "p2": frozenset()}
-    assert result.network.domains == {S: ("p1", "p2", "none")}
-    assert added(result) == set()
-    assert equivalent(result.theory.constraints, supports(frozenset(), guard({S: "p1"}), guard({S: "p2"})), result)
+TWO, BOTH_BEFORE = {"p1": True, "p2": True}, [("p1", "c"), ("p2", "c")]
+LABELS = {name: guard({variable: "1"}) for name, variable in (("p1", "x"), ("p2", "y"), ("c", "z"))}
+LABELS_11 = {
+    name: guard({variable: "1"}) for name, variable in zip(("p1", "p2", "t1", "t2", "c"), "uvxyw", strict=True)
+}
+LABELS_13 = {name: guard({variable: "1"}) for name, variable in (("p1", "y"), ("t1", "x"), ("c", "z"))}
+O_9, O_13 = "o[(p) @ c, p1, t1]", {"z": "1", "x": "1"}
+S_P1, S_P2 = guard({S: "p1"}), guard({S: "p2"})
 
 
-def test_figure_6b_labels_are_the_guards_of_producers():
-    labels = {"p1": guard({"x": "1"}), "p2": guard({"y": "1"}), "c": guard({"z": "1"})}
-    result = augmented(example({"p1": True, "p2": True}, [("p1", "c"), ("p2", "c")], labels))
-    assert links(result) == {"p1": labels["p1"], "p2": labels["p2"]}
-    expected = supports(labels["c"], guard({S: "p1", "x": "1"}), guard({S: "p2", "y": "1"}))
-    assert equivalent(result.theory.constraints, expected, result)
-    for each in scenarios(result.plan.network.domains):
-        assert extends(result, each) == ("1" in (each["x"], each["y"]) or each["z"] == "2")
-
-
-def test_figure_9_a_threat_on_either_side():
-    """The producer is between 1 and 3 before the consumer; the threat is at any time after the initial event."""
-    order = [(INITIAL, "p1"), (INITIAL, "t1"), (INITIAL, "c")]
-    result = augmented(example({"p1": True, "t1": False}, order, bounds=[("p1", "c", 1, 3)]))
-    variable = "o[(p) @ c, p1, t1]"
-    assert result.network.domains == {S: ("p1", "none"), variable: ("before", "after")}
-    assert added(result) == {
-        ordering("t1", "p1", **{S: "p1", variable: "before"}),
-        ordering("c", "t1", **{S: "p1", variable: "after"}),
-    }
-    assert result.theory.constraints == (conjunction(guard({S: "p1"})),)
-
-
-def test_figure_11_everything_is_possible():
-    """Two producers and two threats of one consumer, unordered, each in a choice of its own."""
-    labels = {
-        "p1": guard({"u": "1"}), "p2": guard({"v": "1"}), "t1": guard({"x": "1"}), "t2": guard({"y": "1"}),
-        "c": guard({"w": "1"}),
-    }  # fmt: skip
-    result = augmented(example({"p1": True, "p2": True, "t1": False, "t2": False}, [], labels))
-    expected = set()
+def everything_of_figure_11():
+    """Orderings and choices where everything is possible."""
+    orderings, choices = set(), {}
     for producer, variable in (("p1", "u"), ("p2", "v")):
         link = {S: producer, variable: "1", "w": "1"}
-        expected.add(ordering(producer, "c", **link))
+        orderings.add(ordering(producer, "c", **link))
         for threat, other in (("t1", "x"), ("t2", "y")):
-            name = f"o[(p) @ c, {producer}, {threat}]"
-            assert result.network.domains[name] == ("before", "after")
-            context = link | {other: "1"}
-            expected |= {
-                ordering(threat, producer, **context, **{name: "before"}),
-                ordering("c", threat, **context, **{name: "after"}),
-            }
-    assert added(result) == expected
-    assert len(result.network.choices) == 5 + 1 + 4
-    assert result.theory.conflicts == ()
-    formula = supports(labels["c"], guard({S: "p1", "u": "1"}), guard({S: "p2", "v": "1"}))
-    assert equivalent(result.theory.constraints, formula, result)
+            choices[name := f"o[(p) @ c, {producer}, {threat}]"] = ("before", "after")
+            orderings.add(ordering(threat, producer, **link, **{other: "1", name: "before"}))
+            orderings.add(ordering("c", threat, **link, **{other: "1", name: "after"}))
+    return orderings, choices
 
 
-def test_figure_13_the_constraints_at_the_end_of_section_4_4():
-    """Two producers precede the consumer, and a threat comes after the one that is certain, wherever it will."""
-    labels = {"p1": guard({"y": "1"}), "t1": guard({"x": "1"}), "c": guard({"z": "1"})}
-    order = [("p1", "c"), ("p2", "c"), ("p2", "t1")]
-    result = augmented(example({"p1": True, "p2": True, "t1": False}, order, labels))
-    o = "o[(p) @ c, p1, t1]"
-    both = {"z": "1", "x": "1"}
-    assert added(result) == {
-        ordering("c", "t1", **both, **{S: "p2"}),
-        ordering("t1", "p1", **both, **{"y": "1", S: "p1", o: "before"}),
-        ordering("c", "t1", **both, **{"y": "1", S: "p1", o: "after"}),
-    }
-    assert result.theory.conflicts == ()
-    assert result.theory.constraints == (supports(labels["c"], guard({S: "p1", "y": "1"}), guard({S: "p2"})),)
-    assert set(result.network.domains) == {"x", "y", "z", S, o}
+FIGURES = {
+    "6b: labels are the guards of producers": (
+        example(TWO, BOTH_BEFORE, LABELS), {"p1": LABELS["p1"], "p2": LABELS["p2"]}, set(), {},
+        supports(LABELS["c"], S_P1 | LABELS["p1"], S_P2 | LABELS["p2"]),
+    ),
+    "11: two producers and two threats, unordered, each in a choice of its own": (
+        example(TWO | {"t1": False, "t2": False}, [], LABELS_11), {"p1": LABELS_11["p1"], "p2": LABELS_11["p2"]},
+        *everything_of_figure_11(),
+        supports(LABELS_11["c"], S_P1 | LABELS_11["p1"], S_P2 | LABELS_11["p2"]),
+    ),
+    "13, §4.4: the threat comes after the producer that is certain": (
+        example(TWO | {"t1": False}, [*BOTH_BEFORE, ("p2", "t1")], LABELS_13), {"p1": LABELS_13["p1"], "p2": ALWAYS},
+        {
+            ordering("c", "t1", **O_13, **{S: "p2"}),
+            ordering("t1", "p1", **O_13, **{"y": "1", S: "p1", O_9: "before"}),
+            ordering("c", "t1", **O_13, **{"y": "1", S: "p1", O_9: "after"}),
+        },
+        {O_9: ("before", "after")},
+        supports(LABELS_13["c"], S_P1 | LABELS_13["p1"], S_P2),
+    ),
+}  # fmt: skip
 
 
-def test_a_condition_without_candidates_is_a_conflict():
-    label = guard({"z": "1"})
-    result = augmented(example({"t1": False}, [], {"c": label}))
-    assert result.theory.conflicts == (label,)
-    assert result.links == ()
+@pytest.mark.parametrize(("plan", "links", "orderings", "choices", "formula"), FIGURES.values(), ids=FIGURES)
+def test_figures_of_the_paper(plan, links, orderings, choices, formula):
+    result = augmented(plan)
+    assert {link.producer.event: link.label for link in result.links} == links
+    assert (added(result), result.theory.conflicts, result.theory.constraints) == (orderings, (), (formula,))
+    assert result.network.domains == plan.network.domains | {S: (*links, "none")} | choices
+    if links == {"p1": LABELS["p1"], "p2": LABELS["p2"]}:
+        for scenario in scenarios(plan.network.domains):
+            assert extends(result, scenario) == ("1" in (scenario["x"], scenario["y"]) or scenario["z"] == "2")
 
 
 BEFORE, AFTER = ("t", "p"), ("c", "t")
@@ -295,20 +226,8 @@ def test_figure_12_cases(order, expected, avoided):
     assert bool(result.theory.conflicts) == avoided
 
 
-def test_algorithm_5_selects_links_that_are_threatened():
-    """A certain producer dominates the threat before it, which then may lie between another producer and the consumer.
-
-    The execution is correct, since the certain producer is later; the selected link is not what supports the condition.
-    """
-    plan = example({"p1": True, "t1": False, "p2": True}, [("t1", "p2"), ("p2", "c"), ("p1", "c")])
-    times = {"p1": Fraction(1), "t1": Fraction(2), "p2": Fraction(3), "c": Fraction(4)}
-    for selected in ("p1", "p2"):
-        assert extends(augmented(plan), {S: selected}, times)
-    assert augmented(plan).links[0].consumer.threats == ()
-
-
-@settings(max_examples=200)
-@given(plans)
+@settings(max_examples=100)
+@given(plans.plans)
 def test_augmented_plans_are_well_formed_and_knowledge_spares_variables(plan):
     results = [augment(plan, each(plan.network)) for each in (ExactPrecedence, HalfKnowledge, Ignorance)]
     sizes = [len(result.network.choices) for result in results]
@@ -326,56 +245,45 @@ def test_augmented_plans_are_well_formed_and_knowledge_spares_variables(plan):
 
 MOST_SCENARIOS = 600
 """Augmented plans with more scenarios than this are asked of a solver only, or left out."""
+SWEEPS = {}
 
 
-def temporal_conflicts_are_inconsistency(network):
-    """Theorem 4.1: a candidate subplan has no schedule if and only if it entails a temporal conflict."""
-    oracle = Oracle(TeamPlan(network, (), ()))
-    found = [LabeledDistances(network, completions=completions) for completions in (True, False)]
-    conflicts = [[each.vocabulary.decode(one) for one in each.conflicts] for each in found]
-    conflicts.append(list(temporal_conflicts(network, Theory(network.domains, (), ()))))
-    seen = Counter()
-    for scenario in scenarios(network.domains):
-        environment = guard(scenario)
-        consistent = candidate_subplan(network, scenario).consistent
-        assert (oracle.decide(environment).verdict is ExecutionExistence.EXISTS) == consistent
-        for several in conflicts:
-            assert any(one <= environment for one in several) != consistent
-        seen["consistent subplans" if consistent else "inconsistent subplans"] += 1
-    seen["premise"] = int(bool(seen["consistent subplans"] and seen["inconsistent subplans"]))
-    return seen
+def sweep(name, quick, slow, share, draw=plans.random_plan):
+    """A statement about random instances that tells whether its premise holds: in at least a share of the instances."""
+
+    def register(check):
+        SWEEPS[name] = draw, check, {"quick": quick, "slow": slow}, share
+        return check
+
+    return register
 
 
-def dominated_links_are_irrelevant(plan):
-    """Theorem 4.2: without the effects of what is dominated, the same executions meet the condition.
+@sweep("theorem 4.2", 120, 6000, 0.07, partial(plans.random_plan, style=plans.ORDERED))
+def dominated_links_are_irrelevant(plan, _):
+    """Without the effects of what is dominated, the same executions meet the condition.
 
     The paper takes the effect of one dominated producer away. That matters to other conditions, which it may not be
     dominated for, so that each condition is looked at alone. What pruning drops is then taken away all at once.
     """
-    seen = Counter()
-    orders = [(scenario, list(weak_orders(plan, scenario))) for scenario in scenarios(plan.network.domains)]
-    ranked = [(scenario, ranks) for scenario, several in orders for ranks, _ in several]
+    premise = False
+    everything = scenarios(plan.network.domains)
+    ranked = [(scenario, ranks) for scenario in everything for ranks in brute.weak_orders(plan, scenario)]
     for condition in plan.conditions:
         alone = replace(plan, conditions=(condition,))
         met = [_meets(alone, condition, scenario, ranks) for scenario, ranks in ranked]
-        seen["executions"] += len(met)
         dominated = set(dominated_by_definition(alone, condition))
-        taken = [{one} for one in dominated]
+        taken = [{weak} for weak in dominated]
         for question in open_conditions(alone, precedence := LabeledDistances(plan.network)):
-            contexts = Contexts(precedence, question.guard)
-            kept = prune(question, contexts)
+            kept = prune(question, Contexts(precedence, question.guard))
             assert dominated.isdisjoint(kept.producers)
             taken.append({*question.producers, *question.threats} - {*kept.producers, *kept.threats})
         for happenings in filter(None, taken):
             removed = _without(alone, condition, happenings)
             assert [_meets(removed, condition, scenario, ranks) for scenario, ranks in ranked] == met
         if dominated:
-            left = Oracle(_without(alone, condition, dominated))
-            assert _found(left) == _found(Oracle(alone))
-            seen["dominated links"] += len(dominated)
-        seen["pruned candidates"] += len(taken[-1]) if taken else 0
-    seen["premise"] = int(seen["dominated links"] > 0)
-    return seen
+            assert _correct_scenarios(_without(alone, condition, dominated)) == _correct_scenarios(alone)
+            premise = True
+    return premise
 
 
 def dominated_by_definition(plan, condition):
@@ -384,36 +292,35 @@ def dominated_by_definition(plan, condition):
     producers = {LabeledHappening(each.event, each.guard) for each in plan.effects if may_produce(each, condition)}
     for weak, strong in product(sorted(producers, key=str), repeat=2):
         everything = weak.guard | strong.guard | condition.guard
-        possible = not exact.conflicting(exact.vocabulary.encode(everything)) and len(dict(everything)) == len(
-            everything
+        label = exact.vocabulary.encode(everything)
+        possible = is_consistent(everything) and not exact.conflicting(label)
+        in_order = exact.precedes(weak.event, strong.event, label) and exact.precedes(
+            strong.event, condition.first, label
         )
-        if possible and strong.event != condition.first and strong.guard <= weak.guard:
-            label = exact.vocabulary.encode(everything)
-            if exact.precedes(weak.event, strong.event, label) and exact.precedes(strong.event, condition.first, label):
-                yield weak
+        if possible and in_order and strong.event != condition.first and strong.guard <= weak.guard:
+            yield weak
 
 
 def _without(plan, condition, happenings):
     """The plan without these effects on the atom of its condition."""
-    kept = tuple(
-        each
-        for each in plan.effects
-        if each.literal.atom != condition.literal.atom or LabeledHappening(each.event, each.guard) not in happenings
+    atom = condition.literal.atom
+    removed = (
+        each.literal.atom == atom and LabeledHappening(each.event, each.guard) in happenings for each in plan.effects
     )
-    return replace(plan, effects=kept)
+    return replace(plan, effects=tuple(each for each, gone in zip(plan.effects, removed, strict=True) if not gone))
 
 
 def _meets(plan, condition, scenario, ranks):
-    return not holds(condition.guard, scenario) or is_met(plan, scenario, condition, ranks)
+    return not holds(condition.guard, scenario) or brute.is_met(plan, scenario, condition, ranks)
 
 
-def _found(oracle):
-    return {guard(each.scenario) for each in oracle.scenarios()}
+def _correct_scenarios(plan):
+    """As the oracle has them."""
+    return {guard(each.scenario) for each in Oracle(plan).scenarios()}
 
 
-def _size(network):
-    """How many scenarios there are."""
-    return prod(map(len, network.domains.values()))
+def _small(network):
+    return prod(map(len, network.domains.values())) <= MOST_SCENARIOS
 
 
 def augmented_somehow(plan, random):
@@ -423,35 +330,15 @@ def augmented_somehow(plan, random):
     return augment(plan, precedence(plan.network))
 
 
-def executions_correspond(plan, random, *, most=4):
-    """Theorem 4.3: an execution is correct if and only if it extends to a model of KB that the same times satisfy."""
-    result, oracle = augmented_somehow(plan, random), Oracle(plan)
-    seen = Counter()
-    for scenario in scenarios(plan.network.domains):
-        assert extends(result, scenario) == admits_correct_execution(plan, scenario)
-        for schedule in _schedules(plan, scenario, random, most):
-            correct = _correct(plan, scenario, schedule)
-            assert (faults(plan, Execution(scenario, schedule)) == ()) == correct
-            verdict = oracle.decide(guard(scenario), schedule).verdict
-            assert (verdict is ExecutionExistence.EXISTS) == correct
-            assert extends(result, scenario, schedule) == correct
-            if _size(result.network) <= MOST_SCENARIOS:
-                extensions = _models(result, scenario)
-                assert any(not broken_constraints(result.network, each, schedule) for each in extensions) == correct
-            on_time = not broken_constraints(plan.network, scenario, schedule)
-            seen["correct" if correct else "on time, but incomplete" if on_time else "not on time"] += 1
-    seen["premise"] = int(bool(seen["correct"] and seen["on time, but incomplete"]))
-    return seen
-
-
-def partial_executions_correspond(plan, random, *, most=4):
-    """Theorem 4.4: a partial execution extends to a correct one of the plan if and only if to one of the other."""
+@sweep("theorems 4.3 and 4.4", 30, 4000, 0.5)
+def executions_correspond(plan, random):
+    """An execution, or a part of one, extends to a correct one of the plan if and only if to one of the other."""
     result, oracle = augmented_somehow(plan, random), Oracle(plan)
     everything = list(scenarios(plan.network.domains))
-    seen = Counter()
-    for _ in range(most):
+    premise = False
+    for _ in range(6):
         begun = random.choice(everything)
-        whole = next(_schedules(plan, begun, random, 1), {})
+        whole = _schedule(plan, begun, random)
         # What has been executed by some moment; the choices that activate it have been made, and perhaps another one.
         now = random.choice(sorted(whole.values()) or [Fraction(0)])
         executed = {
@@ -460,165 +347,99 @@ def partial_executions_correspond(plan, random, *, most=4):
         chosen = frozenset().union(*(plan.network.guards[event] for event in executed))
         if random.random() < 0.3:
             chosen |= guard({name: begun[name] for name in random.sample(list(begun), 1)})
+        if random.random() < 0.5:
+            executed, chosen = whole, guard(begun)
         extending = [each for each in everything if chosen <= guard(each)]
-        correct = any(next(correct_orders(plan, each, executed), None) is not None for each in extending)
+        correct = any(brute.admits_correct_execution(plan, each, executed) for each in extending)
+        if chosen == guard(begun) and executed == whole:
+            assert (faults(plan, Execution(begun, whole)) == ()) == correct == brute.is_correct(plan, begun, whole)
         assert (oracle.decide(chosen, executed).verdict is ExecutionExistence.EXISTS) == correct
         assert extends(result, dict(chosen), executed) == correct
-        if _size(result.network) <= MOST_SCENARIOS:
-            possible = (each for scenario in extending for each in _models(result, scenario))
-            subplans = (candidate_subplan(result.network, each).at_times(executed) for each in possible)
+        if _small(result.network):
+            models = (each for scenario in extending for each in _models(result, scenario))
+            subplans = (brute.candidate_subplan(result.network, each).at_times(executed) for each in models)
             assert any(subplan.consistent for subplan in subplans) == correct
-        kind = "whole" if len(executed) == len(whole) else "empty" if not executed else "partial"
-        seen[f"{kind}, {'' if correct else 'not '}correct"] += 1
-    seen["premise"] = int(bool(seen["partial, correct"] or seen["partial, not correct"]))
-    return seen
+        premise |= 0 < len(executed) < len(whole)
+    return premise
 
 
-def consistent_executions_are_correct(plan, random, *, most=40):
-    """Theorem 4.5: a schedule of the augmented plan under any model of KB meets all conditions.
+@sweep("theorem 4.5", 200, 10000, 0.06)
+def consistent_executions_are_correct(plan, random):
+    """A schedule of the augmented plan under any model of KB meets all conditions.
 
-    The same is not so of schedules of the original plan, which is counted, too: else there were nothing to show.
+    The same is not so of schedules of the original plan: else there were nothing to show.
     """
     result = augmented_somehow(plan, random)
-    seen = Counter()
-    if _size(result.network) > MOST_SCENARIOS:
-        return seen
-    found = [each for scenario in scenarios(plan.network.domains) for each in _models(result, scenario)]
-    for model in random.sample(found, min(most, len(found))):
+    executions = others = False
+    if not _small(result.network):
+        return False
+    models = [each for scenario in scenarios(plan.network.domains) for each in _models(result, scenario)]
+    for model in random.sample(models, min(40, len(models))):
         scenario = {name: model[name] for name in plan.network.domains}
-        subplan = candidate_subplan(result.network, model)
-        schedule = random_schedule(subplan, random) if subplan.consistent else None
+        schedule, free = (
+            plans.random_schedule(subplan, random) if subplan.consistent else None
+            for subplan in (
+                brute.candidate_subplan(result.network, model),
+                brute.candidate_subplan(plan.network, scenario),
+            )
+        )
         if schedule is not None:
-            assert _correct(plan, scenario, schedule)
+            assert brute.is_correct(plan, scenario, schedule)
             assert faults(plan, Execution(scenario, schedule)) == ()
-            seen["executions"] += any(holds(each.guard, scenario) for each in plan.conditions)
-        free = candidate_subplan(plan.network, scenario)
-        schedule = random_schedule(free, random) if free.consistent else None
-        seen["others that are not"] += schedule is not None and not _correct(plan, scenario, schedule)
-    seen["premise"] = int(bool(seen["executions"] and seen["others that are not"]))
-    return seen
+            executions |= any(holds(each.guard, scenario) for each in plan.conditions)
+        others |= free is not None and not brute.is_correct(plan, scenario, free)
+    return executions and others
 
 
+@sweep("theorem 4.6", 40, 2500, 0.3)
 def models_are_correct_scenarios(plan, random):
-    """Theorem 4.6: the models of every compiled KB are what satisfies the constraints and has a schedule.
+    """The models of every compiled KB are what satisfies the constraints and has a schedule.
 
     Literally, the theorem says that each scenario of T′ with a correct execution satisfies KB; but a support variable
     may have a value that KB forbids without any event of the execution being another. So it is about the team scenarios
     of the original plan, as Theorem 4.3 has it: those with a correct execution are those that extend to a model.
     """
-    seen = Counter()
-    correct = correct_scenarios(plan)
-    assert _found(Oracle(plan)) == correct
+    correct = brute.correct_scenarios(plan)
+    assert _correct_scenarios(plan) == correct
     backend, temporal = random.choice(("pitms", "atms", "bdd", "sat")), random.choice(list(Temporal))
     compiled = Compiling(plan, backend, temporal).compile()
-    result = compiled.augmented
-    if _size(result.network) > MOST_SCENARIOS:
-        return seen
+    result, everything = compiled.augmented, list(scenarios(plan.network.domains))
+    if not _small(result.network):
+        return False
     models = [
-        (guard(scenario), each)
-        for scenario in scenarios(plan.network.domains)
-        for each in _models(result, scenario)
-        if candidate_subplan(result.network, each).consistent
+        (guard(scenario), model)
+        for scenario in everything
+        for model in _models(result, scenario)
+        if brute.candidate_subplan(result.network, model).consistent
     ]
     assert compiled.knowledge.count_models() == len(models)
     assert all(compiled.knowledge.could_commit([Require(guard(each))]) for _, each in models)
     assert {scenario for scenario, _ in models} == correct
-    seen["models"] = len(models)
-    total = _size(plan.network)
-    seen["none"], seen["all"] = int(not correct), int(len(correct) == total)
-    seen["premise"] = int(0 < len(correct) < total)
-    return seen
+    return 0 < len(correct) < len(everything)
 
 
-def _schedules(plan, scenario, random, most):
+def _schedule(plan, scenario, random):
     """Times for the events of a scenario: mostly such as satisfy the constraints."""
-    subplan = candidate_subplan(plan.network, scenario)
-    for _ in range(most):
-        drawn = random_schedule(subplan, random) if subplan.consistent and random.random() < 0.85 else None
-        yield random_times(subplan, random) if drawn is None else drawn
+    subplan = brute.candidate_subplan(plan.network, scenario)
+    drawn = plans.random_schedule(subplan, random) if subplan.consistent and random.random() < 0.85 else None
+    return plans.random_times(subplan, random) if drawn is None else drawn
 
 
 def _models(result, scenario):
     """The extensions of a scenario that satisfy the constraints of KB, temporal conflicts aside."""
     domains = {name: values for name, values in result.network.domains.items() if name not in scenario}
-    for added in scenarios(domains):
-        whole = scenario | added
-        if is_model(whole, result.theory):
-            yield whole
+    return (whole for more in scenarios(domains) if is_model(whole := scenario | more, result.theory))
 
 
-def _correct(plan, scenario, times):
-    """Definitions 2.5 and 2.6, outright."""
-    return not broken_constraints(plan.network, scenario, times) and all(
-        is_met(plan, scenario, condition, times) for condition in plan.conditions if holds(condition.guard, scenario)
-    )
-
-
-def implicants_of_plans(plan, random, *, most=100):
-    """Invariant 5.2 for the goal of a compiled plan: its implicants cover what the oracle calls correct."""
-    compiled = Compiling(plan, "pitms", Temporal(random.choice(("lazy", "apsp"))), shortcut=False).compile()
-    network, theory = compiled.augmented.network, compiled.augmented.theory
-    seen = Counter()
-    if _size(network) > most:
-        return seen
-    left = [
-        each
-        for each in scenarios(network.domains)
-        if is_model(each, theory) and candidate_subplan(network, each).consistent
-    ]
-    assert isinstance(compiled.knowledge, PiTms)
-    goal = set(compiled.knowledge.prime_implicants())
-    assert goal == prime_implicants(network.domains, left)
-    team = map(guard, scenarios(plan.network.domains))
-    covered = {scenario for scenario in team if any(is_consistent(each | scenario) for each in goal)}
-    assert covered == _found(Oracle(plan))
-    seen["implicants"], seen["models"] = len(goal), len(left)
-    seen["premise"] = int(len(goal) > 1)
-    return seen
-
-
-@dataclass(frozen=True)
-class Sweep:
-    """A theorem checked on one random instance after another."""
-
-    check: Callable[[Random], Counter[str]]
-    quick: int
-    slow: int
-    share: float
-    """Of how many instances the premise must have held, at least: of fewer, the sweep would show little."""
-
-
-SWEEPS = {
-    "theorem 4.1": Sweep(
-        lambda random: temporal_conflicts_are_inconsistency(random_differences(random)), 60, 2000, 0.3
-    ),
-    "theorem 4.2": Sweep(
-        lambda random: dominated_links_are_irrelevant(random_plan(random, style=ORDERED)), 120, 6000, 0.07
-    ),
-    "theorem 4.3": Sweep(lambda random: executions_correspond(random_plan(random), random), 20, 2500, 0.3),
-    "theorem 4.4": Sweep(lambda random: partial_executions_correspond(random_plan(random), random), 25, 2000, 0.6),
-    "theorem 4.5": Sweep(
-        lambda random: consistent_executions_are_correct(random_plan(random), random), 200, 10000, 0.06
-    ),
-    "theorem 4.6": Sweep(lambda random: models_are_correct_scenarios(random_plan(random), random), 40, 2500, 0.3),
-    "invariant 5.2": Sweep(lambda random: implicants_of_plans(random_plan(random, events=4), random), 40, 2000, 0.15),
-}
-
-
-KINDS = ["quick", pytest.param("slow", marks=pytest.mark.slow)]
-
-
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ["quick", pytest.param("slow", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", SWEEPS)
-def test_sweep(name, kind, record_property):
-    sweep, seen, count = SWEEPS[name], Counter(), getattr(SWEEPS[name], kind)
-    for index in range(count):
+def test_sweep(name, kind):
+    (draw, check, counts, share), premises = SWEEPS[name], 0
+    for index in range(counts[kind]):
+        random = Random(f"{name} {kind} {index}")  # noqa: S311 - no secrets
         try:
-            seen += sweep.check(Random(f"{name} {kind} {index}"))  # noqa: S311 - no secrets
+            premises += check(draw(random), random)
         except AssertionError as error:
             error.add_note(f"{name}, seed {kind!r}, instance {index}")
             raise
-    for what, number in {"instances": count, **seen}.items():
-        record_property(what, number)
-    print(f"\n{name}: {count} instances, {dict(seen)}")  # noqa: T201 - for `pytest -s`
-    assert seen["premise"] >= sweep.share * count
+    assert premises >= share * counts[kind]

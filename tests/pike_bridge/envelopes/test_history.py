@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from fractions import Fraction
 from hashlib import sha256
 from itertools import product
@@ -23,11 +24,9 @@ ORDERS = ("forward", "backward", "shuffled", "alone")
 
 def plan_of(number):
     """A structured plan or one of any other kind, with random parameters."""
-    if number % 2:
-        return random_parameters(structured(number), number)
-    plan = plans.random_plan(seeded(number))
     epsilon = (Fraction(0), Fraction(1, 4), Fraction(1, 1000))[number // 2 % 3]
-    return random_parameters(type(plan)(plan.network, plan.conditions, plan.effects, epsilon), number)
+    plan = structured(number) if number % 2 else replace(plans.random_plan(seeded(number)), epsilon=epsilon)
+    return random_parameters(plan, number)
 
 
 def answer(number, question):
@@ -43,65 +42,50 @@ def answer(number, question):
             result = pike.envelope(plan)
         case _:
             result = pike.envelope(plan, for_all=theirs, patience=bool(theirs) and question.endswith("waiting"))
-    document = result.as_dict()
-    del document["seconds"]
-    return json.dumps(document)
+    return json.dumps({key: value for key, value in result.as_dict().items() if key != "seconds"})
 
 
-def asked(numbers, order, say):
-    """The answers to all questions about some plans in an order, with other questions in between unless each is asked
-    alone, in a process of its own."""
+def say(number, question):
+    digest = sha256(answer(number, question).encode()).hexdigest()
+    sys.stdout.write(json.dumps([f"{number} {question}", digest]) + "\n")
+    sys.stdout.flush()
+
+
+def answer_all(numbers, order):
+    """All questions about some plans in an order, with other questions in between unless each is asked alone, in a
+    process of its own."""
     questions = list(product(numbers, QUESTIONS))
     if order == "shuffled":
         seeded("order").shuffle(questions)
     for number, question in questions[::-1] if order == "backward" else questions:
         if order != "alone":
-            say(number, question, answer(number, question))
+            say(number, question)
             if number % 3 == 0:
                 pike.check(plan_of(number).plan, all_scenarios=True)
         elif (child := os.fork()) == 0:
-            say(number, question, answer(number, question))
+            say(number, question)
             os._exit(0)
         else:
             assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
 
 
-def in_processes(numbers, orders=ORDERS):
-    """By order the answers of a process that hashes texts in its own way."""
-    command = [sys.executable, "-m", "tests.pike_bridge.envelopes.test_history", f"{numbers.start}:{numbers.stop}"]
+@pytest.mark.parametrize(
+    ("numbers", "orders"),
+    [(range(97, 98), ("forward", "backward")), pytest.param(range(300), ORDERS, marks=pytest.mark.slow)],
+)
+def test_no_history_changes_an_answer(numbers, orders):
+    """By order in a process that hashes texts in its own way."""
+    command = [sys.executable, "-m", __name__, f"{numbers.start}:{numbers.stop}"]
     running = [
         subprocess.Popen(
             [*command, order], env={**os.environ, "PYTHONHASHSEED": str(seed)}, cwd=ROOT, stdout=subprocess.PIPE
         )
         for seed, order in enumerate(orders, 1)
     ]
-    answers = (dict(map(json.loads, process.communicate()[0].splitlines())) for process in running)
-    return dict(zip(orders, answers, strict=True))
-
-
-def compare(numbers, orders=ORDERS):
-    by_order = in_processes(numbers, orders)
-    first = by_order[orders[0]]
-    assert len(first) == len(numbers) * len(QUESTIONS)
-    assert {order: answers == first for order, answers in by_order.items()} == dict.fromkeys(orders, True), [
-        key for key in first if len({answers[key] for answers in by_order.values()}) > 1
-    ]
-
-
-def test_what_was_asked_before_changes_no_answer():
-    compare(range(97, 98), ("forward", "backward"))
-
-
-@pytest.mark.slow
-def test_no_history_changes_an_answer_about_many_plans():
-    compare(range(300))
+    answers = [dict(map(json.loads, process.communicate()[0].splitlines())) for process in running]
+    assert len(answers[0]) == len(numbers) * len(QUESTIONS)
+    assert answers == [answers[0]] * len(orders)
 
 
 if __name__ == "__main__":
-    first, last = map(int, sys.argv[1].split(":"))
-
-    def say(number, question, text):
-        sys.stdout.write(json.dumps([f"{number} {question}", sha256(text.encode()).hexdigest()]) + "\n")
-        sys.stdout.flush()
-
-    asked(range(first, last), sys.argv[2], say)
+    answer_all(range(*map(int, sys.argv[1].split(":"))), sys.argv[2])

@@ -1,9 +1,11 @@
 """Plans with choices that admit a correct execution, moments of their executions, and reasoners that are compared."""
 
+from dataclasses import replace
 from fractions import Fraction
 from functools import cache
 from itertools import product
 from pathlib import Path
+from random import Random
 
 from benchmarks.generators.team_plans import random_plan
 from robust.errors import SolverError
@@ -13,10 +15,11 @@ from robust.pike_bridge.model import Activity, Event, Literal, TeamPlan, Tpnu, g
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.progress import Failed, Outcome
 from robust.pike_bridge.online.semantic import Reasoner, SemanticReasoner
-from robust.pike_bridge.online.world import Disturbance, SimulatedTeam, Story
+from robust.pike_bridge.online.world import Disturbance, Pace, SimulatedTeam, Story
 from robust.pike_bridge.semantics import Execution, ExecutionExistence, Oracle, Semantics, faults, holds
 from robust.plan.model import Atom
 from robust.smt.session import Satisfiability, Session
+from tests.pike_bridge.plans import random_plan as small_plan
 
 KITCHEN = Path(__file__).parents[3] / "robust" / "examples" / "kitchen" / "kitchen.tpnu.json"
 SOLVABLE = (0, 4, 5, 16, 17, 19, 26, 34, 42, 53, 70, 71, 83, 87, 92, 94, 103, 108, 119, 121)
@@ -35,6 +38,19 @@ def drawn(index):
     return random_plan(0, index).plan()
 
 
+def contested(number):
+    """A small plan without much structure, each choice made at some event."""
+    random = Random(number)  # noqa: S311 - reproducible
+    plan = small_plan(random, events=8)
+    guards = plan.network.guards
+
+    def apart(name):
+        return [event for event, label in guards.items() if name not in dict(label)] or [None]
+
+    choices = tuple(replace(each, event=random.choice(apart(each.name))) for each in plan.network.choices)
+    return replace(plan, network=replace(plan.network, choices=choices))
+
+
 def tale(*disturbances, **outcomes):
     """Values of choices, whenever they are made, and what goes wrong."""
     return Story(outcomes={name: (value, None) for name, value in outcomes.items()}, disturbances=disturbances)
@@ -46,48 +62,79 @@ MUG = tale(xA1="mug")
 
 def working(*constraints, choices=(), most=5):
     """Someone works from `begin` to `end`, for two or more; the event `own` is ours."""
-    events = tuple(Event(name) for name in ("begin", "end", "own"))
     work = Activity("(work)", "begin", "end", Fraction(2), Fraction(most), agent="human")
-    return TeamPlan(Tpnu("work", choices, events, constraints, (work,)), (), ())
+    return TeamPlan(Tpnu("work", choices, tuple(map(Event, ("begin", "end", "own"))), constraints, (work,)), (), ())
 
 
-def started(plan=None, reasoner=SemanticReasoner):
+def started(plan=None, reasoner=SemanticReasoner, *messages):
     """The kitchen after the first two moments: the human is about to choose a vessel."""
     executive = PlanExecutive(plan or kitchen(), reasoner)
     executive.step(Fraction(0))
     executive.step(Fraction(1, 1000))
+    if messages:
+        executive.step(Fraction(1, 1000), messages)
     return executive
 
 
 def fetching():
     """The kitchen after the human has begun to fetch a mug."""
-    executive = started()
-    executive.step(Fraction(1, 1000), [Outcome("xA1", "mug")])
+    executive = started(None, SemanticReasoner, Outcome("xA1", "mug"))
     while not executive.running:
         executive.step(executive.wake)
     return executive
 
 
-def watch(executive, after, *, judge=None, story=ANY, seed=0, horizon=None):
+def watch(executive, after=None, *, judge=None, story=ANY, seed=0, team=SimulatedTeam, **options):
     """Execute in a simulated world; `after` is told of each step: the executive, the time and the decisions."""
     decide = executive.step
 
     def step(now, messages=()):
-        found = decide(now, messages)
-        after(executive, now, found)
-        return found
+        decisions = decide(now, messages)
+        if after is not None:
+            after(executive, now, decisions)
+        return decisions
 
     executive.step = step
-    team = SimulatedTeam(executive.plan, executive, judge or executive.reasoner, story, seed=seed)
-    run_in_world(executive, team, **({} if horizon is None else {"horizon": horizon}))
+    world = team(executive.plan, executive, judge or executive.reasoner, story, seed=seed)
+    run_in_world(executive, world, **options)
     return executive.outcome
+
+
+class Hesitant(SimulatedTeam):
+    """Makes every choice the same time after it is possible."""
+
+    def _drawn(self, greatest):
+        return greatest
+
+
+def hesitate(plan, intent, delay, *, patience, after=None, pace=Pace.LEAST):
+    """An executive after an execution with people who mean `intent`."""
+    executive = PlanExecutive(plan, SemanticReasoner, patience=patience)
+    told = Story(outcomes={name: (value, None) for name, value in intent.items()}, delay=delay, pace=pace)
+    watch(executive, after, judge=SemanticReasoner(executive.progress), story=told, team=Hesitant)
+    return executive
+
+
+def exists(answer):
+    return answer.verdict is ExecutionExistence.EXISTS
+
+
+def possible(plan):
+    return exists(Oracle(plan).decide())
+
+
+def joint_values(plan):
+    """What people may choose, all choices together."""
+    choices = [each for each in plan.network.choices if not each.controllable]
+    for values in product(*(each.domain for each in choices)):
+        yield dict(zip((each.name for each in choices), values, strict=True))
 
 
 def confirming(plan, asked):
     """For `watch`: asks the oracle about each partial execution [PIKE, Theorem 4.7]; broken links are beyond it."""
     oracle = Oracle(plan)
 
-    def confirm(executive, now, _found):
+    def confirm(executive, now, _decisions):
         progress = executive.progress
         if not progress.void:
             answer = oracle.decide(guard(progress.chosen), progress.times, now=progress.now)
@@ -100,17 +147,48 @@ def confirming(plan, asked):
 
 def is_correct(plan, progress):
     """By the referee, whatever choices that were never made may be."""
-    domains = (
-        [progress.chosen[each.name]] if each.name in progress.chosen else each.domain for each in plan.network.choices
-    )
-    for values in product(*domains):
-        scenario = dict(zip((each.name for each in plan.network.choices), values, strict=True))
+    chosen = progress.chosen
+    domains = {each.name: (chosen[each.name],) if each.name in chosen else each.domain for each in plan.network.choices}
+    for values in product(*domains.values()):
+        scenario = dict(zip(domains, values, strict=True))
         activated = {name for name, label in plan.network.guards.items() if holds(label, scenario)}
-        if activated == progress.times.keys():
-            execution = Execution(scenario, progress.times)
-            if not faults(plan, execution, reported=progress.reported):
-                return True
+        execution = Execution(scenario, progress.times)
+        if activated == progress.times.keys() and not faults(plan, execution, reported=progress.reported):
+            return True
     return False
+
+
+class Continuations:
+    """Whether something correct is left, by the definition of correct executions alone [PIKE, Definition 2.8]."""
+
+    def __init__(self, plan, semantics=None):
+        self._plan, self._semantics = plan, semantics or Semantics(plan)
+        self._session = Session(self._semantics.terms)
+        self._session.add(*self._semantics.formulas)
+        self._observed = {each.name for each in plan.network.choices if not each.controllable}
+
+    def possible(self, intent, chosen, times, now, *, others=True):
+        """Whether a correct execution has the intent, and what was chosen and executed.
+
+        It has the rest now or later, and what is for others to do, if there are others, after now.
+        """
+        semantics, network = self._semantics, self._plan.network
+        if any(chosen.get(name, value) != value for name, value in intent.items()):
+            return False
+        asked = [semantics.guard(guard(intent)), semantics.guard(guard(chosen))]
+        late = now + self._plan.epsilon
+        for event, label in network.guards.items():
+            if event in times:
+                asked += [semantics.guard(label), semantics.at(event, times[event])]
+                continue
+            asked.append(semantics.not_earlier(event, now))
+            choices = {each.name for each in network.choices if each.event == event} | set(dict(label))
+            if others and choices & self._observed - chosen.keys():
+                asked.append(semantics.not_earlier(event, late))
+            ending = [each for each in network.activities if others and each.target == event]
+            asked += [semantics.not_earlier(event, late, activity.guard) for activity in ending]
+        with self._session.frame(*asked):
+            return self._session.check("an intent") is Satisfiability.SATISFIABLE
 
 
 class Seen(Semantics):
@@ -128,15 +206,16 @@ class Seen(Semantics):
 
 def is_left(plan, progress):
     """Whether a correct execution agrees with what has happened, and has the rest now or later."""
-    semantics = Seen(plan, progress.times, progress.reported)
-    session = Session(semantics.terms)
-    session.add(*semantics.formulas, semantics.guard(guard(progress.chosen)))
-    for event, label in plan.network.guards.items():
-        if event in progress.times:
-            session.add(semantics.guard(label), semantics.at(event, progress.times[event]))
-        else:
-            session.add(semantics.not_earlier(event, progress.now))
-    return session.check("what is left") is Satisfiability.SATISFIABLE
+    continuations = Continuations(plan, Seen(plan, progress.times, progress.reported))
+    return continuations.possible({}, progress.chosen, progress.times, progress.now, others=False)
+
+
+def check_against_definition(executive):
+    """A correct execution is left by the definition, unless the executive has said that there is none."""
+    plan, progress, name = executive.plan, executive.progress, type(executive.outcome).__name__
+    assert is_correct(plan, progress) if name == "Succeeded" else is_left(plan, progress) == (name != "Failed"), (
+        plan.name
+    )
 
 
 class Compared(Reasoner):
@@ -168,6 +247,6 @@ class Compared(Reasoner):
     def _same(self, question, *about):
         ours, theirs = (getattr(each, question)(*about) for each in (self.deciding, self.companion))
         if ours != theirs:
-            found = f"{question} {about[:-1]} at {self.progress.now}?"
-            raise SolverError(f"{found} {self.name}: {ours}, {self.companion.name}: {theirs}")
+            asked = f"{question} {about[:-1]} at {self.progress.now}?"
+            raise SolverError(f"{asked} {self.name}: {ours}, {self.companion.name}: {theirs}")
         return ours

@@ -4,31 +4,19 @@ from fractions import Fraction
 
 import pytest
 
-from benchmarks.pike.baselines import (
-    Facts,
-    Guesser,
-    Kirk,
-    Mode,
-    Replanned,
-    Script,
-    ScriptedTeam,
-    draw_script,
-    execution_faults,
-    kept_events,
-    make_executive,
-)
+from benchmarks.pike import baselines
+from benchmarks.pike.baselines import Kirk, Mode, Script, ScriptedTeam, draw_script, execution_faults
 from robust.execute.drive import run_in_world
 from robust.pike_bridge.action_model import Instance, load_team_plan
 from robust.pike_bridge.builder import act, build, choose, k_intents, parallel, sequence, within
 from robust.pike_bridge.model import EPSILON, guard
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.reasoners import make_reasoner
-from robust.pike_bridge.semantics import ExecutionExistence, Oracle
+from robust.pike_bridge.semantics import Oracle
 from robust.plan.model import Atom
 from robust.plan.pddl.write import ActionText, sketched_domain, sketched_problem
 from robust.smt.limits import Deadline, OutOfTimeError
-from tests.pike_bridge.brute_force import scenarios
-from tests.pike_bridge.online.examples import KITCHEN
+from tests.pike_bridge.online.examples import KITCHEN, exists, joint_values
 
 SMT = make_reasoner("smt")
 
@@ -43,16 +31,15 @@ class Recorder:
     """An executive whose decisions are kept."""
 
     def __init__(self, executive):
-        self.executive = executive
-        self.decisions = []
+        self.executive, self.decisions = executive, []
 
     def __getattr__(self, name):
         return getattr(self.executive, name)
 
     def step(self, now, messages):
-        found = self.executive.step(now, messages)
-        self.decisions += found
-        return found
+        decisions = self.executive.step(now, messages)
+        self.decisions += decisions
+        return decisions
 
     def of(self, kind):
         return [each for each in self.decisions if isinstance(each, kind)]
@@ -63,7 +50,7 @@ class Recorder:
 
 
 def run(plan, mode, script, *, recovery=None, notice=Fraction(0)):
-    recorder = Recorder(make_executive(mode, plan, SMT, recovery=recovery or {}))
+    recorder = Recorder(baselines.make_executive(mode, plan, SMT, recovery=recovery or {}))
     run_in_world(recorder, ScriptedTeam(plan, recorder, script, notice=notice))
     return recorder
 
@@ -71,10 +58,6 @@ def run(plan, mode, script, *, recovery=None, notice=Fraction(0)):
 def plan_of(name, element, predicates=(), actions=(), *, initial=()):
     texts = sketched_domain(name, predicates, actions), sketched_problem(name, name, initial, ())
     return Instance(build(name, element), *texts).plan()
-
-
-def humans(plan):
-    return scenarios({each.name: each.domain for each in plan.network.choices if not each.controllable})
 
 
 def least(plan):
@@ -87,7 +70,7 @@ def test_what_a_wrong_guess_does():
     kirk = run(plan, Mode.KIRK, Script({"y1": "2"}, least(plan)), recovery=recoveries)
     assert kirk.recovered == -(-recoveries["(h-1-1)"] // EPSILON) * EPSILON  # on the grid
     assert kirk.actions == ["(h-1-1)", "(recover h-1-1)", "(h-1-2)", "(r-1-2)"]
-    (replanned,) = kirk.of(Replanned)
+    (replanned,) = kirk.of(baselines.Replanned)
     wrong, recovery, right, _ = kirk.of(said.Dispatched)
     assert replanned.abandoned == (("(h-1-1)", wrong.end),)
     assert replanned.time == wrong.time == recovery.time
@@ -99,39 +82,32 @@ def test_what_a_wrong_guess_does():
 def test_there_are_as_many_replans_as_wrong_guesses(structure):
     """One guess against each human: so Σ 1 − 1/N on average over all humans."""
     plan, recovery = intents(structure)
-    for human in humans(plan):
+    for human in joint_values(plan):
         kirk = run(plan, Mode.KIRK, Script(human, least(plan)), recovery=recovery)
         assert isinstance(kirk.outcome, said.Succeeded)
         assert kirk.replans == sum(value != "1" for value in human.values())  # guesses in the order of the plan
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_kirk_is_later_by_its_recoveries(seed):
+def test_kirk_is_later_by_its_recoveries_in_the_same_world(seed):
     """In this domain wrong guesses cost recovery and nothing else, so PIKE is never later."""
     plan, recovery = intents([(2, 3), (3, 3, 2), (2, 2, 2, 2)][seed % 3], seed)
     script = draw_script(plan, seed)
-    pike = run(plan, Mode.PIKE, script)
+    assert script == draw_script(plan, seed) != draw_script(plan, seed + 1)
+    pike, free = run(plan, Mode.PIKE, script), run(plan, Mode.KIRK, script)
     paid = run(plan, Mode.KIRK, script, recovery=recovery)
-    free = run(plan, Mode.KIRK, script)
     assert (paid.replans, free.recovered) == (free.replans, 0)
     assert free.outcome.time == pike.outcome.time == paid.outcome.time - paid.recovered
     assert execution_faults(plan, pike) == execution_faults(plan, paid) == ()
-
-
-def test_all_meet_the_same_world():
-    plan = intents([3, 2, 2], 5)[0]
-    script = draw_script(plan, 7)
-    assert script == draw_script(plan, 7) != draw_script(plan, 8)
-    for mode in (Mode.PIKE, Mode.KIRK):
-        executive = run(plan, mode, script)
-        assert {name: value for name, value in executive.outcome.scenario if name in script.outcomes} == script.outcomes
-        times = executive.progress.times
+    for executive in (pike, free):
+        scenario, times = dict(executive.outcome.scenario), executive.progress.times
+        assert scenario.items() >= script.outcomes.items()
         for each in plan.network.activities:
-            if each.guard <= frozenset(executive.outcome.scenario):
+            if each.guard <= scenario.items():
                 assert times[each.target] - times[each.source] == script.durations[each.target, each.action]
 
 
-def test_draws_are_within_bounds_and_on_the_grid():
+def test_draws_and_guesses():
     plan = plan_of("drawn", sequence(act("(a)", 1, 2), act("(b)", 3, None)), actions=(ActionText("a"), ActionText("b")))
     for seed in range(20):
         durations = draw_script(plan, seed).durations
@@ -139,24 +115,18 @@ def test_draws_are_within_bounds_and_on_the_grid():
             duration = durations[each.target, each.action]
             assert each.lower <= duration <= (each.upper or each.lower + 5)
             assert duration % EPSILON == 0
-
-
-def test_the_first_guess_is_the_first_feasible_intent():
     plan = load_team_plan(KITCHEN)
-    found = Guesser(plan).guess(Facts(), {}, Deadline())
-    assert Oracle(plan).decide(guard(found)).verdict is ExecutionExistence.EXISTS
-    feasible = (each for each in humans(plan) if Oracle(plan).decide(guard(each)).verdict is ExecutionExistence.EXISTS)
-    assert next(feasible).items() <= found.items()
-
-
-def test_guesses_that_are_preferred_stay_if_they_may():
-    guesser = Guesser(intents([2, 3])[0])
-    facts = Facts(known=guard({"y1": "2"}))
-    found = guesser.guess(facts, {"y1": "1", "x1": "1", "y2": "3", "x2": "3"}, Deadline())
-    assert found == {"y1": "2", "x1": "2", "y2": "3", "x2": "3"}
-    assert guesser.guess(Facts(known=guard({"y1": "2", "x1": "1"})), {}, Deadline()) is None
-    backwards = Guesser(k_intents([3]).instance.plan(), ranking=lambda alternatives: list(reversed(alternatives)))
-    assert backwards.guess(Facts(), {}, Deadline())["y1"] == "3"
+    guess, oracle = baselines.Guesser(plan).guess(baselines.Facts(), {}, Deadline()), Oracle(plan)
+    assert exists(oracle.decide(guard(guess)))
+    assert next(each for each in joint_values(plan) if exists(oracle.decide(guard(each)))).items() <= guess.items()
+    # Those that are preferred stay if they may.
+    guesser = baselines.Guesser(intents([2, 3])[0])
+    facts = baselines.Facts(known=guard({"y1": "2"}))
+    guess = guesser.guess(facts, {"y1": "1", "x1": "1", "y2": "3", "x2": "3"}, Deadline())
+    assert guess == {"y1": "2", "x1": "2", "y2": "3", "x2": "3"}
+    assert guesser.guess(baselines.Facts(known=guard({"y1": "2", "x1": "1"})), {}, Deadline()) is None
+    backwards = baselines.Guesser(k_intents([3]).instance.plan(), ranking=lambda values: list(reversed(values)))
+    assert backwards.guess(baselines.Facts(), {}, Deadline())["y1"] == "3"
 
 
 def two_ways(*, limit=None):
@@ -174,32 +144,32 @@ def two_ways(*, limit=None):
 
 def test_what_runs_beside_a_wrong_activity_goes_on():
     plan = two_ways()
-    kirk = run(plan, Mode.KIRK, Script({"way": "b"}, least(plan)), recovery={"(walk-a)": Fraction(1)})
+    script = Script({"way": "b"}, least(plan))
+    kirk, pike = run(plan, Mode.KIRK, script, recovery={"(walk-a)": Fraction(1)}), run(plan, Mode.PIKE, script)
     assert (kirk.actions.count("(drive)"), kirk.replans) == (1, 1)
     assert execution_faults(plan, kirk) == ()
     # The robot drives four units, in which one of recovery and two of walking fit.
-    pike = run(plan, Mode.PIKE, Script({"way": "b"}, least(plan)))
     assert kirk.outcome.time == pike.outcome.time
-
-
-def test_a_wrong_guess_that_is_seen_late_undoes_what_came_after_it():
-    """The wrong walk and the wrong door are done when the choice is seen: both are undone, the last one first."""
-    plan = two_ways()
+    # A wrong walk and a wrong door that are done when the choice is seen are both undone, the last one first.
     recovery = {"(walk-a)": Fraction(1), "(open-a)": Fraction(1, 2)}
-    kirk = run(plan, Mode.KIRK, Script({"way": "b"}, least(plan)), recovery=recovery, notice=Fraction(9, 2))
-    assert kirk.actions[-4:] == ["(recover open-a)", "(recover walk-a)", "(walk-b)", "(open-b)"]
-    assert (kirk.actions.count("(drive)"), kirk.recovered) == (1, Fraction(3, 2))
-    assert execution_faults(plan, kirk) == ()
+    late = run(plan, Mode.KIRK, script, recovery=recovery, notice=Fraction(9, 2))
+    assert late.actions[-4:] == ["(recover open-a)", "(recover walk-a)", "(walk-b)", "(open-b)"]
+    assert (late.actions.count("(drive)"), late.recovered) == (1, Fraction(3, 2))
+    assert execution_faults(plan, late) == ()
 
 
-def test_recovery_that_takes_too_long_fails():
+@pytest.mark.parametrize(
+    ("mode", "recovery", "ending"),
+    [
+        (Mode.KIRK, 1, (said.Succeeded, 1)),
+        (Mode.KIRK, 3, (said.Failed, 0)),  # takes too long
+        (Mode.PIKE, 3, (said.Succeeded, 0)),
+    ],
+)
+def test_recovery_may_take_too_long(mode, recovery, ending):
     plan = two_ways(limit=6)
-    script = Script({"way": "b"}, least(plan))
-    for mode, recovery, kind, replans in (
-        (Mode.KIRK, 1, said.Succeeded, 1), (Mode.KIRK, 3, said.Failed, 0), (Mode.PIKE, 3, said.Succeeded, 0)
-    ):  # fmt: skip
-        found = run(plan, mode, script, recovery={"(walk-a)": Fraction(recovery)})
-        assert (type(found.outcome), found.replans) == (kind, replans)
+    record = run(plan, mode, Script({"way": "b"}, least(plan)), recovery={"(walk-a)": Fraction(recovery)})
+    assert (type(record.outcome), record.replans) == ending
 
 
 def test_what_was_done_for_a_guess_commits():
@@ -216,17 +186,6 @@ def test_what_was_done_for_a_guess_commits():
     assert kirk.outcome.reason == "no candidate is left that agrees with what has happened"
 
 
-def test_events_that_come_too_early_are_undone_with_what_is_wrong():
-    plan = two_ways()
-    old = guard({"way": "a", "door": "a"})
-    begun = [each for each in plan.network.activities if each.guard <= old]
-    times = {name: Fraction(1) for name, label in plan.network.guards.items() if label <= old}
-    kept = kept_events(plan, times, begun, {"way": "b"})
-    found = {(each.action, end in kept) for each in begun for end in (each.source, each.target)}
-    assert found == {("(drive)", True), ("(open-a)", False), ("(walk-a)", False)}
-    assert kept_events(plan, times, begun, {"way": "a"}) == times
-
-
 @pytest.mark.parametrize("seed", range(4))
 def test_a_broken_link_makes_kirk_guess_anew(seed):
     """Two guesses about the doors are feasible; what is seen excludes the first, and nothing was done for it."""
@@ -234,7 +193,7 @@ def test_a_broken_link_makes_kirk_guess_anew(seed):
     actions = (ActionText("wait"), *(ActionText(f"take-{door}", at_start=(f"(free-{door})",)) for door in "ab"))
     free = ("(free-a)", "(free-b)")
     plan = plan_of("doors", sequence(act("(wait)", 2, 3), doors), free, actions, initial=free)
-    kirk = Recorder(make_executive(Mode.KIRK, plan, SMT))
+    kirk = Recorder(baselines.make_executive(Mode.KIRK, plan, SMT))
     world = ScriptedTeam(plan, kirk, draw_script(plan, seed))
     world._plan_for(Fraction(1), said.Estimate(false=frozenset({Atom("free-a")})))
     run_in_world(kirk, world)
@@ -244,19 +203,15 @@ def test_a_broken_link_makes_kirk_guess_anew(seed):
 
 def test_a_choice_that_changes_during_recovery_does_not_end_it():
     """Two humans choose otherwise, one a moment after the other: the second recovery comes before the rest."""
-    ways = parallel(
-        *(
-            choose(who, {way: act(f"(walk-{who}-{way})", 2, 3, agent=who) for way in "ab"}, controllable=False)
-            for who in ("ann", "bob")
-        )
-    )
+    branches = {who: {way: act(f"(walk-{who}-{way})", 2, 3, agent=who) for way in "ab"} for who in ("ann", "bob")}
+    ways = parallel(*(choose(who, each, controllable=False) for who, each in branches.items()))
     actions = tuple(ActionText(f"walk-{who}-{way}") for who in ("ann", "bob") for way in "ab")
     plan = plan_of("walks", ways, (), actions)
     kirk = Recorder(Kirk(plan, SMT, recovery={f"(walk-{who}-a)": Fraction(1) for who in ("ann", "bob")}))
     world = ScriptedTeam(plan, kirk, Script({"ann": "b"}, least(plan)))
     world._plan_for(Fraction(1, 2), said.Outcome("bob", "b"))
     end = run_in_world(kirk, world)
-    first, second = kirk.of(Replanned)
+    first, second = kirk.of(baselines.Replanned)
     assert second.time == Fraction(1, 2)
     assert second.recovery == 1 + first.time + first.recovery - second.time
     assert kirk.recovered == 2
@@ -265,26 +220,21 @@ def test_a_choice_that_changes_during_recovery_does_not_end_it():
     assert execution_faults(plan, kirk) == ()
 
 
-def test_drake_pours_coffee_that_nobody_made():
-    """The human takes the glass and yet pours coffee in time: PIKE sees that it needs the mug, Drake does not."""
-    plan = load_team_plan(KITCHEN)
-    outcomes = {"xA1": "glass", "xA2": "coffee", "xA3": "cereal", "xA4": "cereal"}
-    script = Script(outcomes, least(plan))
-    drake = run(plan, Mode.DRAKE, script)
-    assert isinstance(drake.outcome, said.Succeeded)
-    assert any("needs (have mug)" in fault for fault in execution_faults(plan, drake))
-    pike = run(plan, Mode.PIKE, script)
-    assert isinstance(pike.outcome, said.Failed)
-    assert pike.outcome.time < drake.outcome.time
-
-
-def test_a_plan_without_correct_execution():
+def test_no_correct_execution_and_events_that_come_too_early():
     plan = two_ways(limit=3)
     for mode in (Mode.PIKE, Mode.KIRK):
-        executive = make_executive(mode, plan, SMT)
+        executive = baselines.make_executive(mode, plan, SMT)
         assert not executive.prepare()
         assert isinstance(executive.step(Fraction(0))[-1], said.Failed)
     assert execution_faults(plan, executive) == ()
+    plan = two_ways()
+    old = guard({"way": "a", "door": "a"})
+    begun = [each for each in plan.network.activities if each.guard <= old]
+    times = {name: Fraction(1) for name, label in plan.network.guards.items() if label <= old}
+    kept = baselines.kept_events(plan, times, begun, {"way": "b"})
+    ends = {(each.action, end in kept) for each in begun for end in (each.source, each.target)}
+    assert ends == {("(drive)", True), ("(open-a)", False), ("(walk-a)", False)}
+    assert baselines.kept_events(plan, times, begun, {"way": "a"}) == times
 
 
 def rejections(kirk, now, *messages):
@@ -305,8 +255,8 @@ def test_messages_that_make_no_sense_are_rejected():
         assert (rejections(kirk, 0, message), kirk.replans) == ([reason], 0)
     assert rejections(kirk, 0, said.Outcome("y1", "2")) == []
     assert (kirk.replans, kirk.recovered, kirk.assumed) == (1, 0, {})  # nothing had begun
-    found = rejections(kirk, 0, said.Outcome("y1", "2"), said.Outcome("y1", "1"))
-    assert found == ["known already", "y1 = 2 was observed before"]
+    reasons = rejections(kirk, 0, said.Outcome("y1", "2"), said.Outcome("y1", "1"))
+    assert reasons == ["known already", "y1 = 2 was observed before"]
     kirk = Kirk(two_ways(limit=3), SMT)
     kirk.step(Fraction(0))
     assert (rejections(kirk, 1, said.Outcome("way", "a")), kirk.wake) == (["the execution has ended"], None)

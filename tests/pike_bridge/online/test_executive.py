@@ -5,7 +5,6 @@ from fractions import Fraction
 import pytest
 
 from robust.errors import InputError
-from robust.execute.drive import run_in_world
 from robust.pike_bridge.builder import act, build, parallel, sequence, within
 from robust.pike_bridge.model import EPSILON, Assignment, Constraint, TeamPlan, guard
 from robust.pike_bridge.online import progress as said
@@ -14,42 +13,30 @@ from robust.pike_bridge.online.explain import About, Situation, conflict
 from robust.pike_bridge.online.inquiry import Inquiry, Obstacle, WhyChosen, WhyNot, why, why_failed, why_not
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.online.world import Ending, Human, Pace, Rehearsal, SimulatedTeam, Story
-from robust.pike_bridge.semantics import Execution, ExecutionExistence, Oracle, faults
+from robust.pike_bridge.semantics import Execution, Oracle, faults
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Satisfiability, Session
-from tests.pike_bridge.online.examples import (
-    BROKEN,
-    MUG,
-    SOLVABLE,
-    TOASTER,
-    Compared,
-    confirming,
-    drawn,
-    fetching,
-    kitchen,
-    started,
-    tale,
-    watch,
-    working,
-)
-from tests.pike_bridge.stories import figure_6b, figure_7b
+from tests.pike_bridge import stories
+from tests.pike_bridge.online import examples
+from tests.pike_bridge.online.examples import BROKEN, MUG, SOLVABLE, TOASTER, drawn, fetching, kitchen, started, tale
 
 STORIES = (Story(), Story(human=Human.CARELESS), Story(pace=Pace.RANDOM), Story(delay=Fraction(3)))
+MUG_CHOSEN = said.Outcome("xA1", "mug")
 
 
 @pytest.mark.parametrize(
     ("index", "stories"),
     [
-        *((None, [story] * 2) for story in STORIES),
-        *((each, STORIES[:1]) for each in SOLVABLE[:4]),
-        *(pytest.param(each, STORIES * 2, marks=pytest.mark.slow) for each in SOLVABLE),
+        *((None, [story]) for story in STORIES),
+        *((each, STORIES[:1]) for each in SOLVABLE[:1]),
+        *(pytest.param(each, STORIES * 2, marks=pytest.mark.slow) for each in (None, *SOLVABLE)),
     ],
 )
 def test_executions_stay_correct_until_they_fail(index, stories):
     plan = kitchen() if index is None else drawn(index)
     for seed, story in enumerate(stories):
         asked, executive = [], PlanExecutive(plan, SemanticReasoner)
-        watch(executive, confirming(plan, asked), story=story, seed=seed)
+        examples.watch(executive, examples.confirming(plan, asked), story=story, seed=seed)
         succeeded = isinstance(executive.outcome, said.Succeeded)
         assert asked
         assert story != Story() or (succeeded if index is None else executive.outcome is not None)
@@ -59,7 +46,7 @@ def test_executions_stay_correct_until_they_fail(index, stories):
 
 
 def two_solvers(progress):
-    return Compared(SemanticReasoner(progress), SemanticReasoner(progress, solver="cvc5"))
+    return examples.Compared(SemanticReasoner(progress), SemanticReasoner(progress, solver="cvc5"))
 
 
 class Abridged(SemanticReasoner):
@@ -68,30 +55,28 @@ class Abridged(SemanticReasoner):
     whole = False
 
     def _earliest_execution(self, deadline, withheld=()):
-        found = super()._earliest_execution(deadline, withheld)
+        earliest = super()._earliest_execution(deadline, withheld)
         self.whole = True
-        assert super()._earliest_execution(deadline, withheld) == found
+        assert super()._earliest_execution(deadline, withheld) == earliest
         self.whole = False
-        return found
+        return earliest
 
     def _executes_at(self, event, moment):
         return not self.whole and super()._executes_at(event, moment)
 
 
-@pytest.mark.parametrize(
-    ("reasoner", "index"), [(two_solvers, None), *((Abridged, index) for index in (None, *SOLVABLE[:3]))]
-)
+@pytest.mark.parametrize(("reasoner", "index"), [(two_solvers, None), (Abridged, None), (Abridged, SOLVABLE[0])])
 def test_answers_do_not_depend_on_the_solver_or_on_a_witness(reasoner, index):
     executive = PlanExecutive(kitchen() if index is None else drawn(index), reasoner)
-    watch(executive, lambda *_: None, judge=SemanticReasoner(executive.progress), seed=1)
-    assert isinstance(executive.outcome, said.Succeeded)
+    outcome = examples.watch(executive, judge=SemanticReasoner(executive.progress), seed=1)
+    assert isinstance(outcome, said.Succeeded)
     assert len(executive.progress.times) > 5
 
 
 def test_a_witness_shows_only_what_is_executable_by_a_whole_epsilon():
     """A message half of ε after a moment is not strictly after it."""
     late = Fraction("2.0005")
-    plan = working(Constraint("begin", "own", Fraction(2), None), most=late)
+    plan = examples.working(Constraint("begin", "own", Fraction(2), None), most=late)
     reasoner = SemanticReasoner(said.Progress(plan, Fraction(2), {"begin": Fraction(0)}))
     assert not reasoner.executable("own", NEVER)
     reasoner._witness = Execution({}, {"begin": Fraction(0), "own": Fraction(2), "end": late})
@@ -99,10 +84,10 @@ def test_a_witness_shows_only_what_is_executable_by_a_whole_epsilon():
     assert reasoner.possible(NEVER)
 
 
-def only(found, kind):
-    matching = [each for each in found if isinstance(each, kind)]
-    assert len(matching) == 1, found
-    return matching[0]
+def rejected(executive, now, *messages):
+    """Why the executive rejects a message, of which there is one."""
+    [reason] = [each.reason for each in executive.step(Fraction(now), messages) if isinstance(each, said.Rejected)]
+    return reason
 
 
 @pytest.mark.parametrize(
@@ -115,12 +100,12 @@ def only(found, kind):
         (said.Completion("(get human mug)"), "it is not running"),
         (said.Estimate(true=frozenset({TOASTER}), false=frozenset({TOASTER})), "is said to be both true and false"),
     ],
-    ids=["unknown choice", "unknown value", "not theirs", "unknown activity", "not running", "contradiction"],
+    ids=str,
 )
 def test_messages_that_make_no_sense_change_nothing(message, reason):
     executive = started()
     before = executive.progress.copy()
-    assert reason in only(executive.step(before.now, [message]), said.Rejected).reason
+    assert reason in rejected(executive, before.now, message)
     assert executive.progress == before
     assert not executive.ended
 
@@ -129,29 +114,28 @@ def test_an_activity_that_never_ends_is_noticed_as_soon_as_it_is_too_late():
     """And a clock that goes back stands still; and nothing counts after the end."""
     running = fetching()
     begun = running.progress.now
-    assert "went back" in only(running.step(Fraction(0)), said.Rejected).reason
+    assert "went back" in rejected(running, 0)
     assert running.progress.now == begun
     while not running.ended:
         running.step(running.wake)
     assert isinstance(running.outcome, said.Failed)
     assert running.outcome.time == begun + 2 + EPSILON
-    found = running.step(Fraction(1001), [said.Outcome("xA1", "mug")])
-    assert only(found, said.Rejected).reason == "the execution has ended"
+    assert rejected(running, 1001, MUG_CHOSEN) == "the execution has ended"
 
 
 def test_the_same_action_twice_at_a_time():
-    plan = TeamPlan(build("twice", parallel(act("(a)", 1, 9), act("(a)", 2, 9))), (), ())
+    plan = without_conditions(parallel(act("(a)", 1, 9), act("(a)", 2, 9)))
     executive = PlanExecutive(plan, SemanticReasoner)
     assert executive.prepare()
     first, second = (each.target for each in plan.network.activities)
     for now in range(4):
         executive.step(Fraction(now))
     assert sorted(executive.running) == [0, 1]
-    for end, reason in (None, "several run; say at which event it ends"), ("e99", "it is not running"):
-        assert only(executive.step(Fraction(3), [said.Completion("(a)", end)]), said.Rejected).reason == reason
+    assert rejected(executive, 3, said.Completion("(a)")) == "several run; say at which event it ends"
+    assert rejected(executive, 3, said.Completion("(a)", "e99")) == "it is not running"
     for end, event, left in (second, second, [0]), (None, first, []):
-        found = executive.step(Fraction(4), [said.Completion("(a)", end)])
-        assert found[0] == said.Executed(event, Fraction(4), reported=True)
+        decisions = executive.step(Fraction(4), [said.Completion("(a)", end)])
+        assert decisions[0] == said.Executed(event, Fraction(4), reported=True)
         assert sorted(executive.running) == left
 
 
@@ -163,8 +147,7 @@ def test_reasoners_learn_each_fact_once():
             learned.append(news)
             super()._learn(news)
 
-    executive = started(reasoner=Learning)
-    executive.step(Fraction(1, 1000), [said.Outcome("xA1", "mug")])
+    executive = started(None, Learning, MUG_CHOSEN)
     executive.step(Fraction(1, 1000), [said.Estimate(false=frozenset({TOASTER}))])
     executive.step(Fraction(1, 2000))
     executive.reasoner.catch_up()
@@ -172,29 +155,18 @@ def test_reasoners_learn_each_fact_once():
     assert [each.later for each in learned] == [True, False, True, *[False] * (len(learned) - 3)]
     assert dict(item for each in learned for item in each.times.items()) == progress.times
     assert [each for news in learned for each in news.chosen] == [Assignment(*each) for each in progress.chosen.items()]
-    assert [each for news in learned for each in news.void]
+    assert any(news.void for news in learned)
     assert frozenset().union(*(each.void for each in learned)) == progress.void
-
-
-def test_without_a_disturbance_a_bagel_is_possible_and_planned_changes_are_no_violations():
-    record = Rehearsal(kitchen(), tale(xA1="glass", xA3="bagel")).run()
-    assert record.choices["xA3"] == "bagel"
-    assert not [each for step in record.steps for each in step.decisions if isinstance(each, said.Violated)]
 
 
 def test_possible_values_are_those_of_the_oracle():
     executive, oracle = started(), Oracle(kitchen())
     progress = executive.progress
     for choice in kitchen().network.choices:
-        made = [(value, guard(progress.chosen | {choice.name: value})) for value in choice.domain]
-        answers = [(value, oracle.decide(chosen, progress.times, now=progress.now)) for value, chosen in made]
-        expected = tuple(value for value, answer in answers if answer.verdict is ExecutionExistence.EXISTS)
+        chosen = [(value, guard(progress.chosen | {choice.name: value})) for value in choice.domain]
+        answers = ((value, oracle.decide(each, progress.times, now=progress.now)) for value, each in chosen)
+        expected = tuple(value for value, answer in answers if examples.exists(answer))
         assert executive.possible_values(choice.name) == expected
-
-
-def test_a_passed_deadline_ends_the_rehearsal_with_what_has_happened():
-    record = Rehearsal(kitchen(), deadline=Deadline.after(0)).run()
-    assert (record.ending, record.steps) == (Ending.TIMEOUT, ())
 
 
 # Teams cooperate: PIKE counts on them, so with them a plan that admits a correct execution has one.
@@ -219,40 +191,25 @@ def test_drawn_plans_succeed_with_every_luck(index, seeds):
     assert all(cooperates(drawn(index), seed) for seed in seeds)
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_who_takes_long_leaves_time_to_others(seed):
-    """Either may take up to 9, both together 10."""
-    one_after_the_other = within(sequence(act("(a)", 1, 9), act("(b)", 1, 9)), upper=10)
-    at_the_same_time = parallel(one_after_the_other, act("(c)", 2, 12))
-    assert cooperates(without_conditions(within(at_the_same_time, upper=11)), seed)
-
-
-class Slow(SimulatedTeam):
-    """Takes as long as told for everything; None: never ends anything."""
-
-    takes = None
-
-    def receive(self, now, decisions):
-        if self.takes is not None:
-            super().receive(now, decisions)
-
-    def _begin(self, now, activity):
-        self._plan_for(now + self.takes, lambda _: said.Completion(activity.action, activity.end))
-
-
 @pytest.mark.parametrize("takes", [Fraction("2.00025"), None])
 def test_a_limit_between_two_multiples_of_epsilon_can_be_used_up_and_not_more(takes):
+    class Slow(SimulatedTeam):
+        """Takes as long as told for everything; None: never ends anything."""
+
+        def receive(self, now, decisions):
+            if takes is not None:
+                super().receive(now, decisions)
+
+        def _begin(self, now, activity):
+            self._plan_for(now + takes, lambda _: said.Completion(activity.action, activity.end))
+
     plan = without_conditions(within(act("(a)", "0.5", 3), upper="2.00025"))
     executive = PlanExecutive(plan, SemanticReasoner)
-    progress = executive.progress
-    assert progress.grid == Fraction(1, 4000)
-    team = Slow(plan, executive, executive.reasoner, Story())
-    team.takes = takes
-    run_in_world(executive, team)
-    assert isinstance(executive.outcome, said.Failed) is (takes is None)
+    outcome, grid = examples.watch(executive, team=Slow), executive.progress.grid
+    assert grid == Fraction(1, 4000)
+    assert isinstance(outcome, said.Failed) is (takes is None)
     if takes is None:
-        start = progress.times[plan.network.activities[0].source]
-        assert executive.outcome.time - start == Fraction("2.00025") + progress.grid
+        assert outcome.time - executive.progress.times[plan.network.activities[0].source] == Fraction("2.00025") + grid
 
 
 def test_a_back_end_decides_and_the_team_has_a_judge_of_its_own(monkeypatch):
@@ -266,18 +223,29 @@ def test_a_back_end_decides_and_the_team_has_a_judge_of_its_own(monkeypatch):
             return super().executable(event, deadline)
 
     monkeypatch.setattr("robust.pike_bridge.online.world.make_reasoner", lambda name, *, solver, deadline: Listening)
-    plain, record = (Rehearsal(kitchen(), MUG, backend=name).run() for name in ("smt", "listening"))
+    plain, record = (Rehearsal(kitchen(), MUG, backend=name, infer=False).run() for name in ("smt", "listening"))
     assert asked
     assert (record.schedule, record.choices) == (plain.schedule, plain.choices)
 
 
+def test_how_rehearsals_end():
+    """Without a disturbance a bagel is possible, and planned changes are no violations; a deadline ends what it can."""
+    record = Rehearsal(kitchen(), tale(xA1="glass", xA3="bagel"), infer=False).run()
+    assert record.choices["xA3"] == "bagel"
+    assert not any(isinstance(each, said.Violated) for step in record.steps for each in step.decisions)
+    late = Rehearsal(kitchen(), deadline=Deadline.after(0)).run()
+    assert (late.ending, late.steps) == (Ending.TIMEOUT, ())
+    # Who takes long leaves time to others: either may take up to 9, both together 10.
+    one_after_the_other = within(sequence(act("(a)", 1, 9), act("(b)", 1, 9)), upper=10)
+    whole = within(parallel(one_after_the_other, act("(c)", 2, 12)), upper=11)
+    assert all(cooperates(without_conditions(whole), seed) for seed in range(5))
+
+
 PLANS = {
     "kitchen": kitchen,
-    "figure 6b": lambda: figure_6b().plan(),
-    "figure 7b": lambda: figure_7b().plan(),
+    **{f"figure {name}": lambda name=name: stories.figure(name).plan() for name in ("6b", "7b")},
     **{f"drawn {index}": lambda index=index: drawn(index) for index in SOLVABLE[:5]},
 }
-THOROUGH = ("drawn 0", "drawn 4", "drawn 5", "drawn 16", "drawn 17")
 
 
 def contradict(situation, statements):
@@ -291,83 +259,79 @@ def contradict(situation, statements):
 
 def check_moment(executive):
     """All questions about one moment; how many conflicts there were."""
-    plan, conflicts = executive.plan, 0
-    situation = Situation(executive.progress)
-    questions = [
-        situation.assignments(About.ASSUMPTION, [Assignment(choice.name, value)])
-        for choice in plan.network.choices
-        for value in choice.domain
-    ]
-    questions += [[situation.executed_now(event), *situation.unreported()] for event in executive.progress.frontier]
+    plan, progress, conflicts = executive.plan, executive.progress, 0
+    situation = Situation(progress)
+    assignments = [Assignment(choice.name, value) for choice in plan.network.choices for value in choice.domain]
+    questions = [situation.assignments(About.ASSUMPTION, [each]) for each in assignments]
+    questions += [[situation.executed_now(event), *situation.unreported()] for event in progress.frontier]
     for hypotheses in questions:
-        found = situation.conflict(hypotheses)
-        continuation = situation.continued(hypotheses)
-        assert (found is None) == (continuation is not None)
-        if found is None:
+        statements, continuation = situation.conflict(hypotheses), situation.continued(hypotheses)
+        assert (statements is None) == (continuation is not None)
+        if statements is None:
             assert faults(plan, continuation) == ()
-            assert executive.progress.times.items() <= continuation.schedule.items()
-            assert executive.progress.chosen.items() <= continuation.scenario.items()
+            assert progress.times.items() <= continuation.schedule.items()
+            assert progress.chosen.items() <= continuation.scenario.items()
         else:
-            assert contradict(situation, found)
-            for left_out in found:
-                fewer = [each for each in found if each is not left_out]
-                assert not contradict(situation, fewer), [each.text for each in found]
+            assert contradict(situation, statements)
+            for left_out in statements:
+                fewer = [each for each in statements if each is not left_out]
+                assert not contradict(situation, fewer), [each.text for each in statements]
             conflicts += 1
     return conflicts
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(each, marks=pytest.mark.slow if each in THOROUGH else ()) for each in PLANS]
+    ("name", "most"),
+    [
+        *((name, 12) for name in ("figure 6b", "figure 7b")),
+        ("kitchen", 0),
+        *(pytest.param(name, 12, marks=pytest.mark.slow) for name in PLANS if not name.startswith("figure")),
+    ],
 )
-def test_conflicts_are_minimal_and_schedules_correct(name):
+def test_conflicts_are_minimal_and_schedules_correct(name, most):
     moments, conflicts = [], []
 
-    def look(executive, now, found):
-        if found and len(moments) < 12:
+    def look(executive, now, decisions):
+        if decisions and len(moments) < most:
             moments.append(now)
             if len(moments) % 4 == 0:
                 conflicts.append(check_moment(executive))
 
     executive = PlanExecutive(PLANS[name](), SemanticReasoner)
-    watch(executive, look, story=Story(human=Human.CARELESS), seed=1)
+    examples.watch(executive, look, story=Story(human=Human.CARELESS), seed=1)
     assert sum(conflicts) + check_moment(executive)
 
 
-def test_a_conflict_of_a_situation_is_about_the_moment_at_which_it_was_made():
+def test_conflicts_of_a_moment_and_of_no_correct_execution():
     executive = PlanExecutive(kitchen(), SemanticReasoner)
     inquiry = Inquiry(executive.progress)
     executive.step(Fraction(0))
-    executive.step(Fraction(1, 1000), [said.Outcome("xA1", "mug")])
+    executive.step(Fraction(1, 1000), [MUG_CHOSEN])
     assert inquiry.why_not_assignment(Assignment("xA2", "juice")).obstacle is Obstacle.NONE
+    executive = PlanExecutive(drawn(1), SemanticReasoner)
+    assert isinstance(executive.step(Fraction(0))[-1], said.Failed)
+    assert conflict(executive.progress) == ()
 
 
 # What is said of the story with the mug, and of a wrong choice in it, is among the recorded executions.
 
 
 def test_a_broken_toaster_is_the_reason_for_cereal():
-    record = Rehearsal(kitchen(), tale(BROKEN, xA1="glass"), explain=True).run()
+    """Continuations are correct until the toaster breaks; to give reasons changes no decision."""
+    story = tale(BROKEN, xA1="glass")
+    record = Rehearsal(kitchen(), story, explain=True).run()
     assert (record.ending, record.choices["xA3"]) == (Ending.SUCCEEDED, "cereal")
-    ((violation, step),) = [
-        (each, step) for step in record.steps for each in step.decisions if isinstance(each, said.Violated)
-    ]
+    without = Rehearsal(kitchen(), story, explain=False, infer=False).run()
+    assert [each.decisions for each in record.steps] == [each.decisions for each in without.steps]
+    violations = [(each, step) for step in record.steps for each in step.decisions if isinstance(each, said.Violated)]
+    ((violation, step),) = violations
     assert (violation.atom, violation.consumers) == (TOASTER, ("(toast-bagel human)",))
     assert step.inferred == {"xA3": ("cereal",), "xR2": ("milk",), "xA4": ("cereal",)}
+    assert all(faults(kitchen(), each.reasons.continuation) == () for each in record.steps)
     lines = step.reasons.inferences["xA4"].text.splitlines()
     assert lines[0] == "not bagel:"
     assert "(working toaster) from the initial state does not hold any more for (toast-bagel human)" in lines[1]
     assert "(toast-bagel human) needs (working toaster), which only the initial state establishes" in lines[2]
-
-
-def test_reasons_change_no_decision_and_continuations_are_correct():
-    with_reasons, without = (Rehearsal(kitchen(), MUG, explain=each).run() for each in (True, False))
-    assert [each.decisions for each in with_reasons.steps] == [each.decisions for each in without.steps]
-    assert all(faults(kitchen(), step.reasons.continuation) == () for step in with_reasons.steps)
-
-
-def test_nothing_is_to_blame_if_the_plan_has_no_correct_execution():
-    executive = PlanExecutive(drawn(1), SemanticReasoner)
-    assert isinstance(executive.step(Fraction(0))[-1], said.Failed)
-    assert conflict(executive.progress) == ()
 
 
 def failed():
@@ -392,13 +356,14 @@ WHY_NOT = [
 
 @pytest.mark.parametrize(("moment", "question", "obstacle", "text"), WHY_NOT)
 def test_why_not(moment, question, obstacle, text):
-    found = why_not(moment(), question)
-    assert found.obstacle is obstacle
-    assert text in found.text
-    assert bool(found.as_dict()["conflict"]) is (obstacle in {Obstacle.CONFLICT, Obstacle.ENDED})
+    reason = why_not(moment(), question)
+    assert reason.obstacle is obstacle
+    assert text in reason.text
+    assert bool(reason.as_dict()["conflict"]) is (obstacle in {Obstacle.CONFLICT, Obstacle.ENDED})
 
 
 def test_why():
+    """The latest time is held against the executive: it fails if that time is missed."""
     running = fetching()
     for assignment, other in ((Assignment("xR1", "grounds"), "juice"), (Assignment("xA3", "cereal"), "bagel")):
         chosen = why(running, assignment)
@@ -406,33 +371,25 @@ def test_why():
         assert set(chosen.impossible) == {other}
     assert isinstance(why(running, Assignment("xA3", "bagel")), WhyNot)
     assert why_failed(running).obstacle is Obstacle.NONE
-
-
-def test_the_latest_time_is_one_that_leaves_a_correct_execution():
-    """Held against the executive: it fails if that time is missed."""
-    latest = why(fetching(), "e3").latest
+    latest = why(running, "e3").latest
     for late, ends in ((Fraction(0), False), (Fraction(1, 1000), True)):
-        executive = started()
-        executive.step(Fraction(1, 1000), [said.Outcome("xA1", "mug")])
+        executive = started(None, SemanticReasoner, MUG_CHOSEN)
         executive.step(Fraction(2, 1000))
         executive.step(latest + late)
         assert executive.ended is ends
 
 
 @pytest.mark.parametrize(
-    ("question", "said"),
+    ("question", "message"),
     [
         ("e99", "unknown event e99"),
         (Assignment("xA9", "mug"), "unknown choice"),
         (Assignment("xA1", "x"), "found xA1 = 'x', expected one of mug, glass"),
     ],
 )
-def test_questions_about_what_is_not_in_the_plan(question, said):
+def test_questions_without_an_answer(question, message):
     for ask in (why, why_not):
-        with pytest.raises(InputError, match=said):
+        with pytest.raises(InputError, match=message):
             ask(started(), question)
-
-
-def test_a_passed_deadline_ends_the_question():
     with pytest.raises(OutOfTimeError):
         why_not(started(), Assignment("xA3", "bagel"), deadline=Deadline.after(0))

@@ -1,0 +1,370 @@
+"""Labeled regions and boxes against the oracle, which is told values instead of parameters; boxes for executions that
+wait; elimination in networks of differences against Fourier–Motzkin elimination, which knows nothing of networks."""
+
+from dataclasses import replace
+from fractions import Fraction
+from functools import cache
+from itertools import count, product
+
+import pytest
+
+from robust.errors import InputError, SolverError
+from robust.pike_bridge.action_model import Instance
+from robust.pike_bridge.builder import act, build, choose, parallel, sequence, within
+from robust.pike_bridge.envelopes.pieces import ParametricEdge, _CertainOrder, cycles
+from robust.pike_bridge.envelopes.search import LabeledRegionSearch, TeamEnvelopeSearch, uncontrollable
+from robust.pike_bridge.knowledge.sat import satisfiable
+from robust.pike_bridge.model import guard
+from robust.pike_bridge.online.world import Ending, Rehearsal, Story
+from robust.pike_bridge.semantics import Oracle
+from robust.plan.model import Parameter
+from robust.plan.pddl.write import ActionText, sketched_domain, sketched_problem
+from robust.qe.box import Side
+from robust.qe.constraint import LinearConstraint
+from robust.qe.polyhedron import Polyhedron
+from robust.qe.region import Region
+from robust.searching import Status
+from robust.smt.limits import Deadline, OutOfTimeError
+from robust.smt.session import Satisfiability, Session
+from robust.smt.terms import Terms
+from tests.pike_bridge import plans, stories
+from tests.pike_bridge.envelopes import examples
+from tests.pike_bridge.envelopes.examples import parametric, random_parameters, seeded, structured
+
+COFFEE, LIMIT, LATE = "coffee=duration:make-coffee", "limit=at-most:e1:e44", "late=hesitation:xA1"
+PICK = "pick=duration:(pick human *)"
+
+
+@cache
+def kitchen(*texts):
+    return parametric(stories.kitchen().plan(), *texts)
+
+
+@cache
+def wing(*texts):
+    return parametric(stories.wing().plan(), *texts)
+
+
+@cache
+def region_of(plan, *key, **assumed):
+    return LabeledRegionSearch(plan, list(key) or None, assume=guard(assumed)).run()
+
+
+def envelope(plan, *for_all, waiting=False, **assumed):
+    return TeamEnvelopeSearch(plan, for_all=for_all, waiting=waiting, assume=guard(assumed)).run()
+
+
+def compare(plan, draw, points):
+    region = LabeledRegionSearch(plan).run()
+    assert not region.cut_short
+    return sum(examples.compare_with_oracle(region, examples.random_values(plan, draw), draw) for _ in range(points))
+
+
+QUICK, SLOW = range(8), pytest.param("structured", range(8, 40), marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize(
+    ("kind", "seeds"), [("structured", QUICK), SLOW, *((Fraction(each), range(25)) for each in ("0", "1/4", "1/1000"))]
+)
+def test_plans_agree_with_the_oracle_at_random_values(kind, seeds):
+    """Structured ones, and those of all kinds by their ε."""
+    possible = 0
+    for seed in seeds:
+        draw = seeded(seed if kind == "structured" else f"{seed}/{kind}")
+        plan = structured(seed) if kind == "structured" else replace(plans.random_plan(draw), epsilon=kind)
+        possible += compare(random_parameters(plan, seed), draw, 3 if kind == "structured" else 6)
+    assert possible > min(len(seeds), 20)  # it is not that nothing is ever possible
+
+
+def test_exact_cells_are_disjoint_cover_everything_and_say_what_is_possible():
+    plan, draw = kitchen(COFFEE, LIMIT), seeded(7)
+    cells = region_of(plan).exactly()
+    for _ in range(200):
+        values = examples.random_values(plan, draw)
+        [inside] = [possible for possible, cell in cells if values in cell]
+        assert {each.choices for each in inside} == set(region_of(plan).possible(values))
+
+
+def test_combinations_cover_all_values_once():
+    region = region_of(random_parameters(structured(3), 3))
+    values = [region.plan.plan.network.domains[name] for name in region.key]
+
+    def full(choices):
+        """The full assignments to the key that a combination stands for."""
+        known = dict(choices)
+        return product(
+            *([known[name]] if name in known else domain for name, domain in zip(region.key, values, strict=True))
+        )
+
+    covered = [assignment for each in region.combinations for assignment in full(each.choices)]
+    assert sorted(covered) == sorted(product(*values))
+
+
+def test_keys_what_is_assumed_and_what_is_possible_strictly():
+    glass = region_of(kitchen(COFFEE), xA1="glass")
+    assert "xA1" not in glass.key
+    assert all(piece.polyhedron.is_universal for piece in glass.pieces)  # no coffee is made
+    narrow, both = region_of(wing(PICK), "h1"), region_of(wing(PICK), "h1", "h2")
+    for value in ("pliers", "cleco", "both"):
+        wide = narrow.region({"h1": value})
+        assert all(both.region({"h1": value, "h2": other}).is_subset_of(wide) for other in ("pliers", "both"))
+    assert set(uncontrollable(wing(PICK))) == {"h1", "h2"}
+    plan = parametric(replace(stories.kitchen().plan(), epsilon=Fraction(0)), COFFEE)
+    pieces = region_of(plan, xA1="mug").pieces
+    [upper] = {piece.polyhedron.extent("coffee").upper for piece in pieces if "cereal" in str(piece.label)}
+    assert upper == Fraction("5.284")  # the network's own separations stay
+
+
+def failing(monkeypatch, answers, failure="z3 crashed"):
+    """Solvers give so many answers, and fail from then on."""
+    check, numbers = Session.check, count(1)
+
+    def answer(session, *asked):
+        if next(numbers) <= answers:
+            return check(session, *asked)
+        session.failure = failure
+        return Satisfiability.UNKNOWN
+
+    monkeypatch.setattr(Session, "check", answer)
+
+
+def test_what_is_found_before_a_solver_fails_is_kept_and_not_called_out_of_time(monkeypatch):
+    plan, crash = kitchen(COFFEE, LIMIT), (Status.UNKNOWN, "z3 crashed")
+    whole, box = region_of(plan), envelope(plan)
+    assert box.status is Status.COMPLETE
+    with monkeypatch.context() as patch:
+        failing(patch, 2)
+        region = LabeledRegionSearch(plan).run()
+    assert (region.status, region.reason, region.cut_short) == (*crash, True)
+    assert region.pieces == whole.pieces[:2]
+    assert region.as_dict()["status"] == "unknown"
+    assert "undecided, because z3 crashed" in str(region)
+    failing(monkeypatch, 4)
+    early = envelope(plan)
+    assert (early.status, early.reason, early.verified) == (*crash, True)
+    assert Region.of_box(plan.names, early.box).is_subset_of(box.region)
+
+
+@pytest.mark.parametrize("failure", ["z3 crashed", None])
+def test_a_solver_that_gives_up_without_time_limit_is_not_out_of_time(monkeypatch, failure):
+    failing(monkeypatch, 0, failure)
+    with pytest.raises(SolverError, match=failure or "the solver gave up, asked: anything"):
+        satisfiable(Session(Terms()), "anything", Deadline())
+    with pytest.raises(SolverError if failure else OutOfTimeError):
+        satisfiable(Session(Terms()), "anything", Deadline.after(0))
+
+
+TINY = Fraction(1, 10**6)
+
+
+def check_box(plan, for_all, seed, **assumed):
+    """A box is inside, and every face is tight: by the oracle alone. How many faces are not where they are declared."""
+    draw, found = seeded(seed), envelope(plan, *for_all, **assumed)
+    domains = plan.plan.network.domains
+
+    def holds(values):
+        """Whether every combination of the choices has a correct execution."""
+        oracle, combinations = Oracle(plan.at(values)), product(*(domains[name] for name in for_all))
+        made = (guard(assumed) | guard(dict(zip(for_all, each, strict=True))) for each in combinations)
+        return all(examples.holds(oracle, each) for each in made)
+
+    if found.status is Status.INVALID:
+        assert not holds(plan.nominal)
+        return 0
+    assert found.status is Status.COMPLETE
+    assert plan.nominal in found.box
+    for _ in range(6):
+        ends = {
+            name: [end for end in (each.lower, each.upper) if end is not None]
+            for name, each in found.box.intervals.items()
+        }
+        corner = {name: draw.choice(known or [found.box[name].some_value()]) for name, known in ends.items()}
+        assert corner not in found.box or holds(corner), corner
+    tight = 0
+    for parameter, side in product(plan.declared, Side):
+        face, end = (parameter.name, side), found.box[parameter.name].end(side)
+        if end is not None:
+            declared = found.stops[face].declared
+            assert declared == (end == (parameter.lower if side is Side.LOWER else parameter.upper))
+            if not declared:  # something is wrong just beyond
+                beyond = Region.of_box(plan.names, found.box.moved(face, end + side.sign * TINY))
+                point = found.region.point_outside(beyond)
+                assert point is not None, face
+                assert not holds(point), face
+                tight += 1
+    return tight
+
+
+def test_boxes_of_structured_plans_and_of_the_wing_are_inside_and_tight():
+    tight = 0
+    for seed in (1, 3, 7, 12):
+        plan = random_parameters(structured(seed), seed)
+        tight += check_box(plan, (), seed) + check_box(plan, uncontrollable(plan)[:1], seed)
+    assert tight > 2
+    assert check_box(wing(PICK, "limit=at-most:e1:e58"), ("h1", "h2"), 1) == 2
+
+
+@pytest.mark.parametrize("assumed", [{}, {"xA1": "mug"}, {"xA1": "glass", "xR2": "milk"}])
+def test_boxes_of_the_kitchen_are_inside_and_tight(assumed):
+    assert check_box(kitchen(COFFEE, LIMIT), (), 1, **assumed) > 0
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "side", "end", "assumed"),
+    [("most", "at-most", Side.LOWER, 3, {}), ("least", "at-least", Side.UPPER, 5, {"xA3": "cereal"})],
+)
+def test_an_activity_s_own_other_bound_is_named(name, kind, side, end, assumed):
+    answer = envelope(kitchen(f"{name}={kind}:make-coffee"), xA1="mug", **assumed)
+    assert (answer.box[name].end(side), answer.stops[name, side].own) == (end, True)
+
+
+def test_why_there_is_no_box():
+    """Impossible combinations and what nominal values would do are named; what is found in time is kept."""
+    impossible = envelope(kitchen(COFFEE), "xA1", "xA2")
+    assert (impossible.status, impossible.possible) == (Status.INVALID, False)
+    assert impossible.broken in {guard({"xA1": "mug", "xA2": "juice"}), guard({"xA1": "glass", "xA2": "coffee"})}
+    outside = envelope(kitchen(f"{COFFEE},default=5.5"), xA1="mug")
+    assert (outside.status, outside.possible, outside.verified) == (Status.INVALID, True, False)
+    assert [str(each) for each in outside.needed] == ["coffee ≤ 1321/250"]
+    late = TeamEnvelopeSearch(wing(PICK), for_all=["h1", "h2"], deadline=Deadline.after(0)).run()
+    assert (late.status, late.verified) == (Status.TIMEOUT, False)
+    with pytest.raises(InputError, match="unknown choice 'xA9'"):
+        envelope(kitchen(COFFEE), "xA9")
+    with pytest.raises(InputError, match="assumed to be mug"):
+        envelope(kitchen(COFFEE), "xA1", xA1="mug")
+
+
+def race(limit, robot_first=False):
+    """A human chooses what to fetch; a robot must bring the same, and may begin before it is known."""
+    human = choose("x", {"a": act("(fetch-a)", 2, 3), "b": act("(fetch-b)", 2, 3)}, controllable=False)
+    robot = choose("y", {"a": act("(bring-a)", 4, 6), "b": act("(bring-b)", 4, 6)})
+    both = sequence(robot, human) if robot_first else parallel(human, robot)
+    network = build("race", within(sequence(both, act("(serve)", 1, 1)), upper=limit), epsilon=Fraction(1, 1000))
+    actions = [ActionText("serve", at_start=("(done)",))]
+    for item in "ab":
+        actions.append(ActionText(f"fetch-{item}", end_effects=(f"(has-{item})",)))
+        actions.append(ActionText(f"bring-{item}", at_end=(f"(has-{item})",), end_effects=("(done)",)))
+    domain = sketched_domain("race", ("(has-a)", "(has-b)", "(done)"), actions)
+    return Instance(network, domain, sketched_problem("race", "race", (), ())).plan()
+
+
+@pytest.mark.parametrize("epsilon", [None, Fraction(0)])
+def test_who_waits_needs_the_time_that_the_choice_takes(epsilon):
+    team = race(9) if epsilon is None else replace(race(9), epsilon=epsilon)
+    plan = parametric(team, "late=hesitation:x")
+    knowing, waiting = envelope(plan, "x"), envelope(plan, "x", waiting=True)
+    # Whoever knows begins to bring at once, so that only the fetching has to be done in time: late + 2 ≤ 8.
+    # Whoever waits begins to bring when it is known: late + 4 ≤ 8. The rest are separations of 1/1000.
+    assert knowing.verified
+    assert waiting.verified
+    assert Fraction(5) < knowing.box["late"].upper < 6
+    assert Fraction("3.9") < waiting.box["late"].upper < 4
+
+
+@pytest.mark.parametrize("texts", [(COFFEE, LIMIT), (LATE, "get=duration:(get human mug)")])
+def test_waiting_promises_no_more_than_knowing(texts):
+    knowing, waiting = (envelope(kitchen(*texts), "xA1", waiting=waiting) for waiting in (False, True))
+    assert waiting.region.is_subset_of(knowing.region)
+
+
+def test_what_copies_share_makes_no_difference(monkeypatch):
+    asked = [(kitchen(COFFEE, LATE), ["xA1"]), (kitchen(COFFEE, LATE), ["xA1", "xA3"])]
+    asked += [(parametric(race(9, robot_first=first), "late=hesitation:x"), ["x"]) for first in (True, False)]
+    asked += [
+        (plan, uncontrollable(plan)[:2]) for plan in (random_parameters(structured(seed), seed) for seed in range(2))
+    ]
+    together = [envelope(plan, *for_all, waiting=True) for plan, for_all in asked]
+    monkeypatch.setattr(_CertainOrder, "no_later", lambda *_: False)
+    for shared, (plan, for_all) in zip(together, asked, strict=True):
+        apart = envelope(plan, *for_all, waiting=True)
+        assert (shared.box, shared.verified, shared.status) == (apart.box, apart.verified, apart.status)
+        assert shared.region.is_subset_of(apart.region)
+        assert apart.region.is_subset_of(shared.region)
+    assert sum(each.verified for each in together) > 2
+
+
+def test_nobody_can_wait_for_what_comes_too_late():
+    late, eager = (parametric(race(30, robot_first=first), "serve=duration:serve") for first in (True, False))
+    assert envelope(late, "x").verified is False  # bringing ends before fetching
+    assert envelope(eager, "x", waiting=True).verified
+
+
+@pytest.mark.parametrize(
+    ("team", "texts", "name"),
+    [(stories.kitchen().plan(), (COFFEE, LATE), "xA1"), (race(9), ("late=hesitation:x", "serve=duration:serve"), "x")],
+)
+def test_the_patient_executive_keeps_what_boxes_promise_and_nobody_does_more(team, texts, name):
+    """Held against an executive to whom the choice becomes known as late as its event can be."""
+    plan = parametric(team, *texts)
+    found = envelope(plan, name, waiting=True)
+
+    def succeeds(values, value):
+        known = values["late"] + 2 * team.epsilon  # the initial state and the first event come before
+        told = Story(outcomes={name: (value, known)})
+        return Rehearsal(plan.at(values), told, infer=False).run().ending is Ending.SUCCEEDED
+
+    far = {parameter: interval.upper for parameter, interval in found.box.intervals.items()}
+    late = far | {"late": far["late"] + Fraction(1, 100)}
+    assert all(succeeds(far, value) for value in team.network.domains[name])
+    assert late not in found.region
+    assert not all(succeeds(late, value) for value in team.network.domains[name])
+
+
+def edge(source, target, constant, origin, strict=False, **factors):
+    return ParametricEdge(source, target, Fraction(constant), factors, strict, origin)
+
+
+def random_edges(draw, names):
+    points = [f"t{at}" for at in range(draw.randint(2, 5))]
+    for number in range(draw.randint(3, 9)):
+        source, target = draw.sample(points, 2)
+        factors = {name: draw.choice((-1, 1)) for name in names if draw.random() < 0.35}
+        yield edge(source, target, Fraction(draw.randint(-4, 6), 2), number, draw.random() < 0.3, **factors)
+
+
+def is_same_time(edge, edges):
+    """Whether the edge, and one back, put two events at one time, of which cycles say nothing."""
+    plain = {(each.source, each.target) for each in edges if not (each.constant or each.strict or each.factors)}
+    return {(edge.source, edge.target), (edge.target, edge.source)} <= plain
+
+
+def by_fourier_motzkin(edges, parameters, bounds):
+    times = sorted({end for each in edges for end in (each.source, each.target)})
+    names = tuple(each.name for each in parameters)
+    constraints = list(bounds)
+    for each in edges:
+        form = {each.target: 1, each.source: -1, **{name: -factor for name, factor in each.factors.items()}}
+        constraints.append(LinearConstraint.of(form, "<" if each.strict else "<=", each.constant))
+    return Polyhedron((*names, *times), tuple(constraints)).project(names)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3])
+def test_cycles_are_the_projection_within_the_bounds(count):
+    """And each follows from the edges that it names, but for what puts events at the same time."""
+    draw, names, empty = seeded(f"differences/{count}"), tuple(f"p{at}" for at in range(count)), 0
+    for _ in range(120):
+        ends = [(draw.choice((None, Fraction(0))), draw.choice((None, Fraction(4)))) for _ in names]
+        parameters = [
+            Parameter(name, Fraction(1), lower=lower, upper=upper)
+            for name, (lower, upper) in zip(names, ends, strict=True)
+        ]
+        sides = ((each, end) for each in parameters for end in ((">=", each.lower), ("<=", each.upper)))
+        bounds = [LinearConstraint.of({each.name: 1}, sign, end) for each, (sign, end) in sides if end is not None]
+        edges = list(random_edges(draw, names))
+        expected, answer = by_fourier_motzkin(edges, parameters, bounds), cycles(edges, parameters)
+        polyhedron = Polyhedron(names, (*(each.constraint for each in answer), *bounds))
+        assert polyhedron.equals(expected), edges
+        for cycle in answer:
+            behind = [each for each in edges if each.origin in cycle.origins or is_same_time(each, edges)]
+            assert by_fourier_motzkin(behind, parameters, ()).satisfies(cycle.constraint)
+        empty += expected.is_empty
+    assert 5 < empty < 115
+
+
+def test_events_at_the_same_time_are_one():
+    same = [edge("a", "b", 0, 0), edge("b", "a", 0, 1)]
+    [cycle] = cycles([*same, edge("a", "c", 0, 2, p=1), edge("c", "b", -3, 3)], [Parameter("p", Fraction(1))])
+    assert str(cycle.constraint) == "p ≥ 3"
+    assert [each.constraint.is_false for each in cycles([edge("a", "b", 0, 0, True), same[1]], [])] == [True]
+    with pytest.raises(OutOfTimeError):
+        cycles(same, [], Deadline.after(0))
