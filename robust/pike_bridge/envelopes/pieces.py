@@ -157,32 +157,55 @@ def cycles(
         return None if end is None else int(end * unit)
 
     same = _representatives(edges)
-    ends = [(same.get(edge.source, edge.source), same.get(edge.target, edge.target)) for edge in edges]
-    numbers = {event: number for number, event in enumerate(dict.fromkeys(chain(*ends)))}
+    ends = [(_at(same, edge.source), _at(same, edge.target)) for edge in edges]
+    numbers = {event: number for number, event in enumerate(dict.fromkeys(moment.event for moment in chain(*ends)))}
     ranges: list[Range] = [(scaled(parameter.lower), scaled(parameter.upper)) for parameter in parameters]
     graph = _ParametricElimination(len(numbers), ranges)
     for edge, (source, target) in zip(edges, ends, strict=True):
         form = (int(edge.constant * unit), *(edge.factors.get(parameter.name, 0) for parameter in parameters))
-        graph.put(numbers[source], numbers[target], _Weight(form, edge.strict, (edge.origin,)))
+        origins = (*source.there, edge.origin, *target.back)
+        graph.put(numbers[source.event], numbers[target.event], _Weight(form, edge.strict, origins))
     while graph.remaining:
         deadline.enforce()
         graph.eliminate(min(graph.remaining, key=graph.cost))
     return tuple(_cycle(weight, parameters, unit) for weight in (*graph.ends.values(), *graph.cycles))
 
 
-def _representatives(edges: Iterable[ParametricEdge]) -> dict[str, str]:
+class _Moment(NamedTuple):
+    """An event that stands for others at the same time, and what says so: on the way `there` from it, and `back`."""
+
+    event: str
+    there: tuple[int, ...] = ()
+    back: tuple[int, ...] = ()
+
+
+def _at(same: Mapping[str, _Moment], event: str) -> _Moment:
+    return same.get(event) or _Moment(event)
+
+
+def _representatives(edges: Iterable[ParametricEdge]) -> dict[str, _Moment]:
     """For each event that is at the same time as another, one for all of those."""
     at_most = {
-        (edge.source, edge.target) for edge in edges if not (edge.constant or edge.strict or any(edge.factors.values()))
+        (edge.source, edge.target): edge.origin
+        for edge in edges
+        if not (edge.constant or edge.strict or any(edge.factors.values()))
     }
-    groups: dict[str, list[str]] = {}
-    for one, other in at_most:
-        if one < other and (other, one) in at_most:
-            first, second = groups.setdefault(one, [one]), groups.setdefault(other, [other])
-            if first is not second:
-                first += second
-                groups.update(dict.fromkeys(second, first))
-    return {name: group[0] for name, group in groups.items()}
+    beside: dict[str, list[str]] = {}
+    for source, target in at_most:
+        if source != target and (target, source) in at_most:
+            beside.setdefault(source, []).append(target)
+    moments: dict[str, _Moment] = {}
+    for first in beside:
+        pending = [] if first in moments else [first]
+        moments.setdefault(first, _Moment(first))
+        while pending:
+            event = pending.pop()
+            _, there, back = moments[event]
+            for other in beside[event]:
+                if other not in moments:
+                    moments[other] = _Moment(first, (*there, at_most[event, other]), (at_most[other, event], *back))
+                    pending.append(other)
+    return moments
 
 
 def _cycle(weight: _Weight, parameters: Sequence[Parameter], unit: int) -> CycleCondition:
