@@ -1,23 +1,27 @@
-"""What every picture keeps: no text outside or over another, everything in a legend, and names in words."""
+"""Pictures of boxes, regions, plans with choices and executions: all is named, and every text can be read."""
 
 from __future__ import annotations
 
 from fractions import Fraction
 from itertools import combinations
+from random import Random
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from robust.api import compare, risk
-from robust.draw import gantt, pictures, plane, tpnu
+from robust.draw import gantt, pictures, plane, style, tpnu
 from robust.draw.gantt import Bar, Chart, Lane, Mark
-from robust.draw.style import BOX_LINES, HATCHES, LIGHT, STRONG
+from robust.errors import InputError
 from robust.irr.search import EnvelopeResult, Step
 from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.causal import augment
 from robust.pike_bridge.distance_graph import StructuralPrecedence
+from robust.pike_bridge.model import Choice, Constraint, Event, Tpnu
 from robust.plan.model import Parameter
 from robust.qe.box import Box, Interval, Side
 from robust.qe.polyhedron import Polyhedron
@@ -27,27 +31,26 @@ from robust.searching import Status
 from robust.show.text import Words, named
 from tests.cli.running import EXAMPLES, command, example
 from tests.draw.pictures import DAY
-from tests.qe.polyhedra import eq, le, lt, polygon, rectangle
+from tests.pike_bridge.kitchen import kitchen
+from tests.qe.polyhedra import NAMES, cube, eq, le, lt, polygon, rectangle
 
 LONG = "transport the very long-named container_number_17 from warehouse_north_west_2 to warehouse_south_east_4"
+long_or_short = pytest.mark.parametrize("long", [False, True])
 
 
 def texts_of(figure):
     """The texts that are seen, with where they are in pixels."""
     FigureCanvasAgg(figure).draw()
     renderer = figure.canvas.get_renderer()
-    shown = [one for one in figure.findobj(Text) if one.get_visible() and one.get_text().strip()]
-    ticks = [label for axes in figure.axes for axis in (axes.xaxis, axes.yaxis) for label in axis.get_ticklabels()]
-    # A tick outside of the axes has a label that is not drawn.
-    drawn = {id(one) for axes in figure.axes for axis in (axes.xaxis, axes.yaxis) for tick in axis._update_ticks()
-             for one in (tick.label1, tick.label2)}  # fmt: skip
-    every = {id(one) for one in ticks} | {
-        id(one) for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)
-        for tick in (*axis.majorTicks, *axis.minorTicks) for one in (tick.label1, tick.label2)
-    }  # fmt: skip
-    return [
-        (one.get_text(), one.get_window_extent(renderer)) for one in shown if id(one) not in every or id(one) in drawn
-    ]
+    shown = [text for text in figure.findobj(Text) if text.get_visible() and text.get_text().strip()]
+    every, drawn = set(), set()  # a tick outside of the axes has a label that is not drawn
+    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
+        every |= {id(label) for label in axis.get_ticklabels()}
+        drawn |= {id(label) for tick in axis._update_ticks() for label in (tick.label1, tick.label2)}
+        ticks = (*axis.majorTicks, *axis.minorTicks)
+        every |= {id(label) for tick in ticks for label in (tick.label1, tick.label2)}
+    seen = [text for text in shown if id(text) not in every or id(text) in drawn]
+    return [(text.get_text(), text.get_window_extent(renderer)) for text in seen]
 
 
 def assert_readable(figure, *needed):
@@ -62,11 +65,8 @@ def assert_readable(figure, *needed):
         up = min(box.y1, beside.y1) - max(box.y0, beside.y0)
         assert across <= 1.5 or up <= 1.5, f"{text!r} is over {other!r} by {across} and {up} pixels"
     said = " ".join(" ".join(text.split()) for text, _ in texts)
-    for axes in figure.axes:
-        for label in axes.get_legend_handles_labels()[1]:
-            assert " ".join(label.split()) in said
-    for text in needed:
-        assert text in said
+    labels = [" ".join(label.split()) for axes in figure.axes for label in axes.get_legend_handles_labels()[1]]
+    assert [text for text in (*labels, *needed) if text not in said] == []
 
 
 @pytest.mark.parametrize("place", [(0.97, 0.5), (0.1, 0.1)])
@@ -82,71 +82,171 @@ def test_what_cannot_be_read_is_noticed(place):
 # -- boxes -------------------------------------------------------------------------------------------------------------
 
 
-def found(intervals, nominal=1):
-    parameters = tuple(Parameter(name, Fraction(nominal)) for name in intervals)
-    box = Box(
-        {name: Interval(*(None if end is None else Fraction(end) for end in ends)) for name, ends in intervals.items()}
+def envelope_of(intervals, status=Status.COMPLETE):
+    """A result of (lower, upper) or (lower, upper, nominal value), which is 1 otherwise."""
+    parameters = tuple(Parameter(name, Fraction(*ends[2:] or (1,))) for name, ends in intervals.items())
+    ends = {name: [None if end is None else Fraction(end) for end in ends[:2]] for name, ends in intervals.items()}
+    box = Box({name: Interval(*pair) for name, pair in ends.items()})
+    boxes = (Box.nominal(parameters), box)
+    trace = tuple(
+        Step(at, at / 10, next(iter(intervals)), Side.UPPER, Fraction(1), True, boxes[at - 1]) for at in (1, 2)
     )
-    steps = (Step(1, 0.1, next(iter(intervals)), Side.UPPER, Fraction(1), True, Box.nominal(parameters)),
-             Step(2, 0.2, next(iter(intervals)), Side.UPPER, Fraction(1), True, box))  # fmt: skip
-    return EnvelopeResult(
-        Status.COMPLETE, "irr", "relational", "z3", Fraction(1), parameters, box, 2, 0, 0.2, 0.2, trace=steps
-    )
+    return EnvelopeResult(status, "irr", "relational", "z3", Fraction(1), parameters, box, 2, 0, 0.2, 0.2, trace=trace)
 
 
 @pytest.mark.parametrize(
-    "intervals",
+    ("intervals", "needed"),
     [
-        {"a": (0, 3)},
-        {"a": (1, 1)},
-        {"a": (None, None)},
-        {"a": (None, 3), "b": (0, None)},
-        {"a": (0, 3), "b": ("1/1000", 10**6)},
-        {f"p{index}": (1 - index, 1 + 2 * index) for index in range(12)},
-        {f"p{index}": (None if index % 3 else 0, 5 + index) for index in range(12)},
+        ({"a": (0, 3)}, ()),
+        ({"a": (1, 1)}, ("no finite width",)),
+        ({"a": (None, None)}, ("−∞", "∞")),
+        ({"a": (None, 3), "b": (0, None)}, ()),
+        ({"a": (0, 3), "b": ("1/1000", 10**6)}, ()),
+        ({f"p{index}": (1 - index, 1 + 2 * index) for index in range(12)}, ()),
+        ({f"p{index}": (None if index % 3 else 0, 5 + index) for index in range(12)}, ()),
     ],
     ids=["one", "point", "unbounded", "half", "orders of magnitude", "twelve", "twelve, unbounded"],
 )
-@pytest.mark.parametrize("long", [False, True])
-def test_boxes(intervals, long):
+@long_or_short
+def test_boxes(intervals, needed, long):
     words = {name: f"{LONG} ({name})" if long else f"move {name}" for name in intervals}
-    result = found(intervals)
+    result = envelope_of(intervals)
     figure = pictures._figure(result, pictures._rows(result, words))
-    ends = [end for pair in intervals.values() for end in pair]
-    needed = [f"{text} = 1" for text in words.values()]
-    assert_readable(figure, "nominal value", *needed, *(["no end on this side"] if None in ends else []))
+    unbounded = ["no end on this side"] if None in [end for pair in intervals.values() for end in pair] else []
+    assert_readable(figure, "nominal value", *(f"{text} = 1" for text in words.values()), *unbounded, *needed)
+
+
+@pytest.mark.parametrize(
+    ("intervals", "needed"),
+    [
+        (
+            {"small": ("9/2", 6, 5), "huge": (2, 300000, 100000), "open_$a^b$": (0, None, 3)},
+            ("small = 5", "4.5", "300000", "open_$a^b$ = 3", "∞", "best box so far", "of the bounded"),
+        ),
+        ({f"p{at}": (-at, 10**250 if at == 7 else at + 1, 0) for at in range(40)}, ("p39 = 0",)),
+    ],
+    ids=["labels", "many parameters and enormous numbers"],
+)
+def test_files_of_boxes(intervals, needed, tmp_path):
+    pictures.plot_envelope(envelope_of(intervals, Status.TIMEOUT), tmp_path / "box.svg")
+    text = (tmp_path / "box.svg").read_text(encoding="utf-8")
+    assert [label for label in needed if label not in text] == []
+
+
+def test_no_plot_of_an_invalid_plan(tmp_path):
+    assert command("envelope", *example("plan-flexible-wait.stn"), "--plot", tmp_path / "box.svg").code == 1
+    assert not (tmp_path / "box.svg").exists()
 
 
 # -- regions -----------------------------------------------------------------------------------------------------------
 
 PLANE = ("x", "y")
+SQUARE = Region.union_of(PLANE, [rectangle(0, 10, 0, 10)])
 BOX = Box({"x": Interval(Fraction(2), Fraction(4)), "y": Interval(Fraction(5), Fraction(6))})
+HALF = Box({"x": Interval(Fraction(2), Fraction(4)), "y": Interval(Fraction(5), None)})
 OPEN = Box({"x": Interval(None, Fraction(4)), "y": Interval(Fraction(5), None)})
 POINT = Box({"x": Interval(Fraction(3), Fraction(3)), "y": Interval(Fraction(5), Fraction(5))})
 NOMINAL = {"nominal values": {"x": Fraction(3), "y": Fraction(5)}}
 
 
+def segment(*sides):
+    return Region.union_of(["x"], [Polyhedron(("x",), sides)])
+
+
 @pytest.mark.parametrize(
     "region",
     [
-        Region.union_of(PLANE, [rectangle(0, 10, 0, 10)]),
+        SQUARE,
         Region.union_of(PLANE, [rectangle(0, 10, 0, 10).restricted([lt(10, x=1, y=1)])]),
         Region.difference(rectangle(0, 10, 0, 10), [polygon(eq(7, y=1)), rectangle(1, 2, 1, 2)]),
+        Region.difference(rectangle(0, 1, 0, 1), [rectangle(0, 1, 0, 1)]),
         Region.nothing(PLANE),
         Region.universe(PLANE),
         Region.union_of(PLANE, [polygon(eq(1, x=1), eq(2, y=1))]),
+        Region.union_of(PLANE, [polygon(eq(1, x=1, y=1))]),
         Region.union_of(PLANE, [polygon(le("1/1000000", x=1), le(0, x=-1))]),
-        Region.union_of(["x"], [Polyhedron(("x",), (le(3, x=1),))]),
+        segment(le(3, x=1)),
+        segment(eq(3, x=1)),
+        Region.universe(["x"]),
         Region.nothing(["x"]),
     ],
 )
-@pytest.mark.parametrize("long", [False, True])
+@long_or_short
 def test_regions(region, long):
     boxes = {"IRR": BOX, "widening": OPEN, "optimal": POINT, "optimal around the nominal values": POINT}
     words = {name: f"{LONG} for {name}" if long else f"move {name}" for name in region.parameters}
     figure = plane.draw_region(region, region.parameters, boxes=boxes, points=NOMINAL, words=words)
     same = "box: optimal around the nominal values (the same as optimal)"
     assert_readable(figure, "Values for which the plan is valid", same, *words.values())
+
+
+def lines(figure, style="-", colour=style.EDGE):
+    """The strokes of one style as pairs of ends."""
+    return {
+        tuple(sorted(map(tuple, line.get_xydata().tolist())))
+        for line in figure.axes[0].get_lines()
+        if (line.get_color(), line.get_linestyle(), len(line.get_xydata())) == (colour, style, 2)
+    }
+
+
+def test_edges():
+    """No seams are drawn, strict sides are dashed, excluded slabs stay visible."""
+    halves = plane.draw_region(Region.union_of(PLANE, [rectangle(0, 1, 0, 1), rectangle(1, 2, 0, 1)]), PLANE)
+    assert ((1.0, 0.0), (1.0, 1.0)) not in lines(halves)
+    assert {((0.0, 0.0), (0.0, 1.0)), ((2.0, 0.0), (2.0, 1.0))} <= lines(halves)
+    assert len(halves.axes[0].patches) == 3  # two halves, and what is hatched behind them
+    strict = plane.draw_region(Region.union_of(PLANE, [rectangle(0, 1, 0, 1).restricted([lt(1, x=1)])]), PLANE)
+    assert lines(strict, "--") == {((1.0, 0.0), (1.0, 1.0))}
+    assert len(lines(strict)) == 3
+    thin = [polygon(eq(7, y=1)), polygon(le(3, x=1), le("-2999/1000", x=-1))]
+    slabs = lines(plane.draw_region(Region.difference(rectangle(0, 10, 0, 10), thin), PLANE), colour=style.REMOVED)
+    assert ((0.0, 7.0), (10.0, 7.0)) in slabs
+    assert len(slabs) == 2
+
+
+def test_what_is_outside_of_a_difference_has_no_edge():
+    """The corner of the base that is cut away is not drawn, as nothing of the region is near."""
+    figure = plane.draw_region(Region.difference(rectangle(0, 10, 0, 10), [polygon(le(-5, x=-1), le(-5, y=-1))]), PLANE)
+    strokes = [line.get_xydata().tolist() for line in figure.axes[0].get_lines() if len(line.get_xydata()) == 2]
+    assert not any(min(x + y for x, y in stroke) > 15 + 1e-9 or [10.0, 10.0] in stroke for stroke in strokes)
+
+
+def test_unbounded_regions_are_clipped_around_the_overlays():
+    half = Region.union_of(PLANE, [polygon(le(0, x=-1))])
+    figure = plane.draw_region(
+        half, PLANE, boxes={"box": HALF}, points={"nominal": {"x": Fraction(3), "y": Fraction(6)}}
+    )
+    assert figure.axes[0].get_xlim() == pytest.approx((-0.32, 4.32))
+    assert figure.axes[0].get_ylim() == pytest.approx((4.92, 6.08))
+    legend = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert legend == ["valid", "edge that belongs to it", "box: box", "not valid", "nominal"]
+
+
+def test_formats_and_reproducible_files(tmp_path):
+    for suffix, magic in ((".svg", b"<?xml"), (".png", b"\x89PNG"), (".pdf", b"%PDF")):
+        for name in "ab":
+            style.save(lambda: plane.draw_region(SQUARE, PLANE, boxes={"box": HALF}), tmp_path / f"{name}{suffix}")
+        first, second = ((tmp_path / f"{name}{suffix}").read_bytes() for name in "ab")
+        assert first.startswith(magic)
+        assert first == second
+
+
+def test_slices_and_projections():
+    solid = Region.union_of(NAMES, [cube(2).restricted([le(3, x=1, y=1, z=1)])])
+    sliced = plane.draw_region(solid, ["z", "x"], at={"y": Fraction(2)})
+    assert (sliced.axes[0].get_xlabel(), sliced.axes[0].get_ylabel()) == ("z", "x")
+    assert ((0.0, 1.0), (1.0, 0.0)) in lines(sliced)
+    assert ((1.0, 2.0), (2.0, 1.0)) in lines(plane.draw_region(solid, ["x", "y"]))
+    bar = plane.draw_region(solid, ["x"], at={"y": Fraction(2), "z": Fraction(1, 2)})
+    assert ((0.0, 0.0), (0.5, 0.0)) in lines(bar)
+
+
+def test_bars_have_filled_and_hollow_ends():
+    region = Region.union_of(["x"], [Polyhedron(("x",), (lt(1, x=1), le(0, x=-1))), Polyhedron(("x",), (eq(3, x=1),))])
+    figure = plane.draw_region(region, ["x"], boxes={"box": HALF}, points={"nominal": {"x": Fraction(1, 2)}})
+    dots = [line for line in figure.axes[0].get_lines() if (line.get_marker(), line.get_color()) == ("o", style.EDGE)]
+    ends = {dot.get_xydata()[0][0]: dot.get_markerfacecolor() for dot in dots if len(dot.get_xydata())}
+    assert ends == {0.0: style.EDGE, 1.0: "white", 3.0: style.EDGE}
 
 
 def test_an_empty_region_says_so():
@@ -158,39 +258,26 @@ def test_an_empty_region_says_so():
 
 def test_fixed_parameters_are_named_with_their_values():
     names = tuple(f"p{index}" for index in range(12))
-    region = Region.universe(names)
     words = {name: f"move container_{name} from here to there" for name in names}
     at = {name: Fraction(index, 3) for index, name in enumerate(names[2:])}
-    figure = plane.draw_region(region, names[:2], at=at, words=words)
+    figure = plane.draw_region(Region.universe(names), names[:2], at=at, words=words)
     assert_readable(figure, "move container_p3 from here to there = 1/3", "move container_p11 from here to there = 3")
 
 
 def test_boxes_are_told_apart_without_colours():
-    looks = [(one["linewidth"], one.get("dashes")) for one in BOX_LINES]
-    assert len(set(looks)) == len(BOX_LINES)
+    looks = [(one["linewidth"], one.get("dashes")) for one in style.BOX_LINES]
+    assert len(set(looks)) == len(style.BOX_LINES)
     # Each is narrower than those that it is drawn over.
     assert sorted(looks, key=lambda look: -look[0]) == looks
-    assert len(set(HATCHES)) == len(HATCHES) >= len(LIGHT)
-    assert len(set(STRONG)) == len(STRONG)
-
-
-def test_what_is_outside_of_a_difference_has_no_edge():
-    """The corner of the base that is cut away is not drawn, as nothing of the region is near."""
-    region = Region.difference(rectangle(0, 10, 0, 10), [polygon(le(-5, x=-1), le(-5, y=-1))])
-    figure = plane.draw_region(region, PLANE)
-    strokes = [line.get_xydata().tolist() for line in figure.axes[0].get_lines() if len(line.get_xydata()) == 2]
-    assert not any(min(x + y for x, y in stroke) > 15 + 1e-9 for stroke in strokes)
-    assert not any([10.0, 10.0] in stroke for stroke in strokes)
+    assert len(set(style.HATCHES)) == len(style.HATCHES) >= len(style.LIGHT)
+    assert len(set(style.STRONG)) == len(style.STRONG)
 
 
 def test_a_slice_says_which_boxes_do_not_hold_its_values():
-    solid = Region.universe(("x", "y", "z"))
-    boxes = {"in": Box({**BOX.intervals, "z": Interval(Fraction(0), Fraction(1))}),
-             "out": Box({**BOX.intervals, "z": Interval(Fraction(2), Fraction(3))})}  # fmt: skip
-    figure = plane.draw_region(solid, PLANE, at={"z": Fraction(1)}, boxes=boxes)
-    said = [text for text, _ in texts_of(figure)]
-    assert "box: in" in said
-    assert "box: out (not in this slice)" in said
+    boxes = {name: Box({**BOX.intervals, "z": Interval(Fraction(low), Fraction(low + 1))})
+             for name, low in (("in", 0), ("out", 2))}  # fmt: skip
+    figure = plane.draw_region(Region.universe(("x", "y", "z")), PLANE, at={"z": Fraction(1)}, boxes=boxes)
+    assert {"box: in", "box: out (not in this slice)"} <= {text for text, _ in texts_of(figure)}
     strokes = [line for line in figure.axes[0].get_lines() if line.get_label().startswith("box: out")]
     assert [len(line.get_xydata()) for line in strokes] == [0]
 
@@ -198,32 +285,52 @@ def test_a_slice_says_which_boxes_do_not_hold_its_values():
 # -- of plans ----------------------------------------------------------------------------------------------------------
 
 
-def test_names_are_words_of_actions():
-    plan = load_plan(*example(directory=EXAMPLES / "delivery"))
-    words = Words(plan).parameters
+def test_names_are_words_of_actions(tmp_path):
+    words = Words(load_plan(*example(directory=EXAMPLES / "delivery"))).parameters
     assert words["dur_n3"] == "prepare_step1 robot1 spindle1_1 base_station"
     assert named("dur_n3", words) == "prepare_step1 robot1 spindle1_1 base_station (dur_n3)"
     assert named("x", None) == "x"
+    plane.plot_comparison(compare(load_plan(*example())), tmp_path / "plan.svg", ())
+    assert ">drive scout base ridge (to_ridge)</text>" in (tmp_path / "plan.svg").read_text(encoding="utf-8")
 
 
-def test_probabilities():
-    plan = load_plan(*example())
-    both = risk(plan, ["to_ridge=normal::5", "to_crater=normal::5"], within="0.01")
-    assert_readable(
-        pictures._risk_figure(both), "take-sample scout crater needs (lit crater) all the time", "not valid"
-    )
-    one = risk(plan, ["to_ridge=normal::5", "to_crater=constant:40"], within="0.01")
-    assert_readable(pictures._risk_figure(one), "fixed: drive scout ridge crater = 40")
-
-
-def test_a_comparison_of_a_plan(tmp_path):
-    plan = load_plan(*example())
-    plane.plot_comparison(compare(plan), tmp_path / "plan.svg", ())
-    text = (tmp_path / "plan.svg").read_text(encoding="utf-8")
-    assert ">drive scout base ridge (to_ridge)</text>" in text
+@pytest.mark.parametrize(
+    ("crater", "needed"),
+    [
+        ("normal::5", ("take-sample scout crater needs (lit crater) all the time", "not valid")),
+        ("constant:40", ("fixed: drive scout ridge crater = 40",)),
+    ],
+)
+def test_probabilities(crater, needed):
+    result = risk(load_plan(*example()), ["to_ridge=normal::5", f"to_crater={crater}"], within="0.01")
+    assert_readable(pictures._risk_figure(result), *needed)
 
 
 # -- executions --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("seed", "count"), [(0, 3), (1, 20), (2, 60)])
+def test_nothing_overlaps_and_everything_is_drawn(seed, count, tmp_path):
+    random = Random(seed)  # noqa: S311 - reproducible
+    lanes = tuple(Lane(name) for name in ("ada", "bob", "human"))
+    bars = []
+    for number in range(count):
+        start = Fraction(random.randint(0, 3000), 10)
+        end = None if number == 0 else start + Fraction(random.randint(0, 400), 10)
+        bars.append(Bar(random.choice(lanes).name, start, end, f"(move place-{number})", random.choice("abc")))
+    marks = [Mark(Fraction(number * 40), random.choice(["ada", None]), f"seen {number}", "seen") for number in range(5)]
+    chart = Chart("a chart", lanes, tuple(bars), tuple(marks))
+    drawing = gantt._ChartDrawing(chart)
+    rows = {}
+    for placed in drawing._placed:
+        left, right, _ = drawing._extent(placed.item)
+        assert right <= drawing._room + 1e-6
+        assert all(right <= other_left or other_right <= left for other_left, other_right in rows.get(placed.row, ()))
+        rows.setdefault(placed.row, []).append((left, right))
+    assert len(drawing._placed) == count + sum(1 for mark in marks if mark.lane)
+    gantt.draw_chart(chart, tmp_path / "chart.svg")
+    text = (tmp_path / "chart.svg").read_text(encoding="utf-8")
+    assert all(item.label in text for item in (*bars, *marks))
 
 
 @pytest.mark.parametrize("label", ["move", LONG])
@@ -236,7 +343,86 @@ def test_charts(label):
     assert_readable(gantt._ChartDrawing(chart).figure(), "kind 8", "mark 2")
 
 
+def test_empty_charts_are_drawn_and_impossible_ones_refused(tmp_path):
+    lanes = (Lane("ada"),)
+    gantt.draw_chart(Chart("nothing", lanes, ()), tmp_path / "chart.png")
+    assert (tmp_path / "chart.png").read_bytes().startswith(b"\x89PNG")
+    for lane, start, message in (("bob", 0, "expected one of the chart's lanes"), ("ada", 2, "an end after its start")):
+        with pytest.raises(InputError, match=message):
+            gantt.draw_chart(Chart("", lanes, (Bar(lane, Fraction(start), Fraction(1), "x", "a"),)), tmp_path / "a.svg")
+
+
+def test_an_execution_shows_what_is_left_of_each_parameter(tmp_path, monkeypatch):
+    charts = []
+    monkeypatch.setattr(gantt, "draw_chart", lambda chart, _path: charts.append(chart))
+    (tmp_path / "world.toml").write_text(DAY, encoding="utf-8")
+    for executor in ("slice:60", "blex:1"):
+        world = ("--world", tmp_path / "world.toml", "--plot", tmp_path / "a.svg")
+        command("execute", *example(), *world, "--executor", executor)
+    left, blind = charts
+    ridge, crater = "parameter to_ridge", "parameter to_crater"
+    assert [(lane.name, lane.label) for lane in left.lanes] == [
+        ("scout", ""), (ridge, "to_ridge"), (crater, "to_crater")]  # fmt: skip
+    promised = [(bar.lane, bar.start, bar.end, bar.label) for bar in left.bars if bar.kind.startswith("values")]
+    assert promised == [(ridge, 0, 22, "[25, 36]"), (crater, 0, 22, "[35, 46]"), (crater, 22, 83, "[38, 53]")]
+    marks = [(mark.time, mark.lane, mark.label) for mark in left.marks]
+    assert marks == [(22, ridge, "22, outside"), (83, crater, "49")]
+    assert not [bar for bar in blind.bars if bar.kind.startswith("values")]
+    assert_readable(gantt._ChartDrawing(left).figure(), "values with which the plan succeeds", "observed", "to_crater")
+
+
 # -- plans with choices ------------------------------------------------------------------------------------------------
+
+ONE = Choice("x", ("a",), False, "e")
+
+
+@pytest.mark.parametrize(
+    "network",
+    [
+        Tpnu("empty", (), (), (), ()),
+        Tpnu("one", (ONE,), (Event("e"),), (Constraint("e", "e", None, None),), ()),
+        Tpnu("cycle", (), (Event("a"), Event("b")), (Constraint("a", "b", 0, 1), Constraint("b", "a", 0, None)), ()),
+    ],
+)
+def test_odd_networks(tmp_path, network):
+    tpnu.plot_network(network, tmp_path / "plan.svg")
+    text = (tmp_path / "plan.svg").read_text(encoding="utf-8")
+    assert all(f">{event.name}</text>" in text for event in network.events)
+
+
+def test_files_of_networks(tmp_path):
+    path = tmp_path / "plan.SVG"
+    tpnu.plot_network(kitchen(), path, links=[("e3", "e9", "$taken$"), ("e9", "e3", "backwards")])
+    text = path.read_text(encoding="utf-8")
+    names = ("get human mug", "pour robot glass", "[0.5, 2]", "xA2", "xA1 = mug", "e14", "$taken$", "backwards")
+    assert [name for name in (*names, "robot", "human") if name not in text] == []
+    assert "[0.001" not in text
+    for file, links, message in (
+        ("plan.nope", (), r"cannot write .*: format 'nope' is not supported"),
+        ("missing/plan.png", (), r"cannot write .*: no such file or directory"),
+        ("plan.png", [("e99", "e1", "p")], "causal link at event 'e99'"),
+    ):
+        with pytest.raises(InputError, match=message):
+            tpnu.plot_network(kitchen(), tmp_path / file, links=links)
+
+
+sizes = st.tuples(st.floats(0.1, 2), st.floats(0.1, 2))
+
+
+@given(st.lists(sizes, min_size=1, max_size=9), st.data())
+def test_layouts_do_not_overlap(sizes, data):
+    nodes = dict(enumerate(sizes))
+    edges = data.draw(st.lists(st.tuples(st.sampled_from(sorted(nodes)), st.sampled_from(sorted(nodes))), max_size=12))
+    layout = tpnu.layered(nodes, edges, [0.5] * len(edges))
+    assert set(layout.places) == set(nodes)
+    for one, other in combinations(nodes, 2):
+        (x, y), (x2, y2) = layout.places[one], layout.places[other]
+        wide, high = (nodes[one][0] + nodes[other][0]) / 2, (nodes[one][1] + nodes[other][1]) / 2
+        assert abs(x - x2) >= wide - 1e-9 or abs(y - y2) >= high - 1e-9
+    for (source, target), route in zip(edges, layout.routes, strict=True):
+        assert (route[0], route[-1]) == (layout.places[source], layout.places[target])
+    if all(source < target for source, target in edges):
+        assert all(layout.places[source][0] < layout.places[target][0] for source, target in edges)
 
 
 @pytest.mark.parametrize("name", ["kitchen", "wing"])
@@ -253,10 +439,9 @@ def test_plans_with_their_links(name):
         half = drawing._sizes[node][0] / 2
         low, high = spans.get(x, (x, x))
         spans[x] = (min(low, x - half), max(high, x + half))
-    wiring = drawing._wiring
-    for across in (*wiring.rises.values(), *wiring.falls.values()):
-        assert not any(low <= across <= high for low, high in spans.values())
-    assert len(set(wiring.rises.values()) | set(wiring.falls.values())) == len(wiring.rises) + len(wiring.falls)
+    rises, falls = drawing._wiring.rises.values(), drawing._wiring.falls.values()
+    assert not any(low <= across <= high for across in (*rises, *falls) for low, high in spans.values())
+    assert len({*rises, *falls}) == len(rises) + len(falls)
     # And everything is within the axes.
     axes = figure.axes[0]
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
@@ -270,35 +455,9 @@ def test_plans_with_their_links(name):
 def test_choices_by_parameters(tmp_path, monkeypatch):
     figures = []
     monkeypatch.setattr(plane, "save", lambda draw, _path: figures.append(draw()))
-    kitchen = EXAMPLES / "kitchen" / "kitchen.tpnu.json"
     specifications = ("coffee=duration:make-coffee", "limit=at-most:e1:e44", "cup=duration:(get human mug)")
-    asked = [kitchen, *(f"--parameter={text}" for text in specifications), "-q"]
-    region = command("pike", "region", *asked, "--axes", "coffee,limit", "--plot", tmp_path / "a.svg")
-    envelope = command("pike", "envelope", *asked, "--for-all", "xA1", "--plot", tmp_path / "b.svg")
-    assert (region.code, envelope.code) == (0, 0)
+    asked = [EXAMPLES / "kitchen" / "kitchen.tpnu.json", *(f"--parameter={text}" for text in specifications), "-q"]
+    assert command("pike", "region", *asked, "--axes", "coffee,limit", "--plot", tmp_path / "a.svg").code == 0
+    assert command("pike", "envelope", *asked, "--for-all", "xA1", "--plot", tmp_path / "b.svg").code == 0
     assert_readable(figures[0], "fixed: cup = 0.5", "no correct execution found", "nominal values")
     assert_readable(figures[1], "box", "nominal values")
-
-
-def test_an_execution_shows_what_is_left_of_each_parameter(tmp_path, monkeypatch):
-    drawn = []
-    monkeypatch.setattr(gantt, "draw_chart", lambda chart, _path: drawn.append(chart))
-    (tmp_path / "world.toml").write_text(DAY, encoding="utf-8")
-    asked = ("execute", *example(), "--world", tmp_path / "world.toml", "--plot", tmp_path / "a.svg")
-    for executor in ("slice:60", "blex:1"):
-        command(*asked, "--executor", executor)
-    left, blind = drawn
-    assert [(lane.name, lane.label) for lane in left.lanes] == [
-        ("scout", ""), ("parameter to_ridge", "to_ridge"), ("parameter to_crater", "to_crater")
-    ]  # fmt: skip
-    promised = [(bar.lane, bar.start, bar.end, bar.label) for bar in left.bars if bar.kind.startswith("values")]
-    assert promised == [
-        ("parameter to_ridge", 0, 22, "[25, 36]"),
-        ("parameter to_crater", 0, 22, "[35, 46]"),
-        ("parameter to_crater", 22, 83, "[38, 53]"),
-    ]
-    assert [(mark.time, mark.lane, mark.label) for mark in left.marks] == [
-        (22, "parameter to_ridge", "22, outside"), (83, "parameter to_crater", "49")
-    ]  # fmt: skip
-    assert not [bar for bar in blind.bars if bar.kind.startswith("values")]
-    assert_readable(gantt._ChartDrawing(left).figure(), "values with which the plan succeeds", "observed", "to_crater")

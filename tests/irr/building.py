@@ -2,26 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 from hypothesis import strategies as st
 
 from robust.irr.containment import Questions
-from robust.plan.load import load_plan
-from robust.plan.model import ZERO, Parameter, ParametrizedPlan
+from robust.plan.load import assemble, load_plan
+from robust.plan.model import ZERO, Parameter, ParametrizedPlan, TimePoint
+from robust.plan.parameters import parse_specs
+from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.polynomial import Polynomial
+from robust.plan.stn import parse_stn
 from robust.qe.box import Box
 from robust.smt.session import Satisfiability, Session
 from tests.plan.building import DURATION, END, action, at, at_least, at_most, between, number, plan_of, reference
+from tests.sampling import bound_value
 from tests.strategies import plans
 
 EXAMPLES = Path(__file__).parents[2] / "robust" / "examples"
 
 
-def shipped(name: str, *specs: str) -> ParametrizedPlan:
-    files = (EXAMPLES / name / file for file in ("domain.pddl", "problem.pddl", "plan.stn"))
+def shipped(name: str, *specs: str, plan: str = "plan.stn") -> ParametrizedPlan:
+    files = (EXAMPLES / name / file for file in ("domain.pddl", "problem.pddl", plan))
     return load_plan(*files, parameters=specs)
+
+
+def assembled(domain: str, problem: str, plan: str, *specs: str) -> ParametrizedPlan:
+    """A plan of three texts."""
+    read = parse_domain(domain)
+    return assemble(read, parse_problem(problem, read), parse_stn(plan), parse_specs(specs))
 
 
 def parametric(**options) -> st.SearchStrategy[ParametrizedPlan]:
@@ -51,6 +63,37 @@ def loose(k: int) -> ParametrizedPlan:
     i, early = action("i"), reference("k")
     constraints = (between(ZERO, i.start, early), between(i.start, i.end, 1), between(ZERO, i.end, None, early + 2))
     return plan_of(i, parameters=(parameter("k", k),), constraints=constraints)
+
+
+def earliest(bounds: Iterable, times: dict, zero: Any) -> dict | None:
+    """The least times from these on with (source, target, least) kept, by plain iteration; None if zero is late."""
+    for _ in range(len(times) + 1):
+        before = dict(times)
+        for source, target, least in bounds:
+            times[target] = max(times[target], times[source] + least)
+        if times == before:
+            return None if times.get(zero, 0) > 0 else times
+    return None
+
+
+def both_ways(constraint: tuple, source: Any, target: Any, value: Callable) -> Iterator[tuple]:
+    """What (lower, upper) of a constraint say: lower bounds in both directions."""
+    for bound, *ends, sign in ((constraint[0], source, target, 1), (constraint[1], target, source, -1)):
+        if bound is not None:
+            yield *ends, sign * value(bound)
+
+
+def schedule_of(
+    plan: ParametrizedPlan, values: Mapping[str, Fraction], *extra: tuple
+) -> dict[TimePoint, Fraction] | None:
+    """The earliest schedule of a plan, with further lower bounds; None if there is none."""
+    bounds = [
+        bound
+        for one in plan.constraints
+        for bound in both_ways((one.lower, one.upper), one.source, one.target, lambda end: bound_value(end, values))
+    ]
+    times = {point: point.time or Fraction(0) for point in plan.time_points}
+    return earliest([*bounds, *extra], times, plan.time_points[0])
 
 
 def ask_solvers(monkeypatch) -> None:

@@ -19,38 +19,36 @@ from robust.irr.check import Answer, Checker, CheckResult
 from robust.irr.conflicts import RepairStatus
 from robust.irr.quantities import Changeable, Cost
 from robust.irr.repair import RepairSearch
-from robust.plan.load import load_plan
-from robust.plan.model import Bound, ParametrizedPlan, TemporalConstraint
+from robust.plan.model import ParametrizedPlan
 from robust.plan.polynomial import Polynomial
 from robust.qe.box import Box, Interval
 from robust.smt.limits import Deadline, OutOfTimeError
-from tests.irr.building import EXAMPLES
+from tests.irr.building import shipped
 from tests.plan.building import action, at, between, plan_of
 from tests.strategies import plans
 
 AMOUNTS = [Fraction(1, 4), Fraction(1, 2), Fraction(1), Fraction(3, 2), Fraction(2), Fraction(3), Fraction(5)]
 RANGE = Fraction(10)
 SIDES = ("lower", "upper")
-
-
-def navigation(plan: str) -> ParametrizedPlan:
-    folder = EXAMPLES / "two_sample_navigation"
-    return load_plan(folder / "domain.pddl", folder / "problem.pddl", folder / plan)
+VALID = shipped("two_sample_navigation")
+FLEXIBLE = shipped("two_sample_navigation", plan="plan-flexible-wait.stn")
+NIGHT = "drive_3 drive: over all (daylight)"
 
 
 def is_proved(plan: ParametrizedPlan, box: Box | None = None) -> bool:
     """By the check alone; a network without any schedule is no proof."""
     try:
-        found = Checker(RelationalEncoding(plan), box or Box.nominal(plan.parameters)).run()
+        return Checker(RelationalEncoding(plan), box or Box.nominal(plan.parameters)).run().answer is Answer.PROVED
     except InputError:
         return False
-    return found.answer is Answer.PROVED
+
+
+# -- drawn plans -------------------------------------------------------------------------------------------------------
 
 
 def with_bound(plan: ParametrizedPlan, index: int, side: str, value: Fraction) -> ParametrizedPlan | None:
     """The plan with another bound; None if lower and upper one would be the wrong way round."""
-    bound: Bound = Polynomial.constant(value)
-    moved: TemporalConstraint = replace(plan.constraints[index], **{side: bound})
+    moved = replace(plan.constraints[index], **{side: Polynomial.constant(value)})
     low, high = moved.lower, moved.upper
     if low is not None and high is not None and (high - low).is_constant and (high - low).constant_term < 0:
         return None
@@ -87,58 +85,24 @@ def broken(draw: st.DrawFn) -> ParametrizedPlan:
     return plan
 
 
-COUNTS = [5, pytest.param(50, marks=pytest.mark.slow)]
-
-
-def holds_for(count: int, statement: Callable[..., None], *strategies: st.SearchStrategy[object]) -> None:
-    """The statement holds for so many drawn examples."""
-    settings(max_examples=count, deadline=None)(given(*strategies)(statement))()
-
-
-@given(broken(), st.booleans(), st.booleans())
-@settings(max_examples=6, deadline=None)
-def test_repairs_are_proved_and_no_change_of_one_bound_is_cheaper(plan, count, reorder) -> None:
-    confirm_repair(plan, count=count, reorder=reorder)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("number", range(20))
-def test_two_hundred_repairs(number) -> None:
-    """Twenty times ten, since plans that are drawn one after the other are often alike."""
-
-    @seed(number)
-    @settings(max_examples=10, deadline=None, database=None, suppress_health_check=list(HealthCheck))
-    @given(broken(), st.booleans(), st.booleans())
-    def ten(plan, count, reorder) -> None:
-        confirm_repair(plan, count=count, reorder=reorder)
-
-    ten()
-
-
-def confirm_repair(plan: ParametrizedPlan, *, count: bool, reorder: bool) -> None:
+def confirm_repair(plan: ParametrizedPlan, count: bool, reorder: bool) -> None:
     """The result is proved, and no plan of the grid that costs less is."""
-    found = RepairSearch(plan, count=count, reorder=reorder).run()
-    assert found.status in {RepairStatus.OPTIMAL, RepairStatus.IMPOSSIBLE}
+    repair = RepairSearch(plan, count=count, reorder=reorder).run()
+    assert repair.status in {RepairStatus.OPTIMAL, RepairStatus.IMPOSSIBLE}
     limit, single = RANGE, 1 if count else 0
-    if found.cost is not None:
-        assert found.plan is not None
-        assert is_proved(found.plan)
-        assert all(change.serves for change in found.changes)
-        assert found.bound.count == found.cost.count
-        assert found.bound.total == found.cost.total or not found.attained
-        limit = found.bound.total if found.cost.count <= single else RANGE
+    if repair.cost is not None:
+        assert is_proved(repair.plan)
+        assert all(change.serves for change in repair.changes)
+        assert repair.bound.count == repair.cost.count
+        assert repair.bound.total == repair.cost.total or not repair.attained
+        limit = repair.bound.total if repair.cost.count <= single else RANGE
     else:
-        assert found.contradiction
+        assert repair.contradiction
     assert not any(map(is_proved, cheaper(plan, limit, reorder=reorder)))
 
 
-@pytest.mark.parametrize("count", COUNTS)
-def test_what_is_called_impossible_at_once_is_so_after_a_search(count) -> None:
-    """Where no schedule keeps all obligations, whatever is changed."""
-    holds_for(count, confirm_impossible, broken(), st.data())
-
-
-def confirm_impossible(plan, data) -> None:
+def confirm_impossible(plan: ParametrizedPlan, data: st.DataObject) -> None:
+    """Where no schedule keeps all obligations, whatever is changed, a search ends there as well."""
     required = {}
     for one in plan.parameters:
         if data.draw(st.booleans(), label=f"require {one.name}"):
@@ -152,10 +116,107 @@ def confirm_impossible(plan, data) -> None:
     assert bool(quick.contradiction) == (quick.status is RepairStatus.IMPOSSIBLE)
 
 
-def test_what_no_schedule_keeps_is_impossible_without_a_search() -> None:
-    found = robust.repair(navigation("plan-flexible-wait.stn"), require=["to_crater=38:900"])
-    assert (found.status, found.candidates) == (RepairStatus.IMPOSSIBLE, 1)
-    assert found.contradiction == ("drive_2 drive: over all (daylight)",)
+def confirm_fewest(plan: ParametrizedPlan) -> None:
+    """Fewest changes are no more, and least sums cost no more."""
+    least, fewest = RepairSearch(plan).run(), RepairSearch(plan, count=True).run()
+    assert (least.plan is None) == (fewest.plan is None)
+    if least.plan is not None and least.cost is not None and fewest.cost is not None:
+        assert len(fewest.changes) <= len(least.changes)
+        # A bound that was infinite comes for nothing in the sum, but not where as few as possible are made finite.
+        assert any(one.cost is None for one in fewest.changes) or least.bound.total <= fewest.cost.total
+
+
+def confirm_gap(plan: ParametrizedPlan, steps: int) -> None:
+    """When time is out, the least cost is between the bound and the cost of the best repair so far, which is proved."""
+    least, left = RepairSearch(plan).run(), steps
+    search = RepairSearch(plan)
+    original = search.violated
+
+    def until(candidate):
+        nonlocal left
+        left -= 1
+        if left < 0:
+            raise OutOfTimeError
+        return original(candidate)
+
+    search.violated = until
+    repair = search.run()
+    if left >= 0:
+        assert (repair.status, repair.bound) == (least.status, least.bound)
+        return
+    assert repair.cut_short
+    assert least.cost is None or repair.bound <= least.bound
+    if repair.plan is not None:
+        assert least.bound <= repair.cost
+        assert is_proved(repair.plan)
+
+
+@pytest.mark.parametrize("count", [4, pytest.param(50, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("statement", "strategies"),
+    [
+        (confirm_repair, (broken(), st.booleans(), st.booleans())),
+        (confirm_impossible, (broken(), st.data())),
+        (confirm_fewest, (broken(),)),
+        (confirm_gap, (broken(), st.integers(1, 12))),
+    ],
+)
+def test_repairs_of_drawn_plans(statement: Callable[..., None], strategies, count) -> None:
+    settings(max_examples=count, deadline=None)(given(*strategies)(statement))()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(20))
+def test_two_hundred_repairs(number) -> None:
+    """Twenty times ten, since plans that are drawn one after the other are often alike."""
+    health = {"database": None, "suppress_health_check": list(HealthCheck)}
+    asked = given(broken(), st.booleans(), st.booleans())(confirm_repair)
+    seed(number)(settings(max_examples=10, deadline=None, **health)(asked))()
+
+
+# -- known repairs -----------------------------------------------------------------------------------------------------
+
+
+def test_one_bound_repairs_the_flexible_wait() -> None:
+    repair = robust.repair(FLEXIBLE)
+    assert (repair.status, repair.check.answer, repair.cut_short) == (RepairStatus.OPTIMAL, Answer.PROVED, False)
+    assert repair.cost == repair.bound == Cost(0, Fraction(4))
+    (change,) = repair.changes
+    assert change.words == "drive_2.start at most 16 after sample_1.end instead of 20"
+    assert str(change) == "c: drive_2.start - sample_1.end in [1, 20] (line 17): upper bound 20 to 16"
+    assert (change.part, change.location.line, change.serves) == ("upper", 17, (NIGHT,))
+
+
+def test_an_endless_wait_gets_a_limit_as_wide_as_can_be() -> None:
+    index = next(i for i, one in enumerate(FLEXIBLE.constraints) if one.upper == Polynomial.constant(Fraction(20)))
+    endless = replace(FLEXIBLE.constraints[index], upper=None)
+    constraints = (*FLEXIBLE.constraints[:index], endless, *FLEXIBLE.constraints[index + 1 :])
+    repair = robust.repair(replace(FLEXIBLE, constraints=constraints))
+    (change,) = repair.changes
+    assert (repair.cost, change.cost) == (Cost(1, Fraction(0)), None)
+    assert change.words == "drive_2.start at most 16 after sample_1.end, where there was no limit"
+
+
+def test_nominal_values_change_by_weight_and_within_their_bounds() -> None:
+    ridge, crater = (replace(one, weight=Fraction(w)) for one, w in zip(FLEXIBLE.parameters, (1, 3), strict=True))
+    repair = robust.repair(replace(FLEXIBLE, parameters=(ridge, crater)), change="nominal")
+    assert [change.words for change in repair.changes] == ["to_ridge 26 instead of 30"]
+    kept = replace(FLEXIBLE, parameters=(replace(ridge, lower=Fraction(28)), crater))
+    assert robust.repair(kept, change="nominal").cost == Cost(0, Fraction(2 + 2 * 3))
+    assert robust.repair(kept, change="nominal", count=True).cost == Cost(1, Fraction(12))
+
+
+def test_what_is_required_holds() -> None:
+    assert robust.repair(VALID).status is RepairStatus.UNNEEDED
+    required = {"to_crater": Interval(Fraction(35), Fraction(60))}
+    repair = robust.repair(VALID, require=required)
+    box = Box.nominal(VALID.parameters).replace("to_crater", required["to_crater"])
+    assert not is_proved(VALID, box)
+    assert repair.contradiction if repair.plan is None else is_proved(repair.plan, box)
+    wide = robust.repair(FLEXIBLE, require=["to_crater=38:44", "to_ridge=25:35"])
+    assert [change.words for change in wide.changes] == ["drive_2.start at most 7 after sample_1.end instead of 20"]
+    both = robust.repair(FLEXIBLE, require={"to_crater": 44}, change="nominal")
+    assert [change.quantity.name for change in both.changes] == ["to_ridge"]
 
 
 def test_an_end_that_is_not_required_is_no_point_to_ask_about() -> None:
@@ -165,116 +226,38 @@ def test_an_end_that_is_not_required_is_no_point_to_ask_about() -> None:
     assert all(value in required[name] for name, value in high.items())
 
 
-@pytest.mark.parametrize("count", COUNTS)
-def test_fewest_changes_are_no_more_and_least_sums_cost_no_more(count) -> None:
-    holds_for(count, confirm_fewest, broken())
-
-
-def confirm_fewest(plan) -> None:
-    least, fewest = RepairSearch(plan).run(), RepairSearch(plan, count=True).run()
-    assert (least.plan is None) == (fewest.plan is None)
-    if least.plan is not None and least.cost is not None and fewest.cost is not None:
-        assert len(fewest.changes) <= len(least.changes)
-        # A bound that was infinite comes for nothing in the sum, but not where as few as possible are made finite.
-        assert any(one.cost is None for one in fewest.changes) or least.bound.total <= fewest.cost.total
-
-
-def test_one_bound_repairs_the_flexible_wait() -> None:
-    found = robust.repair(navigation("plan-flexible-wait.stn"))
-    assert found.status is RepairStatus.OPTIMAL
-    assert found.cost == found.bound == Cost(0, Fraction(4))
-    (change,) = found.changes
-    assert change.words == "drive_2.start at most 16 after sample_1.end instead of 20"
-    assert str(change) == "c: drive_2.start - sample_1.end in [1, 20] (line 17): upper bound 20 to 16"
-    assert change.serves == ("drive_3 drive: over all (daylight)",)
-    assert (change.part, change.location and change.location.line) == ("upper", 17)
-    assert found.check is not None
-    assert found.check.answer is Answer.PROVED
-    assert not found.cut_short
-
-
-def test_nominal_values_change_by_weight_and_within_their_bounds() -> None:
-    plan = navigation("plan-flexible-wait.stn")
-    heavy = [replace(one, weight=Fraction(3 if one.name == "to_crater" else 1)) for one in plan.parameters]
-    found = robust.repair(replace(plan, parameters=tuple(heavy)), change="nominal")
-    assert [change.words for change in found.changes] == ["to_ridge 26 instead of 30"]
-    kept = [replace(one, lower=Fraction(28)) if one.name == "to_ridge" else one for one in heavy]
-    found = robust.repair(replace(plan, parameters=tuple(kept)), change="nominal")
-    assert found.cost == Cost(0, Fraction(2 + 2 * 3))
-    fewest = robust.repair(replace(plan, parameters=tuple(kept)), change="nominal", count=True)
-    assert fewest.cost == Cost(1, Fraction(12))
-
-
-def test_what_is_required_holds() -> None:
-    plan = navigation("plan.stn")
-    assert robust.repair(plan).status is RepairStatus.UNNEEDED
-    required = {"to_crater": Interval(Fraction(35), Fraction(60))}
-    found = robust.repair(plan, require=required)
-    box = Box.nominal(plan.parameters).replace("to_crater", required["to_crater"])
-    if found.plan is None:
-        assert found.contradiction
-        assert not is_proved(plan, box)
-    else:
-        assert is_proved(found.plan, box)
-        assert not is_proved(plan, box)
-    flexible = navigation("plan-flexible-wait.stn")
-    wide = robust.repair(flexible, require=["to_crater=38:44", "to_ridge=25:35"])
-    assert [change.words for change in wide.changes] == ["drive_2.start at most 7 after sample_1.end instead of 20"]
-    both = robust.repair(flexible, require={"to_crater": 44}, change="nominal")
-    assert [change.quantity.name for change in both.changes] == ["to_ridge"]
-
-
-def test_an_endless_wait_gets_a_limit_as_wide_as_can_be() -> None:
-    plan = navigation("plan-flexible-wait.stn")
-    index = next(i for i, one in enumerate(plan.constraints) if one.upper == Polynomial.constant(Fraction(20)))
-    endless = replace(plan.constraints[index], upper=None)
-    plan = replace(plan, constraints=(*plan.constraints[:index], endless, *plan.constraints[index + 1 :]))
-    found = robust.repair(plan)
-    assert found.cost == Cost(1, Fraction(0))
-    assert [change.words for change in found.changes] == [
-        "drive_2.start at most 16 after sample_1.end, where there was no limit"
-    ]
-    assert found.changes[0].cost is None
-
-
 def test_a_network_without_schedule_is_repaired_too() -> None:
     i = action("i")
     plan = plan_of(i, constraints=(at(i.start, 2), between(i.start, i.end, 3, 4), at(i.end, 1)))
-    found = RepairSearch(plan, kinds=(Changeable.BOUND,)).run()
-    assert found.status is RepairStatus.OPTIMAL
-    assert found.cost == Cost(0, Fraction(4))
-    assert found.plan is not None
-    assert is_proved(found.plan)
-    assert all(text.startswith("no schedule: ") for change in found.changes for text in change.serves)
+    repair = RepairSearch(plan, kinds=(Changeable.BOUND,)).run()
+    assert (repair.status, repair.cost) == (RepairStatus.OPTIMAL, Cost(0, Fraction(4)))
+    assert is_proved(repair.plan)
+    assert all(text.startswith("no schedule: ") for change in repair.changes for text in change.serves)
 
 
 def test_what_cannot_be_repaired_names_what_contradicts() -> None:
-    plan = navigation("plan-flexible-wait.stn")
-    required = {"to_crater": Interval(Fraction(0), Fraction(1000))}
-    found = robust.repair(plan, require=required)
-    assert found.status is RepairStatus.IMPOSSIBLE
-    assert found.plan is None
-    assert not found.changes
-    assert found.contradiction
-    declared = replace(plan, parameters=tuple(replace(one, upper=Fraction(50)) for one in plan.parameters))
-    found = robust.repair(declared, require=required)
-    assert any("ub 50" in reason for reason in found.contradiction)
+    at_once = robust.repair(FLEXIBLE, require=["to_crater=38:900"])
+    assert (at_once.status, at_once.candidates) == (RepairStatus.IMPOSSIBLE, 1)
+    assert (at_once.plan, list(at_once.changes)) == (None, [])
+    assert at_once.contradiction == ("drive_2 drive: over all (daylight)",)
+    declared = replace(FLEXIBLE, parameters=tuple(replace(one, upper=Fraction(50)) for one in FLEXIBLE.parameters))
+    repair = robust.repair(declared, require={"to_crater": Interval(Fraction(0), Fraction(1000))})
+    assert any("ub 50" in reason for reason in repair.contradiction)
+
+
+# -- limits and options ------------------------------------------------------------------------------------------------
 
 
 def test_out_of_time_and_interrupted(monkeypatch) -> None:
-    plan = navigation("plan-flexible-wait.stn")
-    found = robust.repair(plan, timeout=0)
-    assert found.status is RepairStatus.UNKNOWN
-    assert found.cut_short
-    assert not found.interrupted
-    monkeypatch.setattr(RepairSearch, "best_known", _interrupt)
-    found = robust.repair(plan)
-    assert found.interrupted
-    assert found.status is RepairStatus.UNKNOWN
+    late = robust.repair(FLEXIBLE, timeout=0)
+    assert (late.status, late.cut_short, late.interrupted) == (RepairStatus.UNKNOWN, True, False)
 
+    def interrupt(_search: RepairSearch) -> None:
+        raise KeyboardInterrupt
 
-def _interrupt(_search: RepairSearch) -> None:
-    raise KeyboardInterrupt
+    monkeypatch.setattr(RepairSearch, "best_known", interrupt)
+    ended = robust.repair(FLEXIBLE)
+    assert (ended.status, ended.interrupted) == (RepairStatus.UNKNOWN, True)
 
 
 def test_the_best_so_far_has_a_gap(monkeypatch) -> None:
@@ -288,44 +271,10 @@ def test_the_best_so_far_has_a_gap(monkeypatch) -> None:
 
     monkeypatch.setattr(RepairSearch, "best_known", once)
     costs: list[Cost] = []
-    search = RepairSearch(navigation("plan-flexible-wait.stn"), on_repair=costs.append, deadline=Deadline.after(60))
-    found = search.run()
-    assert found.status is RepairStatus.FEASIBLE
-    assert found.bound == Cost()
-    assert found.cost == costs[-1]
+    search = RepairSearch(FLEXIBLE, on_repair=costs.append, deadline=Deadline.after(60))
+    repair = search.run()
+    assert (repair.status, repair.bound, repair.cost) == (RepairStatus.FEASIBLE, Cost(), costs[-1])
     assert search.so_far(timed_out=True).status is RepairStatus.FEASIBLE
-
-
-@pytest.mark.parametrize("count", COUNTS)
-def test_whenever_time_is_out_the_gap_holds(count) -> None:
-    """The least cost is between the bound and the cost of the best repair so far, which is proved."""
-    holds_for(count, confirm_gap, broken(), st.integers(1, 12))
-
-
-def confirm_gap(plan, steps) -> None:
-    least, left = RepairSearch(plan).run(), steps
-    search = RepairSearch(plan)
-    original = search.violated
-
-    def until(candidate):
-        nonlocal left
-        left -= 1
-        if left < 0:
-            raise OutOfTimeError
-        return original(candidate)
-
-    search.violated = until
-    found = search.run()
-    if left >= 0:
-        assert (found.status, found.bound) == (least.status, least.bound)
-        return
-    assert found.cut_short
-    if least.cost is not None:
-        assert found.bound <= least.bound
-    if found.plan is not None:
-        assert found.cost is not None
-        assert least.bound <= found.cost
-        assert is_proved(found.plan)
 
 
 def test_a_check_that_disagrees_is_an_error(monkeypatch) -> None:
@@ -334,14 +283,17 @@ def test_a_check_that_disagrees_is_an_error(monkeypatch) -> None:
 
     monkeypatch.setattr(repairs.Checker, "run", refuting)
     with pytest.raises(SolverError, match="does not confirm a repair"):
-        robust.repair(navigation("plan-flexible-wait.stn"))
+        robust.repair(FLEXIBLE)
 
 
-def test_wrong_options() -> None:
-    plan = navigation("plan.stn")
-    with pytest.raises(InputError, match="unknown parameter 'to_crate'"):
-        robust.repair(plan, require={"to_crate": 1})
-    with pytest.raises(InputError, match="expected LOW:HIGH with LOW not above HIGH"):
-        robust.repair(plan, require=["to_crater=3:1"])
-    with pytest.raises(InputError, match="unknown change"):
-        robust.repair(plan, change="all")
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"require": {"to_crate": 1}}, "unknown parameter 'to_crate'"),
+        ({"require": ["to_crater=3:1"]}, "expected LOW:HIGH with LOW not above HIGH"),
+        ({"change": "all"}, "unknown change"),
+    ],
+)
+def test_wrong_options(options, message) -> None:
+    with pytest.raises(InputError, match=message):
+        robust.repair(VALID, **options)

@@ -16,7 +16,7 @@ from robust.qe.box import Box, Interval
 from robust.searching import Status
 from robust.smt.limits import NEVER
 from tests.irr.building import parametric, shipped
-from tests.irr.test_exact import assert_maximal
+from tests.irr.test_boxes import assert_maximal
 from tests.plan.building import drawn
 
 F = Fraction

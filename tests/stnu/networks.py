@@ -1,9 +1,15 @@
 """Random networks as files hold them, and slow ways to judge them that share no code with the package."""
 
+from contextlib import suppress
 from fractions import Fraction
 from itertools import product
+from random import Random
 
+import pytest
+
+from robust.errors import InputError
 from robust.stnu import Link, Network
+from tests.network import oracles
 
 
 def network(*links, origin=None):
@@ -16,22 +22,15 @@ def network(*links, origin=None):
     return Network("test", tuple(nodes), tuple(made), origin)
 
 
-def random_network(rng, executable=3, contingents=2, requirements=5, size=5, *, negative=True, chained=True):
+def random_network(rng, executable=3, contingents=2, requirements=5, size=5):
     """The links of a random network with integer bounds; a contingent link may end before it starts."""
     names = [f"x{i}" for i in range(executable)]
     ends = [f"c{i}" for i in range(contingents)]
     links = []
     for number, end in enumerate(ends):
-        low = rng.randint(-size // 2 if negative and rng.random() < 0.4 else 0, size)
-        links.append(
-            (
-                rng.choice([*names, *(ends[:number] if chained else [])]),
-                end,
-                low,
-                low + rng.randint(0, size),
-                "contingent",
-            )
-        )
+        low = rng.randint(-size // 2 if rng.random() < 0.4 else 0, size)
+        source = rng.choice([*names, *ends[:number]])
+        links.append((source, end, low, low + rng.randint(0, size), "contingent"))
     for _ in range(requirements):
         source, target = rng.sample([*names, *ends], 2)
         low = rng.choice([None, rng.randint(-size, size)])
@@ -53,6 +52,26 @@ def explicit(links):
         else:
             contingents.append((source, target, low, high))
     return requirements, contingents
+
+
+def drawn(seeds, *shape):
+    """Random networks that do not contradict themselves, with their seeds and the generators that go on."""
+    for seed in seeds:
+        rng = Random(seed)  # noqa: S311
+        with suppress(InputError):
+            yield seed, rng, network(*random_network(rng, *shape))
+
+
+def dynamic_by_reductions(found):
+    """Whether a network is controllable by the rules of the literature."""
+    links = [(x.source, x.target, x.lower, x.upper, *(["contingent"] if x.is_contingent else [])) for x in found.links]
+    return oracles.dynamic_by_reductions(oracles.network(*explicit(links)))
+
+
+def short_and_long(short, long):
+    """Seeds for all runs and for slow ones, each with how many networks there are at least."""
+    values = [(range(short[0]), *short[1:]), pytest.param(range(1000, long[0]), *long[1:], marks=pytest.mark.slow)]
+    return pytest.mark.parametrize(("seeds", "least"), values, ids=["short", "long"])
 
 
 def corners(lengths):

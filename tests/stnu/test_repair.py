@@ -9,109 +9,88 @@ import pytest
 import z3
 
 from robust import stnu
-from robust.errors import InputError
 from robust.irr.conflicts import Candidate
-from robust.smt.limits import Deadline
+from robust.smt.limits import NEVER
 from robust.stnu import RepairStatus, Side
 from robust.stnu.repairs import NetworkRepairSearch
 from tests.network import oracles
-from tests.stnu.networks import explicit, network, random_network
+from tests.stnu.networks import drawn, dynamic_by_reductions, network, short_and_long
 
 LATE = network(("A", "C", 1, 10, "contingent"), ("C", "D", 1, 2), ("A", "D", None, 8))
 ONE = Fraction(1)
 
 
-def slow(*values):
-    return pytest.param(*values, marks=pytest.mark.slow)
-
-
 def refuted(seeds, *shape):
     """Random networks that are not controllable, with random weights."""
-    for seed in seeds:
-        rng = Random(seed)  # noqa: S311
-        try:
-            found = network(*random_network(rng, *shape))
-        except InputError:
-            continue
+    for seed, rng, found in drawn(seeds, *shape):
         if not stnu.check(found).is_controllable:
-            weights = {(link.source, link.target): Fraction(rng.randint(1, 4)) for link in found.links}
-            yield seed, found, weights
+            yield seed, found, {(link.source, link.target): Fraction(rng.randint(1, 4)) for link in found.links}
 
 
-def controllable(found):
-    """By the rules of the literature instead of the package's algorithm."""
-    links = [
-        (one.source, one.target, one.lower, one.upper, *(["contingent"] if one.is_contingent else []))
-        for one in found.links
-    ]
-    return oracles.dynamic_by_reductions(oracles.network(*explicit(links)))
+def with_bounds(found, bound_of):
+    """The network with other bounds of its links; None if a link is empty then."""
+    links = []
+    for at, link in enumerate(found.links):
+        lower, upper = (None if link.bound(side) is None else bound_of(at, link, side) for side in Side)
+        if lower is not None and upper is not None and lower > upper:
+            return None
+        links.append(stnu.Link(link.source, link.target, lower, upper, link.is_contingent))
+    return found.with_links(links)
 
 
-@pytest.mark.parametrize(("seeds", "least"), [(range(150), 50), slow(range(1000, 3000), 600)], ids=["short", "long"])
+@short_and_long((100, 35), (3000, 600))
 def test_a_repaired_network_is_controllable_and_a_cent_less_is_not_enough(seeds, least):
     repaired = 0
     for seed, found, weights in refuted(seeds, 4, 3, 6, 5):
         result = stnu.repair(found, weights=weights)
         assert result.status is RepairStatus.OPTIMAL, seed
-        assert controllable(result.network), seed
+        assert dynamic_by_reductions(result.network), seed
         assert result.cost == result.bound > 0
         assert result.cost == sum(one.amount * weights[one.link.source, one.link.target] for one in result.changes)
+        new = {(one.link, one.side): one.new for one in result.changes}
         for one in result.changes:
             assert (one.new > one.old) is ((one.side is Side.UPPER) != one.link.is_contingent), (seed, str(one))
             assert one.serves
-        for one in result.changes:
-            others = tuple(other for other in result.changes if other is not one)
-            assert not controllable(changed(found, others, one, Fraction(99, 100))), (seed, str(one))
+            less = new | {(one.link, one.side): one.old + (one.new - one.old) * Fraction(99, 100)}
+            nearly = with_bounds(found, lambda _, link, side, less=less: less.get((link, side), link.bound(side)))
+            assert not dynamic_by_reductions(nearly), (seed, str(one))
         repaired += 1
     assert repaired >= least
 
 
-def changed(found, others, last, share):
-    """The network with all changes but the last, of which it has only a share."""
-    sides = {(one.link, one.side): one.new for one in others}
-    sides[last.link, last.side] = last.old + (last.new - last.old) * share
-    links = []
-    for link in found.links:
-        lower, upper = (sides.get((link, side), link.bound(side)) for side in (Side.LOWER, Side.UPPER))
-        links.append(stnu.Link(link.source, link.target, lower, upper, link.is_contingent))
-    return found.with_links(links)
-
-
 def by_z3(found, weights):
     """The cheapest changes, by z3's optimisation over all conflicts that the changes of its answers leave."""
-    search = NetworkRepairSearch(found, ONE, ONE, weights, Deadline())
+    search = NetworkRepairSearch(found, ONE, ONE, weights, NEVER)
     optimiser = z3.Optimize()
-    names = {}
+    names, costs = {}, []
     for number, link in enumerate(found.links):
-        for side in Side:
-            if link.bound(side) is not None:
-                name = f"{number}.{side.value}"
-                names[name] = z3.Real(name), weights[link.source, link.target]
-                optimiser.add(names[name][0] >= 0)
-        both = [names[f"{number}.{side.value}"][0] for side in Side if f"{number}.{side.value}" in names]
+        both = {
+            f"{number}.{side.value}": z3.Real(f"{number}.{side.value}") for side in Side if link.bound(side) is not None
+        }
+        optimiser.add(*(one >= 0 for one in both.values()))
+        costs += [one * z3.RealVal(str(weights[link.source, link.target])) for one in both.values()]
         if link.is_contingent:
-            optimiser.add(sum(both) <= z3.RealVal(str(link.upper - link.lower)))
-    cost = optimiser.minimize(z3.Sum([variable * z3.RealVal(str(weight)) for variable, weight in names.values()]))
+            optimiser.add(sum(both.values()) <= z3.RealVal(str(link.upper - link.lower)))
+        names |= both
+    cost = optimiser.minimize(z3.Sum(costs))
     while True:
         assert optimiser.check() == z3.sat
         model = optimiser.model()
-        point = {name: Fraction(str(model.eval(one, model_completion=True))) for name, (one, _) in names.items()}
-        conflict = search.violated(search_candidate(point))
+        point = {name: Fraction(str(model.eval(one, model_completion=True))) for name, one in names.items()}
+        conflict = search.violated(candidate(point))
         if conflict is None:
             return Fraction(str(cost.value()))
-        optimiser.add(z3.Or([inequality(one, names) for one in search.clauses[conflict].choices]))
+        optimiser.add(z3.Or([
+            z3.Sum([names[name] * factor for name, factor in one.coefficients]) <= z3.RealVal(str(one.constant))
+            for one in search.clauses[conflict].choices
+        ]))  # fmt: skip
 
 
-def search_candidate(point):
+def candidate(point):
     return Candidate({}, {name: value for name, value in point.items() if value}, Fraction(0))
 
 
-def inequality(constraint, names):
-    left = z3.Sum([names[name][0] * factor for name, factor in constraint.coefficients])
-    return left <= z3.RealVal(str(constraint.constant))
-
-
-@pytest.mark.parametrize(("seeds", "least"), [(range(60), 20), slow(range(1000, 1500), 150)], ids=["short", "long"])
+@short_and_long((45, 15), (1500, 150))
 def test_costs_are_those_of_another_optimiser(seeds, least):
     compared = 0
     for seed, found, weights in refuted(seeds, 4, 3, 6, 5):
@@ -125,7 +104,7 @@ FAR = 6
 
 
 @pytest.mark.parametrize("frozen", ["nothing", "requirements", "any"])
-@pytest.mark.parametrize(("seeds", "least"), [(range(60), 5), slow(range(1000, 1300), 40)], ids=["short", "long"])
+@short_and_long((60, 5), (1300, 40))
 def test_no_cheaper_changes_on_a_grid(seeds, least, frozen):
     """All changes in whole units that cost less leave the network uncontrollable, by the rules of the literature."""
     compared = 0
@@ -139,23 +118,31 @@ def test_no_cheaper_changes_on_a_grid(seeds, least, frozen):
         result = stnu.repair(found, weights=dict.fromkeys(kept))
         assert result.status in {RepairStatus.OPTIMAL, RepairStatus.IMPOSSIBLE}, seed
         if result.network is not None:
-            assert controllable(result.network), seed
+            assert dynamic_by_reductions(result.network), seed
             assert not any((one.link.source, one.link.target) in kept for one in result.changes), seed
         most = FAR if result.cost is None else -(-result.cost // 1) - 1
-        bounds = [(at, side) for at, link in enumerate(found.links) for side in Side if link.bound(side) is not None]
-        moving = [b for b in bounds if (found.links[b[0]].source, found.links[b[0]].target) not in kept]
+        moving = [
+            (at, side)
+            for (at, link), side in product(enumerate(found.links), Side)
+            if link.bound(side) is not None and (link.source, link.target) not in kept
+        ]
         for amounts in product(range(int(most) + 1), repeat=len(moving)):
             if 0 < sum(amounts) <= most:
-                other = with_amounts(found, {**dict.fromkeys(bounds, 0), **dict(zip(moving, amounts, strict=True))})
-                assert other is None or not controllable(other), (seed, amounts)
+                by = dict(zip(moving, amounts, strict=True))
+
+                def moved(at, link, side, by=by):
+                    outwards = (side is Side.UPPER) != link.is_contingent
+                    return link.bound(side) + by.get((at, side), 0) * (1 if outwards else -1)
+
+                other = with_bounds(found, moved)
+                assert other is None or not dynamic_by_reductions(other), (seed, amounts)
         compared += most > 0
     assert compared >= least
 
 
 def consistent(found):
     """Whether some times satisfy all links, as if nature let the dispatcher choose."""
-    links = [(link.source, link.target, link.lower, link.upper) for link in found.links]
-    free = oracles.network(links, [])
+    free = oracles.network([(link.source, link.target, link.lower, link.upper) for link in found.links], [])
     return oracles.consistent(free.points, oracles.lengths(free)[0])
 
 
@@ -163,9 +150,10 @@ def consistent(found):
     ("seeds", "shape", "least"),
     [
         (range(200), (2, 1, 3, 3), 20),
-        slow(range(1000, 3000), (2, 2, 3, 5), 400),
-        slow(range(1000, 3000), (2, 2, 3, 8), 400),
-        slow(range(1000, 3000), (4, 3, 6, 5), 400),
+        *(
+            pytest.param(range(1000, 3000), shape, 400, marks=pytest.mark.slow)
+            for shape in ((2, 2, 3, 5), (2, 2, 3, 8), (4, 3, 6, 5))
+        ),
     ],
 )
 def test_contingent_links_can_be_tightened_wherever_some_times_satisfy_all_links(seeds, shape, least):
@@ -174,22 +162,24 @@ def test_contingent_links_can_be_tightened_wherever_some_times_satisfy_all_links
         result = stnu.repair(found, requirement=None)
         expected = RepairStatus.OPTIMAL if consistent(found) else RepairStatus.IMPOSSIBLE
         assert result.status is expected, seed
-        assert result.network is None or controllable(result.network), seed
+        assert result.network is None or dynamic_by_reductions(result.network), seed
         outcomes[expected] += 1
     assert min(outcomes[RepairStatus.OPTIMAL], outcomes[RepairStatus.IMPOSSIBLE]) >= least, outcomes
 
 
-def with_amounts(found, amounts):
-    """The network with bounds moved in the direction in which a repair may; None if a contingent link is empty then."""
-    links = []
-    for at, link in enumerate(found.links):
-        sign = -1 if link.is_contingent else 1
-        lower = None if link.lower is None else link.lower - sign * amounts[at, Side.LOWER]
-        upper = None if link.upper is None else link.upper + sign * amounts[at, Side.UPPER]
-        if lower is not None and upper is not None and lower > upper:
-            return None
-        links.append(stnu.Link(link.source, link.target, lower, upper, link.is_contingent))
-    return found.with_links(links)
+def test_the_best_so_far_and_its_gap():
+    """After the dive, a repair is known before it is proved to be the cheapest."""
+    gaps = 0
+    for seed, found, weights in refuted(range(40), 4, 3, 6, 5):
+        best = NetworkRepairSearch(found, ONE, ONE, weights, NEVER).run()
+        again = NetworkRepairSearch(found, ONE, ONE, weights, NEVER)
+        again._dive(candidate({}))
+        early = again.so_far(timed_out=False)
+        assert (early.status, early.interrupted) == (RepairStatus.FEASIBLE, True), seed
+        assert dynamic_by_reductions(early.network), seed
+        assert early.cost >= best.cost >= early.bound, seed
+        gaps += early.gap > 0
+    assert gaps > 10
 
 
 # -- one network -------------------------------------------------------------------------------------------------------
@@ -203,6 +193,10 @@ def test_one_bound():
     (only,) = stnu.repair(LATE, requirement=None).changes
     assert (str(only), only.amount) == ("A => C: upper bound 10 to 7", 3)
     assert only.serves == ("A => C as long as 10 cannot be met with A -> D in [-inf, 8]; C -> D in [1, 2]",)
+    (only,) = stnu.repair(LATE, weights={("A", "D"): Fraction(5), ("C", "D"): Fraction(7)}).changes
+    assert (only.link.ends, only.cost) == ("A => C", 3)
+    (only,) = stnu.repair(LATE, weights={("A", "C"): None, ("C", "D"): None}).changes
+    assert str(only) == "A -> D: upper bound 8 to 11"
 
 
 def test_an_inequality_that_holds_without_changes_is_a_choice():
@@ -213,45 +207,13 @@ def test_an_inequality_that_holds_without_changes_is_a_choice():
     assert [str(one) for one in result.changes] == ["n1 => n2: lower bound 4 to 5", "n1 => n2: upper bound 6 to 5"]
 
 
-def test_weights_decide_which():
-    dear = {("A", "D"): Fraction(5), ("C", "D"): Fraction(7)}
-    (only,) = stnu.repair(LATE, weights=dear).changes
-    assert (only.link.ends, only.cost) == ("A => C", 3)
-    (only,) = stnu.repair(LATE, weights={("A", "C"): None, ("C", "D"): None}).changes
-    assert str(only) == "A -> D: upper bound 8 to 11"
-
-
-def test_nothing_to_repair_and_nothing_that_helps():
+def test_nothing_to_repair_nothing_that_helps_and_no_time():
     fine = stnu.repair(network(("A", "C", 1, 7, "contingent"), ("A", "D", None, 8)))
     assert (fine.status, fine.cost, fine.changes) == (RepairStatus.UNNEEDED, 0, ())
     hopeless = stnu.repair(LATE, requirement=None, contingent=None)
-    assert (hopeless.status, hopeless.network, hopeless.cost, hopeless.gap) == (
-        RepairStatus.IMPOSSIBLE,
-        None,
-        None,
-        None,
-    )
+    assert hopeless.status is RepairStatus.IMPOSSIBLE
+    assert hopeless.network is hopeless.cost is hopeless.gap is None
     endless = network(("A", "C", 1, None, "contingent"), ("A", "D", None, 8), ("C", "D", 0, None))
     assert stnu.repair(endless).status is RepairStatus.IMPOSSIBLE
-
-
-def test_out_of_time():
-    result = stnu.repair(LATE, timeout=0)
-    assert (result.status, result.bound, result.cut_short) == (RepairStatus.UNKNOWN, 0, True)
-
-
-def test_the_best_so_far_and_its_gap():
-    """After the dive, a repair is known before it is proved to be the cheapest."""
-    gaps = 0
-    for seed, found, weights in refuted(range(40), 4, 3, 6, 5):
-        search = NetworkRepairSearch(found, ONE, ONE, weights, Deadline())
-        best = search.run()
-        again = NetworkRepairSearch(found, ONE, ONE, weights, Deadline())
-        again._dive(search_candidate({}))
-        early = again.so_far(timed_out=False)
-        assert early.status is RepairStatus.FEASIBLE, seed
-        assert early.interrupted
-        assert controllable(early.network), seed
-        assert early.cost >= best.cost >= early.bound, seed
-        gaps += early.gap > 0
-    assert gaps > 10
+    late = stnu.repair(LATE, timeout=0)
+    assert (late.status, late.bound, late.cut_short) == (RepairStatus.UNKNOWN, 0, True)
