@@ -1,7 +1,5 @@
 """Tasks for sweeps of tests, in a module that is quick to load: each process of a pool and of a cluster loads it."""
 
-from __future__ import annotations
-
 import os
 import signal
 import time

@@ -1,7 +1,5 @@
 """The engine: keys, the store, resuming, measured and killed processes here and on a cluster, Ctrl-C, statistics."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal
@@ -28,25 +26,27 @@ from tests.benchmarks.squares import Squared, attempts, deadly, square, sweep_of
 from tests.children import eventually, is_running
 
 ROOT = Path(__file__).parents[2]
+HEADER = json.dumps({"schema": SCHEMA, "robust": robust.__version__})
+Colour = Enum("Colour", {"RED": "red"})
+either_way = pytest.mark.parametrize("jobs", [1, 2])
 
 
-class Colour(Enum):
-    RED = "red"
+@pytest.fixture
+def files(tmp_path):
+    """Where a store and a log of attempts are."""
+    return tmp_path / "store", tmp_path / "log"
 
 
 def tasks(log, count, seconds=0.0):
     return [task(number, log, seconds) for number in range(count)]
 
 
-def squares(count):
-    return [number**2 for number in range(count)]
-
-
 def values(sweep):
     return [record.square for _, record in sweep.results]
 
 
-# -- keys and the store ------------------------------------------------------------------------------------------------
+def reasons(sweep):
+    return {failure.task: failure.reason for failure in sweep.failures}
 
 
 def test_keys_are_stable_and_tell_tasks_apart():
@@ -57,9 +57,6 @@ def test_keys_are_stable_and_tell_tasks_apart():
     for value, error in ((object(), NotImplementedError), (float("nan"), ValueError)):
         with pytest.raises(error):
             key_of(square, task(value, Path("log")))
-
-
-HEADER = json.dumps({"schema": SCHEMA, "robust": robust.__version__})
 
 
 @pytest.mark.parametrize(
@@ -78,69 +75,52 @@ def test_what_is_no_store_is_left_alone(text, message, tmp_path):
     assert path.read_text() == text
 
 
-# -- sweeps on this machine --------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_every_task_once_in_order_and_not_again(tmp_path, jobs):
-    store, log = tmp_path / "store", tmp_path / "log"
+@either_way
+def test_every_task_once_in_order_and_not_again(files, jobs):
+    store, log = files
     seen = []
-    sweep = sweep_of(
-        [*tasks(log, 4), task(2, log, 0.0)],
-        store=store,
-        jobs=jobs,
-        describe=lambda record: str(record.square),
-        on_result=lambda done, total, line: seen.append((done, total, line)),
-    )
-    assert values(sweep) == squares(4)
+    options = {"store": store, "jobs": jobs, "on_result": lambda *progress: seen.append(progress)}
+    sweep = sweep_of([*tasks(log, 4), task(2, log, 0.0)], describe=lambda record: str(record.square), **options)
+    assert values(sweep) == [0, 1, 4, 9]
     assert (sweep.complete, sweep.failures, sweep.notes, sweep.total, sweep.resumed) == (True, (), (), 4, 0)
     assert [one[:2] for one in seen] == [(n, 4) for n in range(1, 5)]
     assert {one[2] for one in seen} == {f"square {n}: {n * n}" for n in range(4)}
     again = sweep_of(tasks(log, 6), store=store, jobs=jobs)
-    assert values(again) == squares(6)
+    assert values(again) == [0, 1, 4, 9, 16, 25]
     assert (again.resumed, again.notes) == (4, (f"4 of 6 results are from {store}",))
-    assert attempts(log) == Counter(range(6))
-    assert sweep_of(tasks(log, 2), store=store, jobs=jobs).resumed == 2
+    assert (attempts(log), sweep_of(tasks(log, 2), store=store, jobs=jobs).resumed) == (Counter(range(6)), 2)
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_errors_are_failures_that_a_rerun_tries_again(tmp_path, jobs):
-    store, log = tmp_path / "store", tmp_path / "log"
-    some = [task(2, log), task(-1, log), task(3, log)]
+@either_way
+def test_errors_are_failures_that_a_rerun_tries_again(files, jobs):
+    store, log = files
     for count in (1, 2):
-        sweep = sweep_of(some, store=store, jobs=jobs)
-        assert values(sweep) == [4, 9]
-        assert [(one.task, one.reason) for one in sweep.failures] == [("square -1", "ValueError: negative")]
-        assert sweep.complete
+        sweep = sweep_of([task(2, log), task(-1, log), task(3, log)], store=store, jobs=jobs)
+        assert (values(sweep), sweep.complete) == ([4, 9], True)
+        assert reasons(sweep) == {"square -1": "ValueError: negative"}
         assert "1 of 3 tasks failed; square -1: ValueError: negative" in sweep.notes
         assert attempts(log) == Counter({2: 1, -1: count, 3: 1})
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_what_earlier_records_settle_is_not_started(tmp_path, jobs):
+@either_way
+def test_what_earlier_records_settle_is_not_started(files, jobs):
     def settled(_, records):
         return Squared(0) if any(one.square >= 4 for one in records) else None
 
-    sweep = sweep_of(tasks(tmp_path / "log", 6, 0.05), jobs=jobs, settled=settled)
-    started = set(attempts(tmp_path / "log"))
+    sweep = sweep_of(tasks(files[1], 6, 0.05), jobs=jobs, settled=settled)
+    started = set(attempts(files[1]))
     assert started in ({0, 1, 2}, {0, 1, 2, 3}) if jobs == 2 else started == {0, 1, 2}
     assert values(sweep) == [number**2 if number in started else 0 for number in range(6)]
 
 
-def test_killed_processes(tmp_path):
-    store, log = tmp_path / "store", tmp_path / "log"
+def test_killed_processes(files):
+    store, log = files
     sweep = sweep_of(tasks(log, 8, 0.02), deadly, store=store, jobs=2)
     assert values(sweep) == [number**2 for number in range(8) if number != 3]
-    assert [(one.task, one.reason) for one in sweep.failures] == [("square 3", "its process was killed 3 times")]
-    made = attempts(log)
-    assert made == Counter(range(8)) + Counter({3: ATTEMPTS - 1, 5: 1})  # what others do is not lost with it
+    assert reasons(sweep) == {"square 3": "its process was killed 3 times"}
+    # What others do is not lost with it.
+    assert attempts(log) == Counter(range(8)) + Counter({3: ATTEMPTS - 1, 5: 1})
     assert len(Store(store).results) == 7
-
-
-def test_jobs_and_a_cluster_exclude_each_other():
-    with pytest.raises(InputError, match="expected one of them"):
-        sweep_of([], jobs=2, cluster="tcp://127.0.0.1:1")
-    assert sweep_of([]).complete
 
 
 DRIVER = """
@@ -151,6 +131,11 @@ log, store, jobs = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])
 some = [task(number, log, 0 if number < 2 else 60) for number in range(6)]
 sweep = sweep_of(some, store=store, jobs=jobs)
 print(json.dumps([[task.given[0] for task, _ in sweep.results], sweep.complete, sweep.notes]))
+"""
+RECORDED = """
+import json, sys
+from benchmarks.irr.recorded import RECORDED
+print(json.dumps(RECORDED.run(suite=sys.argv[1], jobs=int(sys.argv[2])).as_dict()))
 """
 
 
@@ -166,40 +151,27 @@ def driver(script, *words):
     )
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_interrupted(tmp_path, jobs):
+@either_way
+def test_interrupted(files, jobs):
     """As a terminal does it: the signal goes to all processes of the group."""
-    store, log = tmp_path / "store", tmp_path / "log"
+    store, log = files
     with driver(DRIVER, log, store, jobs) as process:
         assert eventually(lambda: log.exists() and len(log.read_text().splitlines()) == 2 + jobs, 60)
         os.killpg(process.pid, signal.SIGINT)
         output, errors = process.communicate(timeout=30)
     assert (process.returncode, errors) == (0, "")
-    done, complete, notes = json.loads(output)
-    assert (done, complete) == ([0, 1], False)
-    assert notes == [f"incomplete: 2 of 6 tasks done; run the same command again, with --store {store}, to resume"]
+    note = f"incomplete: 2 of 6 tasks done; run the same command again, with --store {store}, to resume"
+    assert json.loads(output) == [[0, 1], False, [note]]
     for pid in {int(line.split()[1]) for line in log.read_text().splitlines()}:
         assert eventually(lambda pid=pid: not is_running(pid))
     with Store(store) as opened:
         assert len(opened.results) == 2
 
 
-RECORDED = """
-import json, sys
-from benchmarks.irr.recorded import RECORDED
-print(json.dumps(RECORDED.run(suite=sys.argv[1], jobs=int(sys.argv[2])).as_dict()))
-"""
-
-
-@pytest.mark.parametrize("jobs", [1, 2])
+@either_way
 def test_the_children_end_when_only_their_parent_is_interrupted(make_suite, stand, tmp_path, jobs):
-    stand(
-        f"""
-if sys.argv[-2] != "--order=quick":
-    open({str(tmp_path)!r} + f"/pid{{os.getpid()}}", "w").close()
-    time.sleep(60)
-"""
-    )
+    noted = f"open({str(tmp_path)!r} + f'/pid{{os.getpid()}}', 'w').close(); time.sleep(60)"
+    stand(f"if sys.argv[-2] != '--order=quick': {noted}")
     slow = (navigation(f"slow{i}", irr_order=["slow"]) for i in range(4))
     with driver(RECORDED, make_suite(navigation("quick", irr_order=["quick"]), *slow), jobs) as process:
         assert eventually(lambda: len(list(tmp_path.glob("pid*"))) == jobs, 60)
@@ -207,88 +179,74 @@ if sys.argv[-2] != "--order=quick":
         output, errors = process.communicate(timeout=30)
     assert (process.returncode, errors) == (0, "")
     report = json.loads(output)
-    assert report["complete"] is False
-    assert [row["instance"] for row in report["rows"]] == ["quick"]
+    assert (report["complete"], [row["instance"] for row in report["rows"]]) == (False, ["quick"])
     assert report["notes"][-1] == "incomplete: interrupted after 1 of 5 instances"
     for path in tmp_path.glob("pid*"):
         assert eventually(lambda pid=int(path.name[3:]): not is_running(pid))
 
 
-# -- on a cluster ------------------------------------------------------------------------------------------------------
-
-
 @pytest.fixture(scope="module")
 def cluster():
     distributed = pytest.importorskip("distributed")
+    shape = {"n_workers": 3, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        with distributed.LocalCluster(
-            n_workers=3, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
-        ) as local:
+        with distributed.LocalCluster(**shape, silence_logs=50) as local:
             yield local
 
 
-def test_cluster_with_a_killed_worker(cluster, tmp_path):
-    store, log = tmp_path / "store", tmp_path / "log"
+def test_cluster_with_a_killed_worker(cluster, files):
+    store, log = files
     before = [worker.pid for worker in cluster.workers.values()]
     killed = []
 
     def kill(done, _total, _line):
         if done == 6:
-            busy = int(log.read_text().splitlines()[-1].split()[1])
-            os.kill(busy, signal.SIGKILL)
-            killed.append(busy)
+            killed.append(int(log.read_text().splitlines()[-1].split()[1]))  # a busy one
+            os.kill(killed[0], signal.SIGKILL)
 
     sweep = sweep_of(tasks(log, 30, 0.1), store=store, cluster=cluster.scheduler_address, on_result=kill)
     assert killed[0] in before
-    assert values(sweep) == squares(30)
-    assert (sweep.complete, sweep.failures) == (True, ())
-    made = attempts(log)
-    assert set(made) == set(range(30))
-    assert made.total() > 30  # what the killed worker was doing was done again
+    assert (values(sweep), sweep.complete, sweep.failures) == ([number**2 for number in range(30)], True, ())
+    tried = attempts(log)
+    assert set(tried) == set(range(30))
+    assert tried.total() > 30  # what the killed worker was doing was done again
     assert len(store.read_text().splitlines()) == 31  # and counted once
     again = sweep_of(tasks(log, 32, 0.1), store=store, cluster=cluster.scheduler_address)
-    assert values(again) == squares(32)
-    assert again.resumed == 30
-    assert attempts(log) - made == Counter({30: 1, 31: 1})
+    assert (values(again), again.resumed) == ([number**2 for number in range(32)], 30)
+    assert attempts(log) - tried == Counter({30: 1, 31: 1})
 
 
-def test_failures_on_a_cluster(cluster, tmp_path):
-    some = [*tasks(tmp_path / "log", 5, 0.1), task(-1, tmp_path / "log")]
-    sweep = sweep_of(some, deadly, cluster=cluster.scheduler_address)
-    assert values(sweep) == [0, 1, 4, 16]
-    reasons = {one.task: one.reason for one in sweep.failures}
-    assert reasons.keys() == {"square 3", "square -1"}
-    assert "its worker died again and again" in reasons["square 3"]
-    assert reasons["square -1"] == "ValueError: negative"
+def test_failures_on_a_cluster(cluster, files):
+    log = files[1]
+    sweep = sweep_of([*tasks(log, 5, 0.1), task(-1, log)], deadly, cluster=cluster.scheduler_address)
+    assert (values(sweep), reasons(sweep).keys()) == ([0, 1, 4, 16], {"square 3", "square -1"})
+    assert "its worker died again and again" in reasons(sweep)["square 3"]
+    assert reasons(sweep)["square -1"] == "ValueError: negative"
 
 
-def test_workers_with_another_version_or_none(cluster, monkeypatch, tmp_path):
+def test_workers_with_another_version_or_none(cluster, monkeypatch, files):
     with monkeypatch.context() as patched:
         patched.setattr(robust, "__version__", "9.0")
         with pytest.raises(InputError, match=r"found robust 0\..* on worker tcp:.*, expected 9\.0 as here"):
-            sweep_of(tasks(tmp_path / "log", 1), cluster=cluster.scheduler_address)
+            sweep_of(tasks(files[1], 1), cluster=cluster.scheduler_address)
     monkeypatch.setattr(pool, "_version", lambda: 1 / 0)
     with pytest.raises(InputError, match=r"found no such robust \(.*division by zero.*\) on worker tcp:"):
-        sweep_of(tasks(tmp_path / "log", 1), cluster=cluster.scheduler_address)
+        sweep_of(tasks(files[1], 1), cluster=cluster.scheduler_address)
 
 
-def test_no_cluster(monkeypatch, tmp_path):
+def test_no_cluster(monkeypatch, files):
+    with pytest.raises(InputError, match="expected one of them"):
+        sweep_of([], jobs=2, cluster="tcp://127.0.0.1:1")
     pytest.importorskip("distributed")
     monkeypatch.setattr(pool, "PATIENCE", 0.3)
     for address in ("tcp://127.0.0.1:9", "tls://127.0.0.1:9", "nonsense://x", "x y"):
         with pytest.raises(InputError, match="found no Dask scheduler at") as caught:
-            sweep_of(tasks(tmp_path / "log", 1), cluster=address)
+            sweep_of(tasks(files[1], 1), cluster=address)
         assert "\n" not in str(caught.value)
-
-
-def test_without_dask(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(UnsupportedError, match=r"robust-plans\[cluster\]"):
-        sweep_of(tasks(tmp_path / "log", 1), cluster="tcp://127.0.0.1:9")
-
-
-# -- statistics --------------------------------------------------------------------------------------------------------
+    with pytest.raises(UnsupportedError, match=r"found no Dask.*robust-plans\[cluster\]"):
+        sweep_of(tasks(files[1], 1), cluster="tcp://127.0.0.1:9")
 
 
 @pytest.mark.parametrize(
@@ -300,30 +258,26 @@ def test_wilson_intervals(successes, trials, bounds):
     assert Proportion(successes, trials).interval == pytest.approx(bounds, abs=5e-5)
     low, high = Proportion(trials - successes, trials).interval
     assert (1 - high, 1 - low) == pytest.approx(bounds, abs=5e-5)
-
-
-@pytest.mark.parametrize(("successes", "trials"), [(0, 0), (-1, 3), (4, 3)])
-def test_what_is_no_proportion(successes, trials):
-    with pytest.raises(ValueError, match="no proportion"):
-        Proportion(successes, trials)
+    for wrong in ((0, 0), (-1, 3), (4, 3)):
+        with pytest.raises(ValueError, match="no proportion"):
+            Proportion(*wrong)
 
 
 def test_mcnemar_by_brute_force():
     assert Pairing.of([(True, False)] * 6 + [(False, True)] + [(True, True), (False, False)]) == Pairing(6, 1, 1, 1)
     for first, second in product(range(7), repeat=2):
-        count = first + second
-        observed = abs(first - second)
+        count, observed = first + second, abs(first - second)
         as_uneven = sum(abs(2 * sum(wins) - count) >= observed for wins in product((0, 1), repeat=count))
         assert Pairing(first, second, 3, 4).p_value == pytest.approx(as_uneven / 2**count)
 
 
 def test_means():
-    assert Mean.of([]) is None
-    assert Mean.of([2.0]) == Mean(2.0, None)
-    found = Mean.of([0.5, 1.5, 4.0, 2.5])
-    assert found.value == 2.125
+    assert (Mean.of([]), Mean.of([2.0])) == (None, Mean(2.0, None))
+    numbers = [0.5, 1.5, 4.0, 2.5]
+    mean = Mean.of(numbers)
+    assert mean.value == 2.125
     # Student's t for three degrees of freedom is 3.1824.
-    assert found.interval[1] - 2.125 == pytest.approx(3.1824 * stdev([0.5, 1.5, 4.0, 2.5]) / 2, rel=1e-4)
+    assert mean.interval[1] - 2.125 == pytest.approx(3.1824 * stdev(numbers) / 2, rel=1e-4)
 
 
 def test_a_line():

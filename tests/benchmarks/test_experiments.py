@@ -1,7 +1,5 @@
 """Every experiment at a size that is quick, by the real command; the command line of all of them."""
 
-from __future__ import annotations
-
 import gc
 import json
 import subprocess
@@ -147,9 +145,6 @@ def test_wrong_options(name, options, message, make_suite):
     suite = {"suite": make_suite(navigation())} if name in {"recorded", "figure3", "figure5"} else {}
     with pytest.raises(InputError, match=message):
         run(name, **suite, **options)
-
-
-# -- the command line --------------------------------------------------------------------------------------------------
 
 
 class StandIn:

@@ -1,47 +1,29 @@
 """Data sets, `bench recorded`, and the recorded instances: boxes fraction by fraction, and the number of checks."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from dataclasses import asdict, replace
 from fractions import Fraction
+from itertools import product
 from pathlib import Path
 from statistics import median
 from typing import Any
 
 import pytest
 
-from benchmarks.certificates import (
-    CERTIFICATES,
-    COSTLIEST,
-    EXAMPLES,
-    KINDS,
-    LARGEST,
-    MEDIAN,
-    OF_CHOICES,
-    SLOWEST,
-    measure,
-    measure_choices,
-)
+from benchmarks import certificates
 from benchmarks.engine.measure import Ending
 from benchmarks.suite import RecordedInstance, RecordedRun, read_suite
-from robust.api import envelope
+from robust import InputError, ParametrizedPlan, Status, envelope
 from robust.encode.encoding import RelationalEncoding
-from robust.errors import InputError
 from robust.irr.containment import Containment
 from robust.plan.load import load_plan
-from robust.plan.model import ParametrizedPlan
 from robust.qe.box import Box, Interval, Side
-from robust.searching import Status
-from robust.smt.limits import Deadline
+from robust.smt.limits import NEVER
 from tests.benchmarks.conftest import example, navigation, rendered, run
 from tests.certify import tools
 
 IRR = {"status": "ok", "wall_s": 1.0, "memory_mb": 10, "checks": 3}
-
-
-# -- data sets ---------------------------------------------------------------------------------------------------------
 
 
 def test_what_is_read(make_suite):
@@ -57,8 +39,7 @@ def test_what_is_read(make_suite):
     runs = (RecordedRun("ok", 2.5, 50, 0.5, 26), RecordedRun("out of time", 3600.5, 9000))
     box = Box({"a": Interval(None, Fraction(1, 3))})
     assert first == RecordedInstance("navigation", first.files, runs[0], box, ("to_ridge", "to_crater"), runs[1])
-    assert [run.solved for run in runs] == [True, False]
-    assert second == RecordedInstance("x", files)
+    assert ([run.solved for run in runs], second) == ([True, False], RecordedInstance("x", files))
 
 
 @pytest.mark.parametrize(
@@ -106,38 +87,28 @@ def test_what_is_no_data_set(tmp_path):
         read_suite(tmp_path / "file")
 
 
-# -- comparison --------------------------------------------------------------------------------------------------------
+ENDLESS = ["a upper: inf instead of 2", "b lower: absent instead of 0", "b upper: absent instead of 1"]
+OPEN = ["a upper: 2 (open) instead of 2"]
+TWO = {"a": ["0", "2"]}
+LATE = {"status": "out of time", "wall_s": 3600.1, "memory_mb": 9}
 
 
 @pytest.mark.parametrize(
     ("change", "box", "irr", "differences", "agree"),
     [
-        (
-            "BOX.update(upper='inf')",
-            {"a": ["0", "2"], "b": ["0", "1"]},
-            IRR,
-            ["a upper: inf instead of 2", "b lower: absent instead of 0", "b upper: absent instead of 1"],
-            (False, False, True),
-        ),
+        ("BOX.update(upper='inf')", TWO | {"b": ["0", "1"]}, IRR, ENDLESS, (False, False, True)),
         ("BOX.update(lower='0.50', upper='2/4')", {"a": ["1/2", "0.5"]}, IRR, [], (True, True, True)),
-        (
-            "BOX.update(upper_closed=False)",
-            {"a": ["0", "2"]},
-            IRR,
-            ["a upper: 2 (open) instead of 2"],
-            (False, False, True),
-        ),
-        ("", {"a": ["0", "2"]}, {**IRR, "checks": 26}, [], (False, True, False)),
+        ("BOX.update(upper_closed=False)", TWO, IRR, OPEN, (False, False, True)),
+        ("", TWO, {**IRR, "checks": 26}, [], (False, True, False)),
         ("", None, None, [], (None, None, None)),
-        ("", None, {"status": "out of time", "wall_s": 3600.1, "memory_mb": 9}, [], (None, None, None)),
+        ("", None, LATE, [], (None, None, None)),
     ],
 )
 def test_what_agrees(trial, change, box, irr, differences, agree):
     report = trial("recorded", change, navigation(irr_box=box, irr=irr))
     (row,) = report.rows
     assert [str(one) for one in row.differences] == differences
-    assert (row.agrees, row.box_agrees, row.checks_agree) == agree
-    assert report.agrees == (agree[0] is not False)
+    assert ((row.agrees, row.box_agrees, row.checks_agree), report.agrees) == (agree, agree[0] is not False)
     verdicts = {None: "nothing recorded", True: "equal", False: "equal box, other number of checks"}
     assert row.verdict == ("; ".join(differences) or verdicts[agree[0]])
     assert row.verdict.split(";")[0] in rendered(report.tables)
@@ -176,29 +147,26 @@ def test_an_interruption_keeps_what_is_there(trial):
     assert "incomplete: interrupted after 1 of 2 instances" in rendered(report.tables)
 
 
-# -- the recorded instances --------------------------------------------------------------------------------------------
-
-SMALL = ("auv_mission_10_0_3", "generator_linear_05_2", "solar_rover_01_3")
 BETA = Fraction(1)
 
 
-def test_small_instances_by_the_real_command(dataset, make_suite):
-    entries = [
+def test_a_small_instance_by_the_real_command(dataset, make_suite):
+    (entry,) = (
         {
-            "instance": one.name,
             **dict(zip(("domain", "problem", "plan"), (str(path.resolve()) for path in one.files), strict=True)),
+            "instance": one.name,
             "irr": asdict(one.irr),
-            "irr_box": {name: [str(ends.lower), str(ends.upper)] for name, ends in one.box.intervals.items()},
+            "irr_box": {name: [str(end) for end in ends] for name, ends in one.box.ranges.items()},
             "irr_order": list(one.order),
         }
         for one in read_suite(dataset)
-        if one.name in SMALL and one.irr is not None and one.box is not None
-    ]
-    report = run("recorded", suite=make_suite(*entries), limit=300)
-    assert [(row.instance.name, row.verdict) for row in report.rows] == [(name, "equal") for name in SMALL]
-    for row in report.rows:
-        assert row.ours.memory_mb > 10
-        assert 0 < row.ours.first_widening_wall_s <= row.ours.seconds
+        if one.name == "solar_rover_01_3"
+    )
+    report = run("recorded", suite=make_suite(entry), limit=300)
+    (row,) = report.rows
+    assert (row.instance.name, row.verdict) == ("solar_rover_01_3", "equal")
+    assert row.ours.memory_mb > 10
+    assert 0 < row.ours.first_widening_wall_s <= row.ours.seconds
 
 
 def reproduced(dataset: Path, **options: Any) -> Iterator[tuple[RecordedInstance, ParametrizedPlan, Box]]:
@@ -214,6 +182,11 @@ def reproduced(dataset: Path, **options: Any) -> Iterator[tuple[RecordedInstance
 
 def test_all_instances_in_process(dataset):
     assert len(list(reproduced(dataset))) == 34
+
+
+def is_inside(plan: ParametrizedPlan, box: Box, solver: str) -> bool:
+    """By a containment check that knows nothing of the search: no proof or refutation is remembered."""
+    return Containment(RelationalEncoding(plan), solver=solver).refute(box, NEVER) is None
 
 
 @pytest.mark.slow
@@ -232,48 +205,33 @@ def test_the_default_schedule_keeps_its_promise(dataset):
         assert result.status is Status.COMPLETE
         for solver in ("z3", "cvc5"):
             assert is_inside(plan, result.box, solver), (instance.name, solver)
-            for name, side, grown in grown_boxes(plan, result.box):
-                assert not is_inside(plan, grown, solver), (instance.name, solver, name, side)
-
-
-def is_inside(plan: ParametrizedPlan, box: Box, solver: str) -> bool:
-    """By a containment check that knows nothing of the search: no proof or refutation is remembered."""
-    return Containment(RelationalEncoding(plan), solver=solver).refute(box, Deadline.after(None)) is None
-
-
-def grown_boxes(plan: ParametrizedPlan, box: Box) -> Iterator[tuple[str, Side, Box]]:
-    """The box with one side moved by β, for every side that is finite and not at a declared bound."""
-    for parameter in plan.parameters:
-        name, interval = parameter.name, box[parameter.name]
-        if interval.lower is not None and interval.lower != parameter.lower:
-            yield name, Side.LOWER, box.replace(name, Interval(interval.lower - BETA, interval.upper))
-        if interval.upper is not None and interval.upper != parameter.upper:
-            yield name, Side.UPPER, box.replace(name, Interval(interval.lower, interval.upper + BETA))
-
-
-# -- certificates of recorded plans ------------------------------------------------------------------------------------
+            for one, side in product(plan.parameters, Side):
+                end = result.box[one.name].end(side)
+                if end is not None and end != (one.upper if side is Side.UPPER else one.lower):
+                    grown = result.box.moved((one.name, side), end + side.sign * BETA)
+                    assert not is_inside(plan, grown, solver), (instance.name, solver, one.name, side)
 
 
 def test_one_plan_is_measured():
-    found = measure("generator", tools.GENERATOR, processes=False)
-    assert [(each.kind, each.rejected) for each in found] == [(kind, None) for kind in KINDS]
+    found = certificates.measure("generator", tools.GENERATOR, processes=False)
+    assert [(each.kind, each.rejected) for each in found] == [(kind, None) for kind in certificates.KINDS]
     assert min(min(each.solve, each.produce, each.check, each.size) for each in found) > 0
 
 
 @pytest.mark.parametrize("name", ["kitchen", "wing"])
 def test_a_plan_with_choices_is_measured(name):
-    found = measure_choices(name, EXAMPLES / name / f"{name}.tpnu.json")
-    assert [(each.kind, each.rejected) for each in found] == [(kind, None) for kind in OF_CHOICES]
+    found = certificates.measure_choices(name, certificates.EXAMPLES / name / f"{name}.tpnu.json")
+    assert [(each.kind, each.rejected) for each in found] == [(kind, None) for kind in certificates.OF_CHOICES]
 
 
 @pytest.mark.slow
 def test_all_recorded_plans_and_boxes_have_small_certificates_that_are_checked_quickly(dataset):
-    report = CERTIFICATES.run(suite=dataset)
+    report = certificates.CERTIFICATES.run(suite=dataset)
     assert len(report.rows) == 4 * 61 + 4
     assert report.agrees
     report = replace(report, rows=tuple(each for each in report.rows if each.kind in ("plan", "box", "maximal")))
     assert len(report.accepted) == 3 * 61
-    assert median(each.ratio for each in report.rows) < MEDIAN
-    assert median(each.cost for each in report.rows if each.kind == "box") < COSTLIEST
-    assert max(each.check for each in report.rows if each.kind != "plan") < SLOWEST
-    assert max(each.size for each in report.rows) < LARGEST
+    assert median(each.ratio for each in report.rows) < certificates.MEDIAN
+    assert median(each.cost for each in report.rows if each.kind == "box") < certificates.COSTLIEST
+    assert max(each.check for each in report.rows if each.kind != "plan") < certificates.SLOWEST
+    assert max(each.size for each in report.rows) < certificates.LARGEST

@@ -1,7 +1,5 @@
 """A browser without a window, of this machine; a test that asks for one is skipped where there is none."""
 
-from __future__ import annotations
-
 import shutil
 import tempfile
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The pictures of the documentation: `python -m tests.draw.pictures` makes them in docs/images anew."""
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Decisions are made by `robust/draw/web/exact.js` and sentences by `compare.js`, 
 much of a browser as they need); tests are skipped without node, or without a browser where they need one.
 """
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
@@ -21,18 +19,13 @@ from types import SimpleNamespace
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from robust.api import check, compare
+from robust import Answer, Box, InputError, Interval, Region, UnsupportedError, check, compare, load_plan
 from robust.draw.interactive import comparison_data, comparison_page, part, self_contained, shown_region
 from robust.encode import create_encoding
-from robust.errors import InputError, UnsupportedError
-from robust.irr.check import Answer
 from robust.numbers import format_number, parse_number
-from robust.qe.box import Box, Interval
 from robust.qe.compute import Breaks, what_breaks
 from robust.qe.constraint import LinearConstraint, Sense
 from robust.qe.polyhedron import Polyhedron
-from robust.qe.region import Region
-from robust.reading import load_plan
 from robust.show.regions import METHOD_NAMES
 from robust.show.text import Words
 from tests.cli import inputs
@@ -42,6 +35,7 @@ from tests.irr.building import both_ways, earliest, schedule_of
 from tests.strategies import plans
 
 WEB = Path(__file__).parents[2] / "robust" / "draw" / "web"
+TRIPS = Path(__file__).with_name("data") / "trips"
 TINY = Fraction(1, 10**6)
 MILLI = Fraction(1, 1000)
 NAMES = ("x", "y", "z")
@@ -271,48 +265,11 @@ def test_nothing_in_a_name_ends_the_script_or_becomes_an_element():
 
 # -- sentences ---------------------------------------------------------------------------------------------------------
 
-EARLIER = "Nothing else that breaks here breaks earlier on the straight way from the plan’s values: it breaks"
-VERDICTS = {
-    "✓ Valid: every schedule that the plan allows works",
-    "✗ Not valid: the plan can fail",
-    "? Not known",
-    " (at the plan’s values)",
-    "Outside the declared bounds:",
-    "There is no schedule: these cannot all hold, nor begin before time 0.",
-    "Breaks first:",
-    "It breaks at the plan’s own values already.",
-    "At the plan’s own values it holds; in this direction it breaks with any change.",
-    f"{EARLIER} at",
-    f"{EARLIER} just beyond",
-    "Can break as well:",
-    "Can break:",
-    "Not all obligations were examined; others may break, too.",
-    "Some schedule of the plan breaks an obligation; which one was not found out.",
-    "In none of the boxes; the exact envelope is not in this page.",
-    "In the box of:",
-    "There is none at these values.",
-    "The earliest of the schedules that the network allows; it need not be the one that fails.",
-    "The earliest of the schedules that the network allows.",
-    "Slice at",
-    " (not in this slice)",
-    " (the same as",
-    "valid: the exact envelope",
-    "not valid",
-    "valid: in a box",
-    "not known",
-}
-"""What the page can say of a point; each has its oracle in :class:`Reader`."""
-OTHER = set(
-    """\
-use strict|exact value of {}|Expected a number such as 5, -0.25, 1e-3 or 1/3; still at {}.|at least {}|at most {}
-{} is declared as {}| and |In the box of: {}.|no method|it breaks just beyond|it breaks at|{} {} {}.|Slice at {}.
- (the same as {})| (across) and {} (up)|bar varies|box box-{}|at {}|the plan’s values|the values above|{} to {}
-{}; the point is at {}. A click moves it; so do the sliders.
-Nothing else that breaks here breaks earlier on the straight way from the plan’s values:""".replace("\n", "|").split(
-        "|"
-    )
+VERDICTS, OTHER = (
+    set(Path(__file__).with_name("data").joinpath(name).read_text(encoding="utf-8").splitlines())
+    for name in ("verdicts.txt", "other.txt")
 )
-"""Parts of those, and what is no verdict."""
+"""What the page can say of a point, which has its oracle in :class:`Reader`; parts of that, and what is no verdict."""
 
 
 def test_every_text_of_the_script_is_in_the_table():
@@ -586,40 +543,11 @@ def hunt(plan, met, *, seed=0, count=6, nominals=3, own=(), timeout=None):
                 met["points"] += 1
 
 
-DOMAIN = """\
-(define (domain trips)
-  (:requirements :typing :durative-actions :fluents :duration-inequalities)
-  (:types place)
-  (:predicates (at ?p - place))
-  (:functions (fuel))
-  (:durative-action go
-    :parameters (?from ?to - place)
-    :duration (and (>= ?duration 2) (<= ?duration 8))
-    :condition (and (at start (at ?from)) (at start (>= (fuel) 2)))
-    :effect (and (at start (not (at ?from))) (at end (at ?to)) (at end (decrease (fuel) ?duration)))))
-"""
-PROBLEM = """\
-(define (problem there_and_back) (:domain trips) (:objects a b - place)
-  (:init (at a) (= (fuel) 9))
-  (:goal (and (at a) (> (fuel) 0))))
-"""
-PLAN = """\
-parameter back default 3; parameter leave default 2 lb 0 ub 9; parameter ride default 4;
-durative-action instance g : (go a b);
-durative-action instance h : (go b a);
-c: g.start - .zero in [leave, leave];
-c: g.end - g.start in [ride, ride];
-c: h.start - g.end in [1, inf];
-c: h.end - h.start in [back, back];
-c: h.end - .zero in [0, 16];
-"""
-
-
-def test_every_sentence_is_what_checks_say(tmp_path):
+def test_every_sentence_is_what_checks_say():
     """Strict and weak obligations, demands on durations, declared bounds and a deadline, whose faces are met."""
     met: Counter[str] = Counter()
     broken = {"back": Fraction(3), "leave": Fraction(2), "ride": Fraction(7)}
-    hunt(load_plan(*inputs.write(tmp_path, DOMAIN, PROBLEM, PLAN).files), met, seed=3, count=9, own=[broken])
+    hunt(load_plan(*example(directory=TRIPS)), met, seed=3, count=9, own=[broken])
     assert met["places"] > 10
     assert VERDICTS - set(+met) == set()
 

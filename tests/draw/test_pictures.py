@@ -1,7 +1,5 @@
 """Pictures of boxes, regions, plans with choices and executions: all is named, and every text can be read."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from itertools import combinations
 from random import Random
@@ -13,11 +11,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from robust.api import compare, risk
+from robust import EnvelopeResult, InputError, Region, Status, Step, compare, load_plan, risk
 from robust.draw import gantt, pictures, plane, style, tpnu
 from robust.draw.gantt import Bar, Chart, Lane, Mark
-from robust.errors import InputError
-from robust.irr.search import EnvelopeResult, Step
 from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.causal import augment
 from robust.pike_bridge.distance_graph import StructuralPrecedence
@@ -25,9 +21,6 @@ from robust.pike_bridge.model import Choice, Constraint, Event, Tpnu
 from robust.plan.model import Parameter
 from robust.qe.box import Box, Interval, Side
 from robust.qe.polyhedron import Polyhedron
-from robust.qe.region import Region
-from robust.reading import load_plan
-from robust.searching import Status
 from robust.show.text import Words, named
 from tests.cli.running import EXAMPLES, command, example
 from tests.draw.pictures import DAY
@@ -196,8 +189,7 @@ def test_edges():
     assert {((0.0, 0.0), (0.0, 1.0)), ((2.0, 0.0), (2.0, 1.0))} <= lines(halves)
     assert len(halves.axes[0].patches) == 3  # two halves, and what is hatched behind them
     strict = plane.draw_region(Region.union_of(PLANE, [rectangle(0, 1, 0, 1).restricted([lt(1, x=1)])]), PLANE)
-    assert lines(strict, "--") == {((1.0, 0.0), (1.0, 1.0))}
-    assert len(lines(strict)) == 3
+    assert (lines(strict, "--"), len(lines(strict))) == ({((1.0, 0.0), (1.0, 1.0))}, 3)
     thin = [polygon(eq(7, y=1)), polygon(le(3, x=1), le("-2999/1000", x=-1))]
     slabs = lines(plane.draw_region(Region.difference(rectangle(0, 10, 0, 10), thin), PLANE), colour=style.REMOVED)
     assert ((0.0, 7.0), (10.0, 7.0)) in slabs

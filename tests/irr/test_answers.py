@@ -1,7 +1,5 @@
 """What checks and searches say: whole answers, reasons, numbers of queries, and whom they ask."""
 
-from __future__ import annotations
-
 import logging
 import re
 from dataclasses import replace
@@ -11,20 +9,16 @@ from itertools import product
 
 import pytest
 
-from robust import pike
-from robust.api import check, compare, envelope
+from robust import EnvelopeResult, InputError, Location, Status, check, compare, envelope, pike
 from robust.encode.encoding import RelationalEncoding
-from robust.errors import InputError, Location
 from robust.irr.check import Answer, Checker, CheckResult, Counterexample
 from robust.irr.containment import Containment, Refutation
-from robust.irr.search import EnvelopeResult
 from robust.options.declare import settings
 from robust.pike_bridge.envelopes.search import TeamEnvelope
 from robust.plan.model import ZERO, ParametrizedPlan, TemporalConstraint
 from robust.plan.simulate import simulate
 from robust.qe.box import Box, Interval, Side
 from robust.qe.polyhedron import Polyhedron
-from robust.searching import Status
 from robust.smt.limits import NEVER
 from robust.smt.session import Satisfiability, Session, Statistics
 from tests.cli.running import EXAMPLES
@@ -57,9 +51,6 @@ def shown(name: str, k: Fraction) -> dict[str, Counterexample]:
     [i] = PLAN.instances
     schedule = {ZERO: Fraction(0), i.start: Fraction(1), i.end: 1 + k}
     return {name: Counterexample(name, {"k": k}, schedule, simulate(PLAN, {"k": k}, schedule))}
-
-
-# -- checks ------------------------------------------------------------------------------------------------------------
 
 
 @both_solvers
@@ -124,9 +115,6 @@ def test_a_network_without_any_schedule_is_a_mistake(search, place) -> None:
     )
 
 
-# -- containment -------------------------------------------------------------------------------------------------------
-
-
 def test_containment_does_not_ask_again(monkeypatch) -> None:
     ask_solvers(monkeypatch)
     containment = Containment(RelationalEncoding(PLAN))
@@ -149,9 +137,6 @@ def test_refutations_are_whole() -> None:
     none = Containment(RelationalEncoding(loose(1))).refute(box(-3, 0), NEVER)
     assert CONTRADICTION.fullmatch(none.reason).groups() == (" with k = -3", " contradict each other")
     assert (none.values, none.facet.obligation) == ({"k": -3}, None)
-
-
-# -- searches ----------------------------------------------------------------------------------------------------------
 
 
 @both_solvers
@@ -251,9 +236,6 @@ def test_steps_of_irr_are_logged(caplog) -> None:
     assert [(step.check, step.delta, step.box) for step in result.trace] == [
         (number + 1, 6 if number < 2 else 3, box(*ends)) for number, ends in enumerate(tried)
     ]
-
-
-# -- optimal boxes from single bad values ------------------------------------------------------------------------------
 
 
 def strict(weight: int, *pieces, sign: int = 1) -> ParametrizedPlan:

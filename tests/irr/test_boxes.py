@@ -1,7 +1,5 @@
 """Boxes of every method: known ones, and on drawn plans inside the envelope and maximal, or near its border for IRR."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
@@ -13,18 +11,14 @@ from random import Random
 import pytest
 from hypothesis import given, settings
 
-from robust.api import check
+from robust import Answer, EnvelopeResult, InputError, Status, UnsupportedError, check
 from robust.api import envelope as any_envelope
 from robust.encode.encoding import RelationalEncoding
-from robust.errors import InputError, UnsupportedError
-from robust.irr.check import Answer
 from robust.irr.containment import Containment
-from robust.irr.search import EnvelopeResult
 from robust.plan.model import ZERO, Or, ParametrizedPlan
 from robust.plan.simulate import simulate
 from robust.probability.risk import METHODS
 from robust.qe.box import Box, Interval, Side
-from robust.searching import Status
 from robust.smt.limits import NEVER
 from tests.encode.asking import Judge, sampled
 from tests.irr.building import fail_at_query, lasts, parameter, parametric, shipped, timed, weighted
@@ -505,5 +499,4 @@ def test_steps_alternate_between_parameters_and_count() -> None:
     assert [step.parameter for step in result.trace[:4]] == ["m", "k", "m", "k"]
     assert (result.trace[0].side, result.checks) == (Side.UPPER, len(result.trace))
     shares = [share for _, share in result.convergence()]
-    assert shares == sorted(shares)
-    assert shares[-1] == 1
+    assert (shares, shares[-1]) == (sorted(shares), 1)

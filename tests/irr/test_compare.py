@@ -10,14 +10,13 @@ from pathlib import Path
 import pytest
 
 import robust
+from robust import RegionStatus, Status
 from robust.encode.encoding import RelationalEncoding
 from robust.irr.compare import METHODS, Comparing, Comparison, RatioBounds, volume_share, width_share
 from robust.irr.containment import Containment
 from robust.plan.model import Or, ParametrizedPlan
 from robust.qe.box import Box, Interval, Side
-from robust.qe.compute import RegionStatus
 from robust.qe.estimate import VolumeBounds
-from robust.searching import Status
 from robust.smt.limits import NEVER, Deadline
 from robust.smt.session import Session
 from tests.irr.building import ask_solvers, lasts, parameter, shipped, timed
@@ -96,8 +95,6 @@ def test_recorded_plans_are_proved_and_points_outside_their_boxes_refuted(datase
         assert robust.check(plan).answer is robust.Answer.PROVED, instance["instance"]
 
 
-# -- known comparisons -------------------------------------------------------------------------------------------------
-
 SPLIT = (END, Or((at_most(DURATION, 4), at_least(DURATION, 7))))
 OPEN = timed(parameter("k", 4), parameter("m", 1, 0, 6), pieces=((END, above(number(8), DURATION)),))
 APART = timed(parameter("k", 5, 0, 9), pieces=(SPLIT,))
@@ -160,8 +157,7 @@ def test_known_comparisons(plan, options, volume, boxes) -> None:
         one.method: [str(one.result.box), share(one.volume_share), share(one.width_share), *faces_of(comparison, one)]
         for one in comparison.entries
     }
-    assert list(entries) == list(METHODS)
-    assert {**entries, **boxes} == entries
+    assert (list(entries), {**entries, **boxes}) == (list(METHODS), entries)
     assert stages == [*METHODS, "region", "faces and witnesses"]
     for result in (*(entry.result for entry in comparison.entries), comparison.region):
         settings = (options.get("encoding", "relational"), options.get("solver", "z3"))
@@ -191,9 +187,6 @@ def test_shares_of_what_is_not_known_exactly() -> None:
     assert width_share(box, Fraction(10), exact=True) == RatioBounds(Fraction(1, 2), Fraction(1, 2))
     assert width_share(box, Fraction(10), exact=False) == RatioBounds(Fraction(1, 2), None)
     assert width_share(box, Fraction(0), exact=True) is None
-
-
-# -- time and interruptions --------------------------------------------------------------------------------------------
 
 
 def test_the_region_may_use_half_of_the_time_and_others_equal_parts_of_what_is_left(monkeypatch) -> None:

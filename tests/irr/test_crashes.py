@@ -1,22 +1,16 @@
 """A solver that kills its process at one question: that question is unknown, and nothing else is lost."""
 
-from __future__ import annotations
-
 import faulthandler
 import os
 from collections.abc import Callable
 
 import pytest
 
-from robust.api import check, envelope, region
+from robust import Answer, ParametrizedPlan, RegionStatus, Status, check, envelope, region
 from robust.encode import create_encoding
-from robust.irr.check import Answer
 from robust.irr.containment import Containment
-from robust.plan.model import ParametrizedPlan
-from robust.qe.compute import RegionStatus
 from robust.qe.eliminate import cvc5_native, z3_tactics
 from robust.qe.nnf import ExpressionReader
-from robust.searching import Status
 from robust.smt import session as sessions
 from robust.smt.limits import NEVER
 from robust.smt.session import Session
@@ -65,9 +59,6 @@ def asked_of_solvers(plan: ParametrizedPlan) -> list[str]:
     return [one.name for one in encoding.obligations if one.violation is not encoding.terms.false]
 
 
-# -- check -------------------------------------------------------------------------------------------------------------
-
-
 def test_check_answers_the_other_obligations(dies_at):
     names = asked_of_solvers(PLAN)
     fatal = names[len(names) // 2]
@@ -103,9 +94,6 @@ def test_failures_are_counted_and_certificates_say_why_there_is_none(dies_at, tm
     assert "cvc5 ended with signal SIGABRT" in ended.err
 
 
-# -- boxes and regions -------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("method", "number"), [("irr", 0), ("irr", 20), ("widen", 12), ("widen", 24), ("optimal", 12), ("optimal", 24)]
 )
@@ -118,26 +106,6 @@ def test_boxes_so_far_are_kept(dies_at, method, number):
     assert result.reason.startswith(ABORTED)
     if result.verified:
         assert Containment(create_encoding("relational", PLAN)).refute(result.box, NEVER) is None
-
-
-@pytest.mark.slow
-def test_some_box_is_found_before_it_dies(dies_at):
-    last: int | None = None
-    asked = dies_at(lambda asked: last is not None and len(asked) > last)
-    assert envelope(PLAN, **BY_CVC5).status is Status.COMPLETE
-    last = len(asked) * 2 // 3
-    asked.clear()
-    result = envelope(PLAN, **BY_CVC5)
-    assert result.verified
-    asked.clear()
-    ended = command("envelope", *FILES, *OPTIONS)
-    assert (ended.code, ABORTED in ended.out, "the best box so far; sound, not maximal" in ended.out) == (3, True, True)
-    asked.clear()
-    answer = answer_of(command("envelope", *FILES, *OPTIONS, "--json"))
-    assert (answer["status"], answer["verified"], answer["reason"]) == ("unknown", True, result.reason)
-    assert {name: ends["lower"] for name, ends in answer["parameters"].items()} == {
-        name: str(interval.lower) for name, interval in result.box.intervals.items()
-    }
 
 
 def test_regions_so_far_are_kept(dies_at):

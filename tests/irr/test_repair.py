@@ -1,7 +1,5 @@
 """Repairs of plans: the result is proved, no cheaper one exists, and what has none says why."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from fractions import Fraction
@@ -11,17 +9,14 @@ from hypothesis import HealthCheck, assume, given, seed, settings
 from hypothesis import strategies as st
 
 import robust
+from robust import Box, InputError, Interval, ParametrizedPlan, RepairStatus, SolverError
 from robust.encode.encoding import RelationalEncoding
 from robust.encode.interface import EPSILON
-from robust.errors import InputError, SolverError
 from robust.irr import repair as repairs
 from robust.irr.check import Answer, Checker, CheckResult
-from robust.irr.conflicts import RepairStatus
 from robust.irr.quantities import Changeable, Cost
 from robust.irr.repair import RepairSearch
-from robust.plan.model import ParametrizedPlan
 from robust.plan.polynomial import Polynomial
-from robust.qe.box import Box, Interval
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.irr.building import shipped
 from tests.plan.building import action, at, between, plan_of
@@ -41,9 +36,6 @@ def is_proved(plan: ParametrizedPlan, box: Box | None = None) -> bool:
         return Checker(RelationalEncoding(plan), box or Box.nominal(plan.parameters)).run().answer is Answer.PROVED
     except InputError:
         return False
-
-
-# -- drawn plans -------------------------------------------------------------------------------------------------------
 
 
 def with_bound(plan: ParametrizedPlan, index: int, side: str, value: Fraction) -> ParametrizedPlan | None:
@@ -174,9 +166,6 @@ def test_two_hundred_repairs(number) -> None:
     seed(number)(settings(max_examples=10, deadline=None, **health)(asked))()
 
 
-# -- known repairs -----------------------------------------------------------------------------------------------------
-
-
 def test_one_bound_repairs_the_flexible_wait() -> None:
     repair = robust.repair(FLEXIBLE)
     assert (repair.status, repair.check.answer, repair.cut_short) == (RepairStatus.OPTIMAL, Answer.PROVED, False)
@@ -243,9 +232,6 @@ def test_what_cannot_be_repaired_names_what_contradicts() -> None:
     declared = replace(FLEXIBLE, parameters=tuple(replace(one, upper=Fraction(50)) for one in FLEXIBLE.parameters))
     repair = robust.repair(declared, require={"to_crater": Interval(Fraction(0), Fraction(1000))})
     assert any("ub 50" in reason for reason in repair.contradiction)
-
-
-# -- limits and options ------------------------------------------------------------------------------------------------
 
 
 def test_out_of_time_and_interrupted(monkeypatch) -> None:

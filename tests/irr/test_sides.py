@@ -1,37 +1,29 @@
 """What ends each side of a box, what to type for room, and by how much actions may exceed their planned durations."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
 from itertools import product
+from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
-from hypothesis import seed as hypothesis_seed
 
-from robust.api import check, envelope
-from robust.errors import InputError
-from robust.irr.check import Answer
+from robust import Answer, EnvelopeResult, InputError, ParametrizedPlan, Status, check, envelope, load_plan
 from robust.irr.overruns import FIXED, action_overruns, overruns
-from robust.irr.search import EnvelopeResult
 from robust.irr.stops import APPROACHED, CUT_SHORT, NOT_EXAMINED, Stop
-from robust.plan.model import ParametrizedPlan
 from robust.qe.box import Box, Interval, Side
-from robust.reading import load_plan
-from robust.searching import Status
 from robust.smt.limits import OutOfTimeError
 from tests.cli.running import EXAMPLES, example
 from tests.irr.building import assembled, fail_at_query, loose, parameter, parametric, shipped, timed
 from tests.plan.building import drawn
 from tests.sampling import Network
 
+DATA = Path(__file__).with_name("data")
 BETA = Fraction(1, 2)
 LOWER, UPPER = Side.LOWER, Side.UPPER
 every_method = pytest.mark.parametrize("method", ["widen", "irr", "optimal"])
@@ -73,8 +65,7 @@ def test_all_statements_of_the_network_are_named(method, encoding) -> None:
     """i lasts at least 1 from k on, and ends by k + 2 at the latest: only k ≥ 0 is demanded, by the network."""
     result = envelope(loose(3), method=method, encoding=encoding)
     ((face, stop),) = result.stops.items()
-    assert face == ("k", LOWER)
-    assert str(stop) == f"no schedule: {'; '.join(stop.statements)}"
+    assert (face, str(stop)) == (("k", LOWER), f"no schedule: {'; '.join(stop.statements)}")
     assert any("[k, inf]" in one or "i.start ≥ 0" in one for one in stop.statements)
 
 
@@ -189,10 +180,10 @@ def test_what_ends_a_side_breaks_just_beyond(method) -> None:
 
 ASKED = """
 import sys
+from contextlib import suppress
 from random import Random
-from robust.api import check, envelope
-from robust.searching import Status
-from tests.irr.test_sides import drawn_plans
+from robust import InputError, Status, check, envelope
+from tests.qe.test_history import drawn_plans
 
 order = int(sys.argv[1])
 plans = drawn_plans(int(sys.argv[2]), int(sys.argv[3]))
@@ -200,32 +191,17 @@ questions = [(number, method) for number in range(len(plans)) for method in ("wi
 Random(order).shuffle(questions)
 answers = {}
 for number, method in questions:
-    if order % 2:
-        check(plans[number], every=True)
-    result = envelope(plans[number], method=method, beta="1/2" if method == "irr" else None, timeout=20)
-    if result.status is Status.COMPLETE:
-        stops = sorted((name, side.value, stop.every) for (name, side), stop in result.stops.items())
-        answers[number, method] = str(result.box), stops
+    with suppress(InputError):
+        if order % 2:
+            check(plans[number], every=True)
+        result = envelope(plans[number], method=method, beta="1/2" if method == "irr" else None, timeout=20)
+        if result.status is Status.COMPLETE:
+            stops = sorted((name, side.value, stop.every) for (name, side), stop in result.stops.items())
+            answers[number, method] = str(result.box), stops
 for key in sorted(answers):
     if key[1] != "optimal":  # of several boxes that are as wide it is one
         print(key, answers[key])
 """
-
-
-def drawn_plans(seed: int, count: int) -> list[ParametrizedPlan]:
-    """Valid plans with parameters, the same for the same seed."""
-    valid: list[ParametrizedPlan] = []
-
-    @hypothesis_seed(seed)
-    @settings(drawn(count), database=None)
-    @given(parametric())
-    def draw(plan: ParametrizedPlan) -> None:
-        with suppress(InputError):
-            if check(plan).answer is Answer.PROVED:
-                valid.append(plan)
-
-    draw()
-    return valid
 
 
 @pytest.mark.parametrize(("seed", "count"), [(1, 8), pytest.param(2, 400, marks=pytest.mark.slow)])
@@ -242,20 +218,9 @@ def test_what_ends_a_side_does_not_depend_on_what_was_asked_before(seed, count) 
 
 # -- durations that plan and domain both fix ---------------------------------------------------------------------------
 
-TRIPS = """(define (domain trips) (:types place) (:constants home - place)
- (:predicates (at ?p - place) (seen ?p - place)) (:functions (way) (rest))
- (:durative-action move :parameters (?p - place) :duration (= ?duration 5) :effect (at end (at ?p)))
- (:durative-action pause :parameters () :duration (and (>= ?duration (rest)) (<= ?duration (rest)))
-  :effect (at end (at home)))
- (:durative-action look :parameters (?p - place) :duration (= ?duration (way)) :condition (over all (at ?p))
-  :effect (at end (seen ?p))))"""
-TRIP = """(define (problem trip) (:domain trips) (:objects a b - place)
- (:init (= (way) 3) (= (rest) 2) (at home) (at 20 (not (at home)))) (:goal (at a)))"""
-STEPS = """durative-action instance m1 : (move a); durative-action instance m2 : (move b);
-durative-action instance p : (pause); durative-action instance look : (look home);
-c: m1.start - .zero in [0, 0]; c: m2.start - .zero in [0, 0]; c: p.start - .zero in [0, 0];
-c: look.start - .zero in [1, 1];
-"""
+TRIPS = (DATA / "trips-domain.pddl").read_text(encoding="utf-8")
+TRIP = (DATA / "trips-problem.pddl").read_text(encoding="utf-8")
+STEPS = (DATA / "trips.stn").read_text(encoding="utf-8")
 
 
 def trips(lengths: str, *specs: str, **nominal: int) -> ParametrizedPlan:
@@ -289,8 +254,7 @@ def test_what_is_to_be_typed_gives_room(method, lengths, nominal, options) -> No
     assert "the domain still demands (" in advice.reason
     assert str(advice).endswith(" ".join(f"--parameter {option}" for option in options))
     typed = envelope(trips(lengths, *advice.options, **nominal), method=method)
-    assert with_room(typed) == list(typed.box.intervals)
-    assert typed.advice == ()
+    assert (with_room(typed), typed.advice) == (list(typed.box.intervals), ())
 
 
 def test_what_is_to_be_typed_where_fluents_or_nominal_values_leave_no_room() -> None:
@@ -318,17 +282,8 @@ def test_the_shipped_delivery_says_what_to_type() -> None:
 
 # -- overruns ----------------------------------------------------------------------------------------------------------
 
-DOMAIN = """(define (domain d) (:requirements :durative-actions :fluents :duration-inequalities)
-(:predicates (ready) (done)) (:functions (pace) (left))
-(:durative-action move :parameters () :duration (>= ?duration 0) :condition () :effect (at end (ready)))
-(:durative-action load :parameters () :duration (and (>= ?duration 0) (<= ?duration 40)) :condition ()
-  :effect (at end (done)))
-(:durative-action pass :parameters () :duration (= ?duration (pace)) :condition () :effect (at end (done)))
-(:durative-action use :parameters () :duration (>= ?duration 0) :condition () :effect (at end (decrease (left) (pace))))
-(:durative-action slow :parameters () :duration (= ?duration (+ 10 (* 2 (pace)))) :condition () :effect (at end (done)))
-(:durative-action rest :parameters () :duration (= ?duration (- 15 (pace))) :condition () :effect (at end (done)))
-(:action ring :parameters () :precondition () :effect (done)))"""
-PROBLEM = "(define (problem p) (:domain d) (:init (= (pace) 5) (= (left) 100)) (:goal (done)))"
+DOMAIN = (DATA / "overruns-domain.pddl").read_text(encoding="utf-8")
+PROBLEM = (DATA / "overruns-problem.pddl").read_text(encoding="utf-8")
 
 
 def acting(actions: str, constraints: str = "", *specs: str, **nominal: int) -> ParametrizedPlan:

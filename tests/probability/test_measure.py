@@ -1,4 +1,4 @@
-"""Probabilities of polyhedra: known ones, volumes for uniform distributions, and what has no width."""
+"""Enclosures against mpmath with 90 digits; probabilities of polyhedra: known ones, volumes, and what has no width."""
 
 from fractions import Fraction
 from itertools import pairwise
@@ -7,10 +7,9 @@ from random import Random
 import mpmath
 import pytest
 
-from robust.errors import Location
-from robust.probability.distributions import parse_distribution
+from robust import Box, InputError, Interval, Location
+from robust.probability.distributions import UNIT, Below, Distribution, exp_minus, normal, parse_distribution
 from robust.probability.measure import Bounds, Measure, RegionMeasure, box_probability
-from robust.qe.box import Box, Interval
 from robust.qe.constraint import LinearConstraint
 from robust.qe.estimate import proportion_bounds
 from robust.qe.polyhedron import Polyhedron, union_volume
@@ -18,6 +17,158 @@ from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 F = Fraction
 PLACE = Location("here")
+
+
+@pytest.fixture(autouse=True)
+def digits():
+    with mpmath.workdps(90):
+        yield
+
+
+def real(value: Fraction) -> mpmath.mpf:
+    return mpmath.mpf(value.numerator) / value.denominator
+
+
+def width_around(enclosure, true) -> int:
+    assert enclosure[0] <= true * UNIT <= enclosure[1]
+    return enclosure[1] - enclosure[0]
+
+
+def places(low: float, high: float):
+    random = Random(3)  # noqa: S311 - reproducible
+    return [F(random.uniform(low, high)) for _ in range(200)] + [F(0), F(1, 3), F(1, 10**40), F(1), F(2)]
+
+
+def test_exp_holds_the_true_value():
+    for value in places(0, 140):
+        assert width_around(exp_minus(value), mpmath.exp(-real(value))) < 2**10
+
+
+def test_the_normal_distribution_holds_the_true_value():
+    for value in [*places(-15, 15), F(13), F(-13), F(1301, 100), F(-20)]:
+        narrow = width_around(normal(value), mpmath.ncdf(real(value)))
+        assert narrow < UNIT >> 120
+
+
+phi = mpmath.ncdf
+CUMULATIVE = {
+    "uniform:2:5": lambda x: min(max((x - 2) / 3, 0), 1),
+    "normal:3:2": lambda x: phi((x - 3) / 2),
+    "normal:3:2:1": lambda x: phi((x - 3) / 2) - phi((2 - x - 3) / 2) if x > 1 else mpmath.mpf(0),
+    "normal:3:2:1:clip": lambda x: phi((x - 3) / 2) if x > 1 else mpmath.mpf(0),
+    "half-normal:1:2": lambda x: 2 * phi((x - 1) / 2) - 1 if x > 1 else mpmath.mpf(0),
+    "truncated-normal:3:2:1:6": lambda x: min(max(
+        (phi((x - 3) / 2) - phi(-1)) / (phi(mpmath.mpf(3) / 2) - phi(-1)), 0), 1),
+    "triangular:1:2:6": lambda x: mpmath.mpf(0) if x < 1 else (x - 1) ** 2 / 5 if x < 2 else
+        1 - (6 - x) ** 2 / 20 if x < 6 else mpmath.mpf(1),
+    "exponential:3:1": lambda x: 1 - mpmath.exp(-(x - 1) / 2) if x > 1 else mpmath.mpf(0),
+    "constant:3": lambda x: mpmath.mpf(x > 3),
+}  # fmt: skip
+"""The probability of less than x, by formulas of mpmath."""
+KINDS = tuple(CUMULATIVE)
+
+
+def cumulative(kind: str, at: Fraction) -> mpmath.mpf:
+    return CUMULATIVE[kind](real(at))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_probabilities_of_intervals_hold_the_true_value(kind):
+    one = parse_distribution(kind, None, PLACE)
+    assert str(one) == kind
+    random = Random(kind)  # noqa: S311 - reproducible
+    for _ in range(40):
+        low, high = sorted(F(random.randint(-4000, 12000), 999) for _ in range(2))
+        for lower, upper in ((low, high), (None, high), (low, None)):
+            least, most = one.between(lower, upper)
+            for value, mass in one.atoms:
+                if (lower is None or lower < value) and (upper is None or value < upper):
+                    least, most = least + mass[0], most + mass[1]
+            true = (1 if upper is None else cumulative(kind, upper)) - (0 if lower is None else cumulative(kind, lower))
+            # An atom below or at an open end counts with what is above it only.
+            assert width_around((least, most), true) < UNIT >> 100
+    whole = one.between(None, None)
+    total = [whole[side] + sum(mass[side] for _, mass in one.atoms) for side in (0, 1)]
+    assert total[0] <= UNIT <= total[1]
+
+
+@pytest.mark.parametrize("kind", KINDS[:-1])
+def test_densities_are_lines_up_to_the_factor_that_is_said(kind):
+    """Ratios of probabilities of small intervals to those of the weights differ by no more than the factor."""
+    one = parse_distribution(kind, None, PLACE)
+    random, met = Random(kind), 0  # noqa: S311 - reproducible
+    for _ in range(60):
+        low = F(random.randint(1001, 4900), 1000)
+        high = low + F(random.randint(1, 900), 1000)
+        if high > 5 or any(low < at < high for at in one.breaks) or low < (one.support[0] or 0):
+            continue
+        found = one.weights(low, high)
+        if found is None:
+            continue
+        first, last, ratio = found
+        met += 1
+        shares = []
+        for step in range(10):
+            left, right = F(step, 10), F(step + 1, 10)
+            mass = one.between(low + (high - low) * left, low + (high - low) * right)
+            line = first + (last - first) * (left + right) / 2
+            shares.append([F(end, UNIT) / line for end in mass])
+        assert max(least for least, _ in shares) <= ratio * min(most for _, most in shares)
+        assert ratio < 3
+    assert met > 20
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_draws_follow_the_distribution(kind):
+    """The share of draws below each decile is the decile's, up to five standard errors."""
+    one = parse_distribution(kind, None, PLACE)
+    random = Random(5)  # noqa: S311 - reproducible
+    drawn = [one.draw(random, None) for _ in range(4000)]
+    for at in (F(3, 2), F(5, 2), F(7, 2), F(9, 2)):
+        expected = float(cumulative(kind, at))
+        assert (
+            abs(sum(value < at for value in drawn) / 4000 - expected) <= 5 * (expected * (1 - expected) / 4000) ** 0.5
+        )
+    on_grid = [one.draw(random) for _ in range(20)]
+    assert all(1000 % value.denominator == 0 for value in on_grid)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("norml:1:2", "found distribution 'norml', expected one of constant"),
+        ("normal:1:0", "found deviation 0, expected a number above 0"),
+        ("normal:1:-1", "found deviation -1, expected a number above 0"),
+        ("normal::1", "found no 'mean', expected normal:MEAN:DEVIATION:MINIMUM:BELOW"),
+        ("normal:1", "found no 'deviation'"),
+        ("normal:1:2:3:4", "found '4' for 'below', expected fold or clip"),
+        ("normal:1:2:3:clip:5", "found 5 numbers, expected normal:MEAN"),
+        ("normal:a:2", "found 'a', expected a number"),
+        ("uniform:3:2", "found lower above upper"),
+        ("triangular:1:5:4", "found mode above upper"),
+        ("exponential:1:2", "found mean below minimum"),
+        ("truncated-normal:0:1:50:60", "found almost nothing between minimum and maximum"),
+        ("truncated-normal:0:1:5:4", "found minimum above maximum"),
+    ],
+)
+def test_wrong_distributions_are_named(text, message):
+    with pytest.raises(InputError) as caught:
+        parse_distribution(text, None, PLACE)
+    assert message in str(caught.value)
+    assert str(caught.value).startswith("here: ")
+
+
+def test_what_is_left_out_is_planned_and_what_is_not_random_constant():
+    assert parse_distribution("normal::5", F(30), PLACE).numbers == {"mean": 30, "deviation": 5}
+    assert parse_distribution("constant", F(7), PLACE).numbers == {"value": 7}
+    assert parse_distribution("normal:1:2:0:clip", None, PLACE).below is Below.CLIP
+    assert parse_distribution("triangular:1::4", F(2), PLACE).numbers["mode"] == 2
+    for kind, numbers in (
+        ("normal", {"mean": F(3), "deviation": F(0)}),
+        ("uniform", {"lower": F(3), "upper": F(3)}),
+        ("normal", {"mean": F(1), "deviation": F(0), "minimum": F(2)}),
+    ):
+        assert Distribution(kind, numbers).settled.numbers == {"value": 3}
 
 
 def of(**kinds):
@@ -91,13 +242,12 @@ def test_constants_respect_strict_sides(relation, expected):
 
 
 def test_a_hyperplane_has_no_probability_and_an_atom_has():
-    base = polyhedron("a", ({"a": 1}, "=", 1))
-    assert probability(base, (), of(a="normal:1:1")).upper == 0
-    clipped = probability(base, (), of(a="normal:1:1:1:clip"))
-    assert clipped.lower <= F(1, 2) <= clipped.upper
-    assert clipped.width < F(1, 10**30)
-    beyond = probability(polyhedron("a", ({"a": 1}, ">", 1)), (), of(a="normal:1:1:1:clip"))
-    assert beyond.lower <= F(1, 2) <= beyond.upper
+    level, beyond = (polyhedron("a", ({"a": 1}, relation, 1)) for relation in ("=", ">"))
+    assert probability(level, (), of(a="normal:1:1")).upper == 0
+    for base in (level, beyond):
+        half = probability(base, (), of(a="normal:1:1:1:clip"))
+        assert half.lower <= F(1, 2) <= half.upper
+        assert half.width < F(1, 10**30)
 
 
 def test_bounds_become_narrower_with_each_step_and_hold_when_time_is_out():
@@ -170,9 +320,8 @@ def test_factors_agree_with_random_points_and_with_the_whole(seed):
 
 def test_boxes_are_exact():
     box = Box({"a": Interval(None, F(1), upper_closed=True), "b": Interval(F(0), F(1))})
-    found = box_probability(box, of(a="normal:1:3", b="uniform:-1:3"))
-    assert found.lower <= F(1, 8) <= found.upper
-    assert found.width < F(1, 10**60)
-    closed = box_probability(Box({"a": Interval(F(3), F(3))}), of(a="constant:3"))
-    assert closed == Bounds(F(1), F(1))
+    eighth = box_probability(box, of(a="normal:1:3", b="uniform:-1:3"))
+    assert eighth.lower <= F(1, 8) <= eighth.upper
+    assert eighth.width < F(1, 10**60)
+    assert box_probability(Box({"a": Interval(F(3), F(3))}), of(a="constant:3")) == Bounds(F(1), F(1))
     assert box_probability(Box({"a": Interval(F(3), F(4), lower_closed=False)}), of(a="constant:3")).upper == 0

@@ -7,57 +7,25 @@ from xml.etree import ElementTree
 
 import pytest
 
-from robust import stnu
-from robust.errors import InputError, RobustError, UnsupportedError
+from robust import InputError, RobustError, UnsupportedError, stnu
 from robust.stnu import Link
 from robust.stnu.files import graphml, network_json, parse_graphml, parse_network_json
 from tests.stnu.networks import drawn, network
 
-TOOL = """\
-<?xml version="1.0" encoding="UTF-8"?>
-<graphml xmlns="http://graphml.graphdrawing.org/xmlns/graphml"
-xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance"
-xsi:schemaLocation="http://graphml.graphdrawing.org/xmlns/graphml">
-<key id="NetworkType" for="graph"><desc>Network Type</desc><default>STNU</default></key>
-<key id="x" for="node"><desc>The x coordinate</desc><default>0</default></key>
-<key id="Type" for="edge"><desc>Type</desc><default>requirement</default></key>
-<graph edgedefault="directed">
-<data key="NetworkType">STNU</data>
-<data key="nEdges">6</data>
-<data key="nVertices">4</data>
-<data key="nContingent">1</data>
-<data key="Name">small</data>
-<node id="Z"><data key="x">10.5</data><data key="y">20</data></node>
-<node id="A"/>
-<node id="C"/>
-<node id="D"/>
-<edge id="AC" source="A" target="C"><data key="Type">contingent</data><data key="LabeledValue">LC(C):1</data></edge>
-<edge id="CA" source="C" target="A"><data key="Type">contingent</data><data key="LabeledValue">UC(C):-10</data></edge>
-<edge id="CD" source="C" target="D"><data key="Type">requirement</data><data key="Value">2</data></edge>
-<edge id="DC" source="D" target="C"><data key="Type">requirement</data><data key="Value">-1</data></edge>
-<edge id="AD" source="A" target="D"><data key="Value">12</data></edge>
-<edge id="ZD" source="Z" target="D"><data key="Type">derived</data><data key="Value">99</data></edge>
-</graph>
-</graphml>
-"""
+DATA = Path(__file__).with_name("data")
+TOOL = (DATA / "small.stnu").read_text(encoding="utf-8")
 LINKS = (
     Link("A", "C", Fraction(1), Fraction(10), True),
     Link("C", "D", Fraction(1), Fraction(2)),
     Link("A", "D", None, Fraction(12)),
 )
-JSON = """\
-{"nodes": [{"node_id": 0}, {"node_id": 1}, {"node_id": 2}],
- "constraints": [
-  {"first_node": 0, "second_node": 1, "type": "stcu", "min_duration": 0.1, "max_duration": 40.0},
-  {"first_node": 1, "second_node": 2, "type": "stc", "min_duration": -3, "max_duration": "inf"}]}
-"""
+JSON = (DATA / "small.json").read_text(encoding="utf-8")
 
 
 def test_graphml_of_the_tool():
     found = parse_graphml(TOOL, "small.stnu")
     assert (found.nodes, found.origin, found.links) == (("Z", "A", "C", "D"), "Z", LINKS)
-    assert found.layout == {"Z": ("10.5", "20")}
-    assert [link.place.line for link in found.links] == [18, 20, 22]
+    assert (found.layout, [link.place.line for link in found.links]) == ({"Z": ("10.5", "20")}, [18, 20, 22])
     assert stnu.check(found).is_controllable
 
 
@@ -134,8 +102,6 @@ def test_the_origin_has_the_name_that_the_format_gives_it():
             write(network((name, "A", 0, 5)))
 
 
-# -- what is wrong -----------------------------------------------------------------------------------------------------
-
 SECOND = '>12</data></edge><edge source="D" target="A"><data key="Value">{}<'
 WRONG_GRAPHML = (
     ("broken XML", "</graphml>\n", "", r"^n.stnu:25:1: found broken XML \(no element found\), expected GraphML$"),
@@ -200,8 +166,7 @@ def test_labeled_values_whose_labels_are_all_empty():
         .replace('<node id="A"/>', '<node id="A"><data key="Label">⊡</data><data key="Obs"></data></node>')
         .replace('"Type">derived<', '"LabeledValues">{}</data><data key="Type">derived<')
     )
-    assert labeled.count("Labeled") == 5
-    assert parse_graphml(labeled, "n.stnu").links == LINKS
+    assert (labeled.count("Labeled"), parse_graphml(labeled, "n.stnu").links) == (5, LINKS)
     with pytest.raises(InputError, match=r"^n.stnu:21:.*: found LabeledValues beside a Value that differs"):
         parse_graphml(labeled.replace("(⊡, -1)", "(⊡, -2)"), "n.stnu")
 
@@ -212,8 +177,7 @@ def test_keys_with_names_of_their_own():
     for number, key in enumerate(("Type", "Value", "LabeledValue")):
         other = other.replace(f'key="{key}"', f'key="d{number}"')
         other = other.replace("<graph ", f'<key id="d{number}" for="edge" attr.name="{key}"/>\n<graph ')
-    assert other.count("attr.name") == 3
-    assert parse_graphml(other, "n.stnu").links == LINKS
+    assert (other.count("attr.name"), parse_graphml(other, "n.stnu").links) == (3, LINKS)
     with pytest.raises(InputError, match="found unknown key 'd2' of an edge, expected one of Type, Value"):
         parse_graphml(other.replace('id="d2"', 'id="d3"'), "n.stnu")
 

@@ -182,9 +182,6 @@ def test_the_best_so_far_and_its_gap():
     assert gaps > 10
 
 
-# -- one network -------------------------------------------------------------------------------------------------------
-
-
 def test_one_bound():
     result = stnu.repair(LATE)
     assert (result.status, result.cost, result.bound, result.gap) == (RepairStatus.OPTIMAL, 3, 3, 0)

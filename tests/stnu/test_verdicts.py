@@ -10,8 +10,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.irr.stnu import team_network
-from robust import stnu
-from robust.errors import InputError
+from robust import InputError, stnu
 from robust.execute.controllability import Control, Controllability, ControlVerdict
 from robust.network.dispatchable import Windows
 from robust.plan.model import ZERO
@@ -113,9 +112,6 @@ def test_the_network_of_a_plan_is_as_controllable_as_the_box():
     assert links["a.end -> b.start"] == (-1, 2)
 
 
-# -- known networks ----------------------------------------------------------------------------------------------------
-
-
 def test_a_witness_is_a_closed_walk_through_the_network():
     result = stnu.check(LATE)
     assert result.verdict is stnu.Verdict.UNCONTROLLABLE
@@ -159,8 +155,7 @@ def test_decisions_have_names_that_no_time_point_has():
     """Neither a time point of the file nor the decision of another link is taken for it."""
     named = network(("A", "C", -2, 3, "contingent"), ("A", "commit(A,C)", 5, 5))
     alike = network(("a,b", "c", -2, 3, "contingent"), ("a", "b,c", -1, 4, "contingent"), ("a,b", "a", 4, 4))
-    assert list(named.decisions.values()) == ["commit(A,C)'"]
-    assert len(set(alike.decisions.values())) == 2
+    assert (list(named.decisions.values()), len(set(alike.decisions.values()))) == (["commit(A,C)'"], 2)
     for found in (named, alike):
         assert stnu.check(found).is_controllable
         assert not stnu.dispatch(found).execute(seed=1).violated
@@ -185,9 +180,6 @@ def test_a_hundred_time_points_take_less_than_50_ms():
             stnu.check(found.with_links(found.links))
             seconds.append(time.process_time() - started)
         assert min(seconds) < 0.05, seed
-
-
-# -- minimal networks --------------------------------------------------------------------------------------------------
 
 
 def closure(size, edges):

@@ -12,9 +12,9 @@ ROOT = Path(__file__).parents[2]
 DATA = ROOT.parent / "shared"
 
 
-def folder(tmp_path, *files):
+def folder(tmp_path, files):
     """A folder of empty plans, and of PDDL files that define what their names say."""
-    for name in files:
+    for name in files.split():
         path = tmp_path / name
         path.parent.mkdir(parents=True, exist_ok=True)
         kind = "domain" if "domain" in path.name else "problem"
@@ -22,75 +22,48 @@ def folder(tmp_path, *files):
     return tmp_path
 
 
-def found(path):
-    return {one.name: (one.domain, one.problem) for one in read_suite(path).instances if one.trouble is None}
-
-
 @pytest.mark.parametrize(
-    ("files", "plan", "expected"),
+    ("files", "domain", "problem"),
     [
-        (["domain.pddl", "problem.pddl", "plan.stn"], "plan.stn", ("domain.pddl", "problem.pddl")),
-        (["domain.pddl", "problem.pddl", "steps.PLAN"], "steps.PLAN", ("domain.pddl", "problem.pddl")),
-        (["domain.pddl", "a/problem.pddl", "a/plan.log"], "a/plan.log", ("domain.pddl", "a/problem.pddl")),
-        (["domain.pddl", "problem.pddl", "a/b/x.sol"], "a/b/x.sol", ("domain.pddl", "problem.pddl")),
-        (["domain.pddl", "p01.pddl", "p02.pddl", "p02.plan"], "p02.plan", ("domain.pddl", "p02.pddl")),
+        ("domain.pddl problem.pddl plan.stn", "domain.pddl", "problem.pddl"),
+        ("domain.pddl problem.pddl steps.PLAN", "domain.pddl", "problem.pddl"),
+        ("domain.pddl a/problem.pddl a/plan.log", "domain.pddl", "a/problem.pddl"),
+        ("domain.pddl problem.pddl a/b/x.sol", "domain.pddl", "problem.pddl"),
+        ("domain.pddl p01.pddl p02.pddl p02.plan", "domain.pddl", "p02.pddl"),
+        ("domain.pddl problem_05.pddl problem_06.pddl plan_06_1.stn", "domain.pddl", "problem_06.pddl"),
+        ("domain-1.pddl domain-2.pddl problem-1.pddl problem-2.pddl plan-2.log", "domain-2.pddl", "problem-2.pddl"),
         (
-            ["domain.pddl", "problem_05.pddl", "problem_06.pddl", "plan_06_1.stn"],
-            "plan_06_1.stn",
-            ("domain.pddl", "problem_06.pddl"),
-        ),
-        (
-            ["domain-1.pddl", "domain-2.pddl", "problem-1.pddl", "problem-2.pddl", "plan-2.log"],
-            "plan-2.log",
-            ("domain-2.pddl", "problem-2.pddl"),
-        ),
-        (
-            ["domain.pddl", "domain-battery.pddl", "problem.pddl", "problem-battery.pddl", "small-battery-3.stn"],
-            "small-battery-3.stn",
-            ("domain-battery.pddl", "problem-battery.pddl"),
+            "domain.pddl domain-battery.pddl problem.pddl problem-battery.pddl small-battery-3.stn",
+            "domain-battery.pddl",
+            "problem-battery.pddl",
         ),
         # nearer folders come first
-        (
-            ["domain.pddl", "problem.pddl", "a/domain.pddl", "a/problem.pddl", "a/plan.stn"],
-            "a/plan.stn",
-            ("a/domain.pddl", "a/problem.pddl"),
-        ),
-        (
-            ["domain.pddl", "problem_1.pddl", "problem_3.pddl", "plan_3_1.stn"],
-            "plan_3_1.stn",
-            ("domain.pddl", "problem_3.pddl"),
-        ),
+        ("domain.pddl problem.pddl a/domain.pddl a/problem.pddl a/plan.stn", "a/domain.pddl", "a/problem.pddl"),
+        ("domain.pddl problem_1.pddl problem_3.pddl plan_3_1.stn", "domain.pddl", "problem_3.pddl"),
     ],
 )
-def test_files_that_belong_together(tmp_path, files, plan, expected):
-    assert found(folder(tmp_path, *files)) == {plan: expected}
+def test_files_that_belong_together(tmp_path, files, domain, problem):
+    (one,) = read_suite(folder(tmp_path, files)).instances
+    assert (one.name, one.domain, one.problem, one.trouble) == (files.split()[-1], domain, problem, None)
 
 
 def test_plans_in_hidden_folders_and_other_files_are_none(tmp_path):
-    path = folder(
-        tmp_path, "domain.pddl", "problem.pddl", ".git/plan.stn", ".hidden.stn", "notes.txt", "b.stn", "a.stn"
-    )
-    assert list(found(path)) == ["a.stn", "b.stn"]
+    path = folder(tmp_path, "domain.pddl problem.pddl .git/plan.stn .hidden.stn notes.txt b.stn a.stn")
+    assert [(one.name, one.trouble) for one in read_suite(path).instances] == [("a.stn", None), ("b.stn", None)]
 
 
 @pytest.mark.parametrize(
     ("files", "trouble"),
     [
-        (["domain.pddl", "plan.stn"], "found none, expected one problem"),
-        (["problem.pddl", "plan.stn"], "found none, expected one domain"),
-        (
-            ["domain.pddl", "problem_1.pddl", "p1.pddl", "plan_1.stn"],
-            "found p1.pddl, problem_1.pddl, expected one problem",
-        ),
-        (
-            ["domain.pddl", "problem-one-order.pddl", "problem-battery.pddl", "one-order-battery.stn"],
-            "problem-one-order",
-        ),
-        (["domain.pddl", "problem_2.pddl", "plan_1.stn"], "found none, expected one problem"),
+        ("domain.pddl plan.stn", "found none, expected one problem"),
+        ("problem.pddl plan.stn", "found none, expected one domain"),
+        ("domain.pddl problem_1.pddl p1.pddl plan_1.stn", "found p1.pddl, problem_1.pddl, expected one problem"),
+        ("domain.pddl problem-one-order.pddl problem-battery.pddl one-order-battery.stn", "problem-one-order"),
+        ("domain.pddl problem_2.pddl plan_1.stn", "found none, expected one problem"),
     ],
 )
 def test_what_is_not_clear_is_said_of_that_plan(tmp_path, files, trouble):
-    (one,) = read_suite(folder(tmp_path, *files)).instances
+    (one,) = read_suite(folder(tmp_path, files)).instances
     assert trouble in one.trouble
     assert "a list may say which" in one.trouble
 
@@ -106,21 +79,22 @@ def test_data_sets_are_read_as_folders_and_as_lists(name, count):
     if not data.is_dir():
         pytest.skip("the data set is not here")
     by_folder = read_suite(data).instances
-    assert len(by_folder) == count
-    assert not [one for one in by_folder if one.trouble is not None]
+    assert (len(by_folder), {one.trouble for one in by_folder}) == (count, {None})
     (listed,) = data.glob("*.json")
     known = {(one.domain, one.problem, one.plan) for one in by_folder}
     assert {(one.domain, one.problem, one.plan) for one in read_suite(listed).instances} <= known
 
 
-# -- lists -------------------------------------------------------------------------------------------------------------
-
-
 def test_lines(tmp_path):
     path = tmp_path / "suite.txt"
-    path.write_text(
-        "# two\n\nd.pddl 'my problem.pddl' a.stn # the first\nd.pddl p.pddl sub/b.plan\nd.pddl p.pddl a.stn\n"
+    lines = (
+        "# two",
+        "",
+        "d.pddl 'my problem.pddl' a.stn # the first",
+        "d.pddl p.pddl sub/b.plan",
+        "d.pddl p.pddl a.stn",
     )
+    path.write_text("\n".join((*lines, "")))
     suite = read_suite(path)
     assert suite.folder == tmp_path
     assert suite.instances == (
@@ -137,16 +111,15 @@ def test_json_and_csv_say_the_same(tmp_path):
         {"domain": "d.pddl", "problem": "p.pddl", "plan": "c.stn"},
     ]
     (tmp_path / "a.json").write_text(json.dumps(entries))
-    (tmp_path / "a.CSV").write_text(
-        'name,domain,problem,log,plan\none,d.pddl,p.pddl,,a.stn\ntwo,d.pddl,"p, q.pddl",b.log,\n,d.pddl,p.pddl,,c.stn\n'
-    )
+    rows = "one,d.pddl,p.pddl,,a.stn", 'two,d.pddl,"p, q.pddl",b.log,', ",d.pddl,p.pddl,,c.stn"
+    (tmp_path / "a.CSV").write_text("\n".join(("name,domain,problem,log,plan", *rows, "")))
     first, second = (read_suite(tmp_path / name).instances for name in ("a.json", "a.CSV"))
     assert first == second
-    assert [(one.name, one.problem, one.plan) for one in first] == [
-        ("one", "p.pddl", "a.stn"),
-        ("two", "p, q.pddl", "b.log"),
-        ("c.stn", "p.pddl", "c.stn"),
-    ]
+    expected = [("one", "p.pddl", "a.stn"), ("two", "p, q.pddl", "b.log"), ("c.stn", "p.pddl", "c.stn")]
+    assert [(one.name, one.problem, one.plan) for one in first] == expected
+
+
+NO_PROBLEM = '[\n{"domain": "d", "plan": "a"}]'
 
 
 @pytest.mark.parametrize(
@@ -161,11 +134,7 @@ def test_json_and_csv_say_the_same(tmp_path):
         ("a.json", "{}", "a.json:1:1: found an empty object, expected a list of objects"),
         ("a.json", "[1]", "a.json:1:2: found 1, expected an object"),
         ("a.json", '[{"domain": 1}]', "a.json:1:13: found 1 as domain, expected a text"),
-        (
-            "a.json",
-            '[\n{"domain": "d", "plan": "a"}]',
-            "a.json:2:1: found no problem, expected domain, problem and plan",
-        ),
+        ("a.json", NO_PROBLEM, "a.json:2:1: found no problem, expected domain, problem and plan"),
         ("a.csv", "", "a.csv: found no plan, expected a head"),
         ("a.csv", "domain,problem,plan\nd,p\n", "a.csv:2: found no plan, expected domain"),
         ("a.csv", "domain,problem,plan\nd,p,a,b\n", "a.csv:2: found more cells than the 3 of the head"),

@@ -1,25 +1,28 @@
-"""The engine of unified-planning, beside its built-in validators, and plans of all three kinds there and back."""
+"""Problems and plans of unified-planning in and out, with exact numbers, and its engine beside built-in validators."""
 
+import sys
 from fractions import Fraction
 from importlib import import_module
 
 import pytest
 
 import robust
+from robust import Answer, InputError, InvalidPlanError, UnsupportedError, validate
 from robust.execute.convert import convert
+from robust.plan.model import Atom, Fluent, TimedLiteral
+from robust.plan.parameters import parse_specs
 from robust.plan.stn import STNPlan
 from robust.unified_planning import from_unified_planning, register, to_unified_planning
-from tests.unified_planning.test_convert import deliveries, plan_of
 
 up = pytest.importorskip("unified_planning.shortcuts")
-examples = pytest.importorskip("unified_planning.test.examples")
 plans = pytest.importorskip("unified_planning.plans")
+examples = pytest.importorskip("unified_planning.test.examples")
 results = pytest.importorskip("unified_planning.engines.results")
 pytestmark = pytest.mark.filterwarnings("ignore")
 
-Reason = results.FailedValidationReason
+Reason, Status = results.FailedValidationReason, results.ValidationResultStatus
 KINDS = (plans.PlanKind.SEQUENTIAL_PLAN, plans.PlanKind.TIME_TRIGGERED_PLAN)
-
+THIRD = Fraction(1, 3)
 DIFFERENT = {
     "temporal_conditional": "an action reads at its end what another one deletes at the same time",
     "logistic": "a robot is loaded at the time at which it leaves",
@@ -28,21 +31,140 @@ DIFFERENT = {
 """Plans that are listed as valid, and break what PDDL 2.1 demands."""
 
 
+def deliveries(deadline=Fraction(20)):
+    """A van drives and honks; driving takes a third of a minute a mile and burns fuel all the while."""
+    place = up.UserType("Place")
+    at = up.Fluent("at", up.BoolType(), p=place)
+    lit, heard = (up.Fluent(name, up.BoolType()) for name in ("lit", "heard"))
+    fuel, miles = up.Fluent("fuel", up.RealType()), up.Fluent("miles", up.RealType(), a=place, b=place)
+    drive = up.DurativeAction("Drive", a=place, b=place)
+    a, b = drive.parameter("a"), drive.parameter("b")
+    drive.set_closed_duration_interval(up.Times(THIRD, miles(a, b)), up.Times(2, miles(a, b)))
+    drive.add_condition(up.StartTiming(), at(a))
+    drive.add_condition(up.OpenTimeInterval(up.StartTiming(), up.EndTiming()), lit)
+    drive.add_condition(up.OpenTimeInterval(up.StartTiming(), up.EndTiming()), up.GE(fuel, THIRD))
+    drive.add_effect(up.StartTiming(), at(a), False)
+    drive.add_effect(up.EndTiming(), at(b), True)
+    drive.add_decrease_continuous_effect(up.ClosedTimeInterval(up.StartTiming(), up.EndTiming()), fuel, 1)
+    honk = up.InstantaneousAction("honk", a=place)
+    honk.add_precondition(at(honk.parameter("a")))
+    honk.add_precondition(up.Not(heard))
+    honk.add_effect(heard, True)
+    problem = up.Problem("deliveries", initial_defaults={up.BoolType(): False})
+    problem.add_fluents([at, lit, heard, fuel, miles])
+    problem.add_actions([drive, honk])
+    home, shop = problem.add_objects([up.Object("home", place), up.Object("Shop", place)]) or problem.all_objects
+    initial = {at(home): True, lit: True, fuel: Fraction(22, 3)}
+    initial |= {miles(x, y): 3 for x in (home, shop) for y in (home, shop)}
+    for fluent, value in initial.items():
+        problem.set_initial_value(fluent, value)
+    problem.add_timed_effect(up.GlobalStartTiming(deadline), lit, False)
+    problem.add_goal(heard)
+    problem.add_goal(at(shop))
+    return problem
+
+
+def plan_of(problem, start=THIRD, duration=Fraction(7, 3)):
+    home, shop = (up.ObjectExp(one) for one in problem.all_objects)
+    steps = [
+        (start, plans.ActionInstance(problem.action("Drive"), (home, shop)), duration),
+        (start + duration + THIRD, plans.ActionInstance(problem.action("honk"), (shop,)), None),
+    ]
+    return plans.TimeTriggeredPlan(steps)
+
+
+def converted(problem, **options):
+    return convert(*from_unified_planning(problem, plan_of(problem)), **options)
+
+
+def edges(network):
+    """(source, lower, upper, target) of a plan with a network."""
+    return [(source, *one) for source, others in network.get_constraints().items() for one in others]
+
+
+def test_numbers_stay_exact():
+    problem = deliveries(deadline=Fraction(61, 3))
+    domain, read, timed = from_unified_planning(problem, plan_of(problem))
+    assert [(one.time, one.duration) for one in timed.steps] == [(THIRD, Fraction(7, 3)), (Fraction(3), None)]
+    assert [(one.action, one.arguments) for one in timed.steps] == [("drive", ("home", "shop")), ("honk", ("shop",))]
+    assert (read.atoms, read.fluents[Fluent("fuel")]) == ({Atom("at", ("home",)), Atom("lit")}, Fraction(22, 3))
+    assert read.timed_literals == (TimedLiteral(Fraction(61, 3), Atom("lit"), False),)
+    assert set(domain.actions) == {"drive", "honk"}
+
+
+def test_conversion_there_and_back():
+    problem = deliveries()
+    assert validate(*from_unified_planning(problem, plan_of(problem))).valid
+    conversion = converted(problem)
+    assert conversion.check.answer is Answer.PROVED
+    returned = to_unified_planning(conversion.stn, problem)
+    bounds = {
+        tuple(f"{node.action_instance.action.name} {node.kind.name}" for node in (source, target)): (lower, upper)
+        for source, lower, upper, target in edges(returned)
+        if source.action_instance and target.action_instance
+    }
+    # From above, fuel: 22/3 - d >= 1/3; the domain allows 1 to 6.
+    assert bounds["Drive START", "Drive END"] == (Fraction(1), Fraction(6))
+    assert bounds["Drive END", "honk START"][0] == Fraction(1, 1000)
+    assert returned.is_consistent()
+    parametrized = converted(problem, specs=parse_specs(["duration:drive"])).stn
+    assert [one.name for one in parametrized.parameters] == ["dur_n0"]
+    exact = to_unified_planning(parametrized, problem, {"dur_n0": Fraction(10, 7)})
+    assert Fraction(10, 7) in {bound for _, lower, upper, _ in edges(exact) for bound in (lower, upper)}
+
+
+def test_plans_of_all_kinds_there_and_back():
+    problem = deliveries()
+    timed = plan_of(problem)
+    assert to_unified_planning(from_unified_planning(problem, timed)[2], problem).timed_actions[0][0] == THIRD
+    basic = examples.get_example_problems()["robot_loader"]
+    sequential = basic.valid_plans[0]
+    again = to_unified_planning(from_unified_planning(basic.problem, sequential)[2], basic.problem)
+    assert str(again) == str(sequential)
+    network = to_unified_planning(converted(problem).stn, problem)
+    read = from_unified_planning(problem, network)[2]
+    assert isinstance(read, STNPlan)
+    before, after = (
+        {(str(source), lower, upper, str(target)) for source, lower, upper, target in edges(one)}
+        for one in (network, to_unified_planning(read, problem))
+    )
+    assert before == after
+    assert robust.to_unified_planning is to_unified_planning
+
+
+def test_what_cannot_be_converted_is_refused(monkeypatch):
+    problem = deliveries()
+    environment = problem.environment
+    # Which unified-planning finds valid.
+    with pytest.raises(InvalidPlanError, match=r"invalid plan: found 'n0 drive: over all \(lit\)' broken at time 2"):
+        converted(deliveries(deadline=Fraction(2)))
+    with pytest.raises(InputError, match="found a PartialOrderPlan, expected a sequential, "):
+        from_unified_planning(problem, plans.PartialOrderPlan({}, environment))
+    with pytest.raises(InputError, match="empty plan: found no step"):
+        convert(*from_unified_planning(problem, plans.TimeTriggeredPlan([], environment)))
+    with pytest.raises(InputError, match="found action 'drive', expected one of the problem"):
+        to_unified_planning(converted(problem).stn, up.Problem("empty"))
+    problem.add_timed_goal(up.GlobalStartTiming(5), problem.fluent("lit")())
+    with pytest.raises(UnsupportedError, match="found timed goals"):
+        from_unified_planning(problem, plan_of(problem))
+    monkeypatch.setitem(sys.modules, "unified_planning.plans", None)
+    with pytest.raises(UnsupportedError, match=r"pip install 'robust-plans\[up\]'"):
+        from_unified_planning(None, None)
+
+
 @pytest.fixture(autouse=True)
 def engine():
+    """Added once, however often it is registered."""
     up.get_environment().credits_stream = None
     register()
+    engines = list(up.get_environment().factory.engines)
+    register()
+    assert list(up.get_environment().factory.engines) == engines
 
 
 def judged(problem, plan, **parameters):
     with up.PlanValidator(name="robust", params=parameters) as validator:
         return validator.validate(problem, plan)
-
-
-def of_examples():
-    for name, one in examples.get_example_problems().items():
-        for valid, every in ((True, one.valid_plans), (False, one.invalid_plans)):
-            yield from (pytest.param(name, one.problem, plan, valid) for plan in every if plan.kind in KINDS)
 
 
 def counting(most, kind=None):
@@ -64,95 +186,81 @@ def counting(most, kind=None):
 def test_values_stay_in_the_bounds_of_their_types(steps):
     problem, tick = counting(2)
     plan = plans.SequentialPlan([plans.ActionInstance(tick.action) for _ in range(steps)])
-    found = judged(problem, plan)
+    verdict = judged(problem, plan)
     with up.PlanValidator(name="sequential_plan_validator") as other:
-        assert found.status is other.validate(problem, plan).status
+        assert verdict.status is other.validate(problem, plan).status
     if steps > 2:
-        assert [each.message for each in found.log_messages] == [
-            "(count) = 3 at 3, expected a value in [0, 2], its type"
-        ]
-    with pytest.raises(robust.UnsupportedError, match="found bounds of the type of fluent 'count'"):
+        said = [each.message for each in verdict.log_messages]
+        assert said == ["(count) = 3 at 3, expected a value in [0, 2], its type"]
+    with pytest.raises(UnsupportedError, match="found bounds of the type of fluent 'count'"):
         from_unified_planning(problem, plan)
     node = plans.stn_plan.STNPlanNode
-    network = plans.STNPlan(
-        [(node(up.TimepointKind.GLOBAL_START), Fraction(1), Fraction(2), node(up.TimepointKind.START, tick))]
-    )
-    assert judged(problem, network).status is results.ValidationResultStatus.UNKNOWN
+    ends = node(up.TimepointKind.GLOBAL_START), Fraction(1), Fraction(2), node(up.TimepointKind.START, tick)
+    assert judged(problem, plans.STNPlan([ends])).status is Status.UNKNOWN
 
 
 def test_other_problems_are_unknown():
     """Tasks to be decomposed and unknown facts are more than what a plan's actions do."""
-    kinds = import_module("unified_planning.model.htn"), import_module("unified_planning.model.contingent_problem")
-    tasks, tick = counting(2, kinds[0].HierarchicalProblem)
+    tasks, tick = counting(2, import_module("unified_planning.model.htn").HierarchicalProblem)
     tasks.task_network.add_subtask(tasks.add_task("all"))
-    sensing, _ = counting(2, kinds[1].ContingentProblem)
+    sensing, _ = counting(2, import_module("unified_planning.model.contingent_problem").ContingentProblem)
     for problem in (tasks, sensing):
-        found = judged(problem, plans.SequentialPlan([tick]))
-        assert found.status is results.ValidationResultStatus.UNKNOWN
-        with pytest.raises(robust.UnsupportedError, match="without tasks and unknown facts"):
+        assert judged(problem, plans.SequentialPlan([tick])).status is Status.UNKNOWN
+        with pytest.raises(UnsupportedError, match="without tasks and unknown facts"):
             from_unified_planning(problem, plans.SequentialPlan([]))
-    with pytest.raises(robust.UnsupportedError, match="found a int, expected a Problem"):
+    with pytest.raises(UnsupportedError, match="found a int, expected a Problem"):
         from_unified_planning(3, plans.TimeTriggeredPlan([]))
-    with pytest.raises(robust.InputError, match="found a int, expected a plan with a network, or with times"):
+    with pytest.raises(InputError, match="found a int, expected a plan with a network, or with times"):
         to_unified_planning(3, tasks)
+    with pytest.raises(InputError, match="epsilon: found 0, expected a number above 0"):
+        up.PlanValidator(name="robust", params={"epsilon": 0})
 
 
-def test_engines_are_added_once():
-    engines = list(up.get_environment().factory.engines)
-    register()
-    assert list(up.get_environment().factory.engines) == engines
-
-
-@pytest.mark.parametrize(("name", "problem", "plan", "valid"), list(of_examples()))
-def test_problems_of_unified_planning(name, problem, plan, valid):
-    found = judged(problem, plan)
-    if found.status is results.ValidationResultStatus.UNKNOWN:
-        (message,) = found.log_messages
-        assert "expected" in message.message or "supported" in message.message
-        return
-    assert bool(found) is (valid and name not in DIFFERENT)
-    assert (found.reason is None) is bool(found)
-
-
-def test_traces_are_those_of_the_built_in_validator():
-    compared = 0
+def test_examples_of_unified_planning_and_their_traces():
+    """Verdicts are those that are listed, traces those of the built-in validator."""
+    traces = 0
     for name, one in examples.get_example_problems().items():
-        for plan in one.valid_plans:
-            found = judged(one.problem, plan) if plan.kind is plans.PlanKind.SEQUENTIAL_PLAN else None
-            if found and name != "basic_undef_bool":
+        for plan in (*one.valid_plans, *one.invalid_plans):
+            if plan.kind not in KINDS:
+                continue
+            verdict = judged(one.problem, plan)
+            if verdict.status is Status.UNKNOWN:
+                (message,) = verdict.log_messages
+                assert "expected" in message.message or "supported" in message.message
+                continue
+            valid = any(plan is other for other in one.valid_plans) and name not in DIFFERENT
+            assert (bool(verdict), verdict.reason is None) == (valid, valid), name
+            if verdict and plan.kind is KINDS[0] and name != "basic_undef_bool":
                 with up.PlanValidator(problem_kind=one.problem.kind, plan_kind=plan.kind) as validator:
                     expected = validator.validate(one.problem, plan).trace
-                fluents = list(one.problem.initial_values)
-                for ours, theirs in zip(found.trace, expected, strict=True):
-                    values = [[state.get_value(each).constant_value() for each in fluents] for state in (ours, theirs)]
-                    assert values[0] == values[1]
-                compared += 1
-    assert compared > 20
+                for states in zip(verdict.trace, expected, strict=True):
+                    ours, theirs = (
+                        [s.get_value(f).constant_value() for f in one.problem.initial_values] for s in states
+                    )
+                    assert ours == theirs, name
+                traces += 1
+    assert traces > 20
 
 
 @pytest.mark.parametrize("gap", [Fraction(1, 100), Fraction(1, 100_000)])
 @pytest.mark.parametrize("epsilon", [Fraction(1, 10), Fraction(1, 1000), None])
 def test_separation_is_the_problem_s_own(gap, epsilon):
     a, b = up.Fluent("a"), up.Fluent("b")
-    first = up.DurativeAction("first")
-    first.set_fixed_duration(1)
-    first.add_effect(up.EndTiming(), a, True)
-    second = up.DurativeAction("second")
-    second.set_fixed_duration(1)
+    first, second = up.DurativeAction("first"), up.DurativeAction("second")
+    for action, effect in ((first, a), (second, b)):
+        action.set_fixed_duration(1)
+        action.add_effect(up.EndTiming(), effect, True)
     second.add_condition(up.StartTiming(), a)
-    second.add_effect(up.EndTiming(), b, True)
     problem = up.Problem("two", initial_defaults={up.BoolType(): False})
     problem.add_fluents([a, b])
     problem.add_actions([first, second])
     problem.add_goal(b)
     problem.epsilon = epsilon
-    steps = [(Fraction(0), first(), Fraction(1)), (1 + gap, second(), Fraction(1))]
-    found = judged(problem, plans.TimeTriggeredPlan(steps))
-    assert bool(found) is (gap >= (epsilon or Fraction(1, 1000)))
-    assert found.reason is (None if found else Reason.MUTEX_CONFLICT)
-    assert bool(judged(problem, plans.TimeTriggeredPlan(steps), epsilon="1/50")) is (
-        gap >= (epsilon or Fraction(1, 50))
-    )
+    plan = plans.TimeTriggeredPlan([(Fraction(0), first(), Fraction(1)), (1 + gap, second(), Fraction(1))])
+    verdict = judged(problem, plan)
+    assert bool(verdict) is (gap >= (epsilon or Fraction(1, 1000)))
+    assert verdict.reason is (None if verdict else Reason.MUTEX_CONFLICT)
+    assert bool(judged(problem, plan, epsilon="1/50")) is (gap >= (epsilon or Fraction(1, 50)))
 
 
 def test_reasons_actions_and_traces():
@@ -161,76 +269,41 @@ def test_reasons_actions_and_traces():
     assert judged(problem, plan)
     dark = judged(late, plan_of(late))
     assert (dark.reason, dark.inapplicable_action.action.name) == (Reason.INAPPLICABLE_ACTION, "Drive")
-    assert list(dark.trace) == [-1, Fraction(1, 3), 2]
+    assert list(dark.trace) == [-1, THIRD, 2]
     assert "(lit)" in dark.log_messages[0].message
-    short = plans.TimeTriggeredPlan(plan.timed_actions[:1])
-    unheard = judged(problem, short)
+    unheard = judged(problem, plans.TimeTriggeredPlan(plan.timed_actions[:1]))
     assert (unheard.reason, unheard.inapplicable_action) == (Reason.UNSATISFIED_GOALS, None)
     assert judged(problem, plans.TimeTriggeredPlan([], problem.environment)).reason is Reason.UNSATISFIED_GOALS
 
 
 def test_networks_are_judged_for_every_schedule():
     problem = deliveries()
-    found = convert(*from_unified_planning(problem, plan_of(problem)))
-    network = to_unified_planning(found.stn, problem)
+    network = to_unified_planning(converted(problem).stn, problem)
     assert judged(problem, network)
     # The same network, but driving may take longer than the fuel lasts.
-    edges = [
-        (source, lower, 7 if upper == 6 else upper, target)
-        for source, others in network.get_constraints().items()
-        for lower, upper, target in others
-    ]
-    longer = plans.STNPlan([(a, lower, None if upper is None else Fraction(upper), b) for a, lower, upper, b in edges])
+    looser = [(a, lower, Fraction(7) if upper == 6 else upper, b) for a, lower, upper, b in edges(network)]
+    longer = plans.STNPlan(looser)
     refuted = judged(problem, longer)
     assert refuted.reason is Reason.INAPPLICABLE_ACTION
     assert "the plan allows this schedule: start of (drive home shop) at" in refuted.log_messages[0].message
-    assert judged(problem, longer, timeout=0.0).status is results.ValidationResultStatus.UNKNOWN
-    never = plans.STNPlan([*edges, (edges[0][0], Fraction(5), Fraction(4), edges[0][3])])
+    assert judged(problem, longer, timeout=0.0).status is Status.UNKNOWN
+    never = plans.STNPlan([*looser, (looser[0][0], Fraction(5), Fraction(4), looser[0][3])])
     assert judged(problem, never).log_messages[0].message == "the plan's network has no schedule"
 
 
 @pytest.mark.parametrize("end", [None, Fraction(4)])
 def test_the_end_of_the_plan_bounds_its_actions(end):
     problem = deliveries(deadline=Fraction(5))
-    ours = convert(*from_unified_planning(problem, plan_of(problem, start=Fraction(1)))).stn
-    network = to_unified_planning(ours, problem)
+    network = to_unified_planning(converted(problem).stn, problem)
     kinds = up.TimepointKind
-    constraints = network.get_constraints()
-    nodes = {one for source in constraints for one in (source, *(target for _, _, target in constraints[source]))}
-    plan_start = next(one for one in nodes if one.kind is kinds.GLOBAL_START)
+    nodes = {node for source, _, _, target in edges(network) for node in (source, target)}
+    by_action = {(one.action_instance and one.action_instance.action.name, one.kind): one for one in nodes}
+    drive = [by_action["Drive", kind] for kind in (kinds.START, kinds.END)]
     plan_end = plans.stn_plan.STNPlanNode(kinds.GLOBAL_END)
-    actions = [one for one in nodes if one.action_instance is not None]
-    drive = {one.kind: one for one in actions if one.action_instance.action.name == "Drive"}
-    (honk,) = (one for one in actions if one.action_instance.action.name == "honk")
     loose = [
-        (drive[kinds.START], Fraction(1), Fraction(6), drive[kinds.END]),
-        (drive[kinds.END], Fraction(1, 10), None, honk),
-        (plan_start, Fraction(0), end, plan_end),
+        (drive[0], Fraction(1), Fraction(6), drive[1]),
+        (drive[1], Fraction(1, 10), None, by_action["honk", kinds.START]),
+        (by_action[None, kinds.GLOBAL_START], Fraction(0), end, plan_end),
     ]
     # In the dark there is no driving; only an end of the plan by 4 keeps the drive in the light.
     assert bool(judged(problem, plans.STNPlan(loose))) is (end is not None)
-
-
-def bounds(plan):
-    constraints = plan.get_constraints()
-    return {(str(source), *bounds[:2], str(bounds[2])) for source in constraints for bounds in constraints[source]}
-
-
-def test_plans_of_all_kinds_there_and_back():
-    problem = deliveries()
-    timed = plan_of(problem)
-    assert to_unified_planning(from_unified_planning(problem, timed)[2], problem).timed_actions[0][0] == Fraction(1, 3)
-    basic = examples.get_example_problems()["robot_loader"]
-    sequential = basic.valid_plans[0]
-    again = to_unified_planning(from_unified_planning(basic.problem, sequential)[2], basic.problem)
-    assert str(again) == str(sequential)
-    network = to_unified_planning(convert(*from_unified_planning(problem, timed)).stn, problem)
-    read = from_unified_planning(problem, network)[2]
-    assert isinstance(read, STNPlan)
-    assert bounds(to_unified_planning(read, problem)) == bounds(network)
-    assert robust.to_unified_planning is to_unified_planning
-
-
-def test_what_is_wrong_with_parameters_of_the_engine():
-    with pytest.raises(robust.InputError, match="epsilon: found 0, expected a number above 0"):
-        up.PlanValidator(name="robust", params={"epsilon": 0})

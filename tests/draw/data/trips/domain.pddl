@@ -1,0 +1,10 @@
+(define (domain trips)
+  (:requirements :typing :durative-actions :fluents :duration-inequalities)
+  (:types place)
+  (:predicates (at ?p - place))
+  (:functions (fuel))
+  (:durative-action go
+    :parameters (?from ?to - place)
+    :duration (and (>= ?duration 2) (<= ?duration 8))
+    :condition (and (at start (at ?from)) (at start (>= (fuel) 2)))
+    :effect (and (at start (not (at ?from))) (at end (at ?to)) (at end (decrease (fuel) ?duration)))))

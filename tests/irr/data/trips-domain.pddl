@@ -1,0 +1,7 @@
+(define (domain trips) (:types place) (:constants home - place)
+ (:predicates (at ?p - place) (seen ?p - place)) (:functions (way) (rest))
+ (:durative-action move :parameters (?p - place) :duration (= ?duration 5) :effect (at end (at ?p)))
+ (:durative-action pause :parameters () :duration (and (>= ?duration (rest)) (<= ?duration (rest)))
+  :effect (at end (at home)))
+ (:durative-action look :parameters (?p - place) :duration (= ?duration (way)) :condition (over all (at ?p))
+  :effect (at end (seen ?p))))
