@@ -63,7 +63,7 @@ PARTS = {
     "network": Part(("robust/network/*",), ("tests/network",)),
     "encode": Part(("robust/encode/*",), ("tests/encode",), "differential or fixed_schedules_break"),
     "simulator": Part(("robust/plan/simulate.py",), ("tests/plan/test_simulate.py",)),
-    "irr": Part(("robust/irr/*",), ("tests/irr",), "recorded or (test_examples and cvc5)"),
+    "irr": Part(("robust/irr/*",), ("tests/irr",), "recorded or (test_boxes and cvc5)"),
     "certify": Part(("robust/certify/*",), ("tests/certify",)),
     "knowledge": Part(("robust/pike_bridge/knowledge/*",), ("tests/pike_bridge/knowledge",)),
     "options": Part(
