@@ -144,16 +144,13 @@ def dynamic_by_game(stnu, horizon):
     """
     order = {p: i for i, p in enumerate(stnu.points)}
     links = [(order[link.source], order[link.target], link.lower, link.upper) for link in stnu.contingents]
-    executable = [order[p] for p in stnu.executable]
-    # t_b - t_a <= most, of requirements
-    most = [(order[r.source], order[r.target], r.upper) for r in stnu.links if not r.is_contingent]
-    most += [
-        (order[r.target], order[r.source], -r.lower) for r in stnu.links if not r.is_contingent and r.lower is not None
-    ]
+    executable, required = [order[p] for p in stnu.executable], [link for link in stnu.links if not link.is_contingent]
+    most = [(order[r.source], order[r.target], r.upper) for r in required if r.upper is not None]  # t_b - t_a <= most
+    most += [(order[r.target], order[r.source], -r.lower) for r in required if r.lower is not None]
 
     def fine(times, now):
         """What has not happened happens now or later."""
-        known = [bound for bound in most if bound[2] is not None and times[bound[0]] is not None]
+        known = [bound for bound in most if times[bound[0]] is not None]
         return all((now if times[b] is None else times[b]) - times[a] <= weight for a, b, weight in known)
 
     def moved(times, chosen, now):
@@ -180,13 +177,9 @@ def dynamic_by_game(stnu, horizon):
 
     @cache
     def dispatcher(times, now, asked):
-        for some in subsets([p for p in executable if times[p] is None]):
-            if some:
-                won = nature(moved(times, some, now), now, asked)
-            else:
-                won = fine(times, now) and (None not in times or nature(times, now + 1, frozenset()))
-            if won:
-                return True
-        return False
+        if fine(times, now) and (None not in times or nature(times, now + 1, frozenset())):
+            return True
+        chosen = filter(None, subsets([p for p in executable if times[p] is None]))
+        return any(nature(moved(times, some, now), now, asked) for some in chosen)
 
     return nature(tuple(0 if p == ZERO else None for p in stnu.points), 0, frozenset())

@@ -161,10 +161,8 @@ class Executing:
             ends = ((times[link.source] + length[link], str(link.target), link.target) for link in on)
             end, _, ending = min(ends, default=(None, "", None))
             waiting = {where: self.index[where] for where in self.stnu.executable if where not in times}
-            first = {where: at for where, number in waiting.items() if (at := self.windows.ready(number)) is not None}
-            last = {
-                where: at for where, number in waiting.items() if (at := self.windows.window(number)[1]) is not None
-            }
+            first = {where: at for where, i in waiting.items() if (at := self.windows.ready(i)) is not None}
+            last = {where: at for where, i in waiting.items() if (at := self.windows.window(i)[1]) is not None}
             ready = [where for where, time in first.items() if time <= now]
             due = [where for where in ready if last.get(where) == now]
             if end == now and (rng is None or not due or rng.random() < 0.5):
