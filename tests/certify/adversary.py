@@ -47,6 +47,7 @@ from robust.smt.limits import Deadline
 from tests.certify import tools
 from tests.certify.texts import Texts, random_texts
 from tests.certify.tools import CHECKER, Checker
+from tests.execute.plans import drawn
 from tests.sampling import Network, sample_parameters, sample_schedules
 
 WAIT = Deadline.after(3600)
@@ -57,9 +58,6 @@ LONGER = PLANS["one action of k, at least 3"]
 """The envelope is k >= 3; the first constraint says k - 3 >= 0 without any time."""
 BESIDE = Texts(*TABLES["beside"][:3]), TABLES["beside"][3]
 """The initial value of f is the parameter x: 1 is enough."""
-
-
-# -- lies --------------------------------------------------------------------------------------------------------------
 
 
 @contextmanager
@@ -87,8 +85,7 @@ def lying(random: Random) -> Iterator[None]:
         return by
 
     def some_times(formulas: Formulas, ranges: Any) -> dict[str, dict[str, Fraction]]:
-        times = honest_times(formulas, ranges)
-        return {point: {} for point in formulas.free()} if times is None else times
+        return honest_times(formulas, ranges) or {point: {} for point in formulas.free()}
 
     def strayed(orders: OrderLemmas) -> Iterator[Any]:
         """Paths of constraints that do not follow each other, but are long enough."""
@@ -115,20 +112,19 @@ def lying(random: Random) -> Iterator[None]:
 
 def made_up(formulas: Formulas, facts: int, roots: list[int], random: Random) -> Line:
     """A refutation of something that is not refuted: false lemmas, or propagation that leads nowhere."""
-    circuit = formulas.circuit
-    nodes = range(2, len(circuit.nodes))
+    circuit, nodes = formulas.circuit, range(2, len(formulas.circuit.nodes))
     compared = [number for number in nodes if not circuit.is_gate(number)]
     some = [[number, random.randint(1, 3)] for number in range(facts) if random.random() < 0.3]
     one = random.choice(compared) * random.choice([1, -1]) if compared else 1
-    root, gate = roots[0], abs(roots[0])
+    root, gate, last = roots[0], abs(roots[0]), len(roots)
     wide = max((n for n in nodes if circuit.is_gate(n)), key=lambda n: len(circuit.nodes[n]), default=1)
     other = random.choice([gate, -gate, one, -gate - 1, -2])
     proofs: list[Line] = [
         [[[], [], some]], [[[], [[wide, 0], [wide, 1]]]], [[[], [0, [other, random.randrange(3)]]]], [[[], [0]]],
-        [[[], [0, 0]]], [[[], [[gate, 0], 0]]], [[[], [0, [gate, 1]]]], [[[], []]], [[[], [0, len(roots)]]],
-        [[[-root], [1], some], [[], [0, len(roots)]]], [[[-root], [[gate, 0]]], [[], [0, len(roots)]]],
-        [[[one], [1], some], [[-one], [1], some], [[], [len(roots), len(roots) + 1]]],
-        [[[one, -one], [1, 1], []], [[], [len(roots)]]], [[[one, -one], [1, 1], []]],
+        [[[], [0, 0]]], [[[], [[gate, 0], 0]]], [[[], [0, [gate, 1]]]], [[[], []]], [[[], [0, last]]],
+        [[[-root], [1], some], [[], [0, last]]], [[[-root], [[gate, 0]]], [[], [0, last]]],
+        [[[one], [1], some], [[-one], [1], some], [[], [last, last + 1]]],
+        [[[one, -one], [1, 1], []], [[], [last]]], [[[one, -one], [1, 1], []]],
     ]  # fmt: skip
     return ["refute", *random.choice(proofs)]
 
@@ -154,16 +150,14 @@ def regional(ground: reader.Ground, whole: Region) -> list[Line]:
 
 def nothing_is_good(ground: reader.Ground, random: Random) -> Iterator[list[Line]]:
     """That the envelope is empty: by circles of constraints that are none."""
-    formulas = Formulas(ground, tools.EPSILON)
+    formulas, false = Formulas(ground, tools.EPSILON), [0, [1, 0]]
     literals = [broken() for _, broken in formulas.obligations()]
     lines = [["refute", [[], [len(formulas.roots(literal)), [1, 0]]]] for literal in literals if literal != FALSE]
+    rest: list[Line] = [["good"], ["orders"], *lines, ["rest"], ["refute", [[], false]]]
     for number, (_, _, length) in enumerate(ground.edges):
         if length.keys() == {""} and length[""] > 0:
             steps = [number] * random.randint(1, 2) + random.choice([[], [random.randrange(len(ground.edges))]])
-            yield [
-                header("region"), ["bad", []], ["cycle", steps, []], ["good"], ["orders"], *lines, ["rest"],
-                ["refute", [[], [0, [1, 0]]]],
-            ]  # fmt: skip
+            yield [header("region"), ["bad", []], ["cycle", steps, []], *rest]
 
 
 # -- what is false -----------------------------------------------------------------------------------------------------
@@ -197,13 +191,7 @@ class Case:
 
 def is_false(plan: ParametrizedPlan, box: Box, random: Random) -> bool:
     """Whether some values of the box, most of them at its ends, leave no schedule, or one that breaks something."""
-    for _ in range(25):
-        values = {}
-        for name, interval in box.intervals.items():
-            low = interval.lower if interval.lower is not None else (interval.upper or Fraction(0)) - 5
-            high = interval.upper if interval.upper is not None else low + 10
-            share = random.choice([Fraction(0), Fraction(1), Fraction(random.randint(1, 15), 16)])
-            values[name] = low + (high - low) * share
+    for values in (drawn(box, random, width=Fraction(10)) for _ in range(25)):
         if all(values[name] in interval for name, interval in box.intervals.items()):
             if not Network(plan, values).consistent:
                 return True
@@ -216,10 +204,11 @@ def is_false(plan: ParametrizedPlan, box: Box, random: Random) -> bool:
 def grown(box: Box, random: Random) -> Box:
     """The box with some faces pushed out."""
     for name in random.sample(list(box.intervals), random.randint(1, len(box.intervals))):
-        low, high = box[name].lower, box[name].upper
         by = random.choice([Fraction(1, 1000), Fraction(1, 2), Fraction(1), Fraction(7)])
-        low = None if low is None or random.random() < 0.1 else low - random.choice([0, by])
-        high = None if high is None or random.random() < 0.1 else high + random.choice([0, by])
+        ends = ((box[name].lower, -by), (box[name].upper, by))
+        low, high = (
+            None if end is None or random.random() < 0.1 else end + random.choice([0, way]) for end, way in ends
+        )
         box = box.replace(name, Interval(low, high, low is not None, high is not None))
     return box
 
@@ -392,8 +381,8 @@ def forged(case: Case, others: list[Case], random: Random) -> list[Any]:
         return lines if random.random() < 0.7 else [lines[0], *changed(lines[1:], case.pool, random)]
     pool = random.choice(others).pool if random.random() < 0.2 else case.pool
     if random.random() < 0.1:
-        drawn = (random.choice(pool) if random.random() < 0.7 else invented_line(random) for _ in range(13))
-        return [first, *[*drawn][: random.randint(0, 12)]]
+        count = random.randint(0, 12)
+        return [first, *(random.choice(pool) if random.random() < 0.7 else invented_line(random) for _ in range(count))]
     suited = [lines for lines in case.honest if lines[0][1] == first[1]] or case.honest
     lines = random.choice(suited)[1:]
     for _ in range(random.choice([0, 1, 1, 1, 2, 3, 6])):
@@ -440,9 +429,6 @@ def _changes(value: Any) -> Iterator[Any]:
                 yield from (str(Fraction(value) + away), str(Fraction(value) - away))
 
 
-# -- attempts ----------------------------------------------------------------------------------------------------------
-
-
 @cache
 def cases(number: int, first: int) -> list[Case]:
     """Cases of random plans, and of plans with choices."""
@@ -452,8 +438,8 @@ def cases(number: int, first: int) -> list[Case]:
         for seed in count(first):
             if len(known) >= number:
                 return known
-            drawn = [plan_case(seed), network_case(seed // 4) if seed % 4 == 0 else None]
-            known += [case for case in drawn if case is not None]
+            new = [plan_case(seed), network_case(seed // 4) if seed % 4 == 0 else None]
+            known += [case for case in new if case is not None]
     raise AssertionError
 
 

@@ -109,9 +109,6 @@ def limited(by: Checker, get: Callable[..., Any], put: Callable[..., Any], say: 
     return patch.multiple(by.main, resource=usage, signal=signal, sys=SimpleNamespace(setrecursionlimit=say))
 
 
-# -- files -------------------------------------------------------------------------------------------------------------
-
-
 def of_bytes(place: Path) -> Lines:
     """Certificates that are none: first lines of all kinds, and files that are cut off or something else."""
     honest = gzip.decompress((place / "plan.cert").read_bytes())
@@ -155,8 +152,6 @@ def of_texts(place: Path) -> Lines:
         beside[2].with_suffix(".toml").write_text(text, encoding="utf-8")
         yield code, (str(place / "plan.cert"), *map(str, beside), "--json")
 
-
-# -- what no file brings about -----------------------------------------------------------------------------------------
 
 MALFORMED = (ZeroDivisionError, AttributeError, KeyError, RecursionError, TypeError, ValueError)
 

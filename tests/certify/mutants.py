@@ -85,9 +85,6 @@ class Mutant(NamedTuple):
         return load(self.module, compile(ast.fix_missing_locations(self.tree), self.module, "exec", dont_inherit=True))
 
 
-# -- changes -----------------------------------------------------------------------------------------------------------
-
-
 def with_field(node: Any, name: str, value: object) -> Any:
     changed = copy.copy(node)
     setattr(changed, name, value)
@@ -223,9 +220,6 @@ def line_of(statement: ast.AST) -> str:
     for name in head.keys() & {*statement._fields} if isinstance(statement, ast.stmt) else ():
         statement = with_field(statement, name, head[name])
     return ast.unparse(statement).splitlines()[0]
-
-
-# -- runs --------------------------------------------------------------------------------------------------------------
 
 
 class OutOfTime(BaseException):

@@ -49,9 +49,6 @@ def files(
     return directory / "plan.tpnu.json"
 
 
-# -- what the checker makes of a network -------------------------------------------------------------------------------
-
-
 def certificates(path: Path, witness: Execution | None, assumed: Mapping[str, str]) -> list[tuple[str, list[Line]]]:
     """Both kinds: of a correct execution, and that there is none with the assumed values."""
     assert witness is not None
@@ -110,9 +107,6 @@ def _referees(by: Checker, path: Path, known: list[tuple[Execution, bool]]) -> b
     return True
 
 
-# -- random networks ---------------------------------------------------------------------------------------------------
-
-
 def random_network(seed: int, directory: Path) -> Path:
     """A few activities between a few events; it may mean nothing, or have no correct execution."""
     random = Random(seed)
@@ -152,9 +146,6 @@ def random_networks(folder: Path, first: int = 0, count: int = 150) -> Iterator[
             yield from agreements(path, seed)
         except RobustError:
             continue
-
-
-# -- networks that mean nothing ----------------------------------------------------------------------------------------
 
 
 def patched(changes: Mapping[str, Any]) -> Document:

@@ -23,7 +23,6 @@ from robust.api import envelope
 from robust.certify import bad
 from robust.certify.checker import proofs, reader
 from robust.certify.checker.formulas import Formulas
-from robust.certify.hints import Line
 from robust.certify.tape import header, write
 from robust.encode import create_encoding
 from robust.errors import RefutedError
@@ -37,7 +36,7 @@ from tests.certify import adversary, networks, test_reader, tools
 from tests.certify.adversary import PLANS, TABLES, cases, leaf_changes, named, run
 from tests.certify.command_lines import command_lines
 from tests.certify.mutants import ASKED, MODULES, TEXTS, accepted, load, mutants, noticed_by
-from tests.certify.tools import Checker, Holds
+from tests.certify.tools import Holds
 
 Probes = Iterator[tuple[str, Holds]]
 Tried = list[tuple[list[Any], Any]]
@@ -45,7 +44,7 @@ Tried = list[tuple[list[Any], Any]]
 KITCHEN = tools.EXAMPLES / "kitchen" / "kitchen.tpnu.json"
 
 
-def probes(asked: tuple[str, ...]) -> list[tuple[str, Holds]]:
+def probes(asked):
     """Those whose names begin with one of these; they take some seconds to make, and some to ask."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -53,19 +52,16 @@ def probes(asked: tuple[str, ...]) -> list[tuple[str, Holds]]:
     return [probe for probe in every if probe[0].startswith(asked)]
 
 
-def _overlap(names: tuple[str, ...], asked: tuple[str, ...]) -> bool:
+def _overlap(names, asked):
     return any(name.startswith(one) or one.startswith(name) for name in names for one in asked)
 
 
 @cache
-def _made(make: Callable[[Path], Probes]) -> list[tuple[str, Holds]]:
+def _made(make):
     return list(make(Path(tempfile.mkdtemp(prefix="robust-bank-"))))
 
 
-# -- certificates ------------------------------------------------------------------------------------------------------
-
-
-def forged(plans: int = 22, attempts: int = 1_500) -> Probes:
+def forged(plans=22, attempts=1_500):
     """Honest certificates, which are accepted, and the adversary's, which are so only if what they claim is true."""
     known, outcome = cases(plans, 0), run(attempts, plans=plans, seed=1)
     assert outcome.accepted == []
@@ -80,7 +76,7 @@ def forged(plans: int = 22, attempts: int = 1_500) -> Probes:
         yield f"leaves of {case.name} {lines[0][1]}", partial(_judges, case=case, tried=known_changes)
 
 
-def rich(known: list[adversary.Case]) -> list[tuple[adversary.Case, list[Line]]]:
+def rich(known):
     """A few short tapes that have, together, everything that honest tapes have."""
     every = [(case, lines) for case in known for lines in case.honest if not isinstance(case.attempt(lines), str)]
     every.sort(key=lambda one: len(str(one[1])))
@@ -93,23 +89,23 @@ def rich(known: list[adversary.Case]) -> list[tuple[adversary.Case, list[Line]]]
     return chosen[-8:]
 
 
-def shape(value: Any) -> Any:
+def shape(value):
     """What kinds of things a line has in it, as far as they matter to what looks at it."""
     if isinstance(value, list):
         return frozenset(shape(inner) for inner in value) if len(value) != 1 else (shape(value[0]),)
     return value if isinstance(value, bool) or str(value).isalpha() else type(value)
 
 
-def verdict(claim: Any) -> Any:
+def verdict(claim):
     """What is claimed; None if it is rejected."""
     return None if isinstance(claim, str) else (claim.kind, claim.text, claim.obligations, claim.refuted)
 
 
-def _judges(by: Checker, case: adversary.Case, tried: Tried) -> bool:
+def _judges(by, case, tried):
     return all(verdict(case.attempt(lines, by)) == want for lines, want in tried)
 
 
-def small() -> Probes:
+def small():
     """Certificates of the smallest plans: honest ones with all their changes, and those made up with care."""
     for name, plan, lines in adversary.TABLES["honest"]:
         ground = reader.ground(*PLANS[plan])
@@ -120,19 +116,19 @@ def small() -> Probes:
         yield f"small {name}", partial(_claims, texts=PLANS[plan], tried=[(lines, None)])
 
 
-def _claims(by: Checker, texts: Any, tried: Tried) -> bool:
+def _claims(by, texts, tried):
     ground = by.reader.ground(*texts)
     return all(verdict(tools.judged(lines, ground, by=by)) == want for lines, want in tried)
 
 
-def meanings() -> Probes:
+def meanings():
     """Plans that mean nothing to the checker, and a parameter beside a plan."""
     for name, *texts in adversary.TABLES["without meaning"]:
         yield f"free of meaning {name}", partial(test_reader.meaningless, texts=texts)
     yield "free parameter beside", test_reader.reads_beside
 
 
-def within() -> Probes:
+def within():
     """A box inside of a valid one is not maximal: of the face that can be moved, that of the larger box is shown."""
     texts = [path.read_text(encoding="utf-8") for path in tools.NAVIGATION]
     plan, ground = load_plan(*tools.NAVIGATION), tools.grounded(tools.NAVIGATION)
@@ -153,7 +149,7 @@ def within() -> Probes:
             yield f"within {moved} {away.value}", partial(_claims, texts=texts, tried=[(lines, None)])
 
 
-def commands(folder: Path) -> Probes:
+def commands(folder):
     """The command, with honest certificates."""
     delivery = tuple(tools.EXAMPLES / "delivery" / name for name in ("domain.pddl", "problem.pddl", "plan.stn"))
     every = ("plan", "box", "maximal", "region")
@@ -164,23 +160,20 @@ def commands(folder: Path) -> Probes:
             yield f"honest {path.stem}", answers(path, files)
 
 
-def answers(path: Path, files: Any, **demanded: Any) -> Holds:
+def answers(path, files, **demanded):
     return partial(_answers, path=path, files=files, demanded=demanded, expected=answered(path, files, demanded))
 
 
-def answered(path: Path, files: Any, demanded: dict[str, Any], by: Checker = tools.CHECKER) -> tuple[int, Any]:
+def answered(path, files, demanded, by=tools.CHECKER):
     code, answer = tools.ask(path, files, by=by, **demanded)
     return code, None if code else answer
 
 
-def _answers(by: Checker, path: Path, files: Any, demanded: dict[str, Any], expected: tuple[int, Any]) -> bool:
+def _answers(by, path, files, demanded, expected):
     return by is tools.CHECKER or answered(path, files, demanded, by) == expected
 
 
-# -- plans with choices ------------------------------------------------------------------------------------------------
-
-
-def with_choices(folder: Path, count: int = 16) -> Probes:
+def with_choices(folder, count=16):
     """Formulas against the oracle, executions against the referee, certificates of both kinds."""
     for seed in range(count):
         path = random_plan(seed, 0, Shape(top=4, inner=2)).write(folder / f"choices-{seed}")
@@ -198,7 +191,7 @@ def with_choices(folder: Path, count: int = 16) -> Probes:
             yield f"knowledge {seed} {kind}", answers(folder / f"{seed}.cert", (path,), kind=kind)
 
 
-def kitchen(folder: Path) -> Probes:
+def kitchen(folder):
     """Changes of the certificates of both kinds."""
     witness = Oracle(load_team_plan(KITCHEN)).decide().witness
     for kind, lines in networks.certificates(KITCHEN, witness, {"xA1": "glass", "xA2": "coffee"}):
@@ -208,7 +201,7 @@ def kitchen(folder: Path) -> Probes:
             yield f"leaves of {kind}", answers(folder / f"{kind}-{number}.cert", (KITCHEN,))
 
 
-def small_networks(folder: Path) -> Probes:
+def small_networks(folder):
     """A small network and its certificates, and what is no network, or none that the checker knows: few are
     established, and those are true."""
     established, count = [], 0
@@ -261,17 +254,14 @@ QUICK = {
         *(pytest.param(make, 4, id=f"all {names}", marks=pytest.mark.slow) for names, make in SECTIONS),
     ],
 )
-def test_the_checker_does_right(make, least, tmp_path) -> None:
+def test_the_checker_does_right(make, least, tmp_path):
     """Making the probes judges what is accepted; most of them ask the checker again."""
     asked = list(make(tmp_path))
     assert len(asked) >= least
     assert [name for name, holds in asked if not holds(tools.CHECKER)] == []
 
 
-# -- the adversary -----------------------------------------------------------------------------------------------------
-
-
-def test_no_false_claim_is_accepted() -> None:
+def test_no_false_claim_is_accepted():
     """Honest certificates of the cases are, or nothing would follow from that."""
     kinds = {lines[0][1] for case in cases(20, 0) for lines in case.honest if not isinstance(case.attempt(lines), str)}
     assert kinds >= {"box", "maximal", "region"}
@@ -283,12 +273,12 @@ def test_no_false_claim_is_accepted() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("first", range(1_000, 11_000, 1_000))
-def test_no_false_claim_of_very_many_is_accepted(first) -> None:
+def test_no_false_claim_of_very_many_is_accepted(first):
     assert run(10_000, plans=40, first=first, seed=first).accepted == []
 
 
 @pytest.mark.parametrize("check", ["imply", "lemma", "demand"])
-def test_a_checker_that_believes_more_is_found_out(check, monkeypatch) -> None:
+def test_a_checker_that_believes_more_is_found_out(check, monkeypatch):
     """The adversary is no decoration: without one of the checks it gets false claims through."""
     monkeypatch.setattr(proofs.Facts if check == "imply" else proofs, check, lambda *_, **__: None)
     assert any(run(200, plans=20, seed=seed).accepted for seed in range(50))
@@ -297,7 +287,7 @@ def test_a_checker_that_believes_more_is_found_out(check, monkeypatch) -> None:
 @pytest.mark.parametrize(
     ("kind", "every"), [("maximal", 4), ("region", 1), pytest.param("maximal", 1, marks=pytest.mark.slow)]
 )
-def test_refutations_that_somebody_might_try(kind, every) -> None:
+def test_refutations_that_somebody_might_try(kind, every):
     """Comparisons as gates, literals that are none, clauses that are not there, contradictions out of nothing."""
     lines, ground = tools.made(tools.NAVIGATION, kind), tools.grounded(tools.NAVIGATION)
     tried = [forged for forged in adversary.named(lines) if len(forged) == len(lines)]
@@ -307,7 +297,7 @@ def test_refutations_that_somebody_might_try(kind, every) -> None:
     assert all(isinstance(tools.judged(forged, ground), str) for forged in refuting[::every])
 
 
-def test_false_orders_leave_a_value_without_a_last_assignment() -> None:
+def test_false_orders_leave_a_value_without_a_last_assignment():
     """All assignments come before others, by orders that contradict each other: no exception but a rejection."""
     ground = reader.ground(*TABLES["false orders"])
     formulas = Formulas(ground, tools.EPSILON)
@@ -316,11 +306,7 @@ def test_false_orders_leave_a_value_without_a_last_assignment() -> None:
     assert all(make() for _, make in formulas.obligations())
 
 
-# -- changes of the checker's text -------------------------------------------------------------------------------------
-
-
-def test_changes_are_of_the_checkers_text() -> None:
-    """Each makes one line something else, and the tree is as before after all of them."""
+def test_changes_are_of_the_checkers_text():
     every = list(mutants("proofs"))
     assert len(every) > 400
     assert sum(mutant.before != mutant.after for mutant in every) > 0.95 * len(every)
@@ -328,12 +314,12 @@ def test_changes_are_of_the_checkers_text() -> None:
     assert load().proofs.Rejected is not tools.CHECKER.proofs.Rejected
 
 
-def test_what_is_accepted_has_a_reason_and_is_a_change_of_the_present_text() -> None:
+def test_what_is_accepted_has_a_reason_and_is_a_change_of_the_present_text():
     assert all(accepted().values())
     assert accepted().keys() <= {mutant.key for module in MODULES for mutant in mutants(module)}
 
 
-def test_a_box_without_one_of_its_faces_is_not_maximal() -> None:
+def test_a_box_without_one_of_its_faces_is_not_maximal():
     """What is shown beyond the face of the larger box says nothing of the face itself, which could be added."""
     asked = list(within())
     assert len(asked) == 4
@@ -345,6 +331,6 @@ def test_a_box_without_one_of_its_faces_is_not_maximal() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("module", "function", "line"), TABLES["believes more"])
-def test_a_checker_that_believes_more_is_noticed(module, function, line) -> None:
+def test_a_checker_that_believes_more_is_noticed(module, function, line):
     changes = (each for each in mutants(module) if each.function == function and line in each.after)
     assert noticed_by(next(changes), probes(ASKED[module]), 60) is not None

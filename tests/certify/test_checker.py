@@ -20,20 +20,14 @@ from typing import Any
 import pytest
 from sympy import primerange
 
-from robust.api import envelope
 from robust.certify.tape import write
 from robust.certify.verify import FOLDER, CheckerOutcome, verify
-from robust.plan.load import load_plan
-from robust.qe.box import Interval
 from tests.certify import tools
 from tests.certify.adversary import LONGER
 from tests.certify.texts import random_texts
 
 ALLOWED = {"argparse", "collections", "dataclasses", "fractions", "functools", "gzip", "hashlib", "itertools", "json"}
 ALLOWED |= {"math", "pathlib", "re", "resource", "signal", "sys", "tomllib", "typing", "zlib"}
-
-
-# -- the checker itself ----------------------------------------------------------------------------------------------
 
 
 def test_it_is_short_and_needs_the_standard_library_only():
@@ -49,7 +43,7 @@ def test_it_is_short_and_needs_the_standard_library_only():
     assert 1_000 < total <= 1_500
 
 
-def lines_of_code(text: str) -> set[int]:
+def lines_of_code(text):
     """The lines that are neither blank, nor comments, nor documentation."""
     words = tokenize.generate_tokens(io.StringIO(text).readline)
     silent = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
@@ -76,21 +70,20 @@ def ground():
     return tools.grounded(tools.NAVIGATION)
 
 
-def run_alone(words, folder, seed):
-    variables = {**os.environ, "PYTHONPATH": "", "PYTHONHASHSEED": seed}
-    return subprocess.run(
-        [sys.executable, *words], cwd=folder, env=variables, capture_output=True, text=True, check=False
-    )
+def run_alone(folder, seeds, *words):
+    """What is printed with any of these seeds of hashes; nothing of this package is on the path."""
+    variables = [{**os.environ, "PYTHONPATH": "", "PYTHONHASHSEED": seed} for seed in seeds]
+    command = partial(subprocess.run, [sys.executable, *words], cwd=folder, capture_output=True, text=True)
+    runs = [command(env=environment, check=False) for environment in variables]
+    assert {(run.returncode, run.stderr) for run in runs} == {(0, "")}
+    (said,) = {run.stdout for run in runs}
+    return said
 
 
 def test_it_runs_from_a_copy_of_its_folder(box, tmp_path):
-    """With any hash seed; nothing of this package is on its path."""
     write(box, tmp_path / "box.cert")
     shutil.copytree(FOLDER, tmp_path / "checker", ignore=shutil.ignore_patterns("__pycache__"))
-    words = ["-m", "checker", "box.cert", *map(str, tools.NAVIGATION)]
-    runs = [run_alone(words, tmp_path, seed) for seed in ("0", "1", "7")]
-    assert [(run.returncode, run.stderr) for run in runs] == [(0, "")] * 3
-    (said,) = {run.stdout for run in runs}
+    said = run_alone(tmp_path, "017", "-m", "checker", "box.cert", *map(str, tools.NAVIGATION))
     assert said.startswith(
         "established: valid for every schedule, for all (to_ridge, to_crater) in [25, 36] x [35, 46]; no other valid "
         "box within the declared bounds contains this one, epsilon = 1/1000\nof domain: sha256 "
@@ -108,10 +101,8 @@ def test_what_is_mutex_does_not_depend_on_the_seed_of_hashes(tmp_path):
         "    print([(label, make()) for label, make in f.obligations()], f.circuit.nodes)\n"
         "  except Unsupported as error: print(error)"
     )
-    words = ["-c", script, str(FOLDER.parent), json.dumps([random_texts(seed) for seed in range(12)])]
-    runs = [run_alone(words, tmp_path, seed) for seed in ("1", "2")]
-    assert runs[0].stdout == runs[1].stdout
-    assert [(run.returncode, len(run.stdout.splitlines())) for run in runs] == [(0, 12)] * 2
+    texts = json.dumps([random_texts(seed) for seed in range(12)])
+    assert len(run_alone(tmp_path, "12", "-c", script, str(FOLDER.parent), texts).splitlines()) == 12
 
 
 def test_it_says_what_was_demanded_and_of_which_format_a_certificate_is(box, tmp_path):
@@ -121,26 +112,21 @@ def test_it_says_what_was_demanded_and_of_which_format_a_certificate_is(box, tmp
     assert not any("1/1000" in json.dumps(line) for line in box)  # epsilon is an input of the check
     path.write_bytes(gzip.compress(b'{"format":"robust/certificate/1","kind":"plan"}\n["end"]\n'))
     code, answer = tools.ask(path, tools.NAVIGATION)
-    assert code == 1
-    assert answer["reason"].startswith("found a certificate of format robust/certificate/1, expected robust/cert")
+    expected = "found a certificate of format robust/certificate/1, expected robust/cert"
+    assert (code, answer["reason"].startswith(expected)) == (1, True)
 
 
 def test_it_is_a_process_with_limits(box, tmp_path):
-    def outcome(content):
-        path = tmp_path / "cert"
-        path.write_bytes(content)
-        return verify(path, tools.NAVIGATION, epsilon=tools.EPSILON, kind="box")
-
-    write(box, tmp_path / "box.cert")
-    verification = outcome((tmp_path / "box.cert").read_bytes())
-    assert verification.outcome is CheckerOutcome.ESTABLISHED
-    assert verification.answer["files"].keys() == {"domain", "problem", "plan"}
     heavy = gzip.compress(b'["robust/certificate/2","plan",null]\n[' + b"[" * (80 << 20) + b"\n", 1)
-    assert outcome(heavy).outcome is CheckerOutcome.REJECTED
-    assert outcome(b"no gzip").outcome is CheckerOutcome.UNREADABLE
+    paths = [tmp_path / name for name in ("box.cert", "heavy.cert", "no.cert")]
+    write(box, paths[0])
+    paths[1].write_bytes(heavy)
+    paths[2].write_bytes(b"no gzip")
+    established, *others = (verify(path, tools.NAVIGATION, epsilon=tools.EPSILON, kind="box") for path in paths)
+    assert established.outcome is CheckerOutcome.ESTABLISHED
+    assert established.answer["files"].keys() == {"domain", "problem", "plan"}
+    assert [other.outcome for other in others] == [CheckerOutcome.REJECTED, CheckerOutcome.UNREADABLE]
 
-
-# -- forgeries ---------------------------------------------------------------------------------------------------------
 
 ONCE = json.loads(Path(__file__).with_name("data").joinpath("once_accepted.json").read_text(encoding="utf-8"))
 """Honest tapes of the example; forgeries of each class that once was accepted: other lines in place of some (`forged`),
@@ -163,10 +149,9 @@ def test_what_was_accepted_once_is_rejected(ground):
 
 @pytest.mark.parametrize(
     ("kind", "every"),
-    [("box", 7), ("region", 23), *(pytest.param(kind, 1, marks=pytest.mark.slow) for kind in ("box", "region"))],
+    [("box", 13), ("region", 47), *(pytest.param(kind, 1, marks=pytest.mark.slow) for kind in ("box", "region"))],
 )
 def test_true_is_not_one(kind, every, ground, request):
-    """Each integer as a truth value, each truth value as an integer, and other twins."""
     lines = request.getfixturevalue(kind)
     twinned = [(path, twin) for path, value in leaves(lines)[::every] for twin in twins(value)]
     assert len(twinned) > 50
@@ -193,38 +178,18 @@ def replaced(value, path, new):
     return tools.put(value, path[0], replaced(value[path[0]], path[1:], new)) if path else new
 
 
-def test_boxes_that_hold_nothing(box, ground):
-    """What is true of nothing is not a claim."""
-    (name, kind, (_, other)), *rest = box
-    for ends, reason in (
+@pytest.mark.parametrize(
+    ("ends", "reason"),
+    [
         (["36", True, "25", True], "the box is empty"),
         (["25", False, "25", True], "the box is empty"),
         (["25", True, "25", False], "the box is empty"),
         ([None, True, "36", True], "an infinite end is closed"),
-    ):
-        assert tools.judged([[name, kind, [ends, other]], *rest], ground) == reason
-
-
-def test_a_box_within_another_is_not_maximal(box, ground):
-    """Its faces are shown to be bad where the faces of the other one are, or where its own end would be good."""
-    widest = envelope(load_plan(*tools.NAVIGATION)).box
-    faces = box[next(index for index, line in enumerate(box) if line[0] == "face") :]
-    for at, (name, interval) in enumerate(widest.intervals.items()):
-        for smaller in (
-            Interval(interval.lower + 1, interval.upper),
-            Interval(interval.lower, interval.upper - 1),
-            Interval(interval.lower, interval.upper, upper_closed=False),
-        ):
-            honest = tools.made(tools.NAVIGATION, "box", box=widest.replace(name, smaller))
-            assert not rejected(honest, ground)
-            for end in (None, str((smaller.lower + smaller.upper) / 2)):
-                moved = [
-                    ["face", *(tools.put(point, at, end or point[at]) for point in line[1:])]
-                    if line[0] == "face" and line[1][at] == line[2][at]  # a face of the other parameter
-                    else line
-                    for line in faces
-                ]
-                assert rejected([[honest[0][0], "maximal", honest[0][2]], *honest[1:], *moved], ground)
+    ],
+)
+def test_what_is_true_of_nothing_is_not_a_claim(ends, reason, box, ground):
+    (name, kind, (_, other)), *rest = box
+    assert tools.judged([[name, kind, [ends, other]], *rest], ground) == reason
 
 
 LARGEST, SECONDS, MEMORY_MB = 100_000, 5, 300
@@ -236,17 +201,17 @@ FIRST = {"box": [["0", True, "9", True]], "narrow": [["3", True, "9", True]]}
 BAD: list[Any] = [[[["k", "-1"], ["", "3"]], True]]
 
 
-def certificate(kind: str, *more: Any) -> str:
+def certificate(kind, *more):
     """A certificate of JSON, of a text with one part again and again, and of the same lines again and again."""
     first = ["robust/certificate/2", "box" if kind in FIRST else kind.partition(",")[0], FIRST.get(kind)]
     return dumped(first) + ("\n" * (kind != "plan, unended")) + "".join(map(repeated, more))
 
 
-def dumped(line: Any) -> str:
+def dumped(line):
     return json.dumps(line, separators=(",", ":"))
 
 
-def repeated(line: Any) -> str:
+def repeated(line):
     if isinstance(line, list):
         return f"{dumped(line)}\n"
     if "lines" in line:
@@ -256,20 +221,20 @@ def repeated(line: Any) -> str:
     return before + part * times + after + "\n" * (line["after"] is not None)
 
 
-def coprime() -> str:
+def coprime():
     """Sides of a polyhedron, and multiples of them, whose denominators have nothing in common."""
     primes: Iterator[int] = primerange(1000, 10**6)
     bad = [[[["k", f"-1/{next(primes)}"], ["", f"1/{next(primes)}"]], True] for _ in range(3000)]
     return certificate("region", ["bad", bad], ["cycle", [0, 2], [[index, 1] for index in range(3000)]])
 
 
-def long_numbers() -> str:
+def long_numbers():
     """The sum of multiples of one fact each with a thousand digits."""
     factors = [[0, f"{10**998 + 2 * index + 1}/{10**997 * 3 + 7 * index}"] for index in range(1000)]
     return certificate("region", ["bad", BAD * 1000], ["cycle", [0, 2], factors])
 
 
-def cycles() -> str:
+def cycles():
     """Bad values in one polyhedron after the other, all of them different."""
     bad = (["bad", [*BAD, [[["k", "1"], ["", str(number)]], True]]] for number in range(1, 35_000))
     return certificate("region", *(line for piece in bad for line in (piece, ["cycle", [0, 2], [[0, 1]]])))
@@ -293,7 +258,7 @@ print(ended.returncode, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024, en
 @pytest.mark.parametrize(
     "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in HOSTILE]
 )
-def test_what_costs_much_is_refused_cheaply(name: str, tmp_path: Path) -> None:
+def test_what_costs_much_is_refused_cheaply(name, tmp_path):
     """With as much that is never read as may be unpacked of it."""
     packed = gzip.compress(HOSTILE[name]().encode())
     packed += gzip.compress(Random(1).randbytes(max(LARGEST - len(packed) - 100, 0)))

@@ -11,7 +11,7 @@ import json
 import tomllib
 import warnings
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from fractions import Fraction
 from functools import cache, partial
 from itertools import pairwise
@@ -27,7 +27,7 @@ from robust.certify.checker.formulas import FALSE, TRUE, mutex
 from robust.certify.hints import KnownFacts, model
 from robust.errors import InputError, RobustError
 from robust.plan.load import load_plan
-from robust.plan.model import ZERO, Atom, Bound, ParametrizedPlan, TimePoint
+from robust.plan.model import ZERO, Atom, Bound, TimePoint
 from robust.plan.pddl.reader import read_domain, read_problem
 from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import mutex_pairs, simulate
@@ -35,7 +35,7 @@ from robust.smt.limits import NEVER
 from tests.certify import tools
 from tests.certify.adversary import BESIDE
 from tests.certify.texts import Texts, changed, random_texts, tangled_texts
-from tests.certify.tools import CHECKER, Checker, Holds
+from tests.certify.tools import CHECKER
 from tests.sampling import Network, sample_parameters, sample_schedules
 
 DATA = Path(__file__).with_name("data")
@@ -52,10 +52,7 @@ Keys = set[Any]
 """What obligations are about, as far as the checker and the simulator say it alike."""
 
 
-# -- what is read ------------------------------------------------------------------------------------------------------
-
-
-def compare(plan: ParametrizedPlan, ground: reader.Ground, by: Checker = CHECKER) -> None:
+def compare(plan, ground, by=CHECKER):
     """Time points, parameters, network, initial state, effects and mutex pairs are the same."""
     assert [str(point) for point in plan.time_points] == ground.points
     parameters = {name: (p.nominal, p.lower, p.upper) for name, p in ground.parameters.items()}
@@ -75,7 +72,7 @@ def compare(plan: ParametrizedPlan, ground: reader.Ground, by: Checker = CHECKER
     assert ours <= {frozenset((ground.points[a], ground.points[b])) for a, b in by.formulas.mutex(ground)}
 
 
-def network(plan: ParametrizedPlan) -> set[tuple[str, str, frozenset[tuple[str, Fraction]]]]:
+def network(plan):
     """From where to where it takes at least how long: the coefficients of parameters, and the number by itself."""
     edges = [(one.source, one.target, one.lower) for one in plan.constraints if one.lower is not None]
     edges += [(one.target, one.source, -one.upper) for one in plan.constraints if one.upper is not None]
@@ -89,7 +86,7 @@ def network(plan: ParametrizedPlan) -> set[tuple[str, str, frozenset[tuple[str, 
     }
 
 
-def written(plan: ParametrizedPlan) -> set[tuple[str, str, str]]:
+def written(plan):
     """What happens at which time point."""
     changes = set()
     for one in plan.instances:
@@ -104,10 +101,7 @@ def written(plan: ParametrizedPlan) -> set[tuple[str, str, str]]:
     return changes
 
 
-# -- what single schedules break ---------------------------------------------------------------------------------------
-
-
-def key(label: str) -> object:
+def key(label):
     """What an obligation is about: the instance and the kind of duty, the goal, or the whole label."""
     if label.startswith(("separation", "goal", "effects of")):
         return "goal" if label.startswith("goal") else label
@@ -116,20 +110,18 @@ def key(label: str) -> object:
     return about.split(" ")[0], next((kind for kind in kinds if duty.startswith(kind)), "condition")
 
 
-def separations(keys: Keys) -> Keys:
+def separations(keys):
     return {key for key in keys if str(key).startswith("separation")}
 
 
-def simulated(plan: ParametrizedPlan, parameters: Values, schedule: Schedule) -> Keys | None:
+def simulated(plan, parameters, schedule):
     """What the schedule breaks; None if flows of negative length leave it without a"""
     keys = {key(violation.obligation) for violation in simulate(plan, parameters, schedule).violations}
     negative = any(isinstance(key, tuple) and key[1] == "non-negative duration" for key in keys)
     return None if negative else keys
 
 
-def broken(
-    ground: reader.Ground, plan: ParametrizedPlan, parameters: Values, schedule: Schedule, by: Checker = CHECKER
-) -> Keys:
+def broken(ground, plan, parameters, schedule, by=CHECKER):
     """The obligations that one schedule breaks according to the checker."""
     times = {f"@{number}": schedule[point] for number, point in enumerate(plan.time_points) if number}
     given = {name: {"": value} if value else {} for name, value in {**parameters, **times}.items()}
@@ -142,9 +134,7 @@ def broken(
     }
 
 
-def known_breaks(
-    plan: ParametrizedPlan, ground: reader.Ground, parameters: Values, random: Random, schedules: int
-) -> tuple[list[tuple[Schedule, Keys]], Counter[str]]:
+def known_breaks(plan, ground, parameters, random, schedules):
     """Some schedules with what they break, about which checker and simulator agree; and how many of each kind."""
     known, counts = list[tuple[Schedule, Keys]](), Counter[str]()
     for schedule in sample_schedules(plan, parameters, random, schedules):
@@ -163,7 +153,7 @@ def known_breaks(
     return known, counts
 
 
-def readings(first: int = 0, count: int = 120) -> Iterator[tuple[str, Holds]]:
+def readings(first=0, count=120):
     """What random texts mean: what this package reads, and what single schedules break according to the simulator."""
     for seed in range(first, first + count):
         texts, random = random_texts(seed), Random(seed)
@@ -176,13 +166,10 @@ def readings(first: int = 0, count: int = 120) -> Iterator[tuple[str, Holds]]:
         yield f"reading {seed}", partial(_reads, texts=texts, plan=plan, parameters=parameters, known=known)
 
 
-def _reads(by: Checker, texts: Texts, plan: ParametrizedPlan, parameters: Values, known: list[Any]) -> bool:
+def _reads(by, texts, plan, parameters, known):
     ground = by.reader.ground(*texts)
     compare(plan, ground, by)
     return all(broken(ground, plan, parameters, schedule, by) == keys for schedule, keys in known)
-
-
-# -- formulas over all times -------------------------------------------------------------------------------------------
 
 
 class UndefinedError(Exception):
@@ -192,11 +179,11 @@ class UndefinedError(Exception):
 class Evaluation:
     """Truth of literals at values of the free names; those of auxiliary names follow from their definitions."""
 
-    def __init__(self, formulas: Any, values: Mapping[str, Fraction]) -> None:
+    def __init__(self, formulas, values):
         self.formulas, self.circuit, self.values = formulas, formulas.circuit, dict(values)
         self.truths: dict[int, bool] = {}
 
-    def true(self, literal: int) -> bool:
+    def true(self, literal):
         number = abs(literal)
         if number not in self.truths:
             node = self.circuit.nodes[number]
@@ -207,7 +194,7 @@ class Evaluation:
                 self.truths[number] = level > 0 or (level == 0 and not node[0])
         return self.truths[number] == (literal > 0)
 
-    def value(self, name: str) -> Fraction:
+    def value(self, name):
         if name and name not in self.values:
             trials = (Evaluation(self.formulas, {**self.values, name: number}) for number in self._candidates(name))
             fitting = (trial for trial in trials if all(map(trial.true, self.formulas.definitions[name])))
@@ -216,7 +203,7 @@ class Evaluation:
             self.values[name] = trial.values[name]
         return self.values[name] if name else Fraction(1)
 
-    def _candidates(self, name: str) -> Iterator[Fraction]:
+    def _candidates(self, name):
         """What the name is if a comparison of its definition is an equation."""
         waiting, seen = [abs(literal) for literal in self.formulas.definitions[name]], set[int]()
         while waiting:
@@ -232,7 +219,7 @@ class Evaluation:
                 yield -rest / dict(node[1])[name]
 
 
-def free(first: int = 0, count: int = 250) -> Iterator[tuple[str, Holds]]:
+def free(first=0, count=250):
     """Formulas over all times at once, at single schedules; half of them with the orders that the network implies."""
     for seed in range(first, first + count):
         texts, random = tangled_texts(seed), Random(seed)
@@ -250,9 +237,7 @@ def free(first: int = 0, count: int = 250) -> Iterator[tuple[str, Holds]]:
             continue
 
 
-def _evaluates(
-    by: Checker, ground: Any, plan: ParametrizedPlan, parameters: Values, known: list[Any], orders: int
-) -> bool:
+def _evaluates(by, ground, plan, parameters, known, orders):
     formulas = by.formulas.Formulas(ground, tools.EPSILON)
     closed = Network(plan, parameters)
     for a, row in enumerate(closed.distances if orders else []):
@@ -267,7 +252,7 @@ def _evaluates(
     return True
 
 
-def too_near(formulas: Any, plan: ParametrizedPlan, schedule: Schedule) -> set[str]:
+def too_near(formulas, plan, schedule):
     """The separations that the schedule breaks, by the names of the time points in the labels."""
     times = {str(point): schedule[point] for point in plan.time_points}
     labels = [label for label, _ in formulas.obligations() if label.startswith("separation: ")]
@@ -275,9 +260,7 @@ def too_near(formulas: Any, plan: ParametrizedPlan, schedule: Schedule) -> set[s
     return {label for label, (a, b) in pairs.items() if abs(times[a] - times[b]) < tools.EPSILON}
 
 
-def broken_freely(
-    formulas: Any, plan: ParametrizedPlan, parameters: Values, schedule: Schedule
-) -> tuple[set[str], set[str]]:
+def broken_freely(formulas, plan, parameters, schedule):
     """Labels of the obligations that the schedule breaks; and of those that it may break at instants not looked at."""
     times = {f"@{number}": schedule[point] for number, point in enumerate(plan.time_points) if number}
     happenings = sorted({Fraction(0), *schedule.values()})
@@ -294,7 +277,7 @@ def broken_freely(
     return certain, possible - certain
 
 
-def meaningless(by: Checker, texts: Sequence[str]) -> bool:
+def meaningless(by, texts):
     """Whether the checker refuses to write down some obligation, or to evaluate some effect."""
     try:
         formulas = by.formulas.Formulas(by.reader.ground(*texts), tools.EPSILON)
@@ -306,7 +289,7 @@ def meaningless(by: Checker, texts: Sequence[str]) -> bool:
     return False
 
 
-def reads_beside(by: Checker) -> bool:
+def reads_beside(by):
     """A parameter that is an initial value, written beside a plan: the goal is broken at half of what is needed."""
     texts, beside = BESIDE
     for value, breaks in ((Fraction(1), False), (Fraction(1, 2), True)):
@@ -320,8 +303,6 @@ def reads_beside(by: Checker) -> bool:
                 return False
     return True
 
-
-# -- a text that has everything ----------------------------------------------------------------------------------------
 
 SAYS: dict[str, dict[str, Any]] = TABLES["says"]
 """What each of the texts says, written by hand tree by tree, so that nothing which a reader drops, takes for something
@@ -338,14 +319,14 @@ WRONG: Changes = TABLES["wrong"]
 """Each is refused: it means nothing, or something that the checker does not know."""
 
 
-def changed_texts(changes: Changes, texts: Sequence[str] = TEXTS) -> Iterator[tuple[str, list[str]]]:
+def changed_texts(changes, texts=TEXTS):
     """What is new, and the texts that have it at the one place that says the old."""
     for old, every in changes.items():
         assert sum(text.count(old) for text in texts) == 1, old
         yield from ((new, [text.replace(old, new) for text in texts]) for new in every)
 
 
-def said(ground: Any) -> Any:
+def said(ground):
     """What the checker has read, as `SAYS` writes it."""
     return plainly(
         {
@@ -367,7 +348,7 @@ def said(ground: Any) -> Any:
     )
 
 
-def plainly(value: Any) -> Any:
+def plainly(value):
     if isinstance(value, dict):
         return {str(key): plainly(inner) for key, inner in value.items()}
     if isinstance(value, list | tuple | set):
@@ -375,14 +356,14 @@ def plainly(value: Any) -> Any:
     return f"={value}" if isinstance(value, Fraction) else value
 
 
-def unordered(value: Any) -> Any:
+def unordered(value):
     """The same, where lists have neither an order nor anything twice."""
     if isinstance(value, dict):
         return {name: unordered(inner) for name, inner in value.items() if name != "labels"}
     return {repr(inner) for inner in value} if isinstance(value, list) else value
 
 
-def texts_probes() -> Iterator[tuple[str, Holds]]:
+def texts_probes():
     """What a reader has to get right."""
     for name, texts in {"elaborate": TEXTS, **OTHERS}.items():
         yield f"texts {name}", partial(_says, texts=texts, says=SAYS[name])
@@ -398,19 +379,19 @@ def texts_probes() -> Iterator[tuple[str, Holds]]:
     yield from ((f"texts wrong {new}", partial(refuses, texts=texts)) for new, texts in wrong)
 
 
-def _says(by: Checker, texts: Sequence[str], says: Any) -> bool:
+def _says(by, texts, says):
     return bool(said(by.reader.ground(*texts)) == says)
 
 
-def _may_happen(by: Checker, texts: Sequence[str], known: bool) -> bool:
+def _may_happen(by, texts, known):
     return any(effect.kind == "increase" for effect in by.reader.ground(*texts).effects[3]) == known
 
 
-def _says_the_same(by: Checker, texts: Sequence[str]) -> bool:
+def _says_the_same(by, texts):
     return bool(unordered(said(by.reader.ground(*texts))) == unordered(SAYS["elaborate"]))
 
 
-def refuses(by: Checker, texts: Sequence[str]) -> bool:
+def refuses(by, texts):
     """Whether nothing is proved about what the texts say."""
     try:
         by.reader.ground(*texts)
@@ -423,7 +404,7 @@ PLANNERS = Path(__file__).resolve().parents[3] / "shared" / "planner-logs"
 pytestmark = pytest.mark.filterwarnings("ignore::robust.errors.InputWarning")
 
 
-def judged_texts(texts: Texts, seed: int) -> Counter[str]:
+def judged_texts(texts, seed):
     try:
         plan = tools.assembled(texts)
     except InputError:
@@ -431,7 +412,7 @@ def judged_texts(texts: Texts, seed: int) -> Counter[str]:
     return judged(plan, reader.ground(*texts), Random(seed))
 
 
-def judged(plan: ParametrizedPlan, ground: reader.Ground, random: Random, schedules: int = 4) -> Counter[str]:
+def judged(plan, ground, random, schedules=4):
     """How many schedules are valid, and how many break something, according to the simulator and the checker."""
     compare(plan, ground)
     return known_breaks(plan, ground, sample_parameters(plan, random), random, schedules)[1]
@@ -441,21 +422,20 @@ def judged(plan: ParametrizedPlan, ground: reader.Ground, random: Random, schedu
     ("seeds", "broken", "valid"),
     [(range(150), 100, 20), pytest.param(range(1000, 4000), 2500, 800, marks=pytest.mark.slow)],
 )
-def test_random_texts(seeds: range, broken: int, valid: int) -> None:
+def test_random_texts(seeds, broken, valid):
     total = sum((judged_texts(random_texts(seed), seed) for seed in seeds), Counter[str]())
     assert total["broken"] > broken
     assert total["valid"] > valid
     assert total["wrong"] < len(seeds) / 7
 
 
-def test_examples() -> None:
+def test_examples():
     for path in sorted(tools.EXAMPLES.rglob("*.stn")):
         files = (path.parent / "domain.pddl", path.parent / "problem.pddl", path)
         judged(load_plan(*files), tools.grounded(files), Random(1), 2)
 
 
-def test_recorded_plans(dataset: Path) -> None:
-    """All are read alike; schedules of the small ones break the same."""
+def test_recorded_plans(dataset):
     plans = [one.files for one in read_suite(dataset)] + [files for _, files in read_deliveries(dataset)]
     total = sum((judged(load_plan(*files), tools.grounded(files), Random(2), 1) for files in plans), Counter[str]())
     assert len(plans) == 61
@@ -463,14 +443,13 @@ def test_recorded_plans(dataset: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def logs() -> Path:
+def logs():
     if not PLANNERS.is_dir():
         pytest.skip(f"no logs of planners at {PLANNERS}")
     return PLANNERS
 
 
-def test_domains_of_planner_logs(logs: Path) -> None:
-    """Every domain and problem is read; plans of logs become networks first."""
+def test_domains_of_planner_logs(logs):
     pairs = {(logs / one["domain"], logs / one["problem"]) for one in json.loads((logs / "plans.json").read_text())}
     for domain, problem in sorted(pairs):
         texts = [path.read_text(encoding="utf-8") for path in (domain, problem)]
@@ -483,7 +462,7 @@ def test_domains_of_planner_logs(logs: Path) -> None:
         assert ours.objects.keys() == model_of.objects.keys()
 
 
-def test_what_a_text_mentions_is_read() -> None:
+def test_what_a_text_mentions_is_read():
     """Also where the polynomial cancels, and where objects decide the condition."""
     domain = """(define (domain d) (:predicates (p) (q)) (:functions (f) (g))
      (:action a :parameters () :precondition (and (>= (- (f) (f)) 0) (or (q) (>= 1 0))) :effect (p))
@@ -492,8 +471,6 @@ def test_what_a_text_mentions_is_read() -> None:
     ground = reader.ground(domain, problem, "action instance i : (a); action instance j : (b);")
     assert mutex(ground) == [(1, 2)]
 
-
-# -- a text that has everything ----------------------------------------------------------------------------------------
 
 ONLY_HERE = {
     "(:objects t1 -truck", "(:objects t1 - ship t1 - truck",
@@ -505,13 +482,13 @@ ONLY_HERE = {
 """What this package understands, and the checker need not."""
 
 
-def test_both_readers_read_the_same() -> None:
+def test_both_readers_read_the_same():
     same = (texts for _, texts in changed_texts(SAME))
     for texts in (TEXTS, *OTHERS.values(), *same):
         compare(tools.assembled(texts), reader.ground(*texts))
 
 
-def test_this_package_refuses_what_is_wrong_too() -> None:
+def test_this_package_refuses_what_is_wrong_too():
     understood = set()
     for new, texts in changed_texts(WRONG):
         try:
@@ -522,13 +499,11 @@ def test_this_package_refuses_what_is_wrong_too() -> None:
     assert understood == ONLY_HERE
 
 
-# -- texts that are changed at random ----------------------------------------------------------------------------------
-
 EVALUATED = ("no initial value", "division by", "assignment and another change")
 """What is found out where values are computed, not by what reads a text."""
 
 
-def drawn(seed: int) -> tuple[str, list[str]]:
+def drawn(seed):
     """The first change, and texts that both readers know before they are changed once or twice."""
     random, texts = Random(seed), None
     while texts is None:
@@ -538,7 +513,7 @@ def drawn(seed: int) -> tuple[str, list[str]]:
 
 
 @cache
-def known_texts(kind: int, number: int) -> list[str] | None:
+def known_texts(kind, number):
     """Texts of a kind, if both readers know them."""
     if kind > 1:
         return [[*TEXTS, ""], OTHERS["beside"]][kind - 2]
@@ -546,7 +521,7 @@ def known_texts(kind: int, number: int) -> list[str] | None:
     return None if isinstance(read_here(texts)[0], str) or isinstance(read_there(texts)[0], str) else texts
 
 
-def read_here(texts: Sequence[str]) -> tuple[ParametrizedPlan | str, list[str]]:
+def read_here(texts):
     """The plan, or why this package refuses the texts; and what it says of repairs."""
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
@@ -556,7 +531,7 @@ def read_here(texts: Sequence[str]) -> tuple[ParametrizedPlan | str, list[str]]:
             return str(error), []
 
 
-def read_there(texts: Sequence[str]) -> tuple[reader.Ground | str, bool]:
+def read_there(texts):
     """What the checker reads, or why it does not; and whether all obligations and effects have a"""
     try:
         ground = reader.ground(*texts)
@@ -565,7 +540,7 @@ def read_there(texts: Sequence[str]) -> tuple[reader.Ground | str, bool]:
     return ground, not meaningless(tools.CHECKER, texts)
 
 
-def judged_change(seed: int) -> tuple[str, str]:
+def judged_change(seed):
     """The change, and what both readers make of it; AssertionError if the checker reads anything that it must not."""
     name, texts = drawn(seed)
     (plan, repairs), (ground, formulated) = read_here(texts), read_there(texts)
@@ -589,7 +564,7 @@ def judged_change(seed: int) -> tuple[str, str]:
     ("first", "count"),
     [(0, 150), *(pytest.param(first, 2_500, marks=pytest.mark.slow) for first in range(10_000, 30_000, 2_500))],
 )
-def test_what_is_refused_or_repaired_here_proves_nothing(first: int, count: int) -> None:
+def test_what_is_refused_or_repaired_here_proves_nothing(first, count):
     changes = [judged_change(seed) for seed in range(first, first + count)]
     states = Counter(state for _, state in changes)
     assert states["refused by both"] > 80

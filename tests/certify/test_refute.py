@@ -26,9 +26,6 @@ def without_zeros(form):
     return {name: value for name, value in form.items() if value}
 
 
-# -- propositional ---------------------------------------------------------------------------------------------------
-
-
 def propagates_to_conflict(clauses, clause, hints):
     """Whether each hint is unit or false in its turn, and the last one false, if the clause is."""
     false = set(clause)
@@ -66,9 +63,6 @@ def test_propositional_solver_agrees_with_truth_tables(seed):
     for number, step in [*solver.derivations.items(), (len(solver.clauses), solver.refutation)]:
         assert all(hint < number for hint in step.hints)
         assert propagates_to_conflict(solver.clauses, step.clause, step.hints)
-
-
-# -- linear ----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("seed", range(80))
@@ -115,9 +109,6 @@ def test_facts_that_matter_are_found(seed):
     assert total.get("", 0) >= 0
     with pytest.raises(hints.NotRefutedError):
         hints.implied(KnownFacts(facts), {"": Fraction(-1)})
-
-
-# -- formulas --------------------------------------------------------------------------------------------------------
 
 
 def some_literal(circuit, random, depth):

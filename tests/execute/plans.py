@@ -43,9 +43,6 @@ def text_of(name: str) -> str:
     return Path(__file__).with_name("data").joinpath(name).read_text(encoding="utf-8")
 
 
-# -- intervals and boxes -----------------------------------------------------------------------------------------------
-
-
 def interval(ends: str | Sequence[Fraction | int | str | None]) -> Interval:
     """An interval as people write it, such as "[1, inf)", or by its closed ends."""
     if isinstance(ends, str):
@@ -152,9 +149,6 @@ def drawn_with_box(random: Random) -> tuple[ParametrizedPlan, Box]:
             return plan, result.box
 
 
-# -- conversions -------------------------------------------------------------------------------------------------------
-
-
 def converted(domain: str, problem: str, plan: str, *specs: str, **options: object) -> Conversion:
     """The conversion of three texts."""
     parsed = parse_domain(domain)
@@ -170,8 +164,6 @@ def durative(name: str, duration: str, conditions: str, effects: str) -> str:
         f":condition (and {conditions}) :effect (and {effects}))"
     )
 
-
-# -- planners ----------------------------------------------------------------------------------------------------------
 
 ERRANDS, ERRAND = map(text_of, ("errands.pddl", "errand.pddl"))
 VALID = "0.000: (GO HOME MARKET) [7.500]\n7.501: (shop market)  [2.000]\n"

@@ -1,6 +1,5 @@
 """Boxes of plans: what is contingent, what is decided, the part that is controllable, and the widest boxes."""
 
-import random
 from fractions import Fraction
 from functools import cache
 from itertools import product
@@ -28,20 +27,19 @@ NOMINAL = Fraction(4)
 
 def bound(value):
     """A number, None, a polynomial, or the name of a parameter."""
-    if isinstance(value, str):
-        return reference(value)
-    return value if value is None else expression_of(value)
+    return reference(value) if isinstance(value, str) else None if value is None else expression_of(value)
 
 
 def plan_of(parameters, instances, constraints, literals=()):
     """A plan that has nothing but a network; constraints are (source, target, lower, upper), time points by name."""
-    chosen = [model.Parameter(name, NOMINAL) if isinstance(name, str) else name for name in parameters]
+    chosen = tuple(model.Parameter(name, NOMINAL) if isinstance(name, str) else name for name in parameters)
     actions = tuple(model.ActionInstance(name, "do", (), durative=True) for name in instances)
-    places = {"Z": model.ZERO, **{str(p): p for action in actions for p in action.time_points}}
-    bounds = tuple(
-        model.TemporalConstraint(places[a], places[b], bound(low), bound(high)) for a, b, low, high in constraints
-    )
-    return model.ParametrizedPlan("network", tuple(chosen), actions, bounds, frozenset(), {}, tuple(literals), ())
+    at = {"Z": model.ZERO, **{str(p): p for action in actions for p in action.time_points}}
+    bounds = tuple(model.TemporalConstraint(at[a], at[b], *map(bound, ends)) for a, b, *ends in constraints)
+    return model.ParametrizedPlan("network", chosen, actions, bounds, frozenset(), {}, tuple(literals), ())
+
+
+TWO = [("a.start", "a.end", "p", "p"), ("b.start", "b.end", "q", "q")]
 
 
 def two(*constraints, extra=()):
@@ -49,9 +47,9 @@ def two(*constraints, extra=()):
     return plan_of(["p", "q", *extra], "ab", [*TWO, *constraints])
 
 
-TWO = [("a.start", "a.end", "p", "p"), ("b.start", "b.end", "q", "q")]
 MEET = two(("a.end", "b.start", -1, 2))
 """The start of b is to be close to the end of a, at most one before."""
+YES, NO, OPEN = ControlVerdict.CONTROLLABLE, ControlVerdict.NOT_CONTROLLABLE, ControlVerdict.UNKNOWN
 
 
 def verdicts(plan, box):
@@ -60,9 +58,6 @@ def verdicts(plan, box):
 
 def dynamic(plan, box):
     return Controllability(plan, box).finding(Control.DYNAMIC)
-
-
-YES, NO, OPEN = (ControlVerdict.CONTROLLABLE, ControlVerdict.NOT_CONTROLLABLE, ControlVerdict.UNKNOWN)
 
 
 MINUS = -bound("p")
@@ -164,8 +159,7 @@ def test_a_link_that_may_end_before_it_starts_is_left_open():
     chain = [("c.start", "c.end", "p", "p"), ("c.end", "a.start", 0, 0), ("a.start", "b.start", "d", "d")]
     plan, box = plan_of(["p", model.Parameter("d", Fraction(1))], "abc", chain), box_of(p=(2, 3), d=(-1, 2))
     finding = dynamic(plan, box)
-    assert finding.verdict is OPEN
-    assert "may end before it starts" in finding.reason
+    assert (finding.verdict, "may end before it starts" in finding.reason) == (OPEN, True)
     assert shrink(plan, box, Control.DYNAMIC) == box_of(p=(2, 3), d=(0, 2))
     assert shrink(WINDOW, box_of(w=(2, 8)), Control.DYNAMIC) == box_of(w=("5/2", "11/2"))
 
@@ -201,15 +195,11 @@ def test_the_controllable_part_is_max_min_fair(plan, kind, p, q, expected):
     assert str(shrink(plan, box_of(p=p, q=q), kind)) == f"p ∈ {expected}, q ∈ {q}"
 
 
-def test_weights_and_what_is_lost():
+def test_weights_what_is_lost_and_faces_that_may_be_anywhere_but_not_nowhere():
     heavy = plan_of([model.Parameter("p", NOMINAL, Fraction(2)), "q"], "ab", [*TWO, ("a.end", "b.end", -3, 3)])
     box = box_of(p=(0, 9), q=(0, 9))
     part = shrink(heavy, box, Control.STRONG)
-    assert part == box_of(p=(2, 6), q=(3, 5))
-    assert loss(box, part).share == Fraction(12, 18)
-
-
-def test_faces_that_may_be_anywhere_but_not_nowhere():
+    assert (part, loss(box, part).share) == (box_of(p=(2, 6), q=(3, 5)), Fraction(12, 18))
     after, box = two(("a.end", "b.start", 0, None)), box_of(p=(1, None), q=(1, None))
     shrunk = Controllability(after, box).shrunk(Control.STRONG)
     assert shrunk.box == box_of(p=(1, NOMINAL + HORIZON), q=(1, None))
@@ -220,9 +210,6 @@ def test_faces_that_may_be_anywhere_but_not_nowhere():
     assert shrink(after, box, Control.DYNAMIC) == box
 
 
-# -- drawn boxes -------------------------------------------------------------------------------------------------------
-
-
 def random_plan(rng):
     """Three actions of uncertain length with requirements between their ends; most have schedules."""
     names = "abc"[: rng.randint(2, 3)]
@@ -230,16 +217,13 @@ def random_plan(rng):
     constraints = [(f"{name}.start", f"{name}.end", f"p{name}", f"p{name}") for name in names]
     points = [f"{name}.{side}" for name in names for side in ("start", "end")]
     for _ in range(rng.randint(1, 4)):
-        source, target = rng.sample(points, 2)
-        low = rng.randint(-6, 4)
-        constraints.append((source, target, low, low + rng.randint(1, 7)))
+        constraints.append((*rng.sample(points, 2), low := rng.randint(-6, 4), low + rng.randint(1, 7)))
     return plan_of(parameters, names, constraints)
 
 
 def random_box(seed, most):
     """A random plan, and a box of at most twice that width around its nominal values."""
-    rng = random.Random(seed)  # noqa: S311
-    plan = random_plan(rng)
+    plan = random_plan(rng := Random(seed))  # noqa: S311
     ends = {p.name: (NOMINAL - rng.randint(0, most), NOMINAL + rng.randint(0, most)) for p in plan.parameters}
     return rng, plan, box_of(**ends)
 
@@ -260,29 +244,24 @@ def strong_oracle(stnu):
     return oracles.consistent(stnu.points, edges)
 
 
-ORACLES = {
-    Control.WEAK: oracles.weak_by_corners,
-    Control.DYNAMIC: oracles.dynamic_by_reductions,
-    Control.STRONG: strong_oracle,
-}
-
-
 def by_oracle(kind, plan, box):
-    return ORACLES[kind](parametric_stnu(plan, box).at(ends_of(box)))
+    decide = (oracles.weak_by_corners, oracles.dynamic_by_reductions, strong_oracle)[list(Control).index(kind)]
+    return decide(parametric_stnu(plan, box).at(ends_of(box)))
 
 
 @pytest.mark.parametrize("kind", [Control.DYNAMIC, Control.STRONG])
 def test_parts_are_controllable_and_no_face_can_move(kind):
-    shrunk, kept, tiny = 0, 0, Fraction(1, 10**6)
-    for seed in range(150):
-        plan = random_plan(random.Random(seed))  # noqa: S311
-        box = box_of(**{p.name: (1, random.Random(seed).choice([6, 9])) for p in plan.parameters})  # noqa: S311
+    kept, tiny = list[bool](), Fraction(1, 10**6)
+    for seed in range(110):
+        plan = random_plan(Random(seed))  # noqa: S311
+        box = box_of(**{p.name: (1, Random(seed).choice([6, 9])) for p in plan.parameters})  # noqa: S311
         if not by_oracle(Control.DYNAMIC, plan, Box.nominal(plan.parameters)):
             with pytest.raises(InputError, match="no schedule at the nominal values"):
                 shrink(plan, box, kind)
             continue
         part = shrink(plan, box, kind)
-        assert (part == box) is by_oracle(kind, plan, box), seed
+        kept.append(part == box)
+        assert kept[-1] is by_oracle(kind, plan, box), seed
         assert by_oracle(kind, plan, part), seed
         assert Controllability(plan, part).finding(kind).verdict is YES
         for name, side in product(part.intervals, Side):
@@ -290,30 +269,20 @@ def test_parts_are_controllable_and_no_face_can_move(kind):
             end = part[name].end(side)
             wider = part.moved((name, side), end + side.sign * tiny)
             assert end == box[name].end(side) or not by_oracle(kind, plan, wider), (seed, name, side)
-        shrunk += part != box
-        kept += part == box
-    assert shrunk > 30
-    assert kept > 5
+    assert 5 < sum(kept) < len(kept) - 30
 
 
-def test_verdicts_agree_with_slow_ways_and_imply_each_other():
-    seen = set()
-    for seed in range(200):
-        _, plan, box = random_box(seed, 2)
+@pytest.mark.parametrize(("seeds", "most"), [(110, 2), (80, 1)])
+def test_verdicts_agree_with_slow_ways_and_imply_each_other_and_a_strong_schedule_suits_all_values(seeds, most):
+    seen, suited = set(), 0
+    for seed in range(seeds):
+        rng, plan, box = random_box(seed, most)
         controllable = weakly, dynamically, strongly = tuple(verdict is YES for verdict in verdicts(plan, box))
         assert controllable == tuple(by_oracle(kind, plan, box) for kind in Control), seed
         assert weakly >= dynamically >= strongly
         seen.add(controllable)
-    assert len(seen) == 4
-
-
-def test_a_strong_schedule_suits_all_values():
-    suited = 0
-    for seed in range(120):
-        rng, plan, box = random_box(seed, 1)
         asked = Controllability(plan, box)
-        schedule = asked.strong_answer().schedule
-        stnu = asked.network.at(ends_of(box))
+        schedule, stnu = asked.strong_answer().schedule, asked.network.at(ends_of(box))
         for _ in range(0 if schedule is None else 10):
             times = {p: schedule.get(p, Fraction(0)) for p in stnu.executable}
             for link in stnu.contingents:
@@ -321,6 +290,7 @@ def test_a_strong_schedule_suits_all_values():
                 times[link.target] = times[link.source] + link.lower + (link.upper - link.lower) * share
             assert all(oracles.satisfies(link, times) for link in stnu.links if not link.is_contingent), seed
             suited += 1
+    assert len(seen) == 4
     assert suited > 200
 
 
@@ -353,8 +323,6 @@ def test_an_invalid_plan_has_no_verdict():
     assert "controllable" not in command("envelope", *asked).out
     assert "medium" in command("envelope", *example(), "--controllability", "medium").err
 
-
-# -- the widest boxes that a dispatcher can serve ----------------------------------------------------------------------
 
 F = Fraction
 GROWN = Objective(EPSILON, "relational")
@@ -394,14 +362,13 @@ def test_what_one_parameter_gives_back_another_one_takes():
     assert "w1.end - w2.start in [1, 2]" in result.stops["first", Side.UPPER].name
 
 
-def test_the_widest_of_all_is_proved_by_cutting_planes():
+@KINDS
+def test_the_widest_of_all_is_proved_by_cutting_planes(kind):
     plan = overlapping()
-    start = Box.nominal(plan.parameters)
-    around, anywhere = (widest(plan, start, Control.DYNAMIC, objective) for objective in (AROUND, ANYWHERE))
-    assert around.box == box_of(first="[9, 10]", third="[1, 19999/1000]")
+    around, anywhere = (widest(plan, Box.nominal(plan.parameters), kind, objective) for objective in (AROUND, ANYWHERE))
+    assert (around.box, around.bound) == (box_of(first="[9, 10]", third="[1, 19999/1000]"), F(19999, 1000))
     # what is certain of the first is all for the third
-    assert anywhere.box == box_of(first="[1, 1]", third="[1, 28999/1000]")
-    assert (around.bound, anywhere.bound) == (F(19999, 1000), F(27999, 1000))
+    assert (anywhere.box, anywhere.bound) == (box_of(first="[1, 1]", third="[1, 28999/1000]"), F(27999, 1000))
 
 
 def stands(judge, box, kind):
@@ -410,7 +377,7 @@ def stands(judge, box, kind):
 
 
 @KINDS
-@pytest.mark.parametrize("seed", [*range(10), *(pytest.param(n, marks=pytest.mark.slow) for n in range(10, 60))])
+@pytest.mark.parametrize("seed", [*range(4), *(pytest.param(n, marks=pytest.mark.slow) for n in range(4, 60))])
 def test_no_face_can_move_outwards(seed, kind):
     plan, valid = plans.drawn_with_box(Random(f"widest {seed}"))  # noqa: S311 - reproducible
     shrunk = shrink(plan, valid, kind)
@@ -426,18 +393,3 @@ def test_no_face_can_move_outwards(seed, kind):
     assert stands(judge, best.box, kind)
     if None not in {box.total_width, best.box.total_width}:
         assert best.box.total_width >= box.total_width
-
-
-@KINDS
-def test_no_box_on_a_grid_is_wider_than_the_widest(kind):
-    """All boxes around the nominal point whose ends are integers, of a plan with two parameters."""
-    plan = overlapping()
-    best = widest(plan, Box.nominal(plan.parameters), kind, AROUND).bound
-    judge = Judge(plan, EPSILON)
-    tried = 0
-    for low, high, least, most in product((8, 9, 10), (10, 11, 12), (1, 3, 5), range(5, 22, 2)):
-        box = box_of(first=(low, high), third=(least, most))
-        if box.total_width > best:
-            tried += 1
-            assert not stands(judge, box, kind), box
-    assert tried > 3

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from itertools import product
@@ -17,7 +16,7 @@ from hypothesis import strategies as st
 
 from robust.errors import InputError
 from robust.execute import distances
-from robust.execute.convert import Conversion, ConversionEnd, Mode, convert
+from robust.execute.convert import ConversionEnd, Mode, convert
 from robust.execute.distances import DistanceEdge, EdgeNetwork, InvalidPlanError, Original
 from robust.execute.esterel import esterel_edges
 from robust.execute.parametrization import option_of, write_specs
@@ -25,7 +24,7 @@ from robust.execute.snap import NearSchedules, least_shift
 from robust.irr.check import Answer
 from robust.numbers import format_number
 from robust.plan.load import load_plan
-from robust.plan.model import ZERO, ParametrizedPlan, TemporalConstraint, TimePoint, TimePointKind
+from robust.plan.model import ZERO, TimePoint, TimePointKind
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.simulate import simulate
 from robust.plan.stn import STNConstraint, write_stn
@@ -40,22 +39,22 @@ from tests.strategies import plans
 DOMAIN = text_of("house.pddl")
 
 
-def problem(init: str = "", goal: str = "(done)") -> str:
+def problem(init="", goal="(done)"):
     return f"(define (problem evening) (:domain house) (:init (= (water) 10) {init}) (:goal {goal}))"
 
 
-def house(steps: str, *specs: str, init: str = "", domain: str = DOMAIN, **options) -> Conversion:
+def house(steps, *specs, init="", domain=DOMAIN, **options):
     return converted(domain, problem(init), steps, *specs, **options)
 
 
-BATH = "0: (heat) [10]\n20: (bathe) [5]"
-READING = "1: (switch-on)\n2: (read) [5]\n9: (switch-off)"
-RESTING = "1: (switch-on)\n2: (rest) [6]\n9: (switch-off)"
-FILLING = "1: (fill)\n2: (fill)\n3: (drink)"
+TURNS = "n0 rest: over all (or (lit) (open))"
+BATH, READING = "0: (heat) [10]\n20: (bathe) [5]", "1: (switch-on)\n2: (read) [5]\n9: (switch-off)"
+RESTING, FILLING = READING.replace("(read) [5]", "(rest) [6]"), "1: (fill)\n2: (fill)\n3: (drink)"
 BOTH = "0: (switch-on)\n1: (switch-off)\n2: (switch-on)\n3: (switch-off)\n4: (heat) [10]\n15: (bathe) [5]"
+DRAWING = "0: (draw) [2]\n0: (heat) [10]\n11: (bathe) [5]"
 
 
-def lines(conversion: Conversion) -> set[str]:
+def lines(conversion):
     """The constraints without durations."""
     return {
         f"{bound.target} - {bound.source} in [{bound.lower}, {bound.upper}]"
@@ -86,27 +85,19 @@ def test_what_becomes_of_durations_and_orders():
     assert house(FILLING, mode=Mode.ESTEREL).check.answer is Answer.REFUTED
 
 
-DRAWING = "0: (draw) [2]\n0: (heat) [10]\n11: (bathe) [5]"
-
-
-def test_bounds_that_numbers_need_are_found_and_loosened_while_there_is_time():
+def test_bounds_that_numbers_or_disjunctions_need_are_found_and_loosened_while_there_is_time():
     whole = house(DRAWING)
     [needed] = whole.tightened
     # 10 - d >= 3 as long as bathe may overlap or follow.
-    assert needed.obligation == "n2 bathe: over all (>= (water) 3)"
-    assert str(needed.edge) == "n0.start - n0.end >= -7"
+    assert (needed.obligation, str(needed.edge)) == ("n2 bathe: over all (>= (water) 3)", "n0.start - n0.end >= -7")
     assert whole.check.answer is Answer.PROVED
     hasty = house(DRAWING, timeout=1e-9)
     assert (hasty.ended, hasty.check.answer) == (ConversionEnd.TIMEOUT, Answer.PROVED)
     assert sample_schedules(hasty.plan, {}, Random(1), 5) == [dict(hasty.schedule)]  # noqa: S311 - reproducible
     assert set(hasty.check.obligations) == set(whole.check.obligations)
-
-
-def test_a_disjunction_whose_literals_take_turns_needs_bounds():
     # The light goes out either after unlocking or not before the rest is over; the plan does the former.
     [needed] = house("2: (rest) [6]\n3: (unlock)\n4: (switch-off)", init="(lit)").tightened
-    assert needed.obligation == "n0 rest: over all (or (lit) (open))"
-    assert (str(needed.edge.source), str(needed.edge.target)) == ("n1", "n2")
+    assert (needed.obligation, str(needed.edge.source), str(needed.edge.target)) == (TURNS, "n1", "n2")
     assert needed.edge.weight <= Fraction(1)
 
 
@@ -156,9 +147,7 @@ def test_wrong_plans_and_specifications(steps, specs, kind, message):
         house(steps, *specs)
 
 
-def sides(
-    constraint: TemporalConstraint, values: dict[str, Fraction]
-) -> Iterator[tuple[TimePoint, TimePoint, Fraction]]:
+def sides(constraint, values):
     """(a, b, w): t_b − t_a ≥ w."""
     if constraint.lower is not None:
         yield constraint.source, constraint.target, bound_value(constraint.lower, values)
@@ -166,7 +155,7 @@ def sides(
         yield constraint.target, constraint.source, -bound_value(constraint.upper, values)
 
 
-def allows(outer: ParametrizedPlan, inner: ParametrizedPlan) -> bool:
+def allows(outer, inner):
     """Whether all schedules of `inner` at nominal values are schedules of `outer`, too."""
     network = Network(inner, inner.nominal)
     index = {point: i for i, point in enumerate(network.points)}
@@ -193,7 +182,7 @@ def test_drawn_plans(options, count):
         plans(dyadic=True, linear=True, parameters=0, zero_durations=False, infeasible=False, tame=True, **options),
         st.randoms(use_true_random=False),
     )
-    def check(plan: ParametrizedPlan, random: Random) -> None:
+    def check(plan, random):
         for schedule in sample_schedules(plan, plan.nominal, random, 3):
             forward = all(schedule[action.start] <= schedule[action.end] for action in plan.instances)
             if not forward or not simulate(plan, plan.nominal, schedule).valid:
@@ -242,18 +231,14 @@ Constraint = tuple[int, int, Fraction]
 """(a, b, w): t_b − t_a ≥ w; point 0 is time zero."""
 
 
-def within(printed: Sequence[Fraction], shifts: Sequence[Fraction]) -> list[Constraint]:
+def within(printed, shifts):
     """Every point within its distance of where it was printed."""
     near = list(enumerate(zip(printed[1:], shifts, strict=True), start=1))
     return [*((0, i, time - shift) for i, (time, shift) in near), *((i, 0, -time - shift) for i, (time, shift) in near)]
 
 
-def near(constraints: Sequence[Constraint], printed: Sequence[Fraction], shift: Fraction) -> bool:
-    """Whether there is a schedule in which every point is that near to where it was printed."""
+def near(constraints, printed, shift):
     return has_schedule(range(len(printed)), [*constraints, *within(printed, [shift] * (len(printed) - 1))])
-
-
-# -- networks ----------------------------------------------------------------------------------------------------------
 
 
 @st.composite
@@ -271,8 +256,7 @@ def networks(draw):
 @given(networks())
 def test_the_least_shift_is_feasible_and_nothing_below_it_is(drawn):
     printed, bounds = drawn
-    shift = least_shift(bounds, printed)
-    if shift is None:
+    if (shift := least_shift(bounds, printed)) is None:
         assert not has_schedule(range(len(printed)), bounds)
         return
     assert near(bounds, printed, shift)
@@ -285,9 +269,6 @@ def test_the_least_shift_is_feasible_and_nothing_below_it_is(drawn):
     assert max(abs(a - b) for a, b in zip(times, printed, strict=True)) == shift
 
 
-# -- plans -------------------------------------------------------------------------------------------------------------
-
-
 class Step(NamedTuple):
     """A step at its exact times; an instantaneous one has no duration."""
 
@@ -296,7 +277,7 @@ class Step(NamedTuple):
     duration: Fraction | None
 
 
-def drawn_plan(random: Random) -> tuple[str, list[Step], list[tuple[int, int]]]:
+def drawn_plan(random):
     """Jobs on machines, each after another one, as early as they can be or a little later: a valid plan, exactly.
 
     The problem, the steps, and pairs of steps the first of which ends ε or more before the other starts.
@@ -326,7 +307,7 @@ def drawn_plan(random: Random) -> tuple[str, list[Step], list[tuple[int, int]]]:
     return f"{problem} (:init {' '.join(facts)}) (:goal (and {goal})))", steps, pairs
 
 
-def shown(value: Fraction, decimals: int, *, truncated: bool) -> str:
+def shown(value, decimals, *, truncated):
     """With this number of decimals, or, if it is zero, six significant digits filled up to eight decimals."""
     kept = decimals or next((places for places in range(8) if value * 10**places >= 10**5), 8)
     whole = floor(value * 10**kept + (0 if truncated else Fraction(1, 2)))
@@ -334,7 +315,7 @@ def shown(value: Fraction, decimals: int, *, truncated: bool) -> str:
     return f"{text[: len(text) - kept]}.{text[len(text) - kept :]}".ljust(0 if decimals else len(text) + 9 - kept, "0")
 
 
-def rounded_plan(seed: int) -> str:
+def rounded_plan(seed):
     """Draw a plan, print it, read and convert it, and compare the shift; says what became of it."""
     random = Random(seed)  # noqa: S311 (not for secrets)
     problem_text, steps, pairs = drawn_plan(random)

@@ -90,12 +90,10 @@ def test_what_reveals_each_parameter():
 def test_an_observation_above_the_box_ends_the_plan_when_it_is_overdue():
     dispatcher = begun()
     assert decided(dispatcher, 20) == []
-    (ending,) = decided(dispatcher, 20 + EPSILON)
-    assert ending == told.LeftBox("first", "first", None, interval((4, 20)), 20 + EPSILON)
-    assert str(ending) == "first exceeds 20"
+    ending = told.LeftBox("first", "first", None, interval((4, 20)), 20 + EPSILON)
+    assert (decided(dispatcher, 20 + EPSILON), str(ending)) == ([ending], "first exceeds 20")
     assert (dispatcher.phase, dispatcher.ended) == (Phase.DRAINING, False)
-    assert decided(dispatcher, 31, Completed("w1", F(31))) == []
-    assert dispatcher.ended
+    assert (decided(dispatcher, 31, Completed("w1", F(31))), dispatcher.ended) == ([], True)
     assert [(observation.value, observation.inside) for observation in dispatcher.observations] == [(31, False)]
 
 
@@ -151,14 +149,11 @@ def test_messages_come_late_and_out_of_order_and_twice():
 
 def test_a_value_that_is_seen_bounds_what_else_it_stands_for():
     plan = working("w2.start - w1.end in [first, 10]", "w2.end - w2.start in [5, 8]")
-    dispatchable = tasks_dispatchable({"first": (4, 20)}, plan)
-    assert dispatchable.guarantee is Guarantee.WEAK
-    dispatcher = Dispatcher(dispatchable)
-    start = dispatchable.plan.instance["w2"].start
-    assert decided(dispatcher, 0) == ["start w1"]
-    assert dispatcher.window(start) == (8, 30)
-    decided(dispatcher, 7, WORKED)
-    assert dispatcher.window(start) == (14, 17)
+    dispatcher = Dispatcher(tasks_dispatchable({"first": (4, 20)}, plan))
+    assert dispatcher.dispatchable.guarantee is Guarantee.WEAK
+    start = dispatcher.dispatchable.plan.instance["w2"].start
+    assert (decided(dispatcher, 0), dispatcher.window(start)) == (["start w1"], (8, 30))
+    assert (decided(dispatcher, 7, WORKED), dispatcher.window(start)) == ([], (14, 17))
 
 
 @pytest.mark.parametrize(
@@ -198,11 +193,10 @@ def test_executors_by_name():
     assert (parse_executor("slice"), parse_executor("slice:2")) == (Slice(0.05), Slice(2.0))
     for text, share in (("BLEX:30", "3/10"), ("blex:0", "0"), ("blex:12.5", "1/8"), ("blex:100", "1")):
         assert parse_executor(text) == Blex(F(share))
-    wrong = {
-        "--executor": "drex blex blex: blex:x blex:101 blex:-1 dreex:3",
-        "seconds": "slice: slice:0 slice:-1 slice:x",
-    }
-    for message, texts in wrong.items():
+    for message, texts in (
+        ("--executor", "drex blex blex: blex:x blex:101 blex:-1 dreex:3"),
+        ("seconds", "slice: slice:0 slice:-1 slice:x"),
+    ):
         for text in texts.split():
             with pytest.raises(InputError, match=message):
                 parse_executor(text)
@@ -249,13 +243,10 @@ def test_boxes_must_be_those_of_the_plan():
 
 def test_a_wait_is_kept_and_ended_by_the_observation():
     """w2 has to end within 3 of w1's end, and lasts for 5 to 8: it starts before w1 ends, but not too early."""
-    plan = tasks(
-        working("w1.start - .zero in [0, 0]", "w2.end - w2.start in [5, 8]", "w2.end - w1.end in [0, 3]"),
-        problem=plans.nothing_else("ab"),
-    )
+    constraints = ("w1.start - .zero in [0, 0]", "w2.end - w2.start in [5, 8]", "w2.end - w1.end in [0, 3]")
+    plan = tasks(working(*constraints), problem=plans.nothing_else("ab"))
     succeeds(make_dispatchable(plan, box_of(first=(8, 13))), 9, Random(9))  # noqa: S311 - reproducible
-    wide = make_dispatchable(plan, box_of(first=(1, 30)))
-    assert wide.guarantee is Guarantee.WEAK
+    assert make_dispatchable(plan, box_of(first=(1, 30))).guarantee is Guarantee.WEAK
 
 
 def succeeds(dispatchable, runs, random):
@@ -270,7 +261,7 @@ def succeeds(dispatchable, runs, random):
         assert judged.valid, (seed, values, judged.violations, judged.network_violations)
 
 
-@pytest.mark.parametrize("runs", [25, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("runs", [15, pytest.param(1000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("plan", PLANS, ids=lambda plan: plan[3])
 def test_inside_a_controllable_box_every_execution_succeeds(plan, runs):
     succeeds(with_box(*plan), runs, Random(runs))  # noqa: S311 - reproducible
@@ -286,9 +277,8 @@ def test_inside_the_box_of_a_recorded_plan_every_execution_succeeds(dataset, ind
     succeeds(make_dispatchable(plan, envelope(plan).box), 150, Random(index))  # noqa: S311 - reproducible
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(25))
 def test_inside_the_box_of_a_drawn_plan_every_execution_succeeds(seed):
-    """Nothing disturbs the tasks."""
     random = Random(f"plans {seed}")  # noqa: S311 - reproducible
     plan = plans.drawn_plan(random, tasks_at_most=6, loose=True)
     count = len(plan.instances)
@@ -350,8 +340,8 @@ def test_an_action_that_takes_longer_than_its_interval_leaves_less_to_the_next()
     shared = box_of(first="[30001/2000, 69999/4000]", second="[1, 49997/4000]")
     assert looks(dispatcher) == [("first exceeds 14.9995", SliceAnswer.PROMISED, shared, False)]
     dispatcher.step(F(16), [Completed("w1", F(16))])
-    assert dispatcher.remainders[-1].box == box_of(first="[16, 16]", second="[1, 13999/1000]")
-    assert dispatcher.remainders[-1].kept, "grown from 12.49925"
+    grown = box_of(first="[16, 16]", second="[1, 13999/1000]")  # from 12.49925
+    assert looks(dispatcher)[-1][2:] == (grown, True)
 
 
 def test_nothing_is_left_once_the_second_task_cannot_be_in_time():
@@ -374,10 +364,8 @@ def test_what_fails_because_it_lasts_too_long_has_left_its_interval(failed):
 
 def test_without_time_only_the_box_counts():
     hasty = replace(in_series(), slices=replace(in_series().slices, seconds=0.0))
-    dispatcher = slicing(FIRST_IN_FOUR[0], dispatchable=hasty)
-    assert [look.answer for look in dispatcher.remainders] == [SliceAnswer.OUT_OF_TIME]
-    assert dispatcher.ending is None
-    late = slicing(dispatchable=hasty)
+    dispatcher, late = slicing(FIRST_IN_FOUR[0], dispatchable=hasty), slicing(dispatchable=hasty)
+    assert ([look.answer for look in dispatcher.remainders], dispatcher.ending) == ([SliceAnswer.OUT_OF_TIME], None)
     late.step(late.wake)
     assert isinstance(late.ending, told.LeftBox)
 
@@ -448,7 +436,6 @@ def test_what_is_promised_is_kept(plan, runs):
 @pytest.mark.parametrize("runs", [4, pytest.param(500, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("seed", range(20))
 def test_what_is_promised_in_drawn_plans_is_kept(seed, runs):
-    """Ten thousand executions, and a sample."""
     random = Random(f"sliced plans {seed}")  # noqa: S311 - reproducible
     plan, box = plans.drawn_with_box(random)
     dispatchable = sliced(make_dispatchable(plan, box))

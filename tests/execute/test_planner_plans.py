@@ -1,14 +1,13 @@
 """What planners print for domains like those of the competitions: read, converted and proved, or refused, as VAL says.
 
-The plans in `planner_plans` have the constructs of the temporal competitions and the layouts of many planners. Each is
-valid, and what its planner printed of it may be rounded. They are small, but have what the domains after which they are
-named have. The logs beside the repository are of planners on the competitions' own domains.
+The plans in `planner_plans` are small and valid, with the constructs of the domains after which they are named and the
+layouts of many planners. The logs beside the repository are of planners on the competitions' own domains.
 """
 
 import json
 import os
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from functools import cache
 from itertools import product
@@ -25,32 +24,23 @@ from benchmarks.generators import delivery
 from benchmarks.generators.delivery import DeliveryOptions, DeliveryVariant, Order
 from robust.api import envelope
 from robust.errors import InputError, InputWarning
-from robust.execute.convert import Conversion, check_plan, convert
+from robust.execute.convert import check_plan, convert
 from robust.execute.distances import InvalidPlanError
 from robust.execute.planners.interface import check
 from robust.irr.check import Answer
 from robust.plan.load import assemble, load_plan
-from robust.plan.model import Fluent, ParametrizedPlan, TemporalConstraint
+from robust.plan.model import Fluent
 from robust.plan.parameters import parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem, read_domain, read_problem
-from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.stn import parse_stn, write_stn
-from robust.plan.timed import TimedPlan, parse_timed_plan, read_timed_plan
+from robust.plan.timed import parse_timed_plan, read_timed_plan
 from robust.smt.limits import NEVER, Deadline
 from tests.execute.plans import EPSILON, FIRST_ORDER, ROOT
 
 PRINTED = Path(__file__).parent / "planner_plans"
-STEPS = {
-    name: count
-    for count, names in {
-        2: "pipesworld sokoban",
-        3: "airport elevators match-cellar rich tms zeno",
-        4: "depots driverlog floor-tile no-declarations roads trucks umts untyped",
-        5: "crew",
-        6: "satellite",
-    }.items()
-    for name in names.split()
-}
+STEPS = {"airport": 3, "crew": 5, "depots": 4, "driverlog": 4, "elevators": 3, "floor-tile": 4, "match-cellar": 3}
+STEPS |= {"no-declarations": 4, "pipesworld": 2, "rich": 3, "roads": 4, "satellite": 6, "sokoban": 2, "tms": 3}
+STEPS |= {"trucks": 4, "umts": 4, "untyped": 4, "zeno": 3}
 """How many steps the last plan of each log has."""
 FOLDER = Path(os.environ.get("ROBUST_PLANNER_LOGS") or ROOT.parent / "shared" / "planner-logs")
 LISTED = json.loads((FOLDER / "plans.json").read_text()) if (FOLDER / "plans.json").is_file() else []
@@ -65,7 +55,7 @@ REFUSED = {
 needs_logs = pytest.mark.skipif(not LISTED, reason=f"no logs at {FOLDER}; set ROBUST_PLANNER_LOGS to run this test")
 
 
-def named(*verdicts: str) -> list[object]:
+def named(*verdicts):
     """The logs with these verdicts of VAL; long ones are slow."""
     return [
         pytest.param(name, marks=[needs_logs, *([pytest.mark.slow] if entry["steps"] > LONG else [])])
@@ -74,56 +64,37 @@ def named(*verdicts: str) -> list[object]:
     ]
 
 
-def files_of(name: str) -> tuple[Path, Path, Path]:
-    if name in STEPS:
-        return PRINTED / name / "domain.pddl", PRINTED / name / "problem.pddl", PRINTED / name / "planner.log"
-    return FOLDER / LOGS[name]["domain"], FOLDER / LOGS[name]["problem"], FOLDER / LOGS[name]["log"]
-
-
-@dataclass(frozen=True)
-class Read:
+def read(name):
     """What a planner printed and what it is about."""
-
-    domain: Domain
-    problem: Problem
-    timed: TimedPlan
-
-
-def read(name: str) -> Read:
-    domain_file, problem_file, log = files_of(name)
+    files = [PRINTED / name / file for file in ("domain.pddl", "problem.pddl", "planner.log")]
+    if name in LOGS:
+        files = [FOLDER / LOGS[name][kind] for kind in ("domain", "problem", "log")]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore" if "storage" in name else "error", InputWarning)  # declares an object twice
-        domain = read_domain(domain_file)
-        return Read(domain, read_problem(problem_file, domain), read_timed_plan(log))
+        domain = read_domain(files[0])
+        return domain, read_problem(files[1], domain), read_timed_plan(files[2])
 
 
 @cache
-def converted(name: str) -> tuple[Read, Conversion]:
+def converted(name):
     given = read(name)
-    return given, convert(given.domain, given.problem, given.timed)
+    return given, convert(*given)
 
 
 @pytest.mark.parametrize("name", [*STEPS, *named("valid", "refused")])
 def test_what_is_written_is_proved_again(name):
+    """At the printed times, but for rounding: by a unit of the last digit at most, not at all if that is enough."""
     given, conversion = converted(name)
-    assert len(conversion.plan.instances) == len(given.timed.steps)
-    assert len(given.timed.steps) == (STEPS[name] if name in STEPS else LOGS[name]["steps"])
+    domain, problem, timed = given
+    assert len(conversion.plan.instances) == len(timed.steps) == (LOGS[name]["steps"] if name in LOGS else STEPS[name])
     assert (conversion.check.answer, conversion.cut_short) == (Answer.PROVED, False)
-    assert robust.validate(given.domain, given.problem, given.timed).valid
-    written = assemble(given.domain, given.problem, parse_stn(write_stn(conversion.stn)))
-    again = check_plan(written, EPSILON, "z3", NEVER)
+    assert robust.validate(*given).valid
+    again = check_plan(assemble(domain, problem, parse_stn(write_stn(conversion.stn))), EPSILON, "z3", NEVER)
     assert again.answer is Answer.PROVED
     if name in LOGS:
         assert again.settled == len(again.obligations), "paths prove what has neither parameters nor continuous change"
-
-
-@pytest.mark.parametrize("name", [*STEPS, *named("valid", "refused")])
-def test_exact_times_are_the_printed_ones_but_for_rounding(name):
-    """Starts and durations differ by one unit of the last digit at most, and not at all if that is enough."""
-    given, conversion = converted(name)
-    times, moved = conversion.schedule, Fraction(0)
-    starts = []
-    for step, instance, units in zip(given.timed.steps, conversion.plan.instances, given.timed.units, strict=True):
+    times, moved, starts = conversion.schedule, Fraction(0), []
+    for step, instance, units in zip(timed.steps, conversion.plan.instances, timed.units, strict=True):
         starts.append((step.time, times[instance.start]))
         changes = [times[instance.start] - step.time]
         if instance.durative:
@@ -136,26 +107,24 @@ def test_exact_times_are_the_printed_ones_but_for_rounding(name):
 
 @pytest.mark.parametrize("name", named("invalid"))
 def test_invalid_plans_are_refused_with_what_breaks(name):
-    given = read(name)
-    obligation, apart = REFUSED[name]
+    given, (obligation, apart) = read(name), REFUSED[name]
     with pytest.raises(InvalidPlanError) as refused:
-        convert(given.domain, given.problem, given.timed)
+        convert(*given)
     assert min(refused.value.violations, key=lambda violation: violation.time).obligation == obligation
     assert obligation in str(refused.value)
-    assert not robust.validate(given.domain, given.problem, given.timed).valid
+    assert not robust.validate(*given).valid
     if apart is not None:
         assert f"are {apart} apart, less than 0.001" in str(refused.value)
         assert "starts would have to move by up to 0.0005, which --tolerance 0.0005 allows" in str(refused.value)
 
 
-def bounds(plan: ParametrizedPlan) -> list[TemporalConstraint]:
+def bounds(plan):
     """Each side of each constraint by itself."""
     sides = [side for both in plan.constraints for side in (replace(both, upper=None), replace(both, lower=None))]
     return [side for side in sides if side.lower is not None or side.upper is not None]
 
 
 def test_no_bound_can_be_left_out():
-    """Without any of them there is a schedule that breaks something, as the simulator confirms."""
     every = [(name, bound) for name in STEPS for bound in bounds(converted(name)[1].plan)]
     for name, bound in Random(14).sample(every, 20):  # noqa: S311 (not for secrets)
         plan = converted(name)[1].plan
@@ -184,7 +153,8 @@ def conversion_of(steps, specs, domain, problem):
 
 
 @pytest.mark.parametrize("variant", DeliveryVariant)
-def test_the_hundred_problems(variant):
+def test_the_hundred_problems_have_deadlines_at_half_normal_quantiles(variant):
+    """Against tabulated quantiles of the normal distribution."""
     problems = delivery.table_problems(variant)
     assert len({entry.name for entry in problems}) == len({entry.deadlines for entry in problems}) == 100
     domain = parse_domain(delivery.delivery_domain(variant))
@@ -193,18 +163,12 @@ def test_the_hundred_problems(variant):
         assert {literal.time for literal in problem.timed_literals} == set(entry.deadlines)
         assert Fluent("distance", ("shelf", "base_station")) in problem.fluents
         assert (Fluent("battery", ("robot1",)) in problem.fluents) is (variant is BATTERY)
-
-
-def test_deadlines_are_half_normal_quantiles():
-    """Against tabulated quantiles of the normal distribution."""
-    problems = delivery.table_problems()
     assert problems[0].deadlines == (416 + Fraction("4.389"), 731 + Fraction("8.779"))  # 0.0627068 σ
     assert problems[-1].deadlines == (416 + Fraction("137.197"), 731 + Fraction("274.395"))  # 1.9599640 σ
     assert problems[1].deadlines[0] == problems[0].deadlines[0] < problems[10].deadlines[0]
 
 
 def test_the_nominal_plan_just_meets_its_deadline_and_its_battery_decides():
-    """It takes what its actions take, and is invalid with any less."""
     plan = parse_timed_plan(FIRST_ORDER)
     check(plan, *first_problem(), EPSILON)
     assert 413 < max(step.time + (step.duration or 0) for step in plan.steps) < 416
@@ -216,13 +180,6 @@ def test_the_nominal_plan_just_meets_its_deadline_and_its_battery_decides():
         check(plan, *first_problem(BATTERY, battery=need - Fraction(1, 2)), EPSILON)
 
 
-def test_everything_uncertain_is_a_parameter_of_its_own():
-    """Each preparation time by the duration of its action, and each consumption by its fluent."""
-    specs = [f"duration:{delivery.preparation_action(step)}" for step in delivery.PREPARATIONS]
-    specs += [f"fluent:(battery_use {task})" for task in delivery.TASKS if task != "disposing"]
-    assert len(conversion_of(FIRST_ORDER, specs, *first_problem(BATTERY)).parameters) == 6 + 11
-
-
 def test_the_boxes_of_a_nominal_plan_are_bounded_by_the_window_and_by_the_battery():
     specs = ["long=duration:prepare_step6", "short=duration:prepare_step1"]
     box = envelope(conversion_of(FIRST_ORDER, specs, *first_problem())).box
@@ -232,6 +189,10 @@ def test_the_boxes_of_a_nominal_plan_are_bounded_by_the_window_and_by_the_batter
     moving = envelope(plan).box["battery_use_moving"]
     spent = sum(delivery.TASKS.values()) - delivery.TASKS["disposing"] - delivery.TASKS["moving"]
     assert (moving.lower, moving.upper) == (0, (360 - spent) / 4)
+    # everything uncertain is a parameter of its own: preparation times and consumptions
+    specs = [f"duration:{delivery.preparation_action(step)}" for step in delivery.PREPARATIONS]
+    specs += [f"fluent:(battery_use {task})" for task in delivery.TASKS if task != "disposing"]
+    assert len(conversion_of(FIRST_ORDER, specs, *first_problem(BATTERY)).parameters) == 6 + 11
 
 
 def test_scaling_instances_have_valid_plans_and_the_parameters_that_were_asked_for():
@@ -259,10 +220,9 @@ def test_the_same_seed_gives_the_same_instance():
 def test_the_shipped_example_is_generated_and_proved():
     folder = Path(robust.__file__).parent / "examples/delivery"
     files = [folder / name for name in ("domain.pddl", "problem.pddl", "plan.stn")]
-    for file, text in zip(
-        files, (delivery.delivery_domain(DURATIONS), delivery.table_problems()[0].text), strict=False
-    ):
-        assert "".join(file.read_text(encoding="utf-8").split()) == "".join(text.split())  # but for white space
+    texts = delivery.delivery_domain(DURATIONS), delivery.table_problems()[0].text
+    for file, text in zip(files, texts, strict=False):  # but for white space
+        assert file.read_text(encoding="utf-8").split() == text.split()
     plan = load_plan(*files, parameter_file=folder / "plan.toml")
     assert len(plan.parameters) == 6
     assert check_plan(plan, EPSILON, "z3", Deadline()).answer is Answer.PROVED

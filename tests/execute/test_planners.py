@@ -1,6 +1,4 @@
-"""Planners that behave and planners that do not, and the text that they read and print; proofs that there is no plan:
-bounds against everything that random valid plans do, and against planners.
-"""
+"""Planners that behave and others, the text that they read and print; bounds against what random valid plans do."""
 
 import re
 from fractions import Fraction
@@ -41,15 +39,14 @@ def fake(tmp_path):
     return plans.Fake(tmp_path)
 
 
-def ask(command: str, seconds: float | None = 20) -> PlannerAnswer:
+def ask(command, seconds=20):
     return create_planner(command).solve(errands, errand, Deadline.after(seconds))
 
 
 SOLVED, TIMEOUT, CRASHED = PlannerStatus.SOLVED, PlannerStatus.TIMEOUT, PlannerStatus.CRASHED
 NONSENSE, NO_PLAN = PlannerStatus.NONSENSE, PlannerStatus.NO_PLAN
-NOTHING = "no valid plan before the deadline"
+NOTHING, SLEEP = "no valid plan before the deadline", "time.sleep(60)"
 SEGFAULT = "os.kill(os.getpid(), signal.SIGSEGV)"
-SLEEP = "time.sleep(60)"
 NAMES_OF_DOMAIN = "found action 'fly', expected one of domain 'errands'"
 BROKEN = "'n1 shop: over all (open)' broken at time 20"
 
@@ -110,8 +107,8 @@ def test_what_the_planner_reads_and_where_it_writes(fake):
 
 def test_what_is_no_answer():
     answer = ask("command:/no/such/planner {domain} {problem}")
-    assert answer.status is CRASHED
-    assert "cannot start '/no/such/planner': No such file or directory" in answer.message
+    reason = "cannot start '/no/such/planner': No such file or directory"
+    assert (answer.status, reason in answer.message) == (CRASHED, True)
     for status, plan in ((SOLVED, None), (TIMEOUT, parse_timed_plan(VALID))):
         with pytest.raises(ValueError, match="a plan goes with 'solved' only"):
             PlannerAnswer("p", status, plan)
@@ -162,9 +159,6 @@ def test_missing_packages(monkeypatch):
             create_planner(name)
 
 
-# -- texts for planners ------------------------------------------------------------------------------------------------
-
-
 def test_text_of_a_domain_with_everything():
     text = re.sub(r":synth-parameters (\(\?rate\)|\?speed)", "", EVERYTHING).replace("()\n", "")
     text = text.replace("?speed", "5").replace("?rate", "2").replace("(decrease (total) 3)", "(scale-up (total) 3)")
@@ -182,8 +176,7 @@ def test_text_of_the_examples(path):
         with pytest.raises(UnsupportedError, match="synthesis parameter"):
             domain_text(domain)
         return
-    again = parse_domain(domain_text(domain))
-    assert again == domain
+    assert (again := parse_domain(domain_text(domain))) == domain
     for problem in (read_problem(file, domain) for file in path.parent.glob("*problem*.pddl")):
         assert parse_problem(problem_text(problem, domain), again) == problem
 
@@ -191,19 +184,15 @@ def test_text_of_the_examples(path):
 def test_times_that_are_no_decimals_are_rounded_to_the_safe_side():
     literals = "(at 9.00049 (not (open))) (at 8.00051 (open))"
     text = problem_text(parse_problem(ERRAND.replace("(at 20 (not (open)))", literals), errands), errands)
-    assert "(at 9 (not (open)))" in text
-    assert "(at 8.001 (open))" in text
+    assert all(literal in text for literal in ("(at 9 (not (open)))", "(at 8.001 (open))"))
 
 
 @given(value=st.fractions(min_value=-1000, max_value=1000), places=st.integers(0, 9))
 def test_decimals(value, places):
     down, near, up = (parse_number(decimal(value, places, up=way)) for way in (False, None, True))
-    unit = Fraction(1, 10**places)
+    unit = F(1, 10**places)
     assert value - unit < down <= value <= up < value + unit
     assert abs(near - value) <= unit / 2
-
-
-# -- Aries and Kairos --------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(params=["aries", "kairos"])
@@ -212,12 +201,12 @@ def planner(request):
     return create_planner(request.param)
 
 
-def parsed(domain_text: str, problem_text: str):
+def parsed(domain_text, problem_text):
     domain = parse_domain(domain_text)
     return domain, parse_problem(problem_text, domain)
 
 
-def solve(planner, domain: str, problem: str, seconds: float = 60) -> PlannerAnswer:
+def solve(planner, domain, problem, seconds=60):
     return planner.solve(*parsed(domain, problem), Deadline.after(seconds))
 
 
@@ -245,21 +234,16 @@ def test_delivery(planner, variant):
         assert delivered in {None, *orders}
 
 
-def test_no_plan_before_the_window_closes_and_none_at_all(planner):
-    """Whether it is proved or not depends on the planner; there is no plan either way."""
+def test_no_plan_before_the_window_closes_and_none_at_all_and_long_times(planner):
+    """Whether it is proved or not depends on the planner; times are beyond the horizon that Aries has by itself."""
     assert solve(planner, ERRANDS, ERRAND.replace("(at 20 (", "(at 9 ("), 2).status in (NO_PLAN, TIMEOUT)
     if planner.name == "kairos":
         domain = "(define (domain d) (:predicates (p) (q)) (:action a :parameters () :precondition (q) :effect (p)))"
         answer = solve(planner.planner, domain, "(define (problem x) (:domain d) (:init) (:goal (p)))")
-        assert (answer.status, answer.plan) == (NO_PLAN, None)
-        assert "unsolvable" in answer.message
-
-
-def test_long_times(planner):
-    """Beyond the horizon that Aries has by itself."""
+        assert (answer.status, answer.plan, "unsolvable" in answer.message) == (NO_PLAN, None, True)
     answer = solve(planner, ERRANDS, ERRAND.replace("7.5)", "40000.25)").replace("(at 20 ", "(at 50000 "))
     assert answer.status is SOLVED, answer.message
-    assert answer.plan.steps[0].duration == Fraction("40000.25")
+    assert answer.plan.steps[0].duration == F("40000.25")
 
 
 def test_aries_on_the_logic_of_pddl():
@@ -298,28 +282,26 @@ def test_what_aries_does_not_solve_is_known_beforehand(old, new, message):
 class Silent:
     """A planner that notes what it is asked, and when it has to be done."""
 
-    name = "silent"
-
     def __init__(self):
-        self.asked = []
+        self.name, self.asked = "silent", []
 
     def solve(self, domain, problem, deadline):
         self.asked.append((problem, deadline))
         return PlannerAnswer(self.name, TIMEOUT, None, 0.0, "no idea")
 
 
-def proof(domain_text: str, problem_text: str) -> str | None:
+def proof(domain_text, problem_text):
     return unreachable(*parsed(domain_text, problem_text), Deadline())
 
 
-def bound_of_goal(domain, problem) -> Fraction | None:
+def bound_of_goal(domain, problem):
     """When the goal can be reached, in the problem's unit; None if never."""
     relaxed = relaxed_problem(domain, problem, Deadline())
     bound = EarliestTimes(relaxed, Deadline()).condition(relaxed.goal)
     return None if bound == inf else F(bound, relaxed.ticks)
 
 
-def closing_at(time: str):
+def closing_at(time):
     return parse_problem(ERRAND.replace("at 20", f"at {time}"), errands)
 
 
@@ -340,7 +322,6 @@ def test_a_planner_is_only_asked_where_there_is_no_proof(fake):
 
 
 def test_what_is_left_to_the_planner(monkeypatch):
-    """What cannot be made ground, what is asked too late, and what has too many actions."""
     early = ERRAND.replace("at 20", "at 9")
     divided = ERRANDS.replace("(= ?duration (distance ?a ?b))", "(= ?duration (/ 1 (distance ?a ?b)))")
     assert proof(divided, early.replace("(= (distance home market) 7.5)", "(= (distance home market) 0)")) is None
@@ -383,10 +364,9 @@ def test_the_same_question_has_the_same_answer():
 
 
 def test_the_bound_of_a_delivery_is_what_it_takes():
-    """One robot can only be in one place: the bounds are those of the best plans, without the gaps between actions."""
     table = table_problems()[0]
 
-    def proof_until(*times: str) -> str | None:
+    def proof_until(*times):
         text = table.text
         for deadline, time in zip(table.deadlines, times, strict=True):
             assert text.count(f"(at {float(deadline):g} ") == 1
@@ -403,8 +383,11 @@ def test_the_bound_of_a_delivery_is_what_it_takes():
 @pytest.mark.parametrize("step", [50, pytest.param(11, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("variant", DeliveryVariant)
 def test_problems_with_plans_are_not_refused(variant, step):
-    domain = delivery_domain(variant)
-    assert {proof(domain, problem.text) for problem in table_problems(variant)[::step]} == {None}
+    """Of the tables, and drawn ones with parameters, numbers and continuous effects."""
+    problems = [(delivery_domain(variant), problem.text) for problem in table_problems(variant)[::step]]
+    seeds = range(4 * (variant is DeliveryVariant.BATTERY), 60, 8)
+    problems += [(plan.domain, plan.problem) for plan in map(drawn_plan, seeds)]
+    assert {proof(*texts) for texts in problems} == {None}
 
 
 @pytest.mark.parametrize("corner", text_of("corners.txt").split("== ")[1:])
@@ -421,59 +404,46 @@ def test_corners_of_the_semantics(corner):
     assert bound_of_goal(domain, problem) <= max(step.time + (step.duration or 0) for step in plan.steps)
 
 
-def test_drawn_plans_are_not_refused():
-    """Of domains with parameters, numbers and continuous effects."""
-    for seed in range(0, 60, 4):
-        drawn = drawn_plan(seed)
-        assert proof(drawn.domain, drawn.problem) is None, seed
-
-
 ATOMS = tuple(f"p{i}" for i in range(5))
 HALVES = tuple(F(i, 2) for i in range(13))
 
 
-def random_world(random: Random) -> tuple[str, str]:
+def random_world(random):
     """A few actions of all kinds over a few atoms."""
+    pick = random.choice
 
-    def literal(negative: float) -> str:
-        atom = f"({random.choice(ATOMS)})"
+    def literal(negative):
+        atom = f"({pick(ATOMS)})"
         return f"(not {atom})" if random.random() < negative else atom
 
-    def condition() -> str:
+    def condition():
         return f"(or {literal(0.2)} {literal(0.2)})" if random.random() < 0.1 else literal(0.15)
 
-    def effect(timing: str) -> str:
+    def effect(timing):
         change = f"(at {timing} {literal(0.4)})"
         return f"(when (at {timing} {literal(0.2)}) {change})" if random.random() < 0.1 else change
 
-    def action(name: str) -> str:
+    def action(name):
         if random.random() < 0.15:
             return f"(:action {name} :parameters () :precondition {condition()} :effect {literal(0.4)})"
-        shortest = random.choice((0, 0.5, 1, 1, 2, 3))
-        duration = random.choice((f"{shortest}", f">= {shortest}"))
-        timings = ["at start", "over all", "at end"]
-        conditions = " ".join(f"({random.choice(timings)} {condition()})" for _ in range(random.randint(0, 3)))
-        effects = " ".join(effect(random.choice(("start", "end"))) for _ in range(random.randint(1, 3)))
+        duration = pick(("", ">= ")) + f"{pick((0, 0.5, 1, 1, 2, 3))}"
+        timings = ("at start", "over all", "at end")
+        conditions = " ".join(f"({pick(timings)} {condition()})" for _ in range(random.randint(0, 3)))
+        effects = " ".join(effect(pick(("start", "end"))) for _ in range(random.randint(1, 3)))
         return durative(name, duration, conditions, effects)
 
     actions = " ".join(action(f"a{i}") for i in range(random.randint(2, 5)))
     domain = f"(define (domain w) (:predicates {' '.join(f'({atom})' for atom in ATOMS)}) {actions})"
-    literals = {(random.choice(HALVES[1:]), atom): random.random() < 0.5 for atom in ATOMS if random.random() < 0.25}
-    timed = (f"(at {float(t)} {f'({atom})' if value else f'(not ({atom}))'})" for (t, atom), value in literals.items())
-    initial = " ".join(f"({atom})" for atom in ATOMS if random.random() < 0.4)
-    return domain, f"(define (problem r) (:domain w) (:init {initial} {' '.join(timed)}) (:goal (p0)))"
+    later = {(pick(HALVES[1:]), atom): pick(("({})", "(not ({}))")) for atom in ATOMS if random.random() < 0.25}
+    initial = [f"({atom})" for atom in ATOMS if random.random() < 0.4]
+    initial += [f"(at {float(time)} {form.format(atom)})" for (time, atom), form in later.items()]
+    return domain, f"(define (problem r) (:domain w) (:init {' '.join(initial)}) (:goal (p0)))"
 
 
-def states_of_a_schedule(domain, problem, random: Random):
+def states_of_a_schedule(domain, problem, random):
     """Moments with the atoms that hold right after, in a schedule made by chance: what breaks nothing is added."""
 
-    def simulated(steps):
-        timed = TimedPlan(tuple(steps))
-        declared = declarations(timed, domain, EPSILON)
-        plan = assemble(domain, problem, STNPlan((), declared, (), "random"))
-        return simulate(plan, {}, schedule_of(timed, declared), epsilon=EPSILON)
-
-    def step() -> TimedStep:
+    def step():
         """An action as soon and as short as it goes, or at some moment, often one at which something happens."""
         schema = domain.actions[random.choice(sorted(domain.actions))]
         start = random.choice((F(0), random.choice(moments or HALVES), random.choice(HALVES)))
@@ -483,15 +453,17 @@ def states_of_a_schedule(domain, problem, random: Random):
         more = F(0) if bound.comparator.value == "=" else random.choice((F(0), F(0), *HALVES[:4]))
         return TimedStep(start, schema.name, (), bound.bound.value + more)
 
-    chosen, moments, trace = [], [], ()
+    chosen, moments, trace, atoms = [], [], (), set(problem.atoms)
     for _ in range(20):
         new = [step() for _ in range(random.choice((1, 1, 1, 2, 2, 3)))]
-        simulation = simulated([*chosen, *new])
+        timed = TimedPlan((*chosen, *new))
+        declared = declarations(timed, domain, EPSILON)
+        plan = assemble(domain, problem, STNPlan((), declared, (), "random"))
+        simulation = simulate(plan, {}, schedule_of(timed, declared), epsilon=EPSILON)
         if all(breach.obligation.startswith("goal") for breach in simulation.violations):
-            chosen, trace = [*chosen, *new], simulation.trace
+            chosen, trace = timed.steps, simulation.trace
             ends = [(added.time, added.time + (added.duration or 0)) for added in new]
             moments += [moment for start, end in ends for moment in (start, end, end, end + EPSILON)]
-    atoms = set(problem.atoms)
     yield F(0), frozenset(atoms)
     for happening in trace:
         for atom, value in happening.atoms_changed:
@@ -501,7 +473,7 @@ def states_of_a_schedule(domain, problem, random: Random):
 
 @pytest.mark.parametrize(
     ("seeds", "least"),
-    [(range(50), (500, 100, 10)), pytest.param(range(1000, 5000), (1000, 1000, 1000), marks=pytest.mark.slow)],
+    [(range(25), (250, 50, 5)), pytest.param(range(1000, 5000), (1000, 1000, 1000), marks=pytest.mark.slow)],
     ids=["short", "long"],
 )
 def test_whatever_a_valid_plan_reaches_is_not_before_its_bound(seeds, least):
@@ -519,14 +491,3 @@ def test_whatever_a_valid_plan_reaches_is_not_before_its_bound(seeds, least):
                 assert bound <= ticks, (seed, relaxed.facts[a], relaxed.facts[b], moment)
                 seen, later, exact = seen + 1, later + (bound > 0), exact + (0 < bound == ticks)
     assert all(count > few for count, few in zip((seen, later, exact), least, strict=True))
-
-
-@pytest.mark.slow
-def test_no_planner_solves_what_is_refused(planner):
-    refused = 0
-    for seed in range(20000, 20120):
-        domain_text, problem_text = random_world(Random(seed))  # noqa: S311 - reproducible
-        if "(when" not in domain_text and proof(domain_text, problem_text) is not None:
-            refused += 1
-            assert solve(planner.planner, domain_text, problem_text, 2).plan is None, seed
-    assert refused > 10

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from random import Random
@@ -16,25 +15,22 @@ from hypothesis import given
 import robust
 from robust.errors import InputError, UnsupportedError
 from robust.execute.convert import Mode
-from robust.execute.validate import Breach, Verdict
 from robust.irr.check import Answer
 from robust.plan import model
-from robust.plan.simulate import Violation, mutex_pairs, simulate
+from robust.plan.simulate import mutex_pairs, simulate
 from robust.plan.timed import TimedPlan, TimedStep, parse_timed_plan
 from robust.show.text import Words
 from tests.encode.test_conflicts import Drawing, on_a_grid
 from tests.execute.plans import ERRAND, ERRANDS, converted, errand, errands, text_of
-from tests.pddl_text import PddlText, pddl_text
+from tests.pddl_text import pddl_text
 from tests.plan.building import RANDOM, F, assign, drawn, instant, plan_of
 from tests.sampling import sample_schedules
 from tests.strategies import plans
 
 GOING = "0: (go home market) [7.5]\n"
 
-# -- in words ----------------------------------------------------------------------------------------------------------
 
-
-def small(actions: str, init: str = "", goal: str = "(q)") -> tuple[str, str]:
+def small(actions, init="", goal="(q)"):
     """A domain of actions over two atoms and two functions, and its problem."""
     return (
         f"(define (domain d) (:predicates (p) (q)) (:functions (f) (g)) {actions})",
@@ -47,7 +43,7 @@ VERDICTS = re.findall(r"== (.*?) (\{.*?\})\n(.*?)\n--\n(.*?)\n(?===|\Z)", text_o
 
 
 @pytest.mark.parametrize(("options", "steps", "expected"), [pytest.param(*case, id=name) for name, *case in VERDICTS])
-def test_verdicts_in_words(options: str, steps: str, expected: str) -> None:
+def test_verdicts_in_words(options, steps, expected):
     chosen = json.loads(options)
     own = {key: chosen.pop(key) for key in ("actions", "init", "goal") if key in chosen}
     texts = small(**own) if own else (ERRANDS.replace(*chosen.pop("errand", ("", ""))), ERRAND)
@@ -55,8 +51,8 @@ def test_verdicts_in_words(options: str, steps: str, expected: str) -> None:
 
 
 def test_obligations_and_amounts_are_exact():
-    (breach,) = robust.validate(ERRANDS.replace("(over all (open))", "(at start (open))"), ERRAND,
-        GOING + "19.9995: (shop market) [2]", tolerance=0).violations  # fmt: skip
+    domain, steps = ERRANDS.replace("(over all (open))", "(at start (open))"), GOING + "19.9995: (shop market) [2]"
+    (breach,) = robust.validate(domain, ERRAND, steps, tolerance=0).violations
     assert (breach.obligation, breach.amount) == ("separation: n1.start, @20", Fraction(1, 2000))
 
 
@@ -64,17 +60,14 @@ def test_what_is_taken_for_a_text_a_path_or_what_reading_gives(tmp_path):
     files = [tmp_path / name for name in ("domain.pddl", "problem.pddl", "plan (1).txt")]
     for file, text in zip(files, (ERRANDS, ERRAND, GOING + "8: (shop market) [2]"), strict=True):
         file.write_text(text, encoding="utf-8")
-    given = ((ERRANDS, ERRAND, "8: (shop market) [2]"), (errands, errand, parse_timed_plan("8: (shop market) [2]")))
-    for verdict in (robust.validate(*texts) for texts in given):
+    shop = "8: (shop market) [2]"
+    for verdict in (robust.validate(ERRANDS, ERRAND, shop), robust.validate(errands, errand, parse_timed_plan(shop))):
         assert (verdict.valid, verdict.plan, verdict.steps) == (False, "<plan>", 1)
     for verdict in (robust.validate(*files), robust.validate(*map(str, files))):
         assert (verdict.valid, verdict.plan, verdict.steps, verdict.end) == (True, str(files[2]), 2, 10)
     with pytest.raises(InputError, match="no such file"):
         robust.validate(*files[:2], "plan.txt")
-
-
-def test_a_plan_of_a_log():
-    log = f"{GOING}8: (shop market) [2]\n; Plan found:\n8: (shop market) [2]\nDone.\n"
+    log = f"{GOING}{shop}\n; Plan found:\n{shop}\nDone.\n"
     verdicts = [robust.validate(errands, errand, log, plan_number=number) for number in (1, 2, None)]
     assert [verdict.valid for verdict in verdicts] == [True, False, False]
     assert verdicts[0].note == "picked plan 1 of 2 (lines 1 to 2); skipped 1 line that is no step"
@@ -100,13 +93,10 @@ def test_what_cannot_be_judged_is_an_error(plan, options, says):
     assert says in str(error.value)
 
 
-def test_a_plan_that_a_program_made_begins_at_zero():
+def test_a_plan_that_a_program_made_begins_at_zero_and_what_cannot_be_decided_is_unsupported():
     steps = (TimedStep(Fraction(-1), "go", ("home", "market"), Fraction(15, 2)),)
     with pytest.raises(InputError, match="expected a time and a duration of at least 0"):
         robust.validate(errands, errand, TimedPlan(steps))
-
-
-def test_what_cannot_be_decided_is_unsupported():
     texts = small(
         "(:durative-action a :parameters () :duration (= ?duration 2) :condition (over all (>= (* (f) (g)) 0))"
         ":effect (and (increase (f) (* #t 1)) (increase (g) (* #t 1)) (at end (q))))",
@@ -116,20 +106,16 @@ def test_what_cannot_be_decided_is_unsupported():
         robust.validate(*texts, "0: (a) [2]\n")
 
 
-# -- drawn plans -------------------------------------------------------------------------------------------------------
-
 EPSILON = Fraction(1, 16)
 """Schedules are multiples of half of it."""
 CHANGES = ("none", "moved", "beside another", "beside another", "swapped", "dropped", "duration", "duration")
 
 
-def changed(
-    plan: model.ParametrizedPlan, schedule: dict[model.TimePoint, Fraction], random: Random
-) -> tuple[model.ParametrizedPlan, dict[model.TimePoint, Fraction]] | None:
+def changed(plan, schedule, random):
     """The plan, or one with a step less, and the schedule with other times; None if a plan file cannot say it."""
     times, half = dict(schedule), EPSILON / 2
 
-    def move(instance: model.ActionInstance, by: Fraction) -> None:
+    def move(instance, by):
         times.update({point: times[point] + by for point in instance.time_points})
 
     first, second = (random.choice(plan.instances) for _ in range(2))
@@ -156,13 +142,13 @@ def changed(
     return (plan, times) if possible else None
 
 
-def too_near(violations: Sequence[Violation | Breach]) -> list[tuple[Fraction, Fraction]]:
+def too_near(violations):
     """When separations break, and by how much; conjunctions are split where they are read, so others may be more."""
     near = (breach for breach in violations if breach.obligation.startswith("separation: "))
     return sorted((breach.time, breach.amount or Fraction(0)) for breach in near)
 
 
-def check_remedies(texts: PddlText, verdict: Verdict) -> None:
+def check_remedies(texts, verdict):
     """What is said to help does, and a smaller tolerance or greater separation does not."""
     least, greatest = verdict.remedies.tolerance, verdict.remedies.epsilon
     if least is not None:
@@ -179,12 +165,11 @@ def check_remedies(texts: PddlText, verdict: Verdict) -> None:
 
 @pytest.mark.parametrize(("examples", "least"), [(60, 50), pytest.param(2250, 2000, marks=pytest.mark.slow)])
 def test_verdicts_and_separations_are_those_of_the_simulator_and_remedies_help(examples, least):
-    """Which agrees with VAL: see tests/plan/test_simulate_val.py."""
     seen: Counter[bool] = Counter()
 
     @drawn(examples)
     @given(plans(dyadic=True, infeasible=False), RANDOM)
-    def check(drawn_plan: model.ParametrizedPlan, random: Random) -> None:
+    def check(drawn_plan, random):
         for schedule in sample_schedules(drawn_plan, drawn_plan.nominal, random, 1, epsilon=EPSILON):
             if (other := changed(drawn_plan, schedule, random)) is None:
                 continue
@@ -207,7 +192,7 @@ def test_verdicts_and_separations_are_those_of_the_simulator_and_remedies_help(e
 NEVER = Fraction(0)
 
 
-def test_what_is_tied_is_broken_and_can_be_moved() -> None:
+def test_what_is_tied_is_broken_and_can_be_moved():
     steps = parse_timed_plan("0: (go home market) [7.5]\n7.5: (go market home) [7.5]")
     verdict = robust.validate(errands, errand, steps, epsilon=0, tolerance=0)
     words = "the end of (go home market) and the start of (go market home) have to be at different times"
@@ -218,7 +203,7 @@ def test_what_is_tied_is_broken_and_can_be_moved() -> None:
     assert 0 < moved.shift < Fraction(1, 100)
 
 
-def test_words_of_what_is_separated() -> None:
+def test_words_of_what_is_separated():
     words = Words(plan_of(instant("a", assign(F, 1)), instant("b", assign(F, 2))), NEVER)
     assert words.obligation("separation: a, b").endswith("must be at different times")
     assert words.concerned("separation: a, b") == ("a", "b")
@@ -227,7 +212,7 @@ def test_words_of_what_is_separated() -> None:
     assert twice.concerned("effects of a agree") == ("a",)
 
 
-def hunt(seed: int) -> Iterator[str]:
+def hunt(seed):
     """Judge and convert the schedules of a drawn plan, and execute what the networks allow."""
     random = Random(seed)  # noqa: S311 - no secret
     plan = Drawing(random).plan()
@@ -256,7 +241,7 @@ def hunt(seed: int) -> Iterator[str]:
 
 
 @pytest.mark.parametrize("count", [25, pytest.param(1000, marks=pytest.mark.slow)])
-def test_verdicts_and_networks_are_strict(count: int) -> None:
+def test_verdicts_and_networks_are_strict(count):
     seen = Counter(outcome for seed in range(count) for outcome in hunt(seed))
     kinds = ("valid", "invalid", "effects", "separation:", "causal, proved", "esterel, proved")
     assert min(seen[kind] for kind in kinds) >= count / 12, seen

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from robust.network.differences import Bound, DifferenceNetwork, Distances, Elimination, delay, following
+from robust.network.differences import DifferenceNetwork, Distances, Elimination, delay, following
 
 SIZE = 6
 points = st.integers(0, SIZE - 1)
 bounds = st.lists(st.tuples(points, points, st.integers(-6, 4)), max_size=14)
 
 
-def closure(network: list[Bound]) -> dict[tuple[int, int], int]:
+def closure(network):
     """The greatest lower bound of each pair that has one, by the textbook."""
     known = {(point, point): 0 for point in range(SIZE)}
     for source, target, weight in network:
@@ -26,13 +26,13 @@ def closure(network: list[Bound]) -> dict[tuple[int, int], int]:
     return known
 
 
-def is_consistent(network: list[Bound]) -> bool:
+def is_consistent(network):
     known = closure(network)
     return all(known[point, point] == 0 for point in range(SIZE))
 
 
 @given(bounds)
-def test_bounds_are_those_of_the_closure_and_contradictions_are_cycles_that_add_up(network: list[Bound]) -> None:
+def test_bounds_are_those_of_the_closure_and_contradictions_are_cycles_that_add_up(network):
     paths, known = DifferenceNetwork(SIZE, network), closure(network)
     assert (paths.schedule is not None) == (paths.cycle is None) == is_consistent(network)
     if paths.schedule is None or paths.cycle is not None:
@@ -53,7 +53,7 @@ def test_bounds_are_those_of_the_closure_and_contradictions_are_cycles_that_add_
 
 
 @given(bounds, st.integers(0, 3))
-def test_no_bound_that_is_needed_can_go(network: list[Bound], given_count: int) -> None:
+def test_no_bound_that_is_needed_can_go(network, given_count):
     assume(is_consistent(network))
     given_bounds = network[:given_count]
     kept = DifferenceNetwork(SIZE, network).needed(network, given_bounds)
@@ -63,7 +63,7 @@ def test_no_bound_that_is_needed_can_go(network: list[Bound], given_count: int) 
 
 
 @given(bounds)
-def test_paths_to_the_source_add_up_to_what_is_known(network: list[Bound]) -> None:
+def test_paths_to_the_source_add_up_to_what_is_known(network):
     assume(is_consistent(network))
     paths, known = DifferenceNetwork(SIZE, network), closure(network)
     for source in range(SIZE):
@@ -79,7 +79,7 @@ def test_paths_to_the_source_add_up_to_what_is_known(network: list[Bound]) -> No
 
 
 @given(bounds, st.lists(st.integers(-9, 9), min_size=SIZE, max_size=SIZE))
-def test_delays_are_the_least_from_any_times(network: list[Bound], first: list[int]) -> None:
+def test_delays_are_the_least_from_any_times(network, first):
     times, known = list(first), closure(network)
     if delay(times, following(SIZE, network), range(SIZE)) is not None:
         assert not is_consistent(network)
@@ -92,7 +92,7 @@ class Sums(Elimination[int]):
 
     negative = False
 
-    def join(self, source: int, first: int, node: int, second: int, target: int) -> None:
+    def join(self, source, first, node, second, target):
         if source == target:
             self.negative |= first + second < 0
         else:
@@ -100,7 +100,7 @@ class Sums(Elimination[int]):
 
 
 @given(bounds, st.permutations(range(SIZE)))
-def test_elimination_keeps_distances_and_finds_contradictions(network: list[Bound], order: list[int]) -> None:
+def test_elimination_keeps_distances_and_finds_contradictions(network, order):
     known, sums = closure(network), Sums(SIZE)
     for source, target, weight in network:
         sums.join(source, -weight, source, 0, target)
@@ -112,7 +112,7 @@ def test_elimination_keeps_distances_and_finds_contradictions(network: list[Boun
     assert sums.negative != is_consistent(network)
 
 
-def test_points_with_names_have_their_own_unit() -> None:
+def test_points_with_names_have_their_own_unit():
     distances = Distances("abc", [("a", "b", Fraction(1, 2)), ("b", "c", Fraction(-1, 3))], [Fraction(1, 4)])
     assert (distances.scale, distances.in_units("b", "a", Fraction(3, 4))) == (12, (1, 0, 9))
     assert distances.times == {"a": 0, "b": Fraction(1, 2), "c": Fraction(1, 6)}

@@ -122,7 +122,6 @@ def test_networks_that_make_no_sense(links, message):
 
 
 def test_long_plans_do_not_exhaust_the_stack():
-    """Actions one after the other, the start of each soon after the end of the one before."""
     requirements = [(f"c{i}", f"x{i + 1}", 0, 1) for i in range(400)]
     chain = network(requirements, [("Z" if i == 0 else f"x{i}", f"c{i}", 1, 1 + i % 3) for i in range(400)])
     started = perf_counter()

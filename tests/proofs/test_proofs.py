@@ -85,9 +85,7 @@ def signatures(declarations):
 
 
 def test_no_theorem_rests_on_itself():
-    rests = {}
-    for name, _, result in CITED:
-        rests.setdefault(name, set()).add(result.theorem)
+    rests = {name: {result.theorem for other, _, result in CITED if other == name} for name, _, _ in CITED}
     for name in rests:
         ahead = [name]
         for reached in ahead:
@@ -95,15 +93,12 @@ def test_no_theorem_rests_on_itself():
         assert name not in ahead[1:]
 
 
-def test_problems_have_names_of_their_own_and_countermodels_show_something():
+def test_problems_have_names_of_their_own_and_what_is_refuted_is_no_claim_under_another_name():
     assert len({problem.name for problem in PROBLEMS}) == len(PROBLEMS)
     assert [problem.name for problem in PROBLEMS if problem.kind is Kind.PRINTED and not problem.show] == []
-
-
-def test_what_is_refuted_is_no_claim_under_another_name():
-    claims = {problem.script.split("\n", 1)[1] for problem in PROBLEMS if problem.kind is Kind.CLAIM}
-    refuted = (problem for problem in PROBLEMS if problem.kind in (Kind.BROKEN, Kind.PRINTED))
-    assert not claims & {problem.script.split("\n", 1)[1] for problem in refuted}
+    scripts = [(problem.kind, problem.script.split("\n", 1)[1]) for problem in PROBLEMS]
+    claims = {script for kind, script in scripts if kind is Kind.CLAIM}
+    assert not claims & {script for kind, script in scripts if kind in (Kind.BROKEN, Kind.PRINTED)}
 
 
 def test_the_page_is_up_to_date():
@@ -118,6 +113,7 @@ def test_nothing_imports_the_tool():
             assert not [module for module in modules if module.split(".")[0] == "robust"], path
 
 
+HALF = {"x": "-1/2"}
 PLAIN = Statement((const("x", "Real"),), {"positive": "(< 0.0 x)"}, "(<= 0.0 x)", {"x": "x"})
 BROKEN = PLAIN.without("positive")
 
@@ -138,10 +134,11 @@ def outcome(monkeypatch, capsys):
 
 def test_a_theorem_that_holds(outcome):
     code, out, _ = outcome(PLAIN, BROKEN.with_also("one", "(= x (- 1.0))"), "--models")
-    assert code == 0
-    assert "1 unsat" in out
-    assert "plain.one.assumptions: assumptions alone" in out
-    assert out.count("z3: x = ") == 2
+    assert (code, out.count("z3: x = ")) == (0, 2)
+    assert all(text in out for text in ("1 unsat", "plain.one.assumptions: assumptions alone"))
+    code, out, _ = outcome(PLAIN, BROKEN.with_also("one", "(= x (- (/ 1.0 2.0)))"), "--json")
+    answers = json.loads(out)["theorems"][0]["problems"][-1]["answers"]
+    assert (code, {name: answer["model"] for name, answer in answers.items()}) == (0, {"z3": HALF, "cvc5": HALF})
 
 
 @pytest.mark.parametrize(
@@ -151,17 +148,7 @@ def test_a_theorem_that_holds(outcome):
 )
 def test_what_is_not_as_stated_fails(statement, broken, outcome):
     code, out, errors = outcome(statement, broken)
-    assert code == 1
-    assert "expected" in out
-    assert "not everything is as stated" in errors
-
-
-def test_json_has_the_countermodel(outcome):
-    code, out, _ = outcome(PLAIN, BROKEN.with_also("one", "(= x (- (/ 1.0 2.0)))"), "--json")
-    assert code == 0
-    answers = json.loads(out)["theorems"][0]["problems"][-1]["answers"]
-    assert answers.keys() == {"z3", "cvc5"}
-    assert all(answer["model"] == {"x": "-1/2"} for answer in answers.values())
+    assert (code, "expected" in out, "not everything is as stated" in errors) == (1, True, True)
 
 
 def test_smt2_files_are_written_with_their_status(tmp_path):
@@ -173,8 +160,7 @@ def test_smt2_files_are_written_with_their_status(tmp_path):
 
 
 def test_unknown_names_and_partial_pages_are_refused(capsys):
-    assert run.main(["nonsense"]) == 2
-    assert run.main(["pike_lemma_5_1", "--write-docs"]) == 2
+    assert [run.main(words) for words in (["nonsense"], ["pike_lemma_5_1", "--write-docs"])] == [2, 2]
     assert "unknown theorem nonsense; known are" in capsys.readouterr().err
 
 
@@ -233,18 +219,10 @@ def test_the_proofs_run_from_what_a_wheel_has_of_them(tmp_path):
 
 
 def test_ctrl_c_ends_the_command_and_its_solvers():
-    command = subprocess.Popen(
-        [sys.executable, "-m", "proofs"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        cwd=ROOT,
-        start_new_session=True,
-    )
+    words, pipe = [sys.executable, "-m", "proofs"], subprocess.PIPE
+    command = subprocess.Popen(words, stdout=pipe, stderr=pipe, text=True, cwd=ROOT, start_new_session=True)
     first = command.stdout.readline()
     os.killpg(command.pid, signal.SIGINT)
     out, errors = command.communicate(timeout=60)
-    assert first.startswith("theorem")
-    assert command.returncode == 130
-    assert errors == "interrupted\n"
+    assert (first.startswith("theorem"), command.returncode, errors) == (True, 130, "interrupted\n")
     assert "Traceback" not in out
