@@ -15,7 +15,7 @@ import json
 import sys
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -29,7 +29,7 @@ from unittest.mock import patch
 from benchmarks.generators.team_plans import Shape, random_plan
 from robust.api import check, envelope, region
 from robust.certify import bad, hints, tape
-from robust.certify.checker import choices, reader
+from robust.certify.checker import reader
 from robust.certify.checker.claims import Claim
 from robust.certify.checker.formulas import FALSE, Formulas, plus
 from robust.certify.checker.proofs import RATIONAL
@@ -37,9 +37,7 @@ from robust.certify.hints import KnownFacts, Line, NotRefutedError
 from robust.certify.tape import OrderLemmas, header
 from robust.encode import create_encoding
 from robust.errors import RobustError
-from robust.pike_bridge.action_model import Instance
 from robust.pike_bridge.files import tpnu_text
-from robust.plan.model import ParametrizedPlan
 from robust.plan.simulate import simulate
 from robust.qe.box import Box, Interval
 from robust.qe.region import Region
@@ -61,22 +59,22 @@ BESIDE = Texts(*TABLES["beside"][:3]), TABLES["beside"][3]
 
 
 @contextmanager
-def lying(random: Random) -> Iterator[None]:
+def lying(random):
     """The producer makes up what it does not find: refutations, multiples, orders, schedules."""
 
-    def refuted(formulas: Formulas, facts: KnownFacts, literal: int, deadline: Deadline, also: Any = ()) -> Line:
+    def refuted(formulas, facts, literal, deadline, also=()):
         try:
             return hints.refutation(formulas, facts, literal, deadline, also)
         except NotRefutedError:
             return made_up(formulas, len(facts.sides), [*formulas.roots(literal), *also], random)
 
-    def multiples(facts: KnownFacts, form: Any, *, strictly: bool = False) -> list[tuple[int, Fraction]]:
+    def multiples(facts, form, *, strictly=False):
         try:
             return hints.implied(facts, form, strictly=strictly)
         except NotRefutedError:
             return [(number, Fraction(1)) for number in range(len(facts.sides)) if random.random() < 0.5]
 
-    def longer(orders: OrderLemmas, pair: tuple[int, int], default: Any = None) -> Any:
+    def longer(orders, pair, default=None):
         if pair not in asked:
             asked[pair] = by if random.random() < 0.6 else None
         if asked[pair] is None:
@@ -84,22 +82,22 @@ def lying(random: Random) -> Iterator[None]:
         orders._used[pair] = by
         return by
 
-    def some_times(formulas: Formulas, ranges: Any) -> dict[str, dict[str, Fraction]]:
+    def some_times(formulas, ranges):
         return honest_times(formulas, ranges) or {point: {} for point in formulas.free()}
 
-    def strayed(orders: OrderLemmas) -> Iterator[Any]:
+    def strayed(orders):
         """Paths of constraints that do not follow each other, but are long enough."""
         edges = orders._ground.edges
         longest = max(range(len(edges)), key=lambda number: edges[number][2].get("", Fraction(0)))
         for (a, b), bound in orders._used.items():
             enters = [number for number, edge in enumerate(edges) if edge[1] == b]
             steps = [longest] * random.randint(1, 6) + [random.choice(enters)]
-            total: dict[str, Fraction] = {"": -bound}
+            total = {"": -bound}
             for number in steps:
                 total = plus(total, edges[number][2])
             yield a, b, steps, bound, total
 
-    asked: dict[tuple[int, int], Fraction | None] = {}
+    asked = {}
     honest_times = tape.constant_times
     by = random.choice([Fraction(0), Fraction(0), Fraction(1, 1000), Fraction(5)])
     with (
@@ -110,7 +108,7 @@ def lying(random: Random) -> Iterator[None]:
         yield
 
 
-def made_up(formulas: Formulas, facts: int, roots: list[int], random: Random) -> Line:
+def made_up(formulas, facts, roots, random):
     """A refutation of something that is not refuted: false lemmas, or propagation that leads nowhere."""
     circuit, nodes = formulas.circuit, range(2, len(formulas.circuit.nodes))
     compared = [number for number in nodes if not circuit.is_gate(number)]
@@ -119,7 +117,7 @@ def made_up(formulas: Formulas, facts: int, roots: list[int], random: Random) ->
     root, gate, last = roots[0], abs(roots[0]), len(roots)
     wide = max((n for n in nodes if circuit.is_gate(n)), key=lambda n: len(circuit.nodes[n]), default=1)
     other = random.choice([gate, -gate, one, -gate - 1, -2])
-    proofs: list[Line] = [
+    proofs = [
         [[[], [], some]], [[[], [[wide, 0], [wide, 1]]]], [[[], [0, [other, random.randrange(3)]]]], [[[], [0]]],
         [[[], [0, 0]]], [[[], [[gate, 0], 0]]], [[[], [0, [gate, 1]]]], [[[], []]], [[[], [0, last]]],
         [[[-root], [1], some], [[], [0, last]]], [[[-root], [[gate, 0]]], [[], [0, last]]],
@@ -129,31 +127,31 @@ def made_up(formulas: Formulas, facts: int, roots: list[int], random: Random) ->
     return ["refute", *random.choice(proofs)]
 
 
-def lies(ground: reader.Ground, box: Box | None, random: Random) -> Iterator[list[Line]]:
+def lies(ground, box, random):
     """Tapes for a false claim, of a box or of the region, that are honest but for what cannot be honest."""
     for _ in range(4):
         with lying(random):
             try:
                 wrong = random.choice([Region.universe, Region.nothing])(tuple(ground.parameters))
-                yield good(ground, box) if box is not None else regional(ground, wrong)
+                yield (
+                    good(ground, box)
+                    if box is not None
+                    else bad.region_lines(ground, tools.EPSILON, wrong, deadline=WAIT)
+                )
             except (RobustError, reader.Unsupported, ValueError, KeyError):
                 continue
 
 
-def good(ground: reader.Ground, box: Box) -> list[Line]:
+def good(ground, box):
     return tape.good_lines(ground, tools.EPSILON, box, solver="z3", deadline=WAIT)
 
 
-def regional(ground: reader.Ground, whole: Region) -> list[Line]:
-    return bad.region_lines(ground, tools.EPSILON, whole, deadline=WAIT)
-
-
-def nothing_is_good(ground: reader.Ground, random: Random) -> Iterator[list[Line]]:
+def nothing_is_good(ground, random):
     """That the envelope is empty: by circles of constraints that are none."""
     formulas, false = Formulas(ground, tools.EPSILON), [0, [1, 0]]
     literals = [broken() for _, broken in formulas.obligations()]
     lines = [["refute", [[], [len(formulas.roots(literal)), [1, 0]]]] for literal in literals if literal != FALSE]
-    rest: list[Line] = [["good"], ["orders"], *lines, ["rest"], ["refute", [[], false]]]
+    rest = [["good"], ["orders"], *lines, ["rest"], ["refute", [[], false]]]
     for number, (_, _, length) in enumerate(ground.edges):
         if length.keys() == {""} and length[""] > 0:
             steps = [number] * random.randint(1, 2) + random.choice([[], [random.randrange(len(ground.edges))]])
@@ -176,7 +174,7 @@ class Case:
     lies: list[list[Line]] = field(default_factory=list)
     known: dict[Checker, Any] = field(default_factory=dict)
 
-    def attempt(self, lines: list[Any], by: Checker = CHECKER) -> Claim | str:
+    def attempt(self, lines, by=CHECKER):
         """The claim that is established, or why it is rejected."""
         if by not in self.known:
             kept = self.known.get(CHECKER)
@@ -185,11 +183,11 @@ class Case:
         return tools.attempted(lambda: self.check(by, self.known[by], lines), by)
 
     @property
-    def pool(self) -> list[Line]:
+    def pool(self):
         return [line for lines in self.honest for line in lines[1:]]
 
 
-def is_false(plan: ParametrizedPlan, box: Box, random: Random) -> bool:
+def is_false(plan, box, random):
     """Whether some values of the box, most of them at its ends, leave no schedule, or one that breaks something."""
     for values in (drawn(box, random, width=Fraction(10)) for _ in range(25)):
         if all(values[name] in interval for name, interval in box.intervals.items()):
@@ -201,7 +199,7 @@ def is_false(plan: ParametrizedPlan, box: Box, random: Random) -> bool:
     return False
 
 
-def grown(box: Box, random: Random) -> Box:
+def grown(box, random):
     """The box with some faces pushed out."""
     for name in random.sample(list(box.intervals), random.randint(1, len(box.intervals))):
         by = random.choice([Fraction(1, 1000), Fraction(1, 2), Fraction(1), Fraction(7)])
@@ -213,7 +211,7 @@ def grown(box: Box, random: Random) -> Box:
     return box
 
 
-def plan_case(seed: int) -> Case | None:
+def plan_case(seed):
     """False claims about one random plan, of the kinds that it has."""
     texts, random = random_texts(seed, easy=True), Random(seed)
     try:
@@ -230,7 +228,7 @@ def plan_case(seed: int) -> Case | None:
     honest = [lines for box in boxes if proved for lines in _honest(plan, ground, box, whole)]
     claims = [grown(random.choice(boxes), random) for _ in range(8)] if plan.parameters else []
     claims = [box for box in claims if is_false(plan, box, random)]
-    false: list[Line] = [header(random.choice(["box", "maximal"]), box) for box in claims]
+    false = [header(random.choice(["box", "maximal"]), box) for box in claims]
     false += [header("maximal", boxes[0])] if boxes[1:] and boxes[1] != boxes[0] else []
     lied = [[header("box", box), *lines] for box in claims for lines in lies(ground, box, random)]
     if is_false(plan, boxes[0], random):
@@ -245,28 +243,28 @@ def plan_case(seed: int) -> Case | None:
     if not honest:  # what would be honest of another plan
         honest = [[header("plan"), ["orders"], ["schedule"], ["kept"], ["refute", [[], [0]]]]]
 
-    def read(by: Checker) -> Any:
+    def read(by):
         return by.reader.ground(*texts)
 
-    def is_true(claim: Claim) -> bool:
+    def is_true(claim):
         return claim.kind == "region" and whole is not None and _same(claim, whole, plan, Random(seed))
 
     return Case(f"plan {seed}", read, tools.checked, false, honest, is_true, lied)
 
 
-def _honest(plan: ParametrizedPlan, ground: reader.Ground, box: Box, whole: Region | None) -> Iterator[list[Line]]:
+def _honest(plan, ground, box, whole):
     try:
         lines = good(ground, box)
         yield [header("box", box), *lines]
         faces = bad.face_lines(ground, create_encoding("relational", plan), box, solver="z3", deadline=WAIT)
         yield [header("maximal", box), *lines, *faces]
         if whole is not None:
-            yield [header("region"), *regional(ground, whole)]
+            yield [header("region"), *bad.region_lines(ground, tools.EPSILON, whole, deadline=WAIT)]
     except (RobustError, reader.Unsupported):
         return
 
 
-def _same(claim: Claim, whole: Region, plan: ParametrizedPlan, random: Random) -> bool:
+def _same(claim, whole, plan, random):
     """Whether the region that is claimed is the envelope, at many points within the declared bounds."""
     for _ in range(200):
         point = sample_parameters(plan, random, spread=random.choice([Fraction(2), Fraction(40)]))
@@ -277,7 +275,7 @@ def _same(claim: Claim, whole: Region, plan: ParametrizedPlan, random: Random) -
     return True
 
 
-def network_case(seed: int) -> Case | None:
+def network_case(seed):
     """That a plan with choices has no correct execution, although it has one; honest tapes are of other plans."""
     possible, honest = [], []
     for index in range(4):
@@ -292,7 +290,7 @@ def network_case(seed: int) -> Case | None:
     if not possible or not honest:
         return None
 
-    def check(by: Checker, stated: Any, lines: list[Any]) -> Claim:
+    def check(by, stated, lines):
         tape_of = by.proofs.Tape(json.dumps(line) for line in lines[1:])
         by.proofs.refute(tape_of, stated.formulas, by.proofs.Facts([]), stated.circuit.all(stated.parts))
         tape_of.finish()
@@ -302,31 +300,31 @@ def network_case(seed: int) -> Case | None:
     return Case(f"network {seed}", read, check, [header("knowledge")], honest, lambda _: False)
 
 
-def _choices(instance: Instance, by: Checker = CHECKER) -> choices.Choices:
+def _choices(instance, by=CHECKER):
     document = by.choices.network_of(tpnu_text(instance.network, domain="domain", problem="problem"))
     return by.choices.Choices((document, instance.domain, instance.problem), tools.EPSILON)
 
 
 # -- tapes -------------------------------------------------------------------------------------------------------------
 
-NUMBERS: list[Any] = [
+NUMBERS = [
     0, 1, -1, 2, 3, 7, -2, 10**20, "0", "1", "-1", "1/2", "1000", "2/4", True, False, None, 1.5, [], {},
 ]  # fmt: skip
 KINDS = ("orders", "schedule", "kept", "refute", "face", "cycle", "broken", "bad", "good", "piece", "rest")
 
 
-def invented(random: Random, depth: int = 0) -> Any:
+def invented(random, depth=0):
     """Any value of the shapes that lines have."""
     if depth > 3 or random.random() < 0.4:
         return random.choice(NUMBERS)
     return [invented(random, depth + 1) for _ in range(random.choice([0, 1, 1, 2, 2, 3, 5]))]
 
 
-def invented_line(random: Random) -> Line:
+def invented_line(random):
     """A line that no honest certificate has."""
     kind, draw = random.choice(KINDS), random.randrange
     if kind == "refute":
-        ways: list[Callable[[], Line]] = [
+        ways = [
             lambda: [[], [draw(4) for _ in range(draw(4))]],
             lambda: [[draw(-9, 10)], [[draw(12), draw(4)]]],
             lambda: [[draw(-9, 10)], [1], [[draw(6), 1]]],
@@ -338,7 +336,7 @@ def invented_line(random: Random) -> Line:
     return [kind, *(invented(random) for _ in range(draw(4)))]
 
 
-def leaf_changed(value: Any, random: Random) -> Any:
+def leaf_changed(value, random):
     """One place of a line is something else."""
     if not isinstance(value, list) or not value or random.random() < 0.15:
         near = value + random.choice([1, -1]) if type(value) is int else invented(random)
@@ -351,14 +349,14 @@ def leaf_changed(value: Any, random: Random) -> Any:
     return tools.put(value, place, leaf_changed(value[place], random))
 
 
-def changed(lines: list[Line], pool: list[Line], random: Random) -> list[Line]:  # noqa: PLR0911 - one for each way
+def changed(lines, pool, random):  # noqa: PLR0911 - one for each way
     """One change of a tape: a line goes, comes, is exchanged, is longer, or says something else."""
     if not lines:
         return [random.choice(pool)]
     place, other = random.randrange(len(lines)), random.randrange(len(lines))
     way, (kind, *rest) = random.randrange(9), lines[place]
     if way < 4:
-        new: list[Line] = [[], [lines[other], lines[place]], [random.choice(pool), lines[place]], [random.choice(pool)]]
+        new = [[], [lines[other], lines[place]], [random.choice(pool), lines[place]], [random.choice(pool)]]
         return tools.put(lines, place, *(new[way] if way else ()))
     if way == 4:
         return tools.put(tools.put(lines, place, lines[other]), other, lines[place])
@@ -373,7 +371,7 @@ def changed(lines: list[Line], pool: list[Line], random: Random) -> list[Line]: 
     return tools.put(lines, place, [kind, *tools.put(rest, inner, leaf_changed(rest[inner], random))])
 
 
-def forged(case: Case, others: list[Case], random: Random) -> list[Any]:
+def forged(case, others, random):
     """A false claim with a tape that somebody made up."""
     first = random.choice(case.false)
     if case.lies and random.random() < 0.4:
@@ -390,7 +388,7 @@ def forged(case: Case, others: list[Case], random: Random) -> list[Any]:
     return [first, *lines]
 
 
-def named(lines: list[Line]) -> Iterator[list[Line]]:
+def named(lines):
     """Forgeries that were thought of: proofs that would be believed if one check were missing."""
     first = next((index for index, line in enumerate(lines) if line[0] == "refute"), None)
     if first is not None:
@@ -406,14 +404,14 @@ def named(lines: list[Line]) -> Iterator[list[Line]]:
                     yield tools.put(lines, index, ["cycle", path, multiples])
 
 
-def leaf_changes(lines: list[Line]) -> Iterator[list[Line]]:
+def leaf_changes(lines):
     """Each place of each line changed a little: another number, a twin of another type, something more, nothing."""
     for index, line in enumerate(lines):
         yield from (tools.put(lines, index, new) for new in _changes(line))
         yield from (tools.put(lines, index), tools.put(lines, index, line, line))
 
 
-def _changes(value: Any) -> Iterator[Any]:
+def _changes(value):
     if isinstance(value, list):
         for index, inner in enumerate(value):
             yield from (tools.put(value, index, new) for new in _changes(inner))
@@ -430,9 +428,9 @@ def _changes(value: Any) -> Iterator[Any]:
 
 
 @cache
-def cases(number: int, first: int) -> list[Case]:
+def cases(number, first):
     """Cases of random plans, and of plans with choices."""
-    known: list[Case] = []
+    known = []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         for seed in count(first):
@@ -449,17 +447,17 @@ class Outcome(NamedTuple):
     tried: list[tuple[Case, list[Any], Claim | str]]
 
     @property
-    def rejected(self) -> Counter[str]:
+    def rejected(self):
         return Counter(claim.split(":")[0][:40] for _, _, claim in self.tried if isinstance(claim, str))
 
     @property
-    def accepted(self) -> list[tuple[str, list[Any]]]:
+    def accepted(self):
         """False claims that the checker believed."""
         claims = ((case, lines, claim) for case, lines, claim in self.tried if not isinstance(claim, str))
         return [(case.name, lines) for case, lines, claim in claims if not case.is_true(claim)]
 
 
-def run(attempts: int, *, plans: int, first: int = 0, seed: int = 0) -> Outcome:
+def run(attempts, *, plans, first=0, seed=0):
     """That many attempts at cases of plans from the first seed on."""
     random, known = Random(seed), cases(plans, first)
     made = [(case, forged(case, known, random)) for case in random.choices(known, k=attempts)]

@@ -11,7 +11,7 @@ import json
 import sys
 import zlib
 from argparse import Namespace
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
 from fractions import Fraction
 from functools import partial
@@ -27,24 +27,20 @@ from robust.pike_bridge.semantics import Oracle
 from robust.qe.box import Box, Interval
 from tests.certify import adversary, networks, tools
 from tests.certify.adversary import BESIDE, PLAIN
-from tests.certify.tools import Checker, Holds
 
-Words = tuple[str, ...]
-FILES: Words = tuple(map(str, tools.NAVIGATION))
-Lines = Iterator[tuple[Any, Words]]
-"""Command lines, with the exit code that each has to end with."""
+FILES = tuple(map(str, tools.NAVIGATION))
 TABLES = json.loads(Path(__file__).with_name("data").joinpath("command_lines.json").read_text(encoding="utf-8"))
 """Groups of command lines after their exit codes, where `./` is the folder of certificates and names in braces stand
 for the files of a plan; and first lines of certificates."""
 
 
-def command_lines(folder: Path) -> Iterator[tuple[str, Holds]]:
+def command_lines(folder):
     """Each ends with its exit code, and with one that is not 0 nothing is established."""
     place = folder / "lines"
     place.mkdir()
     stand_for = prepared(place)
 
-    def words(row: list[str]) -> Words:
+    def words(row):
         paths = [stand_for.get(word, [str(place / word[2:]) if word.startswith("./") else word]) for word in row]
         return tuple(chain(*paths))
 
@@ -58,7 +54,7 @@ def command_lines(folder: Path) -> Iterator[tuple[str, Holds]]:
     yield from (("main errors", reports_errors), ("main limits", keeps_limits), ("main at start", starts))
 
 
-def prepared(place: Path) -> dict[str, Words]:
+def prepared(place):
     """Certificates of plans, of boxes without the nominal values or without ends, and of a network with choices."""
     unbounded = tools.written(PLAIN._replace(plan=TABLES["unbounded plan"]), place / "unbounded")
     without_nominal = tools.written(PLAIN._replace(plan=PLAIN.plan.replace(" default 5", "")), place / "open")
@@ -81,11 +77,11 @@ def prepared(place: Path) -> dict[str, Words]:
     return {f"{{{name}}}": tuple(map(str, files)) for name, files in plans.items()}
 
 
-def _ends(by: Checker, words: Words, expected: tuple[Any, ...]) -> bool:
+def _ends(by, words, expected):
     return by is tools.CHECKER or ended(words, by) == expected
 
 
-def ended(words: Sequence[str], by: Checker = tools.CHECKER) -> tuple[Any, ...]:
+def ended(words, by=tools.CHECKER):
     """Exit code, what is printed, and what limits are set."""
     printed, errors, limits = io.StringIO(), io.StringIO(), list[Any]()
     least = {"memory": (0, -1), "time": (0, 1000)}
@@ -102,14 +98,14 @@ def ended(words: Sequence[str], by: Checker = tools.CHECKER) -> tuple[Any, ...]:
     return code, printed.getvalue(), errors.getvalue(), limits
 
 
-def limited(by: Checker, get: Callable[..., Any], put: Callable[..., Any], say: Callable[..., Any]) -> Any:
+def limited(by, get, put, say):
     """The checker's command sets limits, and this process keeps its own."""
     usage = SimpleNamespace(RLIMIT_AS="memory", RLIMIT_CPU="time", RLIM_INFINITY=-1, getrlimit=get, setrlimit=put)
     signal = SimpleNamespace(SIGXCPU="time", signal=lambda *_: say("signal"))
     return patch.multiple(by.main, resource=usage, signal=signal, sys=SimpleNamespace(setrecursionlimit=say))
 
 
-def of_bytes(place: Path) -> Lines:
+def of_bytes(place):
     """Certificates that are none: first lines of all kinds, and files that are cut off or something else."""
     honest = gzip.decompress((place / "plan.cert").read_bytes())
     rest = honest[honest.index(b"\n") + 1 :]
@@ -127,7 +123,7 @@ def of_bytes(place: Path) -> Lines:
     yield 2, (str(place), *FILES)
 
 
-def of_texts(place: Path) -> Lines:
+def of_texts(place):
     """The same plan in files with other ends of lines, with a mark at the start, or that are no texts; other plans."""
     texts = [path.read_bytes() for path in tools.NAVIGATION]
     ways: list[tuple[int, str, Callable[[bytes], bytes]]] = [
@@ -156,7 +152,7 @@ def of_texts(place: Path) -> Lines:
 MALFORMED = (ZeroDivisionError, AttributeError, KeyError, RecursionError, TypeError, ValueError)
 
 
-def reports_errors(by: Checker) -> bool:
+def reports_errors(by):
     """Whatever goes wrong, nothing is established; the exit code and the verdict say what it was."""
     wanted = [(error("text"), 1, "rejected", f"malformed ({error.__name__})") for error in MALFORMED]
     wanted += [(by.proofs.Rejected("text"), 1, "rejected", "text"), (MemoryError(), 3, "unknown", "out of memory")]
@@ -164,7 +160,7 @@ def reports_errors(by: Checker) -> bool:
     wanted += [(error("text"), 2, "unreadable", "text") for error in (OSError, EOFError, zlib.error, UnicodeError)]
     for error, code, verdict, reason in wanted:
 
-        def checked(*_: object, error: Exception = error) -> None:
+        def checked(*_, error=error):
             raise error
 
         with patch.object(by.main, "checked", checked):
@@ -179,11 +175,11 @@ class Long(bytes):
 
     size: int
 
-    def __len__(self) -> int:
+    def __len__(self):
         return self.size
 
 
-def keeps_limits(by: Checker) -> bool:
+def keeps_limits(by):
     """What a certificate may be when it is unpacked depends on its size; time and memory on the sizes of all files."""
     most = (1 << 20) + 32 * Path().stat().st_size
     for sizes, fits in (([most - 1], True), ([most], False), ([1, most - 2], True), ([2, most - 2], False)):
@@ -192,7 +188,7 @@ def keeps_limits(by: Checker) -> bool:
             line.size = size
         file, source = io.BytesIO(), iter([*lines, b""])
 
-        def readline(limit: int, asked: list[int] = asked, source: Iterator[bytes] = source) -> bytes:
+        def readline(limit, asked=asked, source=source):
             asked.append(limit)
             return next(source)
 
@@ -207,8 +203,8 @@ def keeps_limits(by: Checker) -> bool:
     return all(limits_of(by, *sizes) == limits for sizes, limits in SIZES.items())
 
 
-def limits_of(by: Checker, size: int, seconds: int | None) -> tuple[int, ...]:
-    limits: dict[str, tuple[int, int]] = {}
+def limits_of(by, size, seconds):
+    limits = {}
     path = SimpleNamespace(is_file=lambda: True, stat=lambda: SimpleNamespace(st_size=size))
     with (
         limited(by, lambda _: (0, -1), limits.setdefault, lambda _: None),
@@ -226,7 +222,7 @@ SIZES = {
 """Bytes of each of three files and what is asked for, and the seconds and bytes that the checker takes at most."""
 
 
-def starts(by: Checker) -> bool:
+def starts(by):
     """As a program it ends with the exit code of its main function."""
     package = by.main.__package__
     modules = {f"{package}.{name}": getattr(by, name) for name in ("reader", "formulas", "proofs", "claims", "choices")}

@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from robust.certify.verify import FOLDER
-from tests.certify.tools import Checker, Holds, put
+from tests.certify.tools import Checker, put
 
 ACCEPTED = Path(__file__).with_name("mutants_accepted.txt")
 MODULES = ("reader", "formulas", "proofs", "claims", "choices", "__main__")
@@ -37,17 +37,10 @@ ASKED = {
     "formulas": ("reading", "free", "forged", "oracle", "honest"),
     "proofs": ("small", "forged", "leaves of plan", "leaves of network", "honest two"),
     "claims": ("within", "small", "forged plan", "leaves of plan", "honest", "main of_plans", "main of_boxes"),
-    "choices": (
-        "oracle",
-        "executions",
-        "wrong network",
-        "knowledge",
-        "leaves of ex",
-        "leaves of kn",
-        "main of_choices",
-    ),
+    "choices": ("oracle", "executions", "wrong network", "knowledge", "leaves of ex", "leaves of kn",
+                "main of_choices"),
     "__main__": ("main",),
-}
+}  # fmt: skip
 """What is asked of a change of a module: beginnings of the names of probes."""
 TEXTS = {name: (FOLDER / f"{name}.py").read_text(encoding="utf-8") for name in MODULES}
 CODE = {name: compile(text, f"{name}.py", "exec", dont_inherit=True) for name, text in TEXTS.items()}
@@ -77,26 +70,26 @@ class Mutant(NamedTuple):
     tree: ast.Module
 
     @property
-    def key(self) -> tuple[str, str]:
+    def key(self):
         return f"{self.module}.{self.function}", self.after
 
-    def checker(self) -> Checker:
+    def checker(self):
         """The changed checker; only while the generator of mutants stands at this one."""
         return load(self.module, compile(ast.fix_missing_locations(self.tree), self.module, "exec", dont_inherit=True))
 
 
-def with_field(node: Any, name: str, value: object) -> Any:
+def with_field(node, name, value):
     changed = copy.copy(node)
     setattr(changed, name, value)
     return changed
 
 
-def shorter(values: list[Any]) -> Iterator[list[Any]]:
+def shorter(values):
     """The values without one of them."""
     return (put(values, place) for place in range(len(values)))
 
 
-def instead(node: ast.expr) -> Iterator[ast.expr]:  # noqa: PLR0912 - one branch for each kind of expression
+def instead(node):  # noqa: PLR0912 - one branch for each kind of expression
     """What an expression is changed to; parts that stay are shared."""
     match node:
         case ast.Compare(ops=operators, comparators=others):
@@ -144,7 +137,7 @@ def instead(node: ast.expr) -> Iterator[ast.expr]:  # noqa: PLR0912 - one branch
 SILENT = (ast.Pass, ast.Import, ast.ImportFrom, ast.FunctionDef, ast.ClassDef, ast.With)
 
 
-def instead_of_statement(node: ast.stmt) -> Iterator[list[ast.stmt]]:
+def instead_of_statement(node):
     match node:
         case ast.Expr(value=ast.Constant()) | ast.AnnAssign(value=None):
             return
@@ -158,7 +151,7 @@ def instead_of_statement(node: ast.stmt) -> Iterator[list[ast.stmt]]:
             yield [ast.Pass()]
 
 
-def is_message(parent: ast.AST, inner: ast.AST) -> bool:  # noqa: PLR0911 - one return for each kind
+def is_message(parent, inner):  # noqa: PLR0911 - one return for each kind
     """Texts for people (messages, documentation, labels of obligations), and types."""
     match parent:
         case ast.JoinedStr() | ast.Expr(value=ast.Constant()) | ast.Call(func=ast.Name(id="Rejected" | "Unsupported")):
@@ -180,14 +173,14 @@ def is_message(parent: ast.AST, inner: ast.AST) -> bool:  # noqa: PLR0911 - one 
     return False
 
 
-def mutants(module: str) -> Iterator[Mutant]:
+def mutants(module):
     """All changes of one module of the checker; the tree is changed in place, and changed back afterwards."""
     tree = ast.parse(TEXTS[module])
     for function, before, after in _changes(tree, "", None):
         yield Mutant(module, function, before, after, tree)
 
 
-def _changes(node: ast.AST, function: str, statement: ast.stmt | None) -> Iterator[tuple[str, str, str]]:
+def _changes(node, function, statement):
     """Function, line before and line after of each change below a node, while the tree is changed."""
     statement = node if isinstance(node, ast.stmt) else statement
     if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
@@ -214,7 +207,7 @@ def _changes(node: ast.AST, function: str, statement: ast.stmt | None) -> Iterat
             yield from _changes(child, function, statement)
 
 
-def line_of(statement: ast.AST) -> str:
+def line_of(statement):
     """A statement, or the head of a longer one, on one line."""
     head = {"body": [ast.Pass()], "orelse": []}
     for name in head.keys() & {*statement._fields} if isinstance(statement, ast.stmt) else ():
@@ -227,8 +220,8 @@ class OutOfTime(BaseException):
 
 
 @contextmanager
-def limit(seconds: float) -> Iterator[None]:
-    def stop(*_: object) -> None:
+def limit(seconds):
+    def stop(*_):
         raise OutOfTime
 
     before = signal.signal(signal.SIGPROF, stop)
@@ -240,7 +233,7 @@ def limit(seconds: float) -> Iterator[None]:
         signal.signal(signal.SIGPROF, before)
 
 
-def load(changed: str | None = None, code: Any = None) -> Checker:
+def load(changed=None, code=None):
     """The checker, with other code for one of its modules."""
     package = types.ModuleType("changed_checker")
     package.__path__ = []
@@ -259,7 +252,7 @@ def load(changed: str | None = None, code: Any = None) -> Checker:
     return Checker(*list(loaded.values())[1:])
 
 
-def noticed_by(mutant: Mutant, probes: list[tuple[str, Holds]], seconds: float) -> str | None:
+def noticed_by(mutant, probes, seconds):
     """What notices a change; None if nothing does. Probes that noticed the last changes are asked first.
 
     An exception that nobody expects is as wrong as a wrong answer.
@@ -279,7 +272,7 @@ def noticed_by(mutant: Mutant, probes: list[tuple[str, Holds]], seconds: float) 
     return None
 
 
-def measure(module: str, first: int, step: int) -> list[tuple[Any, str, str | None]]:
+def measure(module, first, step):
     """Keys and old lines of every so-manieth mutant of a module, and what noticed each."""
     size = resource.getrlimit(resource.RLIMIT_AS)
     used = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
@@ -292,7 +285,7 @@ def measure(module: str, first: int, step: int) -> list[tuple[Any, str, str | No
     return [(mutant.key, mutant.before, noticed_by(mutant, bank, SECONDS)) for mutant in chosen]
 
 
-def accepted() -> dict[tuple[str, str], str]:
+def accepted():
     """The changes that need no test, with reasons: function, new line and reason on lines of their own kind."""
     reasons, function = {}, ""
     for match in re.finditer(r"^## (.*)$|^- (.*)\n  (.*)$", ACCEPTED.read_text(encoding="utf-8"), re.MULTILINE):
@@ -302,7 +295,7 @@ def accepted() -> dict[tuple[str, str], str]:
     return reasons
 
 
-def main() -> int:
+def main():
     parser = argparse.ArgumentParser(description="Measure the strength of the checker's tests by mutants of its text.")
     parser.add_argument("modules", nargs="*", choices=[[], *MODULES], metavar="MODULE", help=", ".join(MODULES))
     parser.add_argument("--every", type=int, default=1, metavar="N", help="only each N-th of them (1)")

@@ -8,16 +8,14 @@ leaves a correct execution, and changes that make it mean nothing, or what the c
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
 from copy import deepcopy
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
 from random import Random
-from typing import Any
 
 from robust.certify.checker.formulas import TRUE
-from robust.certify.hints import KnownFacts, Line, model
+from robust.certify.hints import KnownFacts, model
 from robust.certify.produce import execution, knowledge
 from robust.certify.tape import header
 from robust.errors import InputError, RobustError, UnsupportedError
@@ -26,21 +24,17 @@ from robust.pike_bridge.semantics import Execution, ExecutionExistence, Oracle, 
 from robust.smt.limits import Deadline
 from tests.certify import tools
 from tests.certify.texts import Grammar
-from tests.certify.tools import Checker, Holds
 
-Document = dict[str, Any]
 TABLES = json.loads(Path(__file__).with_name("data").joinpath("networks.json").read_text(encoding="utf-8"))
-DOCUMENT: Document = TABLES["document"]
+DOCUMENT = TABLES["document"]
 """With x = b=c it has no correct execution."""
-EXECUTION: list[Line] = [header("execution"), ["execution", [0], ["1", "3", "2", "0", "5"]]]
+EXECUTION = [header("execution"), ["execution", [0], ["1", "3", "2", "0", "5"]]]
 """With x = a, of the small network."""
-OUT_OF_NOTHING: list[Line] = [["robust/certificate/2", "knowledge", []], ["refute", [[], [0, [1, 0]]]]]
+OUT_OF_NOTHING = [["robust/certificate/2", "knowledge", []], ["refute", [[], [0, [1, 0]]]]]
 """Refutes what is false by itself."""
 
 
-def files(
-    directory: Path, document: object = DOCUMENT, domain: str = TABLES["domain"], problem: str = TABLES["problem"]
-) -> Path:
+def files(directory, document=DOCUMENT, domain=TABLES["domain"], problem=TABLES["problem"]):
     """The network with its domain and problem, written."""
     directory.mkdir(parents=True, exist_ok=True)
     text = document if isinstance(document, str) else json.dumps(document)
@@ -49,7 +43,7 @@ def files(
     return directory / "plan.tpnu.json"
 
 
-def certificates(path: Path, witness: Execution | None, assumed: Mapping[str, str]) -> list[tuple[str, list[Line]]]:
+def certificates(path, witness, assumed):
     """Both kinds: of a correct execution, and that there is none with the assumed values."""
     assert witness is not None
     return [
@@ -58,13 +52,13 @@ def certificates(path: Path, witness: Execution | None, assumed: Mapping[str, st
     ]
 
 
-def stated(by: Checker, path: Path, execution: list[Any] | None) -> Any:
+def stated(by, path, execution):
     document = by.choices.network_of(path.read_text(encoding="utf-8"))
     texts = [(path.parent / document[key]).read_text(encoding="utf-8") for key in ("domain", "problem")]
     return by.choices.Choices((document, *texts), tools.EPSILON, execution)
 
 
-def agreements(path: Path, seed: int) -> Iterator[tuple[str, Holds]]:
+def agreements(path, seed):
     """The formula of all executions against the oracle, single executions against the referee."""
     plan = load_team_plan(path)
     decision = Oracle(plan).decide()
@@ -75,14 +69,14 @@ def agreements(path: Path, seed: int) -> Iterator[tuple[str, Holds]]:
         yield f"executions {path.parent.name}", partial(_referees, path=path, known=known)
 
 
-def _decides(by: Checker, path: Path, exists: bool) -> bool:
+def _decides(by, path, exists):
     """Whether the formula of all executions can be met, as the oracle says."""
     choices = stated(by, path, None)
     literal = choices.circuit.all(choices.parts)
     return (model(choices.formulas, KnownFacts([]), literal, Deadline.after(60)) is not None) == exists
 
 
-def executions(plan: Any, witness: Execution, random: Random) -> list[tuple[Execution, bool]]:
+def executions(plan, witness, random):
     """The witness and others like it, with whether they are correct."""
     known, step = [(witness, True)], Fraction(1, 1000)
     for _ in range(14):
@@ -96,7 +90,7 @@ def executions(plan: Any, witness: Execution, random: Random) -> list[tuple[Exec
     return known
 
 
-def _referees(by: Checker, path: Path, known: list[tuple[Execution, bool]]) -> bool:
+def _referees(by, path, known):
     """Whether single executions are correct, as the referee says."""
     free = stated(by, path, None)
     for one, correct in known:
@@ -107,7 +101,7 @@ def _referees(by: Checker, path: Path, known: list[tuple[Execution, bool]]) -> b
     return True
 
 
-def random_network(seed: int, directory: Path) -> Path:
+def random_network(seed, directory):
     """A few activities between a few events; it may mean nothing, or have no correct execution."""
     random = Random(seed)
     guard = random.choice([{}, {"x": "1"}])
@@ -138,7 +132,7 @@ def random_network(seed: int, directory: Path) -> Path:
     return files(directory, document, domain, problem)
 
 
-def random_networks(folder: Path, first: int = 0, count: int = 150) -> Iterator[tuple[str, Holds]]:
+def random_networks(folder, first=0, count=150):
     """The checker, the oracle and the referee of executions agree."""
     for seed in range(first, first + count):
         path = random_network(seed, folder / f"network-{seed}")
@@ -148,12 +142,12 @@ def random_networks(folder: Path, first: int = 0, count: int = 150) -> Iterator[
             continue
 
 
-def patched(changes: Mapping[str, Any]) -> Document:
+def patched(changes):
     """The small network with other values at paths like `choices/0/at`; `~` is none at all."""
     document = deepcopy(DOCUMENT)
     for path, value in changes.items():
         *way, last = [int(word) if word.isdigit() else word for word in path.split("/")]
-        inner: Any = document
+        inner = document
         for step in way:
             inner = inner[step]
         if value == "~":
@@ -165,7 +159,7 @@ def patched(changes: Mapping[str, Any]) -> Document:
     return document
 
 
-def wrong_documents() -> Iterator[tuple[str, Document | str]]:
+def wrong_documents():
     """Networks with something left out, added, repeated, of another type, or about what is not there."""
     yield from (("list", "[]"), ("null", "null"))
     text = json.dumps(DOCUMENT)
@@ -175,13 +169,13 @@ def wrong_documents() -> Iterator[tuple[str, Document | str]]:
     yield from ((str(change), patched(change)) for change in changes)
 
 
-def small(directory: Path) -> Iterator[tuple[str, Path, list[list[Line]], str]]:
+def small(directory):
     """Name, network, certificates, and epsilon; few of them are established."""
     execution, both = EXECUTION[1], [EXECUTION, OUT_OF_NOTHING]
     path = files(directory / "honest")
     yield "honest", path, both, "1/1000"
     yield "epsilon 0", path, both, "0"
-    wrong: list[list[Line]] = [
+    wrong = [
         [["robust/certificate/2", "execution", claimed], execution] for claimed in ([], [["x", "a"]], {}, "", False)
     ]
     wrong += [[*EXECUTION, more] for more in (execution, [], None)]
@@ -196,7 +190,7 @@ def small(directory: Path) -> Iterator[tuple[str, Path, list[list[Line]], str]]:
         yield str(changes), files(directory / f"model {number}", DOCUMENT, *texts), both, "1/1000"
 
 
-def is_true(path: Path, lines: list[Line]) -> bool:
+def is_true(path, lines):
     """Whether a certificate that has been established is true, as far as this package understands the files."""
     try:
         plan = load_team_plan(path)

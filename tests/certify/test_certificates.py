@@ -1,12 +1,9 @@
 """Certificates of every kind: made, accepted by the checker, and only for what is true and has a meaning."""
 
-from __future__ import annotations
-
 import json
 from contextlib import nullcontext
 from fractions import Fraction
 from random import Random
-from typing import Any
 
 import pytest
 
@@ -238,7 +235,7 @@ def test_effects_that_nothing_reads_have_a_meaning(effect, epsilon):
             reader.ground(*texts)
         return
     ground = reader.ground(*texts)
-    kept: list[Any] = ["kept", *[[] for _ in ground.edges]]
+    kept = ["kept", *[[] for _ in ground.edges]]
     times = [[["", "1"]], [["", "2"]]]
     for refuted in range(5):
         for schedule in (times, times[1:], []):

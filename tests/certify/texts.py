@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Sequence
 from fractions import Fraction
 from pathlib import Path
 from random import Random
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-PARTS: dict[str, Any] = json.loads(Path(__file__).with_name("data").joinpath("texts.json").read_text(encoding="utf-8"))
+PARTS = json.loads(Path(__file__).with_name("data").joinpath("texts.json").read_text(encoding="utf-8"))
 """Words and forms that stand where they have no meaning, or another one (`odd`), sections, statements of plans, lines
 beside a plan, bounds; what looks or sorts like a character, or becomes it in lower case (`letters`); and the grammar of
 random texts: `{name}` stands for something of that name, and inside of deep forms `name_inside` is what is left."""
@@ -30,20 +29,20 @@ class Texts(NamedTuple):
 class Grammar:
     """Draws from the grammar; own and shared parameters, and durations, are those of the action that is drawn."""
 
-    def __init__(self, random: Random) -> None:
+    def __init__(self, random):
         self.random, self.pick = random, random.choice
         self.timed, self.own, self.shared = False, False, ""
 
-    def chance(self, probability: float) -> bool:
+    def chance(self, probability):
         return self.random.random() < probability
 
-    def draw(self, name: str, objects: Sequence[str] = ("a", "c"), depth: int = 0) -> str:
+    def draw(self, name, objects=("a", "c"), depth=0):
         inside = f"{name}_inside"
         template = self.pick(PARTS["grammar"][inside if depth > 1 and inside in PARTS["grammar"] else name])
         variable = f"?{name[0]}{depth}"
         known = [*objects, variable] if "{variable}" in template else objects
 
-        def drawn(match: re.Match[str]) -> str:
+        def drawn(match):
             part = match[1]
             fixed = {"variable": variable, "own": "?own" if self.own else "0.5", "duration": "?duration"}
             fixed |= {"shared": f"?{self.shared}"}
@@ -60,25 +59,25 @@ class Grammar:
 
         return re.sub(r"\{(\w+)\}", drawn, template)
 
-    def some(self, name: str, most: int, objects: Sequence[str]) -> list[str]:
+    def some(self, name, most, objects):
         return [self.draw(name, objects) for _ in range(self.random.randint(0, most))]
 
 
-def random_texts(seed: int, *, instances: int = 3, easy: bool = False) -> Texts:
+def random_texts(seed, *, instances=3, easy=False):
     """A small random plan; an easy one has few conditions, so that it is often valid."""
     return _Drawing(Random(seed), instances, easy).texts()
 
 
 class _Drawing(Grammar):
-    def __init__(self, random: Random, instances: int, easy: bool) -> None:
+    def __init__(self, random, instances, easy):
         super().__init__(random)
         self.easy = easy
         self.count = random.randint(1, instances)
         self.parameters = [f"k{index}" for index in range(random.randint(0, 2))]
         self.shared = "s" if self.chance(0.15) else ""
-        self.signatures: list[tuple[bool, bool, list[str]]] = []
+        self.signatures = []
 
-    def action(self, index: int) -> str:
+    def action(self, index):
         self.timed, self.own = self.chance(0.75), self.chance(0.2)
         variables = {f"?x{i}": self.pick([*SUBTYPES]) for i in range(self.random.randint(0, 2))}
         self.signatures.append((self.timed, self.own, list(variables.values())))
@@ -97,7 +96,7 @@ class _Drawing(Grammar):
             effects += [self.draw("rate", objects)] if self.chance(0.3) else []
         return f"({head} act{index} :parameters ({listed}) {synth} {rest} :effect (and {' '.join(effects)}))"
 
-    def texts(self) -> Texts:
+    def texts(self):
         actions = [self.action(index) for index in range(self.random.randint(1, 2))]
         self.timed = False
         shared = f"(:synth-parameters ?{self.shared})" if self.shared else ""
@@ -118,9 +117,9 @@ class _Drawing(Grammar):
         )
         return Texts(domain, problem, self.plan())
 
-    def plan(self) -> str:
+    def plan(self):
         """Instances at times that are drawn first, and constraints around these."""
-        declared, lines, points, spans = list(self.parameters), list[str](), dict[str, Fraction](), []
+        declared, lines, points, spans = list(self.parameters), [], {}, []
         for name in (f"i{index}" for index in range(self.count)):
             number = self.random.randrange(len(self.signatures))
             durative, own, kinds = self.signatures[number]
@@ -148,7 +147,7 @@ class _Drawing(Grammar):
             lines.append(self.pick([f"c: {first} - .zero in [0, {name}];", f"c: .zero - {first} in [-inf, {name}];"]))
         return "\n".join([*heads, *lines]) + "\n"
 
-    def bounded(self, source: str, target: str, distance: Fraction) -> str:
+    def bounded(self, source, target, distance):
         exact = self.chance(0.5)
         low, high = (distance, distance) if exact else (distance - HALF, distance + self.pick([0, 1, 2]))
         texts = [str(low), str(high)]
@@ -158,7 +157,7 @@ class _Drawing(Grammar):
         return f"c: {target} - {source} in [{texts[0]}, {texts[1]}];"
 
 
-def tangled_texts(seed: int) -> Texts:
+def tangled_texts(seed):
     """A plan whose effects act on the same few things in an order that its network mostly leaves open.
 
     What changes only if something holds depends on what changes without conditions, so that nothing goes in a circle.
@@ -182,13 +181,10 @@ def tangled_texts(seed: int) -> Texts:
 
 # -- changes that make texts wrong, or mean something else -------------------------------------------------------------
 
-Forms = Any
-"""Words, and lists of forms."""
 
-
-def forms(text: str) -> Forms:
+def forms(text):
     """The forms of a text without comments."""
-    stack: list[Forms] = [[]]
+    stack = [[]]
     for word in re.findall(r";[^\n]*|[()]|[^\s();]+", text):
         if word == "(":
             stack.append([])
@@ -200,11 +196,11 @@ def forms(text: str) -> Forms:
     return stack[0]
 
 
-def printed(form: Forms) -> str:
+def printed(form):
     return form if isinstance(form, str) else f"({' '.join(map(printed, form))})"
 
 
-def changed(texts: Sequence[str], random: Random) -> tuple[str, list[str]]:
+def changed(texts, random):
     """The name of a change, and domain, problem, plan, and the parameters beside it, with one such change."""
     change = _Change(texts, random)
     way = random.choice([*change.ways, change.plan, *[change.form] * 6])
@@ -214,27 +210,35 @@ def changed(texts: Sequence[str], random: Random) -> tuple[str, list[str]]:
 class _Change:
     """Ways to change a text in one of the files, most often the domain."""
 
-    def __init__(self, texts: Sequence[str], random: Random) -> None:
+    def __init__(self, texts, random):
         self.texts, self.random, self.pick = [*texts], random, random.choice
         self.place = self.pick([0, 0, 1, 2])
-        ways = (self.renamed, self.lettered, self.joined, self.cut, self.section, self.plan, self.beside, self.form)
-        self.ways: list[Callable[[], list[str] | None]] = [*ways]
+        self.ways = [
+            self.renamed,
+            self.lettered,
+            self.joined,
+            self.cut,
+            self.section,
+            self.plan,
+            self.beside,
+            self.form,
+        ]
 
-    def chance(self, probability: float) -> bool:
+    def chance(self, probability):
         return self.random.random() < probability
 
-    def instead(self, old: str, new: str, more: int) -> None:
+    def instead(self, old, new, more):
         """One occurrence, if there is any, is another text."""
         text = self.texts[self.place]
         at = self.pick([match.start() for match in re.finditer(re.escape(old), text)] or [0])
         self.texts[self.place] = text[:at] + new + text[at + more :]
 
-    def renamed(self) -> list[str]:
+    def renamed(self):
         """Something is called by another name, everywhere."""
         old, new = self.pick(re.findall(r"\??[A-Za-z]\w*", self.pick(self.texts[:3]))), self.pick(PARTS["odd"].split())
         return [re.sub(rf"(?<![\w?:#-]){re.escape(old)}(?![\w-])", lambda _: new, text) for text in self.texts]
 
-    def lettered(self) -> None:
+    def lettered(self):
         """One character, or all of a kind in one file, are others."""
         old = self.pick([*PARTS["letters"]])
         new, text = self.pick(PARTS["letters"][old]), self.texts[self.place]
@@ -243,26 +247,26 @@ class _Change:
         else:
             self.instead(old, new, self.random.randrange(2))
 
-    def joined(self) -> None:
+    def joined(self):
         """Words without the blank between them, or parts of a word with one."""
         old, new = self.pick(PARTS["joined"])
         self.instead(old, new, len(old))
 
-    def cut(self) -> None:
+    def cut(self):
         """Some characters are missing, or something is said after the end."""
         text = self.texts[self.place]
         at = self.random.randrange(len(text) + 1)
         more = text[at + self.random.randint(1, 5) :] if self.chance(0.8) else f"{text[at:]} {self.odd_word()}"
         self.texts[self.place] = text[:at] + more
 
-    def odd_word(self) -> str:
+    def odd_word(self):
         return self.pick(PARTS["odd"].split())
 
-    def forms(self) -> Forms:
+    def forms(self):
         """Those of the domain or the problem."""
         return forms(self.pick(self.texts[:2]))
 
-    def section(self) -> None:
+    def section(self):
         """A section more, one twice, or one in the other file."""
         self.place = self.random.randrange(2)
         top = forms(self.texts[self.place]) or [[]]
@@ -272,7 +276,7 @@ class _Change:
             top[0].insert(self.random.randint(2, max(2, len(top[0]))), self.pick(new or [[]]))
         self.texts[self.place] = "\n".join(map(printed, top))
 
-    def form(self) -> None:
+    def form(self):
         """A form or word is missing, twice, elsewhere, another one, inside something, or what is inside of it."""
         self.place = self.pick([0, 0, 1])
         top = forms(self.texts[self.place])
@@ -295,7 +299,7 @@ class _Change:
             inner[at : at + 1] = word if isinstance(word, list) else [word[::-1]]
         self.texts[self.place] = "\n".join(map(printed, top))
 
-    def plan(self) -> None:
+    def plan(self):
         """A word of the plan is missing, twice or another one, or a statement is, or there is another one."""
         if self.chance(0.4):
             parts = [f"{each};\n" for each in self.texts[2].split(";") if each.strip()] or [""]
@@ -307,12 +311,12 @@ class _Change:
         parts[at : at + self.random.randrange(2)] = [new]
         self.texts[2] = "".join(parts)
 
-    def beside(self) -> list[str]:
+    def beside(self):
         """Other parameters beside the plan."""
         lines = PARTS["beside"]
         first = self.pick(lines[:1] * 3 + lines)
         return [*self.texts[:3], "\n".join([first, *self.random.choices(lines, k=self.random.randint(0, 3))])]
 
 
-def _parents(form: Forms) -> list[Forms]:
+def _parents(form):
     return [form, *(each for inner in form if isinstance(inner, list) for each in _parents(inner))]

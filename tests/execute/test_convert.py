@@ -1,14 +1,11 @@
 """Conversion in both modes: small plans whose networks are known, drawn plans, rounded times, recorded plans."""
 
-from __future__ import annotations
-
-from collections import Counter
+from collections import Counter, namedtuple
 from dataclasses import replace
 from fractions import Fraction
 from itertools import product
 from math import floor
 from random import Random
-from typing import NamedTuple
 
 import pytest
 from hypothesis import given, settings
@@ -227,12 +224,9 @@ def test_recorded_networks_are_those_of_the_transformer(dataset, step):
 
 # -- rounded times made exact, against feasibility of difference constraints -------------------------------------------
 
-Constraint = tuple[int, int, Fraction]
-"""(a, b, w): t_b − t_a ≥ w; point 0 is time zero."""
-
 
 def within(printed, shifts):
-    """Every point within its distance of where it was printed."""
+    """Every point within its distance of where it was printed: (a, b, w) is t_b − t_a ≥ w, and point 0 time zero."""
     near = list(enumerate(zip(printed[1:], shifts, strict=True), start=1))
     return [*((0, i, time - shift) for i, (time, shift) in near), *((i, 0, -time - shift) for i, (time, shift) in near)]
 
@@ -269,12 +263,8 @@ def test_the_least_shift_is_feasible_and_nothing_below_it_is(drawn):
     assert max(abs(a - b) for a, b in zip(times, printed, strict=True)) == shift
 
 
-class Step(NamedTuple):
-    """A step at its exact times; an instantaneous one has no duration."""
-
-    start: Fraction
-    text: str
-    duration: Fraction | None
+Step = namedtuple("Step", "start text duration")
+"""A step at its exact times; an instantaneous one has no duration."""
 
 
 def drawn_plan(random):
@@ -299,9 +289,7 @@ def drawn_plan(random):
         pairs += [(place, job) for place in before]
         facts.append(f"(= (work j{job}) {format_number(work[job - 1])})")
     facts += [f"(= (speed m{i}) {format_number(Fraction(speed))}) (free m{i})" for i, speed in enumerate(speeds)]
-    jobs, names = (
-        " ".join(f"{kind}{i}" for i in range(number)) for kind, number in (("j", count + 1), ("m", machines))
-    )
+    jobs, names = (" ".join(f"{kind}{i}" for i in range(most)) for kind, most in (("j", count + 1), ("m", machines)))
     goal = " ".join(f"(done j{i})" for i in range(1, count + 1))
     problem = f"(define (problem day) (:domain workshop) (:objects {jobs} - job {names} - machine)"
     return f"{problem} (:init {' '.join(facts)}) (:goal (and {goal})))", steps, pairs
@@ -328,7 +316,7 @@ def rounded_plan(seed):
     # Node i + 1 is the start of step i; durations are exact, and what was printed first comes first, ends at a tie.
     lengths = [step.duration or Fraction(0) for step in steps]
     printed = [Fraction(0), *(step.time for step in timed.steps)]
-    order: list[Constraint] = [(0, node, Fraction(0)) for node in range(1, len(printed))]
+    order = [(0, node, Fraction(0)) for node in range(1, len(printed))]
     order += [(early + 1, late + 1, EPSILON + lengths[early]) for early, late in pairs]
     order += within(printed, [min(unit, EPSILON) for unit, _ in timed.units])
     kept = all(printed[early + 1] + (timed.steps[early].duration or 0) <= printed[late + 1] for early, late in pairs)

@@ -383,9 +383,9 @@ def test_a_box_that_is_not_controllable_is_replaced_at_the_beginning():
 
 def test_a_parameter_of_several_actions_keeps_an_interval_until_the_last():
     dispatcher = slicing((12, Completed("w1", F(12))), dispatchable=in_series("first", ""))
-    assert dispatcher.remainders[-1].box == in_series("first", "").box == box_of(first="[1, 29999/2000]")
+    assert looks(dispatcher)[-1][2] == in_series("first", "").box == box_of(first="[1, 29999/2000]")
     after(dispatcher, (F(12001, 1000),), (F(14001, 1000), Completed("w2", F(14001, 1000))))
-    assert dispatcher.remainders[-1].box == box_of(first="[2, 12]")
+    assert looks(dispatcher)[-1][2] == box_of(first="[2, 12]")
 
 
 def can_go_on(plan, values, times, now):

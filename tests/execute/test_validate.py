@@ -131,9 +131,8 @@ def changed(plan, schedule, random):
             move(first, between := times[second.start] - times[first.start])
             move(second, -between)
         case "dropped" if len(plan.instances) > 1:
-            plan = replace(
-                plan, instances=tuple(action for action in plan.instances if action != first), constraints=()
-            )
+            others = tuple(action for action in plan.instances if action != first)
+            plan = replace(plan, instances=others, constraints=())
             times = {point: times[point] for point in plan.time_points}
         case "duration":
             bounded = [action for action in plan.instances if action.durations] or [first]
@@ -165,7 +164,7 @@ def check_remedies(texts, verdict):
 
 @pytest.mark.parametrize(("examples", "least"), [(60, 50), pytest.param(2250, 2000, marks=pytest.mark.slow)])
 def test_verdicts_and_separations_are_those_of_the_simulator_and_remedies_help(examples, least):
-    seen: Counter[bool] = Counter()
+    seen = Counter()
 
     @drawn(examples)
     @given(plans(dyadic=True, infeasible=False), RANDOM)
@@ -201,9 +200,6 @@ def test_what_is_tied_is_broken_and_can_be_moved():
     moved = robust.validate(errands, errand, steps, epsilon=0, tolerance="0.01")
     assert not [breach for breach in moved.violations if breach.obligation.startswith("separation")]
     assert 0 < moved.shift < Fraction(1, 100)
-
-
-def test_words_of_what_is_separated():
     words = Words(plan_of(instant("a", assign(F, 1)), instant("b", assign(F, 2))), NEVER)
     assert words.obligation("separation: a, b").endswith("must be at different times")
     assert words.concerned("separation: a, b") == ("a", "b")

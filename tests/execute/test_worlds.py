@@ -123,7 +123,7 @@ def test_an_action_whose_condition_stops_to_hold_at_60_fails(length, fails):
     assert (Atom("done", ("a",)) in world.state.atoms) is not fails
 
 
-def test_consumption_is_drawn_and_shown():
+def test_consumption_and_initial_levels_are_drawn_and_shown():
     dispatcher, world = executed(constant(Subject.CONSUMPTION, "need", 5), **NEED)
     assert (dispatcher.ending, dispatcher.observed["need"]) == (None, 5)
     assert world.state.fluents[Fluent("stock")] == 5
@@ -132,9 +132,7 @@ def test_consumption_is_drawn_and_shown():
     dispatcher, _ = executed(constant(Subject.PARAMETER, "need", 11), **NEED)
     assert isinstance(dispatcher.ending, DispatchFailed)
     assert "(>= (stock) (need b)) does not hold" in str(dispatcher.ending)
-
-
-def test_initial_levels_are_drawn_and_shown_at_the_beginning():
+    # Initial levels are drawn, and shown at the beginning.
     rule = constant(Subject.PARAMETER, "level", 8)
     dispatchable, world = world_of(rule, specs=("level=fluent:(stock)",), box={"first": (4, 20), "level": (5, 12)})
     assert world.messages(F(0)) == [Observed("level", F(8))]
@@ -299,13 +297,12 @@ def test_a_run_re_plans_from_the_state_reached():
     first, second = run.segments
     assert isinstance(first.ending, LeftBox)
     assert first.given_up < 45
-    assert (first.end, second.start) == (45, 45 + EPSILON)
+    assert (first.end, second.start, second.executed[0].start) == (45, 45 + EPSILON, 45 + EPSILON)
     (problem,) = planner.problems
     assert Atom("done", ("a",)) in problem.atoms
     assert [literal.time for literal in problem.timed_literals] == [15 - EPSILON]
     done = [(run.instance.action, run.outcome) for run in (*first.executed, *second.executed)]
     assert done == [("work", DONE), ("fetch", DONE), ("work", DONE)]
-    assert second.executed[0].start == 45 + EPSILON
     assert all(observation.time >= second.start for observation in second.observations)
 
 
