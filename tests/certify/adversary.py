@@ -1,12 +1,9 @@
 """False claims with certificates that somebody made up: none may be accepted.
 
-A case is a plan with claims that are known to be false, because the simulator, the exact region or the oracle says so,
-and a pool of lines from honest certificates: of this plan, of neighbouring claims and of other plans. A grammar makes
-tapes of them: lines recombined, repeated, dropped, re-ordered and invented, numbers changed, proofs of other claims.
-`data/forgeries.json` has plans as small as possible with tapes made up with care, a line of a tape on a line: each
-would be believed if one of the checker's demands were missing or weaker.
-
-`python -m tests.certify.adversary 100000` prints what became of as many.
+A case is a plan with claims that the simulator, the exact region or the oracle says are false, and a pool of lines from
+honest certificates: a grammar recombines, repeats, drops, re-orders, changes and invents lines. `data/forgeries.json`
+has plans as small as possible with tapes made up with care: each would be believed if one of the checker's demands were
+missing or weaker. `python -m tests.certify.adversary 100000` prints what became of as many attempts.
 """
 
 from __future__ import annotations

@@ -3,11 +3,9 @@
     python -m tests.certify.mutants [MODULE ...] [--every N [--first M]]
 
 Every comparison, operator, constant, operand, argument, condition and statement of `proofs/checker/` is changed or left
-out, one at a time. The changed checker runs in this process against the bank of `tests.certify.test_bank`: honest
-certificates, forged ones, false claims, and plans whose meaning the simulator and the oracle know. It is noticed if
-something false is accepted, something honest is refused, or it does not end. Changes that nothing can or should notice
-are listed in `mutants_accepted.txt`: the function, the line that the change makes, and why. Exit code 1 if another one
-is left.
+out, one at a time, and the changed checker runs in this process against the bank of `tests.certify.test_bank`. It is
+noticed if something false is accepted, something honest is refused, or it does not end. Changes that nothing can or
+should notice are in `mutants_accepted.txt`, with reasons. Exit code 1 if another one is left.
 """
 
 from __future__ import annotations

@@ -1,8 +1,5 @@
-"""Plans with choices for the bank: random ones, with a referee of executions, and networks that mean nothing.
-
-The random ones are small and dense, so that conditions of all times, literals of both signs, effects at both ends,
-shared events and choices meet each other. `data/networks.json` has a small network of which one value of the choice
-leaves a correct execution, and changes that make it mean nothing, or what the checker does not know.
+"""Plans with choices for the bank: small and dense random ones, with a referee of executions, and networks that mean
+nothing: `data/networks.json` has one of which one value of the choice leaves a correct execution, and changes of it.
 """
 
 from __future__ import annotations

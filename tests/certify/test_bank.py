@@ -1,8 +1,7 @@
 """What a checker has to get right, to tell a changed one from the one that is meant: see `tests.certify.mutants`.
 
-Nothing here is what the checker itself says of the meaning of a plan: that is the simulator's, the oracle's, or the
-exact region's. A probe is a name and a function from a checker to whether it did right. What a probe compares with was
-found out by the checker that is meant, and something false that it accepts is an error where probes are made.
+A probe is a name and a function from a checker to whether it did right: what it says of a plan is compared with the
+simulator, the oracle or the exact region, and otherwise with what the checker that is meant says.
 """
 
 import ast

@@ -1,8 +1,7 @@
 """What the checker reads, and what its formulas say of single schedules, against this package and its simulator.
 
-In a certificate the checker's formulas are about all schedules at once, so that they hold conditions, cases and orders
-that are constant where the times are given. So they are evaluated in two ways: where times and parameters are given
-before the formulas are made, and, without any solver, where they are free.
+They are evaluated where times and parameters are given before they are made, and, without any solver, where these are
+free as in a certificate: conditions, cases and orders that are constant otherwise are in them only then.
 """
 
 import json

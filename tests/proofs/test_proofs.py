@@ -151,15 +151,12 @@ def test_what_is_not_as_stated_fails(statement, broken, outcome):
     assert (code, "expected" in out, "not everything is as stated" in errors) == (1, True, True)
 
 
-def test_smt2_files_are_written_with_their_status(tmp_path):
+def test_smt2_files_are_written_with_their_status_and_unknown_names_and_partial_pages_refused(tmp_path, capsys):
     assert run.main(["pike_lemma_5_1", "--smt2", str(tmp_path / "new")]) == 0
     texts = {path.stem: path.read_text(encoding="utf-8") for path in (tmp_path / "new").iterdir()}
     assert texts.keys() == {problem.name for problem in problems(catalogue.load("pike_lemma_5_1"))}
     assert all(text.rstrip().endswith("(check-sat)") for text in texts.values())
     assert "(set-info :status unsat)" in texts["pike_lemma_5_1.consensus"]
-
-
-def test_unknown_names_and_partial_pages_are_refused(capsys):
     assert [run.main(words) for words in (["nonsense"], ["pike_lemma_5_1", "--write-docs"])] == [2, 2]
     assert "unknown theorem nonsense; known are" in capsys.readouterr().err
 
