@@ -1,7 +1,7 @@
 """Certificates of every kind: made, accepted by the checker, and only for what is true and has a meaning."""
 
 import json
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from fractions import Fraction
 from random import Random
 
@@ -303,16 +303,14 @@ def test_names_never_reach_a_terminal_as_they_are(value, old, tmp_path):
     assert value not in said or f"{value}'" in said
 
 
-def test_networks_that_this_package_refuses(tmp_path):
-    for kind in ("refused", "unknown"):
-        for number, changes in enumerate(networks.TABLES[kind]):
-            path = networks.files(tmp_path / f"{kind}-{number}", networks.patched(changes))
-            if kind == "refused":
-                with pytest.raises(RobustError):
-                    load_team_plan(path)
-            assert tools.command(networks.OUT_OF_NOTHING, tmp_path / "cert", [path])[0] == 4, changes
-            code = tools.command(networks.EXECUTION, tmp_path / "cert", [path])[0]
-            assert code in ((1, 4) if kind == "refused" else (4,)), changes
+@pytest.mark.parametrize(("kind", "codes"), [("refused", (1, 4)), ("unknown", (4,))])
+def test_networks_that_this_package_refuses_or_the_checker_does_not_know(kind, codes, tmp_path):
+    for number, changes in enumerate(networks.TABLES[kind]):
+        path = networks.files(tmp_path / str(number), networks.patched(changes))
+        with pytest.raises(RobustError) if kind == "refused" else suppress(RobustError):
+            load_team_plan(path)
+        assert tools.command(networks.OUT_OF_NOTHING, tmp_path / "cert", [path])[0] == 4, changes
+        assert tools.command(networks.EXECUTION, tmp_path / "cert", [path])[0] in codes, changes
 
 
 def spoilt(seed, directory):

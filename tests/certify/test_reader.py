@@ -35,10 +35,7 @@ from tests.sampling import Network, sample_parameters, sample_schedules
 
 DATA = Path(__file__).with_name("data")
 TABLES = json.loads((DATA / "elaborate.json").read_text(encoding="utf-8"))
-DOMAIN, PROBLEM, PLAN = (
-    (DATA / name).read_text(encoding="utf-8") for name in ("domain.pddl", "problem.pddl", "plan.stn")
-)
-TEXTS = Texts(DOMAIN, PROBLEM, PLAN)
+TEXTS = Texts(*((DATA / name).read_text(encoding="utf-8") for name in ("domain.pddl", "problem.pddl", "plan.stn")))
 """A plan that has everything which the checker's reader knows; `data/elaborate.json` has what it says, other ways to
 say it, and what is wrong."""
 
@@ -347,28 +344,26 @@ def texts_probes():
     """What a reader has to get right."""
     for name, texts in {"elaborate": TEXTS, **OTHERS}.items():
         yield f"texts {name}", partial(_says, texts=texts, says=SAYS[name])
+
+    def may_grow(ground):
+        return any(effect.kind == "increase" for effect in ground.effects[3])
+
     for guard, known in TABLES["guards"].items():
         ((_, texts),) = changed_texts({"(when (busy) (decrease": [f"(when {guard} (decrease"]})
-        yield f"texts guard {guard}", partial(_may_happen, texts=texts, known=known)
-    yield from ((f"texts same {new}", partial(_says_the_same, texts=texts)) for new, texts in changed_texts(SAME))
+        yield f"texts guard {guard}", partial(_says, texts=texts, says=known, view=may_grow)
+    for new, texts in changed_texts(SAME):
+        says = unordered(SAYS["elaborate"])
+        yield f"texts same {new}", partial(_says, texts=texts, says=says, view=lambda ground: unordered(said(ground)))
     wrong = [*changed_texts(WRONG), *changed_texts(TABLES["names"]), *changed_texts(TABLES["varied"], OTHERS["beside"])]
     wrong += changed_texts(TABLES["small"]["wrong"], TABLES["small"]["texts"])
-    named = {"DOMAIN": DOMAIN, "PROBLEM": PROBLEM, "PLAN": PLAN}
+    named = dict(zip(("DOMAIN", "PROBLEM", "PLAN"), TEXTS, strict=True))
     wrong += [(str(texts), [named.get(text, text) for text in texts]) for texts in TABLES["refused"]]
     wrong += [(beside, [*OTHERS["beside"][:3], beside]) for beside in TABLES["beside"]]
     yield from ((f"texts wrong {new}", partial(refuses, texts=texts)) for new, texts in wrong)
 
 
-def _says(by, texts, says):
-    return bool(said(by.reader.ground(*texts)) == says)
-
-
-def _may_happen(by, texts, known):
-    return any(effect.kind == "increase" for effect in by.reader.ground(*texts).effects[3]) == known
-
-
-def _says_the_same(by, texts):
-    return bool(unordered(said(by.reader.ground(*texts))) == unordered(SAYS["elaborate"]))
+def _says(by, texts, says, view=said):
+    return view(by.reader.ground(*texts)) == says
 
 
 def refuses(by, texts):
