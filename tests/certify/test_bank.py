@@ -250,7 +250,6 @@ def test_the_checker_does_right(make, least, tmp_path):
 
 
 def test_no_false_claim_is_accepted():
-    """Honest certificates of the cases are, or nothing would follow from that."""
     kinds = {lines[0][1] for case in cases(20, 0) for lines in case.honest if not isinstance(case.attempt(lines), str)}
     assert kinds >= {"box", "maximal", "region"}
     outcome = run(1_000, plans=20)
@@ -286,7 +285,6 @@ def test_refutations_that_somebody_might_try(kind, every):
 
 
 def test_false_orders_leave_a_value_without_a_last_assignment():
-    """All assignments come before others, by orders that contradict each other: no exception but a rejection."""
     ground = reader.ground(*TABLES["false orders"])
     formulas = Formulas(ground, tools.EPSILON)
     ends = [number for number, effects in enumerate(ground.effects) if effects]

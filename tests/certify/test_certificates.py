@@ -101,10 +101,7 @@ SMALL = """(define (domain d) (:predicates (p)) (:functions (f))
 PROBLEM = "(define (problem x) (:domain d) (:init (= (f) 0)) (:goal (and)))"
 HEAD = "parameter k default 1; durative-action instance i : (a);"
 FLEXIBLE = f"{HEAD} c: i.start - .zero in [k, inf]; c: i.end - i.start in [1, 1]; c: i.end - .zero in [-inf, 4];"
-TWO = (
-    "parameter k default 1; parameter n default 2; durative-action instance i : (a);"
-    "c: i.start - .zero in [k, n]; c: i.end - i.start in [1, 1];"
-)
+TWO = f"parameter n default 2; {HEAD} c: i.start - .zero in [k, n]; c: i.end - i.start in [1, 1];"
 
 
 def small(condition="()", plan=FLEXIBLE):
@@ -117,7 +114,6 @@ def small(condition="()", plan=FLEXIBLE):
     [("()", FLEXIBLE), ("()", TWO), ("(at end (<= (f) 1))", FLEXIBLE), ("(over all (< (f) 2))", FLEXIBLE)],
 )
 def test_small_plans(condition, plan, solver):
-    """Infinite ends, faces where schedules end, and schedules that have to move with the parameters."""
     texts = small(condition, plan)
     ours = tools.assembled(texts)
     assert plan == TWO or str(envelope(ours).box) == "k ∈ (-inf, 3]"
@@ -226,7 +222,6 @@ def claim(effects, epsilon=tools.EPSILON, plan=ONE):
 @pytest.mark.parametrize("effect", TABLES["undefined"])
 @pytest.mark.parametrize("epsilon", [Fraction(0), tools.EPSILON])
 def test_effects_that_nothing_reads_have_a_meaning(effect, epsilon):
-    """What they change is read by nothing, and they have no meaning: nothing is proved."""
     with pytest.raises((reader.Unsupported, RefutedError)):
         claim(effect, epsilon)
     texts = Texts(DOMAIN.format(effect), ITS_PROBLEM, ONE)

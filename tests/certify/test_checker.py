@@ -56,7 +56,6 @@ def lines_of_code(text):
 
 @pytest.fixture(scope="module")
 def box():
-    """The certificate of a maximal box."""
     return tools.made(tools.NAVIGATION, "maximal")
 
 
@@ -91,7 +90,6 @@ def test_it_runs_from_a_copy_of_its_folder(box, tmp_path):
 
 
 def test_what_is_mutex_does_not_depend_on_the_seed_of_hashes(tmp_path):
-    """The order of obligations is the tape's order."""
     script = (
         "import json, sys; sys.path.insert(0, sys.argv[1]); from checker.reader import ground, Unsupported; "
         "from checker.formulas import Formulas; from fractions import Fraction\n"
@@ -259,7 +257,6 @@ print(ended.returncode, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024, en
     "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in HOSTILE]
 )
 def test_what_costs_much_is_refused_cheaply(name, tmp_path):
-    """With as much that is never read as may be unpacked of it."""
     packed = gzip.compress(HOSTILE[name]().encode())
     packed += gzip.compress(Random(1).randbytes(max(LARGEST - len(packed) - 100, 0)))
     assert len(packed) <= LARGEST
