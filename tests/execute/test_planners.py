@@ -428,3 +428,15 @@ def test_whatever_a_valid_plan_reaches_is_not_before_its_bound(seeds, least):
                 assert bound <= ticks, (seed, relaxed.facts[a], relaxed.facts[b], moment)
                 seen, later, exact = seen + 1, later + (bound > 0), exact + (0 < bound == ticks)
     assert all(count > few for count, few in zip((seen, later, exact), least, strict=True))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["aries", "kairos"])
+def test_no_planner_solves_what_is_refused(name):
+    planner, refused = create_planner(name), 0
+    for seed in range(20000, 20120):
+        texts = random_world(Random(seed))  # noqa: S311
+        if "(when" not in texts[0] and unreachable(*parsed(*texts), Deadline()) is not None:
+            refused += 1
+            assert planner.planner.solve(*parsed(*texts), Deadline.after(2)).plan is None, seed
+    assert refused > 10
