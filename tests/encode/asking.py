@@ -47,7 +47,7 @@ def where_broken(encoding: PositionsEncoding, obligation: Obligation, points: It
     terms, answers = encoding.terms, []
     session = Session(terms)
     session.add(*encoding.query(obligation))
-    unknowns = {unknown for place in encoding.network.places.values() for unknown in place.variables}
+    unknowns = set().union(*(place.variables for place in encoding.network.places.values()))
     symbols = {symbol.symbol_name(): symbol for symbol in encoding.unknowns()}
     for values, schedule in points:
         known = {**values, **{f"t({point})": time for point, time in schedule.items()}}
@@ -87,21 +87,21 @@ def hidden(encoding: Encoding, formulas: Iterable[Formula]) -> list[Any]:
     ]
 
 
+def unless_hidden(encoding: Encoding, formulas: Iterable[Formula]) -> Any:
+    """No values of the symbols other than parameters satisfy the formulas."""
+    body, bound = z3.Not(in_z3(encoding, formulas)), hidden(encoding, formulas)
+    return z3.ForAll(bound, body) if bound else body
+
+
 def difference(left: Encoding, right: Encoding) -> Satisfiability:
     """Parameter values with a schedule for which only the left encoding says that an obligation can break."""
     network, bad_left = left.network_formulas(), [left.query(o) for o in left.obligations]
     bad_right = [right.query(o) for o in right.obligations]
-    never = []
-    for query in bad_right:
-        body, bound = z3.Not(in_z3(right, query)), hidden(right, query)
-        never.append(z3.ForAll(bound, body) if bound else body)
+    never = [unless_hidden(right, query) for query in bad_right]
     solver = z3.Tactic("qsat").solver()
     solver.set("timeout", 10_000)
     solver.add(in_z3(left, network), z3.Or(*(in_z3(left, query) for query in bad_left)), *never)
-    answer = solver.check()
-    if answer == z3.unknown:
-        return Satisfiability.UNKNOWN
-    return Satisfiability.SATISFIABLE if answer == z3.sat else Satisfiability.UNSATISFIABLE
+    return Satisfiability({"sat": "sat", "unsat": "unsat"}.get(str(solver.check()), "unknown"))
 
 
 def both(plan: ParametrizedPlan, epsilon: Fraction = Fraction(1, 1000)) -> tuple[Encoding, Encoding]:

@@ -86,17 +86,15 @@ def texts(case: Case, moment: Fraction, init: str = "(= (f) 5)") -> PddlText:
     return PddlText(domain, problem, f"{float(moment)}: (w)\n{START}: (m) [{END - START}]\n")
 
 
-def load(case: Case, moment: Fraction, init: str = "(= (f) 5)") -> ParametrizedPlan:
-    """The plan with all times fixed."""
-    text = texts(case, moment, init)
-    domain = parse_domain(text.domain)
-    return assemble(domain, parse_problem(text.problem, domain), parse_stn(network(moment)))
-
-
 def network(moment: Fraction) -> str:
     return f"""action instance w : (w); durative-action instance m : (m);
 c: w - .zero in [{moment}, {moment}]; c: m.start - .zero in [{START}, {START}]; c: m.end - .zero in [{END}, {END}];
 """
+
+
+def load(text: PddlText, steps: str) -> ParametrizedPlan:
+    domain = parse_domain(text.domain)
+    return assemble(domain, parse_problem(text.problem, domain), parse_stn(steps))
 
 
 def schedule(plan: ParametrizedPlan, moment: Fraction) -> dict[TimePoint, Fraction]:
@@ -110,7 +108,8 @@ def test_reads(case: Case) -> None:
 
     Whether somebody reads what `w` changes less than ε away is all that can be wrong.
     """
-    plan = load(case, START)
+    text = texts(case, START)
+    plan = load(text, network(START))
     m, w = plan.instance["m"], plan.instance["w"].start
     expected = {(w, m.start if moment == START else m.end) for moment in case.reads}
     assert set(mutex_pairs(plan)) == set(simulator.mutex_pairs(plan)) == expected
@@ -118,11 +117,10 @@ def test_reads(case: Case) -> None:
     accesses = Accesses(plan)
     readers = {point for name, points in accesses.readers.items() if str(name) == NAMED[case.write] for point in points}
     assert readers == {accesses.index[point] for _, point in expected}
-    text = texts(case, START)
     checked = ground(text.domain, text.problem, network(START))
     assert set(mutex(checked)) == {tuple(sorted(checked.number[str(point)] for point in pair)) for pair in expected}
     for moment in (START, END, START + EPSILON / 2, FAR):
-        plan = load(case, moment)
+        plan = load(text, network(moment))
         valid = all(abs(moment - read) >= EPSILON for read in case.reads)
         violations = {violation.obligation for violation in simulate(plan, {}, schedule(plan, moment)).violations}
         assert (violations == set()) == valid, moment
@@ -138,13 +136,11 @@ def test_reads(case: Case) -> None:
 
 
 def test_the_transformer_keeps_away_from_what_is_mentioned() -> None:
-    plan = load(Case("(at start (>= (f) (f)))"), FAR)
+    plan = load(texts(Case("(at start (>= (f) (f)))"), FAR), network(FAR))
     edges = esterel_edges(Original(plan, {ZERO: Fraction(0), **schedule(plan, FAR)}, EPSILON))
     m, w = plan.instance["m"], plan.instance["w"]
     assert [edge.weight for edge in edges if (edge.source, edge.target) == (m.start, w.start)] == [EPSILON]
 
-
-# -- values ------------------------------------------------------------------------------------------------------------
 
 WITHOUT_VALUE = [
     # Not those with a disjunction, of which VAL evaluates no more than it needs in a state.
@@ -164,18 +160,16 @@ WITHOUT_VALUE = [
 @pytest.mark.parametrize(("case", "fails"), WITHOUT_VALUE)
 def test_a_mention_needs_a_value(case: Case, fails: bool) -> None:
     """A fluent without initial value is an error wherever it is evaluated, even if it cancels; for VAL, too."""
+    text = texts(case, AFTERWARDS, init="")
     with pytest.raises(InputError, match=r"no initial value of \(f\)") if fails else nullcontext():
-        load(case, AFTERWARDS, init="")
-    report = run_val(texts(case, AFTERWARDS, init=""), tolerance=EPSILON).report
-    assert ("undefined numeric expression" in report) == fails
+        load(text, network(AFTERWARDS))
+    assert ("undefined numeric expression" in run_val(text, tolerance=EPSILON).report) == fails
 
 
 def test_a_mention_in_the_goal_needs_a_value() -> None:
-    text = texts(Case(), AFTERWARDS, init="")
-    domain = parse_domain(text.domain)
+    domain, problem, steps = texts(Case(), AFTERWARDS, init="")
     for goal, fails in (("(>= (f) (- (f) 1))", True), ("(or (= a a) (>= (f) 0))", False)):
-        problem = parse_problem(text.problem.replace("(:goal (top))", f"(:goal {goal})"), domain)
-        stn = parse_stn("action instance w : (w);")
+        text = PddlText(domain, problem.replace("(:goal (top))", f"(:goal {goal})"), steps)
         message = r"no initial value of \(f\), expected one because the goal \(>= \(f\) \(- \(f\) 1\)\) reads it"
         with pytest.raises(InputError, match=message) if fails else nullcontext():
-            assemble(domain, problem, stn)
+            load(text, "action instance w : (w);")

@@ -22,7 +22,7 @@ from robust.plan.model import ZERO, DurationConstraint, Parameter, ParametrizedP
 from robust.plan.polynomial import Polynomial
 from robust.smt.limits import NEVER, Deadline
 from robust.smt.session import Satisfiability, Session
-from tests.encode.asking import follows, hidden, in_z3, sampled
+from tests.encode.asking import follows, sampled, unless_hidden
 from tests.plan import building
 from tests.plan.building import DURATION, RANDOM, START, P, at, between, drawn, instant, number, plan_of, reference
 from tests.sampling import Network, bound_value
@@ -38,12 +38,10 @@ def networks(draw) -> tuple[ParametrizedPlan, dict[str, Range]]:
     small = st.integers(-2, 5).map(lambda n: Fraction(n, 2))
 
     def bound() -> Polynomial:
-        total = number(draw(small))
-        for _ in range(draw(st.integers(0, 2))):
-            total = total + reference(draw(st.sampled_from(names))).scaled(draw(st.sampled_from([1, 1, -1, 2])))
-        return total
+        terms = st.lists(st.tuples(st.sampled_from(names), st.sampled_from([1, 1, -1, 2])), max_size=2)
+        return sum((reference(name).scaled(factor) for name, factor in draw(terms)), number(draw(small)))
 
-    instances = []
+    instances, constraints = [], []
     for index in range(draw(st.integers(1, 3))):
         rules = []
         if draw(st.booleans()):
@@ -51,12 +49,10 @@ def networks(draw) -> tuple[ParametrizedPlan, dict[str, Range]]:
             condition = model.NumericCondition((DURATION - bound()).scaled(sign), relation)
             rules = [DurationConstraint(START, condition, "rule 0")]
         instances.append(building.action(f"i{index}", *rules, durative=bool(rules) or draw(st.booleans())))
-    time_points = [ZERO, *(point for instance in instances for point in instance.time_points)]
-    constraints = []
+    time_points = st.sampled_from([ZERO, *(point for instance in instances for point in instance.time_points)])
     for _ in range(draw(st.integers(1, 6))):
-        source, target = draw(st.sampled_from(time_points)), draw(st.sampled_from(time_points))
-        lower = bound() if draw(st.booleans()) else None
-        upper = bound() if draw(st.booleans()) else None
+        source, target = draw(time_points), draw(time_points)
+        lower, upper = (bound() if draw(st.booleans()) else None for _ in range(2))
         if draw(st.integers(0, 3)) == 0:
             lower = upper = bound()
         if source != target:
@@ -92,10 +88,6 @@ def keeps_rule(plan: ParametrizedPlan, values: dict[str, Fraction], name: str) -
     return Network(replace(plan, constraints=(*plan.constraints, *extra)), values).consistent
 
 
-def value_at(facet: Facet, values: dict[str, Fraction]) -> Fraction:
-    return bound_value(facet.expression, values)
-
-
 def some_point_has_no_schedule(encoding: Encoding, ranges: dict[str, Range]) -> bool:
     """By the definition, with quantifiers."""
     network = encoding.network_formulas()
@@ -103,8 +95,7 @@ def some_point_has_no_schedule(encoding: Encoding, ranges: dict[str, Range]) -> 
     for name, (low, high) in ranges.items():
         solver.add(*([] if low is None else [z3.Real(name) >= z3.Q(low.numerator, low.denominator)]))
         solver.add(*([] if high is None else [z3.Real(name) <= z3.Q(high.numerator, high.denominator)]))
-    times, body = hidden(encoding, network), z3.Not(in_z3(encoding, network))
-    solver.add(z3.ForAll(times, body) if times else body)
+    solver.add(unless_hidden(encoding, network))
     answer = solver.check()
     assert answer != z3.unknown
     return bool(answer == z3.sat)
@@ -119,17 +110,17 @@ def judge(plan: ParametrizedPlan, ranges: dict[str, Range], random: Random, name
     if facet is None or facet.obligation is None:
         assert (facet is not None) == some_point_has_no_schedule(encoding, ranges)
     if facet is None:
-        if name == "relational":
-            # What None also claims: parameters alone do not force a negative duration.
-            for instance in plan.instances:
-                end = encoding.places[instance.end] - encoding.places[instance.start]
-                if instance.durative and is_over_parameters(end):
-                    rule = f"{instance.identifier} {instance.action}: non-negative duration"
-                    assert all(keeps_rule(plan, values, rule) for values in sampled(ranges, random, 8))
+        # What None also claims: parameters alone do not force a negative duration.
+        for instance in plan.instances if name == "relational" else ():
+            if instance.durative and is_over_parameters(
+                encoding.places[instance.end] - encoding.places[instance.start]
+            ):
+                rule = f"{instance.identifier} {instance.action}: non-negative duration"
+                assert all(keeps_rule(plan, values, rule) for values in sampled(ranges, random, 8))
         return f"none{by}"
     assert is_over_parameters(facet.expression)
     points = [*sampled(ranges, random, 8), *sampled({name: (Fraction(-6), Fraction(6)) for name in ranges}, random, 20)]
-    outside = [values for values in points if value_at(facet, values) < 0]
+    outside = [values for values in points if bound_value(facet.expression, values) < 0]
     assert outside, "some sampled corner of the box lies outside the facet"
     if facet.obligation is None:
         follows(encoding, facet, ranges)
@@ -189,16 +180,13 @@ WORST_APART = plan_of(FIRST, THEN, constraints=CIRCLE, parameters=(Parameter("k"
 
 
 def test_edges_at_their_worst_at_different_points_of_the_box() -> None:
-    encoding = RelationalEncoding(WORST_APART)
-
-    def asked(low: int | None, high: int | None) -> Facet | Satisfiability | None:
-        return ask(encoding, {"k": tuple(None if end is None else Fraction(end) for end in (low, high))})
-
-    assert (asked(-4, 1000), asked(-4, None)) == (None, None)
-    broken = asked(-5, 1000)
+    encoding, low = RelationalEncoding(WORST_APART), Fraction(-4)
+    for high in (Fraction(1000), None):
+        assert ask(encoding, {"k": (low, high)}) is None
+    broken = ask(encoding, {"k": (low - 1, Fraction(1000))})
     assert isinstance(broken, Facet)
-    assert value_at(broken, {"k": Fraction(-4)}) == 0
-    assert isinstance(asked(None, 0), Facet)
+    assert bound_value(broken.expression, {"k": low}) == 0
+    assert isinstance(ask(encoding, {"k": (None, Fraction(0))}), Facet)
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
@@ -210,29 +198,25 @@ def test_out_of_time_is_unknown_and_spoils_nothing(encoding) -> None:
 
 
 def test_the_statements_that_contradict_each_other_at_a_point() -> None:
-    i = FIRST
-    constraints = (between(ZERO, i.start, K), between(ZERO, i.start, None, 3))
+    constraints = (between(ZERO, FIRST.start, K), between(ZERO, FIRST.start, None, 3))
     parameters = (Parameter("k", Fraction(1), upper=Fraction(9)),)
-    validity = RelationalEncoding(plan_of(i, constraints=constraints, parameters=parameters)).validity
+    validity = RelationalEncoding(plan_of(FIRST, constraints=constraints, parameters=parameters)).validity
     assert validity.contradiction({"k": Fraction(3)}) is None
     facet = validity.contradiction({"k": Fraction(5)})
     assert facet is not None
     assert set(facet.origins) == set(map(str, constraints))
-    assert value_at(facet, {"k": Fraction(5)}) == -2
+    assert bound_value(facet.expression, {"k": Fraction(5)}) == -2
     assert validity.contradiction({"k": Fraction(10)}) == Facet(number(9) - K, ("parameter k ub 9",))
-    facet = ask(RelationalEncoding(plan_of(i, constraints=(between(ZERO, i.start, 3, 2),))), {})
+    facet = ask(RelationalEncoding(plan_of(FIRST, constraints=(between(ZERO, FIRST.start, 3, 2),))), {})
     assert isinstance(facet, Facet)
     assert facet.expression == number(-1), "a plan without parameters has facets without variables"
-
-
-@pytest.mark.parametrize(("time", "statements"), [(None, 2), (1, 1), (3, 1)])
-def test_equalities_can_contradict_each_other(time, statements) -> None:
-    """Those of one point, or one and the time of a timed literal."""
+    # Equalities of one point contradict each other, or one and the time of a timed literal.
     timed = TimedLiteral(Fraction(2), P, True)
-    constraints = (at(FIRST.start, 1), at(FIRST.start, 2) if time is None else at(timed.point, time))
-    facet = RelationalEncoding(plan_of(FIRST, constraints=constraints, literals=(timed,))).validity.contradiction({})
-    assert facet is not None
-    assert len(set(facet.origins) & set(map(str, constraints))) == statements
+    for other, statements in ((at(FIRST.start, 2), 2), (at(timed.point, 1), 1), (at(timed.point, 3), 1)):
+        constraints = (at(FIRST.start, 1), other)
+        plan = plan_of(FIRST, constraints=constraints, literals=(timed,))
+        facet = RelationalEncoding(plan).validity.contradiction({})
+        assert len(set(facet.origins) & set(map(str, constraints))) == statements
 
 
 @pytest.mark.parametrize("shift", [0, -100])

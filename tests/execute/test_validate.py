@@ -20,7 +20,7 @@ from robust.plan import model
 from robust.plan.simulate import mutex_pairs, simulate
 from robust.plan.timed import TimedPlan, TimedStep, parse_timed_plan
 from robust.show.text import Words
-from tests.encode.test_conflicts import Drawing, on_a_grid
+from tests.encode.test_meaning import Drawing, on_a_grid
 from tests.execute.plans import ERRAND, ERRANDS, converted, errand, errands, text_of
 from tests.pddl_text import pddl_text
 from tests.plan.building import RANDOM, F, assign, drawn, instant, plan_of

@@ -16,29 +16,20 @@ from tests.execute.plans import TASKS, TWO_TASKS
 from tests.plan.building import DURATION, EVERYTHING, TEXTS, TOUR, at, between, equal, number, reference, refused
 
 PROBLEM = TWO_TASKS.replace("(= (need a) 3) ", "")
-
 PLAN = (TEXTS / "mission.stn").read_text(encoding="utf-8")
-
 MOVE = "durative-action instance n0 : (move r1 a b);\nc: n0.end - n0.start in [5, 5];\n"
 SYNTH_PLAN = f"parameter speed default 9;\nparameter n0.rate default 1.5;\n{MOVE}"
-
 STOCK, NEED = model.Fluent("stock"), model.Fluent("need", ("b",))
 FILES = {"domain": TASKS, "problem": PROBLEM, "plan": PLAN}
 MEASURED = TOUR.replace("(:init", "(:init (= (distance b a) 8) (= (distance b hub) 9)")
 SYNTH = {"domain": EVERYTHING, "problem": MEASURED, "plan": SYNTH_PLAN}
 
 
-def build(
-    *specs: str,
-    domain: str = TASKS,
-    problem: str = PROBLEM,
-    plan: str = PLAN,
-    name: str = "mission.stn",
-    nominal_needed: bool = True,
-) -> model.ParametrizedPlan:
-    parsed = parse_domain(domain)
-    parts = parsed, parse_problem(problem, parsed), parse_stn(plan, name), parse_specs(specs)
-    return assemble(*parts, nominal_needed=nominal_needed)
+def build(*specs: str, nominal_needed: bool = True, **texts: str) -> model.ParametrizedPlan:
+    texts = FILES | texts
+    domain = parse_domain(texts["domain"])
+    problem, plan = parse_problem(texts["problem"], domain), parse_stn(texts["plan"], "mission.stn")
+    return assemble(domain, problem, plan, parse_specs(specs), nominal_needed=nominal_needed)
 
 
 def test_parts() -> None:
@@ -94,15 +85,12 @@ def test_parameters_without_nominal_values() -> None:
     assert [parameter.name for parameter in synthesised.parameters] == ["speed", "n0.rate"]
 
 
-def test_varied_initial_values() -> None:
+def test_varied_initial_values_and_synthesis_parameters_in_the_plan_or_as_options() -> None:
     plan = build("fluent:(stock),lb=0", "use=fluent:(need b)")
     assert plan.initial_fluents == {STOCK: reference("stock"), NEED: reference("use")}
     assert plan.nominal == {"pause": 3, "stock": 10, "use": 4}
     (effect,) = plan.instance["n0"].numeric_effects
     assert NEED in effect.expression.variables, "though no action writes it"
-
-
-def test_synthesis_parameters_in_the_plan_or_as_options() -> None:
     for plan, options in ((SYNTH_PLAN, ()), (MOVE, ("speed,default=9", "n0.rate,default=1.5,lb=0"))):
         built = build(*options, **{**SYNTH, "plan": plan})
         assert built.nominal == {"speed": 9, "n0.rate": Fraction(3, 2)}

@@ -3,7 +3,6 @@
 from fractions import Fraction
 from pathlib import Path
 
-import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
@@ -23,22 +22,16 @@ def test_everything_the_format_has() -> None:
     beep = TimePoint(TimePointKind.INSTANT, "Beep-1")
     dur, rate = ParameterReference("dur_0"), ParameterReference("n0.rate")
     plan = parse_stn(GOOD, "plans/mission_1.stn")
-    assert plan == STNPlan(
-        (
-            ParameterDeclaration("dur_0", Fraction(2), Fraction(225, 2), Fraction(1, 1000), Fraction(1000, 3)),
-            ParameterDeclaration("n0.rate"),
-        ),
-        (
-            InstanceDeclaration("n0", "do_hover", ("auv", "wp-1"), durative=True),
-            InstanceDeclaration("Beep-1", "beep", (), durative=False),
-        ),
-        (
-            STNConstraint(end, start, dur, dur),
-            STNConstraint(start, ZERO, Fraction(0), None),
-            STNConstraint(end, start, None, rate),
-            STNConstraint(beep, end, Fraction(1, 1000), None),
-            STNConstraint(ZERO, beep, Fraction(-100), Fraction(-1, 2)),
-        ),
+    bounds = Fraction(2), Fraction(225, 2), Fraction(1, 1000), Fraction(1000, 3)
+    assert plan.parameters == (ParameterDeclaration("dur_0", *bounds), ParameterDeclaration("n0.rate"))
+    hover = InstanceDeclaration("n0", "do_hover", ("auv", "wp-1"), durative=True)
+    assert plan.instances == (hover, InstanceDeclaration("Beep-1", "beep", (), durative=False))
+    assert plan.constraints == (
+        STNConstraint(end, start, dur, dur),
+        STNConstraint(start, ZERO, Fraction(0), None),
+        STNConstraint(end, start, None, rate),
+        STNConstraint(beep, end, Fraction(1, 1000), None),
+        STNConstraint(ZERO, beep, Fraction(-100), Fraction(-1, 2)),
     )
     assert write_stn(plan) == WRITTEN
     assert plan.name == "mission_1"
@@ -46,9 +39,9 @@ def test_everything_the_format_has() -> None:
     assert places == [f"plans/mission_1.stn:{place}" for place in ("2:11", "4:17", "8:1")]
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
+def test_good_statements() -> None:
+    declarations = "parameter p default 1;durative-action instance n0 : (go a b);action instance beep : (beep);"
+    for text in (
         "c: n0.end - n0.end in [-1, 1];",
         "c: n0.end-.zero in [3, 3];",
         "c: .zero-n0.end in [-3, -3];",
@@ -57,12 +50,9 @@ def test_everything_the_format_has() -> None:
         "parameter inf.x default 0;",
         "action instance 0 : (beep); c: 0 - .zero in [0, 1];",
         "c\n:\nn0.end # why\n- n0.start\tin [ 1 , 2 ] ;\r\n",
-    ],
-)
-def test_good_statement(text: str) -> None:
-    declarations = "parameter p default 1;durative-action instance n0 : (go a b);action instance beep : (beep);\n"
-    plan = parse_stn(declarations + text)
-    assert parse_stn(write_stn(plan)) == plan
+    ):
+        plan = parse_stn(declarations + text)
+        assert parse_stn(write_stn(plan)) == plan, text
 
 
 LIMIT = 10**300 - 1
@@ -71,11 +61,8 @@ fractions = st.builds(Fraction, st.integers(-LIMIT, LIMIT), st.integers(1, LIMIT
 
 @given(fractions)
 @example(Fraction(1, 2**996))
-def test_numbers_are_exact(value: Fraction) -> None:
+def test_numbers_are_exact_and_printed_shortly(value: Fraction) -> None:
     assert parse_number(format_number(value)) == value
-
-
-def test_printed_numbers() -> None:
     texts = {"1/1000": "0.001", "-3/2": "-1.5", "1/3": "1/3", "-1/6": "-1/6", "100": "100", "0": "0", "7/20": "0.35"}
     assert {value: format_number(Fraction(value)) for value in texts} == texts
 
@@ -137,8 +124,6 @@ def test_damaged_plan(data: st.DataObject) -> None:
         assert error.location.line is not None
 
 
-# -- timed plans -------------------------------------------------------------------------------------------------------
-
 TIMED = """\
 ; Plan found in 0.1 s
 
@@ -168,19 +153,15 @@ def test_round_trip_of_timed_plans(plan: TimedPlan) -> None:
     assert parse_timed_plan(write_timed_plan(plan)) == plan
 
 
-LAYOUTS = groups(TEXTS / "layouts.txt")
+def test_layouts_of_planners() -> None:
+    for headline, text in groups(TEXTS / "layouts.txt").items():
+        written = write_timed_plan(parse_timed_plan(text))
+        assert written == "0: (go a b) [5]\n5.001: (beep) [0.001]\n", headline
+    numbered = parse_timed_plan("SequentialPlan:\n    go(a, b)\n    beep\n")
+    assert write_timed_plan(numbered) == "0: (go a b)\n1: (beep)\n"
 
 
-@pytest.mark.parametrize("text", LAYOUTS.values(), ids=LAYOUTS)
-def test_layouts_of_planners(text: str) -> None:
-    assert write_timed_plan(parse_timed_plan(text)) == "0: (go a b) [5]\n5.001: (beep) [0.001]\n"
-
-
-def test_steps_of_a_sequence_are_numbered() -> None:
-    assert write_timed_plan(parse_timed_plan("SequentialPlan:\n    go(a, b)\n    beep\n")) == "0: (go a b)\n1: (beep)\n"
-
-
-def test_the_last_plan_of_a_log_counts() -> None:
+def test_the_last_plan_of_a_log_counts_and_what_is_wrong_stands_beside_those_before_it() -> None:
     log = "0: (a) [1]\nlooking on\n0: (b) [2]\n; Time 0.3\n0: (c) [3]\n; not the end\n\n1: (d)\nCost: 3\n"
     last, second = parse_timed_plan(log), parse_timed_plan(log, number=2)
     assert write_timed_plan(last) == "0: (c) [3]\n1: (d)\n"
@@ -188,23 +169,17 @@ def test_the_last_plan_of_a_log_counts() -> None:
     assert write_timed_plan(second) == "0: (b) [2]\n"
     assert second.note == "picked plan 2 of 3 (line 3); skipped 2 lines that are no step"
     refused(lambda: parse_timed_plan(log, "a.log", 4), "a.log: found 3 plans, expected one with number 4", [])
-
-
-def test_what_is_wrong_stands_beside_the_plans_before_it() -> None:
     error, *plans = plans_in("0: (a) [1]\nlooking on\n0: (b) [2]\n2.0: (c", "<plan of p>")
     assert str(error).startswith("<plan of p>:4:1: found '2.0: (c'")
     assert [write_timed_plan(plan) for plan in plans] == ["0: (a) [1]\n"]
 
 
-@pytest.mark.parametrize(
-    ("texts", "digits"),
-    [
-        ("12 12.001 1e-3 1/3", [0, 3, 3, None]),
-        ("195.01100000 0.53846200 0.00100000", [3, 6, 8]),
-        ("195.01100000 329.16486000", [8, 8]),
-    ],
-    ids=["last digit", "six digits and zeros", "more than six digits"],
-)
-def test_units(texts: str, digits: list[int | None]) -> None:
-    plan = parse_timed_plan("".join(f"{text}: (a) [{text}]\n" for text in texts.split()))
-    assert plan.units == tuple((0, 0) if count is None else (Fraction(1, 10**count),) * 2 for count in digits)
+def test_units() -> None:
+    """Of the last digit; of six digits and zeros; of more than six digits."""
+    for texts, units in (
+        ("12 12.001 1e-3 1/3", ["1", "0.001", "0.001", "0"]),
+        ("195.01100000 0.53846200 0.00100000", ["0.001", "0.000001", "0.00000001"]),
+        ("195.01100000 329.16486000", ["0.00000001"] * 2),
+    ):
+        plan = parse_timed_plan("".join(f"{text}: (a) [{text}]\n" for text in texts.split()))
+        assert plan.units == tuple((Fraction(unit),) * 2 for unit in units)

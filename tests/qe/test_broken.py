@@ -16,11 +16,10 @@ from tests.cli.running import EXAMPLES, example
 @pytest.mark.parametrize("name", ["two_sample_navigation", "generator", "delivery"])
 def test_what_breaks_is_what_checks_refute(name):
     plan = load_plan(*example(directory=EXAMPLES / name))
-    breaks = what_breaks(plan)
+    breaks, exact = what_breaks(plan), region(plan).region
     assert breaks.complete
-    exact = region(plan).region
-    random = Random(5)  # noqa: S311 - reproducible
-    met = Counter()
+    assert not what_breaks(plan, timeout=0.0).complete
+    random, met = Random(5), Counter()  # noqa: S311 - reproducible
     for _ in range(40):
         point = {one.name: one.nominal + Fraction(random.randint(-60, 60)) for one in plan.parameters}
         result = check(plan, at=point, every=True)
@@ -37,15 +36,5 @@ def test_what_breaks_is_what_checks_refute(name):
             met["several" if len(refuted) > 1 else "one" if refuted else "valid"] += 1
             assert {one.obligation for one in named} == refuted
             assert (point in exact) is (not refuted)
-    assert met["valid"]
+    assert met.keys() >= {"valid", *(("no schedule",) if name == "delivery" else ("one", "several"))}
     assert sum(met.values()) == 40
-    if name != "delivery":
-        assert met["one"]
-        assert met["several"]
-    else:
-        assert met["no schedule"]
-
-
-def test_out_of_time_it_says_that_something_is_missing():
-    plan = load_plan(*example())
-    assert not what_breaks(plan, timeout=0.0).complete

@@ -28,8 +28,7 @@ order, seed, count = map(int, sys.argv[1:])
 for answer in answers(order, drawn_plans(seed, count)):
     print(json.dumps(answer))
 """
-Answer = dict[str, Any] | None
-Questions = Iterator[tuple[int, str, Answer]]
+Questions = Iterator[tuple[int, str, dict[str, Any] | None]]
 
 
 def drawn_plans(seed: int, count: int) -> list[ParametrizedPlan]:
@@ -46,7 +45,7 @@ def drawn_plans(seed: int, count: int) -> list[ParametrizedPlan]:
     return plans
 
 
-def answer(plan: ParametrizedPlan, verb: str) -> Answer:
+def answer(plan: ParametrizedPlan, verb: str) -> dict[str, Any] | None:
     """What a verb says of a plan; None if that takes too long."""
     try:
         if verb == "region":
@@ -56,11 +55,10 @@ def answer(plan: ParametrizedPlan, verb: str) -> Answer:
         risk = robust.risk(plan, spread, within="1/100", timeout=20)
     except InputError as error:
         return {"error": str(error)}
-    shares = [(share.name, share.probability) for share in risk.shares or ()]
+    bounds = {share.name: share.probability for share in risk.shares or ()} | {"success": risk.probability}
     # Of several boxes that are as wide the optimal one is any.
-    boxes = [(kept.method, kept.probability) for kept in risk.kept if kept.method != "optimal"]
-    bounds = [*shares, *boxes, ("success", risk.probability)]
-    return None if risk.cut_short else {name: [str(one.lower), str(one.upper)] for name, one in bounds}
+    bounds |= {kept.method: kept.probability for kept in risk.kept if kept.method != "optimal"}
+    return None if risk.cut_short else {name: [str(one.lower), str(one.upper)] for name, one in bounds.items()}
 
 
 def answers(order: int, plans: list[ParametrizedPlan]) -> Questions:
@@ -81,10 +79,8 @@ def same(verb: str, before: dict[str, Any], after: dict[str, Any]) -> bool:
         return before == after
     if verb == "region":
         return Region.from_dict(before["region"]).equals(Region.from_dict(after["region"]))
-    bounds = ((*before.get(name, "00"), *after.get(name, "00")) for name in {**before, **after})
-    return all(
-        max(low, other) <= min(high, most) for low, high, other, most in (map(Fraction, four) for four in bounds)
-    )
+    bounds = (map(Fraction, (*before.get(name, "00"), *after.get(name, "00"))) for name in {**before, **after})
+    return all(max(low, other) <= min(high, most) for low, high, other, most in bounds)
 
 
 def assert_same(first: Questions, second: Questions, least: int) -> None:
@@ -110,7 +106,6 @@ def test_fresh_processes_agree(seed: int, order: int) -> None:
     def asked(order: int) -> Questions:
         words = [sys.executable, "-c", ASKED, str(order), str(seed), "60"]
         environment = {**os.environ, "PYTHONHASHSEED": str(order)}
-        lines = subprocess.run(words, capture_output=True, text=True, check=True, env=environment).stdout.splitlines()
-        return ((number, verb, said) for number, verb, said in map(json.loads, lines))
+        return map(json.loads, subprocess.check_output(words, text=True, env=environment).splitlines())
 
     assert_same(asked(0), asked(order), 100)

@@ -2,22 +2,28 @@
 
 from collections import Counter
 from fractions import Fraction
+from itertools import product
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 import z3
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robust.errors import InputError, UnsupportedError
 from robust.irr.widen import Least, least_stretch
+from robust.plan.model import Duration, ParameterReference, Relation
+from robust.plan.polynomial import Polynomial
 from robust.qe.box import Box, Face, Interval, Side
-from robust.qe.constraint import LinearConstraint, Sense
+from robust.qe.constraint import LinearConstraint, Sense, trim
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.simplex import Tableau, feasible_point, maximize, tableau
 from robust.qe.slabs import Growing
+from robust.smt.terms import Terms
 from tests.plan.building import drawn, groups
 from tests.qe import polyhedra
-from tests.qe.polyhedra import NAMES, eq, le, lt, number, polygon
+from tests.qe.polyhedra import NAMES, constraints, eq, grid, le, lt, number, polygon
 
 
 @drawn(60)
@@ -48,7 +54,7 @@ def test_optima_agree_with_z3(polyhedron, weights):
         assert not result.attained or result.point in polyhedron.closure()
 
 
-def test_strict_and_closed_ends():
+def test_strict_and_closed_ends_no_parameters_and_contradictory_equalities():
     over = {"x": Fraction(2)}
     assert maximize(("x",), [lt(3, x=1)], over).value == 6
     assert not maximize(("x",), [lt(3, x=1)], over).attained
@@ -59,9 +65,6 @@ def test_strict_and_closed_ends():
     assert maximize(("x", "y"), sides, {"x": Fraction(1)}).attained
     corner = maximize(("x", "y"), sides, {"x": Fraction(1), "y": Fraction(2)})
     assert (corner.value, corner.attained) == (3, False)
-
-
-def test_no_parameters_and_contradictory_equalities():
     assert feasible_point((), []) == {}
     assert feasible_point((), [le(-1)]) is None
     assert maximize((), [], {}).value == 0
@@ -69,7 +72,7 @@ def test_no_parameters_and_contradictory_equalities():
     assert feasible_point(("x", "y"), [eq(1, x=1, y=1), eq(2, x=2, y=2)]) is not None
 
 
-def test_a_copy_is_independent():
+def test_a_copy_is_independent_and_conflicts_name_their_constraints():
     solved = tableau(("x",), [le(3, x=1)])
     assert solved.restore()
     twin = solved.copy()
@@ -77,9 +80,6 @@ def test_a_copy_is_independent():
     assert not twin.restore()
     assert solved.restore()
     assert solved.point() == (Fraction(3),)
-
-
-def test_conflicts_name_their_constraints():
     solved = Tableau(2)
     first = solved.add((1, 0), Sense.AT_MOST, 1)
     solved.add((0, 1), Sense.AT_MOST, 1)
@@ -92,26 +92,18 @@ def test_conflicts_name_their_constraints():
 CIRCLES = groups(Path(__file__).with_name("circles.txt"))
 
 
-class Counting(Tableau):
-    """Ends where Bland's rule would have been done long ago."""
-
-    pivots = 0
-
-    def _pivot(self, leaving: int, column: int) -> None:
-        self.pivots += 1
-        assert self.pivots < 60
-        super()._pivot(leaving, column)
-
-
 @pytest.mark.parametrize("rule", CIRCLES)
-def test_degenerate_programs_end(rule):
+def test_degenerate_programs_end(rule, monkeypatch):
+    """Where Bland's rule would have been done long ago."""
     *forms, objective = ([int(number) for number in row.split()] for row in CIRCLES[rule].splitlines())
     forms += [*([-int(i == j) for i in range(5)] + [0] for j in range(5)), [1] * 6]
-    counting = Counting(5)
+    pivots = Mock(side_effect=Tableau._pivot)
+    monkeypatch.setattr(Tableau, "_pivot", lambda *arguments: pivots(*arguments) if pivots.call_count < 60 else 1 / 0)
+    solved = Tableau(5)
     for *form, bound in forms:
-        counting.add(form, Sense.AT_MOST, bound)
-    assert counting.restore()
-    optimum = counting.maximize(objective)
+        solved.add(form, Sense.AT_MOST, bound)
+    assert solved.restore()
+    optimum = solved.maximize(objective)
     assert optimum.is_attained
     assert all(sum(c * x for c, x in zip(form, optimum.point, strict=False)) <= form[5] for form in forms)
 
@@ -133,8 +125,6 @@ def test_of_equal_bounds_the_strict_one_decides(sides, objective, bound):
     optimum = solved.maximize(objective)
     assert (optimum.value, optimum.is_attained) == (bound, False)
 
-
-# -- constraints against boxes, in integers ----------------------------------------------------------------------------
 
 ends = st.none() | st.fractions(-3, 3, max_denominator=3)
 STRETCH = "stretch"
@@ -165,15 +155,11 @@ speeds = st.lists(st.fractions(Fraction(1, 3), 3, max_denominator=3), min_size=6
 def by_simplex(piece: Polyhedron, box: Box, moving: dict[Face, tuple[Fraction, Fraction]]) -> Least | None:
     """The least stretch as a linear program."""
     rows = [*piece.constraints, le(0, **{STRETCH: -1})]
-    for name, interval in box.intervals.items():
-        for side in Side:
-            end, sign = interval.end(side), side.sign
-            if (name, side) in moving:
-                base, speed = moving[name, side]
-                rows.append(LinearConstraint.of({name: sign, STRETCH: -speed}, "<=", sign * base))
-            elif end is not None:
-                relation = "<=" if interval.is_closed_at(side) else "<"
-                rows.append(LinearConstraint.of({name: sign}, relation, sign * end))
+    for name, side in product(box.intervals, Side):
+        base, speed = moving.get((name, side), (box[name].end(side), 0))
+        if base is not None:
+            relation = "<=" if speed or box[name].is_closed_at(side) else "<"
+            rows.append(LinearConstraint.of({name: side.sign, STRETCH: -speed}, relation, side.sign * base))
     best = maximize([*NAMES, STRETCH], rows, {STRETCH: Fraction(-1)})
     return None if best is None else Least(-best.value, best.attained)
 
@@ -218,3 +204,139 @@ def test_what_is_decided_without_a_search() -> None:
     box = Box.point(dict.fromkeys(NAMES, Fraction(1)))
     assert not Polyhedron.nothing(NAMES).meets(box)
     assert Polyhedron.universe(NAMES).meets(box)
+
+
+GRID = grid(NAMES, reach=2)
+
+
+def test_equal_half_spaces_are_equal_objects_of_coprime_integers():
+    assert le(3, x="2/3", y=-2) == le("9/2", y=-3, x=1)
+    assert hash(le(3, x=6)) == hash(le("1/2", x=1))
+    assert le(3, x=6) != lt(3, x=6)
+    assert eq(2, x=-1, y=3) == eq(-2, x=1, y=-3)
+    assert LinearConstraint.of({"x": 2}, ">=", 4) == le(-4, x=-2)
+    assert LinearConstraint.of({"x": 2}, ">", 4) == lt(-2, x=-1)
+
+    constraint = le("1/2", x="4/3", y=2, z=0)
+    assert constraint.coefficients == (("x", Fraction(2)), ("y", Fraction(3)))
+    assert constraint.constant == Fraction(3, 4)
+    with pytest.raises(InputError, match="names a parameter twice: x, x"):
+        LinearConstraint((("x", Fraction(1)), ("x", Fraction(2))), Sense.LESS, Fraction(1))
+
+
+@drawn(80)
+@given(constraints(NAMES), st.fractions(-3, 3, max_denominator=4))
+def test_negation_substitution_and_documents(constraint, value):
+    reduced = constraint.substitute({"y": value})
+    assert "y" not in reduced.parameters
+    for point in GRID:
+        holding = [side.evaluate(point) for side in constraint.negation()]
+        assert sum(holding) == (0 if constraint.evaluate(point) else 1)
+        assert reduced.evaluate(point) == constraint.evaluate({**point, "y": value})
+    assert LinearConstraint.from_dict(constraint.as_dict()) == constraint
+    relations = {Sense.AT_MOST: Relation.AT_LEAST, Sense.LESS: Relation.GREATER, Sense.EQUAL: Relation.EQUAL}
+    assert LinearConstraint.from_polynomial(constraint.as_polynomial(), relations[constraint.relation]) == constraint
+    for half in constraint.halves() if constraint.coefficients else ():
+        assert half.opposite(half.relation).opposite(half.relation) == half
+
+
+@pytest.mark.parametrize(
+    "document",
+    [
+        {},
+        {"coefficients": {"x": "1"}, "relation": ">=", "constant": "1"},
+        {"coefficients": {"x": 0.1}, "relation": "<=", "constant": "1"},
+        {"coefficients": {"x": "1/0"}, "relation": "<=", "constant": "1"},
+        {"coefficients": ["x"], "relation": "<=", "constant": "1"},
+        {"coefficients": {"x": "1"}, "relation": "<=", "constant": True},
+    ],
+)
+def test_bad_documents_are_refused(document):
+    with pytest.raises(InputError, match="cannot read the constraint"):
+        LinearConstraint.from_dict(document)
+
+
+def test_only_linear_expressions_over_parameters():
+    x, duration = Polynomial.variable(ParameterReference("x")), Polynomial.variable(Duration())
+    for expression, relation in ((x * x, Relation.AT_LEAST), (x, Relation.DIFFERENT), (duration, Relation.EQUAL)):
+        with pytest.raises(UnsupportedError, match="not a constraint of a polyhedron"):
+            LinearConstraint.from_polynomial(expression, relation)
+
+
+def test_texts_formulas_and_constants():
+    for constraint, truth in ((le(0), True), (lt(0), False), (le(-2), False), (eq(1), False)):
+        assert constraint.is_true is constraint.evaluate({}) is truth
+        assert constraint.is_false is not truth
+    assert str(le("7/4", x=2, y=-1)) == "2·x - y ≤ 7/4"
+    assert str(lt(-3, x=-1)) == "x > 3"
+    assert str(eq(0, x=1, y=1)) == "x + y = 0"
+    assert str(le(1)) == "true"
+    assert str(LinearConstraint.false()) == "false"
+    terms = Terms()
+    assert str(le(4, x=-1).to_formula(terms)) == "(0.0 <= (x + 4.0))"
+    assert le(4).to_formula(terms) is terms.true
+
+
+def test_trim_keeps_the_tightest():
+    assert trim([le(3, x=1), lt(2, x=1), le(2, x=1), le(5), le(1, x=-1)]) == (lt(2, x=1), le(1, x=-1))
+    assert trim([eq(1, x=1), eq(2, x=1)]) == (LinearConstraint.false(),)
+    assert trim([eq(2, x=1), eq(1, x=1)]) == (LinearConstraint.false(),)
+    assert trim([eq(1, x=1), eq(2, x=2), lt(0)]) == (LinearConstraint.false(),)
+
+
+HALVES = [Fraction(n, 2) for n in range(-4, 9)]
+ENDS, INTERVALS = (None, *map(Fraction, range(3))), []
+for low, high, *sides in product(ENDS, ENDS, (False, True), (False, True)):
+    if None in (low, high) or low < high or (low == high and all(sides)):
+        INTERVALS.append(Interval(low, high, *sides))
+    else:
+        with pytest.raises(InputError):
+            Interval(low, high, *sides)
+
+
+def holds(interval: Interval, value: Fraction) -> bool:
+    """As it is written: brackets belong to the interval, parentheses do not."""
+    text = str(interval)
+    lower, upper = (float(end) for end in text[1:-1].split(", "))
+    above = value >= lower if text[0] == "[" else value > lower
+    return above and (value <= upper if text[-1] == "]" else value < upper)
+
+
+def test_membership_and_inclusion():
+    """Of points of a grid that is finer than the ends."""
+    assert len(INTERVALS) == 4 * (1 + 3 + 3 + 3) + 3
+    inside = {id(one): {value for value in HALVES if value in one} for one in INTERVALS}
+    for one in INTERVALS:
+        assert inside[id(one)] == {value for value in HALVES if holds(one, value)}
+        assert one.some_value() in one
+        assert one.width == (None if None in (one.lower, one.upper) else one.upper - one.lower)
+    for one, other in product(INTERVALS, INTERVALS):
+        assert one.is_within(other) == (inside[id(one)] <= inside[id(other)]), (one, other)
+
+
+def test_boxes_are_what_their_constraints_say():
+    for one, other in product(INTERVALS[::3], INTERVALS[::2]):
+        box = Box({"x": one, "y": other})
+        sides = list(box.constraints())
+        assert len(sides) == sum(end is not None for ends in box.ranges.values() for end in ends)
+        for x, y in product(HALVES[::2], HALVES[1::3]):
+            point = {"x": x, "y": y}
+            assert (point in box) == (x in one and y in other) == all(side.evaluate(point) for side in sides)
+
+
+@pytest.mark.parametrize("side", Side)
+@pytest.mark.parametrize("closed", [False, True])
+def test_one_end_moves_and_the_other_stays(side, closed):
+    other = Side.LOWER if side is Side.UPPER else Side.UPPER
+    for one in (Interval(Fraction(-5), Fraction(5), False, True), Interval(Fraction(-5), Fraction(5), True, False)):
+        for end in (Fraction(1), None):
+            moved = Box({"x": one}).moved(("x", side), end, closed=closed)["x"]
+            assert (moved.end(side), moved.is_closed_at(side)) == (end, closed)
+            assert (moved.end(other), moved.is_closed_at(other)) == (one.end(other), one.is_closed_at(other))
+
+
+def test_widths_add_up():
+    box = Box({"x": Interval(Fraction(1), Fraction(3)), "y": Interval(Fraction(0), Fraction(1, 2), False, False)})
+    assert box.total_width == Fraction(5, 2)
+    assert box.replace("y", Interval(Fraction(0), None)).total_width is None
+    assert Box({}).total_width == 0

@@ -7,7 +7,7 @@ import pytest
 
 from robust.errors import Location
 from robust.plan import model
-from robust.plan.model import Atom, AtomEffect, Condition, Expression, Fluent, Holds, NumericEffect, Timing, Truth
+from robust.plan.model import Atom, AtomEffect, Condition, Fluent, Holds, NumericEffect, Timing, Truth
 from robust.plan.pddl.grounding import fluents_read, ground_action, ground_goal
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from tests.pddl_text import condition_text
@@ -18,13 +18,8 @@ DOMAIN = parse_domain(EVERYTHING)
 PROBLEM = parse_problem(TOUR, DOMAIN)
 PLACE = Location("plan.stn", 3, 1)
 GROUPS = building.groups(building.TEXTS / "grounding.txt")
-
-
-def fluent(name: str, *arguments: str) -> Expression:
-    return building.value(Fluent(name, arguments))
-
-
 INCREASE = model.AssignmentKind.INCREASE
+TOTAL, CHARGE = Fluent("total"), Fluent("charge", ("r1",))
 
 
 def ground(body: str, *, durative: bool = False, init: str = "", **options: object) -> model.ActionInstance:
@@ -46,23 +41,13 @@ def precondition(text: str) -> list[tuple[Condition, str]]:
     return [(timed.condition, timed.text) for timed in instance.conditions]
 
 
-def effects(text: str, **options: object) -> model.ActionInstance:
-    return ground(f":effect {text}", **options)
-
-
-def r(name: str) -> Atom:
-    return Atom("r", (name,))
-
-
 def rows(group: str) -> list[list[str]]:
     return [row.split(" => ") for row in GROUPS[group].splitlines()]
 
 
 @pytest.mark.parametrize(("text", "expected"), rows("conditions"))
 def test_condition(text: str, expected: str) -> None:
-    assert [condition_text(condition) for condition, _ in precondition(text)] == (
-        [] if expected == "nothing" else [expected]
-    )
+    assert [condition_text(condition) for condition, _ in precondition(text)] == [expected] * (expected != "nothing")
 
 
 def test_conjuncts_are_apart_and_have_their_text() -> None:
@@ -70,17 +55,14 @@ def test_conjuncts_are_apart_and_have_their_text() -> None:
     each = "(or (r a) (> (h a) .5))", "(or (r b) (> (h b) .5))"
     assert [text for _, text in precondition(conjunction)] == ["(p)", "(not (q))", *each]
     nested = "(imply (p) (exists (?y - t) (forall (?z ?y - (either t u)) (not (= ?y ?z)))))"
-    written = nested.replace("?z ?y - ", "?z - (either t u) ?y - ")
-    assert [text for _, text in precondition(f"(and {nested} (>= (- (f)) (/ ?s 2)))")] == [
-        written,
-        "(>= (- (f)) (/ ?s 2))",
-    ]
+    written, level = nested.replace("?z ?y - ", "?z - (either t u) ?y - "), "(>= (- (f)) (/ ?s 2))"
+    assert [text for _, text in precondition(f"(and {nested} {level})")] == [written, level]
 
 
 def test_durative_action() -> None:
     move = ground_action(DOMAIN, PROBLEM, "n0", "MOVE", ["R1", "A", "b"], True, PLACE)
     assert (str(move), move.identifier, move.durative, move.location) == ("(move r1 a b)", "n0", True, PLACE)
-    least = at_least(building.DURATION, fluent("distance", "a", "b").scaled(Fraction(1, 2)))
+    least = at_least(building.DURATION, building.value(Fluent("distance", ("a", "b"))).scaled(Fraction(1, 2)))
     most = at_least(reference("speed") + 100, building.DURATION)
     assert [(bound.timing, bound.text, bound.condition) for bound in move.durations] == [
         (Timing.AT_START, "(>= ?duration (/ (distance a b) (drag)))", least),
@@ -88,21 +70,16 @@ def test_durative_action() -> None:
     ]
     by_text = {timed.text: timed for timed in move.conditions}
     level = by_text["(>= (charge r1) (* ?duration ?rate))"]
-    expected = at_least(fluent("charge", "r1"), building.DURATION * reference("n0.rate"))
+    expected = at_least(building.value(CHARGE), building.DURATION * reference("n0.rate"))
     assert (level.timing, level.condition) == (Timing.OVER_ALL, expected)
     assert "(not (= a b))" not in by_text
     at_end = [timed.text for timed in move.conditions if timed.timing is Timing.AT_END]
     assert at_end[:3] == ["(open hub)", "(open a)", "(open b)"]
-    total, busy = Fluent("total"), Holds(Atom("busy"))
-    assert move.continuous_effects == (
-        model.ContinuousEffect(Fluent("charge", ("r1",)), reference("n0.rate").scaled(Fraction(-1, 2))),
-        model.ContinuousEffect(total, number(1)),
-    )
-    assert move.numeric_effects == (
-        NumericEffect(Timing.AT_START, total, INCREASE, number(-3)),
-        NumericEffect(Timing.AT_END, total, INCREASE, building.DURATION, busy),
-    )
-    hub = Atom("open", ("hub",))
+    flows = building.flow(CHARGE, reference("n0.rate").scaled(Fraction(-1, 2))), building.flow(TOTAL, 1)
+    assert move.continuous_effects == flows
+    busy, hub = Holds(Atom("busy")), Atom("open", ("hub",))
+    at_end = NumericEffect(Timing.AT_END, TOTAL, INCREASE, building.DURATION, busy)
+    assert move.numeric_effects == (NumericEffect(Timing.AT_START, TOTAL, INCREASE, number(-3)), at_end)
     assert set(move.atom_effects) >= {
         AtomEffect(Timing.AT_START, Atom("at", ("r1", "a")), False),
         AtomEffect(Timing.AT_START, hub, False, Holds(hub)),
@@ -112,24 +89,22 @@ def test_durative_action() -> None:
 
 @pytest.mark.parametrize(("text", "expected"), rows("numeric effects"))
 def test_numeric_effects(text: str, expected: str) -> None:
-    (effect,) = effects(text, init="(= (h a) 2) (at 4 (= (h b) 1))").numeric_effects
+    (effect,) = ground(f":effect {text}", init="(= (h a) 2) (at 4 (= (h b) 1))").numeric_effects
     assert (effect.timing, effect.fluent, effect.condition) == (Timing.AT_START, Fluent("f"), Truth(True))
     assert f"{effect.operator.value} {effect.expression}" == expected
 
 
-def test_conditional_and_quantified_effects() -> None:
-    instance = effects("(forall (?x - t) (when (and (r ?x) (not (= ?x b))) (when (p) (and (q) (increase (h ?x) 1)))))")
-    guard = model.And((Holds(P), Holds(r("a")))), model.And((Holds(r("a")), Holds(P)))
+def test_conditional_quantified_and_repeated_effects() -> None:
+    nested = "(forall (?x - t) (when (and (r ?x) (not (= ?x b))) (when (p) (and (q) (increase (h ?x) 1)))))"
+    instance, of_a = ground(f":effect {nested}"), Holds(Atom("r", ("a",)))
+    guard = model.And((Holds(P), of_a)), model.And((of_a, Holds(P)))
     assert [(effect.atom, effect.condition in guard) for effect in instance.atom_effects] == [(Q, True)]
     assert [effect.fluent for effect in instance.numeric_effects] == [Fluent("h", ("a",))]
-    assert effects("(when (= a b) (q))").atom_effects == ()
-    assert effects("(when (= a a) (q))").atom_effects == (AtomEffect(Timing.AT_START, Q, True),)
-
-
-def test_repeated_effects() -> None:
-    assert len(effects("(and (p) (p) (not (q)))").atom_effects) == 2
-    assert len(effects("(forall (?x) (increase (f) 1))").numeric_effects) == 3, "equal increases add up"
-    assert len(effects("(and (when (p) (assign (f) 1)) (when (q) (assign (f) 2)))").numeric_effects) == 2
+    assert ground(":effect (when (= a b) (q))").atom_effects == ()
+    assert ground(":effect (when (= a a) (q))").atom_effects == (AtomEffect(Timing.AT_START, Q, True),)
+    assert len(ground(":effect (and (p) (p) (not (q)))").atom_effects) == 2
+    assert len(ground(":effect (forall (?x) (increase (f) 1))").numeric_effects) == 3, "equal increases add up"
+    assert len(ground(":effect (and (when (p) (assign (f) 1)) (when (q) (assign (f) 2)))").numeric_effects) == 2
 
 
 @pytest.mark.parametrize(("text", "rate"), rows("rates"))
@@ -143,13 +118,13 @@ def test_division_by_what_may_change(text: str, culprit: str) -> None:
     """A second name after the culprit's is that of a fluent whose initial value is a parameter."""
     parts = [f"non-linear because {culprit.removesuffix(' g')} may vary", "expected a divisor that no action"]
     parametrized = {Fluent("g")} if culprit.endswith(" g") else set()
-    call = partial(effects, text, init="(= (h a) 2) (at 4 (= (h a) 1))", parametrized=parametrized)
+    call = partial(ground, f":effect {text}", init="(= (h a) 2) (at 4 (= (h a) 1))", parametrized=parametrized)
     building.refused(call, "<domain>:1:", parts, exit_code=4)
 
 
 @pytest.mark.parametrize(("text", "message"), rows("refused effects"))
 def test_effect_is_refused(text: str, message: str) -> None:
-    building.refused(lambda: effects(text), "<domain>:1:", [message])
+    building.refused(lambda: ground(f":effect {text}"), "<domain>:1:", [message])
 
 
 @pytest.mark.parametrize(("action", "message"), rows("refused instances"))
@@ -163,7 +138,7 @@ def test_goal() -> None:
     goal = ground_goal(DOMAIN, PROBLEM)
     assert [(part.condition, part.text) for part in goal] == [
         (Holds(Atom("at", ("r1", "b"))), "(at r1 b)"),
-        (at_least(fluent("charge", "r1"), reference("speed")), "(>= (charge r1) ?speed)"),
+        (at_least(building.value(CHARGE), reference("speed")), "(>= (charge r1) ?speed)"),
     ]
     assert goal[0].label == "goal: (at r1 b)"
 
@@ -178,5 +153,5 @@ def test_deep_conditions_are_ground(opening: str) -> None:
     levels = 100 if opening != "(forall (?y) " else 5  # three objects: 3⁵ copies
     for condition, _ in precondition(opening * levels + "(p)" + ")" * levels):
         assert Holds(P) in (condition, *getattr(condition, "operands", ()))
-    guarded = effects("(when (p) " * 100 + "(q)" + ")" * 100).atom_effects
+    guarded = ground(":effect " + "(when (p) " * 100 + "(q)" + ")" * 100).atom_effects
     assert guarded == (AtomEffect(Timing.AT_START, Q, True, Holds(P)),)

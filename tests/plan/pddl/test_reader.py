@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from robust.errors import InputError, InputWarning
 from robust.plan.load import assemble
-from robust.plan.model import Atom, Fluent, ParametrizedPlan, TimedLiteral, Timing
+from robust.plan.model import Atom, Fluent, TimedLiteral, Timing
 from robust.plan.pddl.forms import read_text
 from robust.plan.pddl.grounding import ground_action, ground_goal
 from robust.plan.pddl.reader import parse_domain, parse_problem, read_domain, read_problem
-from robust.plan.pddl.syntax import Comparator, Proposition
+from robust.plan.pddl.syntax import Comparator, Problem, Proposition
 from robust.plan.stn import parse_stn
 from tests.plan.building import EVERYTHING, TEXTS, TOUR, error_of, run
 
@@ -26,7 +26,7 @@ def problem_with(init: str, goal: str = "()") -> str:
     return f"(define (problem p) (:domain everything) (:objects r1 - robot a - place) (:init {init}) (:goal {goal}))"
 
 
-def test_declarations() -> None:
+def test_domain() -> None:
     assert (DOMAIN.name, DOMAIN.parameters, DOMAIN.location.line) == ("everything", ("speed",), 2)
     assert DOMAIN.types["robot"] == {"robot", "vehicle", "object"}
     assert DOMAIN.types["cargo"] == {"cargo", "object"}
@@ -34,9 +34,6 @@ def test_declarations() -> None:
     assert [parameter.types for parameter in DOMAIN.predicates["holds"].parameters] == [("robot", "place")]
     assert str(DOMAIN.predicates["at"]) == "(at ?v ?p)"
     assert (list(DOMAIN.functions), DOMAIN.written) == (["charge", "distance", "drag", "total"], {"charge", "total"})
-
-
-def test_actions() -> None:
     move, toggle = DOMAIN.actions["move"], DOMAIN.actions["toggle"]
     assert (move.durative, move.synth_parameters, str(move.location)) == (True, ("rate",), "d.pddl:14:3")
     assert (toggle.durative, toggle.synth_parameters) == (False, ())
@@ -46,9 +43,6 @@ def test_actions() -> None:
     timings = [timed.timing.value for timed in move.conditions]
     assert timings == ["at start", "over all", "at end", "at end", "over all"]
     assert {timed.timing for timed in toggle.conditions} == {Timing.AT_START}
-
-
-def test_problem() -> None:
     problem = parse_problem(TOUR, DOMAIN)
     assert (problem.name, problem.domain, list(problem.objects)) == ("tour", "everything", ["hub", "r1", "a", "b"])
     assert problem.atoms == {Atom("at", ("r1", "a")), Atom("linked", ("a", "b"))}
@@ -68,12 +62,6 @@ def test_case_and_layout_do_not_matter() -> None:
     assert parse_domain(EVERYTHING.replace("1e2", "1e3")) != DOMAIN
 
 
-@pytest.mark.parametrize("text", ["5", "5.", ".5", "-0.1", "+3", "1e-3", "1.5E+2", "0.1000000000000000000001", "(- 7)"])
-def test_numbers_are_exact(text: str) -> None:
-    problem = parse_problem(problem_with(f"(= (total) {text})"), DOMAIN)
-    assert problem.fluents == {Fluent("total"): Fraction(text.strip("()").replace("- ", "-"))}
-
-
 @pytest.mark.parametrize("section", (TEXTS / "accepted.txt").read_text(encoding="utf-8").splitlines())
 def test_accepted(section: str) -> None:
     before = "(:types t t u) (:predicates (p) (q ?x)) (:functions (f) (g ?x))"
@@ -81,7 +69,10 @@ def test_accepted(section: str) -> None:
     assert list(domain.actions) == (["a"] if "action" in section else [])
 
 
-def test_predicate_called_at_is_no_time() -> None:
+def test_numbers_are_exact_and_a_predicate_called_at_is_no_time() -> None:
+    for text in ("5", "5.", ".5", "-0.1", "+3", "1e-3", "1.5E+2", "0.1000000000000000000001", "(- 7)"):
+        problem = parse_problem(problem_with(f"(= (total) {text})"), DOMAIN)
+        assert problem.fluents == {Fluent("total"): Fraction(text.strip("()").replace("- ", "-"))}
     problem = parse_problem(problem_with("(at r1 a) (at 3 (at r1 a))", "(at r1 a)"), DOMAIN)
     place = Atom("at", ("r1", "a"))
     assert (problem.atoms, [literal.target for literal in problem.timed_literals]) == ({place}, [place])
@@ -91,12 +82,9 @@ def test_predicate_called_at_is_no_time() -> None:
     assert isinstance(timed.condition, Proposition)
 
 
-def test_types_that_only_appear_above_others_are_declared() -> None:
+def test_harmless_repetitions_orders_and_types_that_only_appear_above_others() -> None:
     types = parse_domain("(define (domain d) (:types car - vehicle bus - (either vehicle place)))").types
     assert (types["vehicle"], types["bus"]) == ({"vehicle", "object"}, {"bus", "vehicle", "place", "object"})
-
-
-def test_harmless_repetitions_and_orders() -> None:
     domain = parse_domain("(define (domain d) (:types t t) (:constants a - t) (:predicates (p)))")
     text = "(define (problem p) (:domain d) (:objects a - t) (:init (p) (p)) (:goal (p)) (:length (:serial 5)))"
     problem = parse_problem(text, domain)
@@ -117,9 +105,6 @@ def test_text_of_files_is_normalised(tmp_path: Path) -> None:
     assert (domain, domain.location.file) == (DOMAIN, str(path))
     path.write_text(TOUR)
     assert read_problem(str(path), domain) == parse_problem(TOUR, domain)
-
-
-# -- mutations ---------------------------------------------------------------------------------------------------------
 
 
 def read(domain_text: str, problem_text: str) -> None:
@@ -180,54 +165,30 @@ def test_random_text(text: str, tokens: list[str]) -> None:
         read(EVERYTHING, f"(define (problem p) (:domain everything) (:init {inside}) (:goal {inside}))")
 
 
-# -- dialects: what they are taken for, and what is said about it ------------------------------------------------------
+def test_objects_of_two_types_predicates_split_by_type_and_types_below_two_others() -> None:
+    def parsed(domain: str, problem: str, warning: str) -> Problem:
+        text = f"(define (problem p) (:domain d) {problem})"
+        with pytest.warns(InputWarning, match=warning):
+            return parse_problem(text, parse_domain(f"(define (domain d) {domain})", "d.pddl"), "p.pddl")
 
-TYPES = "(:types truck ship place crate) (:predicates (idle ?t - truck) (in ?x - (either crate place)))"
-TRUCKS = f"(define (domain d) {TYPES}"
-
-
-@pytest.mark.parametrize(
-    ("domain", "problem", "warning", "atoms"),
-    [
-        (
-            TRUCKS + "(:constants a - truck))",
-            "(:objects a - ship) (:init (idle a)) (:goal (idle a))",
-            r"p\.pddl:1:43: found object 'a' with another type, took both; .*d\.pddl:1:",
-            "(idle a)",
-        ),
-        (
-            TRUCKS + ")",
-            "(:objects k - crate) (:init (in_crate k)) (:goal (in k))",
-            "found undeclared predicate 'in_crate', took it for 'in' of type 'crate'",
-            "(in k)",
-        ),
-        (
-            "(define (domain d) (:types a b - object c - a c - b) (:predicates (p ?x - a) (q ?x - b)))",
-            "(:objects k - c) (:init (p k) (q k)) (:goal (p k))",
-            r"d\.pddl:1:47: found a second, different type 'c', took both",
-            "(p k) (q k)",
-        ),
-    ],
-    ids=["objects of two types", "predicates that are split by type", "types below two others"],
-)
-def test_what_is_declared_twice_or_not_at_all(domain: str, problem: str, warning: str, atoms: str) -> None:
-    text = f"(define (problem p) (:domain d) {problem})"
-    with pytest.warns(InputWarning, match=warning):
-        parsed = parse_problem(text, parse_domain(domain, "d.pddl"), "p.pddl")
-    assert " ".join(sorted(map(str, parsed.atoms))) == atoms
-    assert "a" not in parsed.objects or set(parsed.objects["a"].types) == {"truck", "ship"}
+    trucks = "(:types truck ship place crate) (:predicates (idle ?t - truck) (in ?x - (either crate place)))"
+    both = r"p\.pddl:1:43: found object 'a' with another type, took both; .*d\.pddl:1:"
+    idle = "(:objects a - ship) (:init (idle a)) (:goal (idle a))"
+    problem = parsed(f"{trucks} (:constants a - truck)", idle, both)
+    assert (problem.atoms, set(problem.objects["a"].types)) == ({Atom("idle", ("a",))}, {"truck", "ship"})
+    undeclared = "found undeclared predicate 'in_crate', took it for 'in' of type 'crate'"
+    problem = parsed(trucks, "(:objects k - crate) (:init (in_crate k)) (:goal (in k))", undeclared)
+    assert problem.atoms == {Atom("in", ("k",))}
+    second = r"d\.pddl:1:47: found a second, different type 'c', took both"
+    two = "(:types a b - object c - a c - b) (:predicates (p ?x - a) (q ?x - b))"
+    problem = parsed(two, "(:objects k - c) (:init (p k) (q k)) (:goal (p k))", second)
+    assert problem.atoms == {Atom("p", ("k",)), Atom("q", ("k",))}
 
 
-@pytest.mark.parametrize(
-    ("written", "word"),
-    [
-        ("(:types goods place) (:predicates (at ?g -goods ?p - place))", "-goods"),
-        ("(:types goods place -object) (:predicates (at ?g - goods ?p - place))", "-object"),
-        ("(:types goods place) (:predicates (at ?g - goods ?p - place)) (:functions (f) -number)", "-number"),
-    ],
-)
-def test_a_type_need_not_have_a_blank_before_it(written: str, word: str) -> None:
-    text = f"(define (domain d) {written} (:constants g - goods p - place))"
+@pytest.mark.parametrize("word", ["-goods", "-object", "-number"])
+def test_a_type_need_not_have_a_blank_before_it(word: str) -> None:
+    declared = "(:types goods place - object) (:predicates (at ?g - goods ?p - place)) (:functions (f) - number)"
+    text = f"(define (domain d) {declared} (:constants g - goods p - place))".replace(f"- {word[1:]}", word, 1)
     with pytest.warns(InputWarning, match=rf"d\.pddl:1:\d+: found '{word}', took it for '- {word[1:]}'"):
         domain = parse_domain(text, "d.pddl")
     assert [parameter.types for parameter in domain.predicates["at"].parameters] == [("goods",), ("place",)]
@@ -248,8 +209,7 @@ def test_names_of_an_action_hide_synthesis_parameters_of_the_domain() -> None:
         parse_domain(SHADOWED.replace("(lit ?s)", "(assign (level) ?s)"), "d.pddl")
 
 
-# -- `=` between names that objects, constants and functions without arguments share: objects come first ---------------
-
+# `=` between names that objects, constants and functions without arguments share: objects come first.
 NAMED = """(define (domain d) (:types t) {} (:predicates (p) (of ?x - t)) (:functions (f) (g) (h ?x - t))
  (:action a :parameters (?x - t) :precondition {} :effect (and (of ?x) {})))"""
 OBJECTS = (
@@ -266,13 +226,10 @@ AS_NUMBERS = {"(= (f) (g))": None, "(= f (g))": None, "(= (f) g)": None}
 AS_OBJECTS = {"(= f g)": False, "(= f f)": True, "(not (= f g))": True, **AS_NUMBERS}
 
 
-def named(
-    condition: str = "()", effect: str = "", goal: str = "", objects: str = "f g", constants: str = "", f: int = 1
-) -> ParametrizedPlan:
+def named(condition="()", effect="", goal="", objects="f g", constants="", f=1):
     domain = parse_domain(NAMED.format(constants, condition, effect))
-    return assemble(
-        domain, parse_problem(OBJECTS.format(objects, f, goal), domain), parse_stn("action instance n : (a o);")
-    )
+    problem = parse_problem(OBJECTS.format(objects, f, goal), domain)
+    return assemble(domain, problem, parse_stn("action instance n : (a o);"))
 
 
 @pytest.mark.parametrize(
@@ -294,14 +251,11 @@ def test_equality_of_names(place: str, objects: str, constants: str, texts: dict
         assert simulation.valid == (f == 1 if truth is None else truth), text
 
 
-def test_other_comparisons_and_effects_are_about_numbers() -> None:
+def test_other_comparisons_and_effects_are_about_numbers_and_goals_are_named_as_written() -> None:
     plan = named("(and (>= f g) (<= (h ?x) f))", "(assign f (+ f g)) (when (= f g) (increase g f))", "(= (f) 2)")
     assert run(plan, {"n": 1}).valid
     (instance,) = plan.instances
     assert [str(effect.fluent) for effect in instance.numeric_effects] == ["(f)"], "f and g are two objects"
     assert list(instance.mentioned()) == []
-
-
-def test_texts_say_what_was_written() -> None:
     goals = named(goal="(= f g) (= (f) (g))", objects="").goal
     assert [goal.label for goal in goals] == ["goal: (= f g)", "goal: (= (f) (g))"]

@@ -1,6 +1,9 @@
 """Formulas in negation normal form, and back ends that eliminate from random ones what z3 does with quantifiers."""
 
+from collections.abc import Iterable, Iterator
 from fractions import Fraction
+from itertools import combinations, pairwise
+from random import Random
 from typing import Any
 
 import pytest
@@ -82,8 +85,6 @@ def assert_exact(name: str, asked: Query, known: tuple[Conjunction, ...] = ()) -
     assert solver.check() == z3.unsat, f"{pieces} {asked.formula}"
 
 
-# -- back ends ---------------------------------------------------------------------------------------------------------
-
 NETWORKS = st.lists(constraints(), max_size=4).map(tuple)
 KNOWN = st.lists(st.lists(constraints(KEPT), min_size=1, max_size=3).map(tuple), max_size=2)
 NOTHING = st.just(())
@@ -92,8 +93,7 @@ NOTHING = st.just(())
 @pytest.mark.parametrize(
     ("name", "count", "network", "known"),
     [
-        *((name, 25, NOTHING, NOTHING) for name in OURS),
-        *((name, 25, NETWORKS, KNOWN) for name in OURS),
+        *((name, 25, *rest) for name in OURS for rest in ((NOTHING, NOTHING), (NETWORKS, KNOWN))),
         *((name, 12, NOTHING, NOTHING) for name in FORKED),
         *(pytest.param(name, 1000, NETWORKS, KNOWN, marks=pytest.mark.slow) for name in OURS),
         *(pytest.param(name, 200, NOTHING, KNOWN, marks=pytest.mark.slow) for name in FORKED),
@@ -116,9 +116,8 @@ def test_definitions_are_what_they_stand_for(name: str, violation: Nnf, conditio
     guard = side("<=", 0, a=1, x=-1)
     first, second = disjunction((guard, side("=", 1, w=1, x=-1))), side("=", 0, w=1, y=-1)
     definition = Definition("w", conjunction((first, disjunction((*guard.negation(), second)))))
-    assert_exact(
-        name, query(disjunction((violation, conjunction((condition, side("<=", 0, w=1, b=-1))))), (), definition)
-    )
+    guarded = conjunction((condition, side("<=", 0, w=1, b=-1)))
+    assert_exact(name, query(disjunction((violation, guarded)), (), definition))
 
 
 @pytest.mark.parametrize("name", ELIMINATORS)
@@ -170,8 +169,6 @@ def test_substitution_does_not_multiply_out_independent_definitions() -> None:
     assert not asked
 
 
-# -- negation normal forms ---------------------------------------------------------------------------------------------
-
 NUMBERS = st.sampled_from([Fraction(n, 2) for n in range(-6, 12)])
 MODELS = st.fixed_dictionaries({**dict.fromkeys(SYMBOLS, NUMBERS), "p": st.booleans(), "q": st.booleans()})
 
@@ -218,7 +215,7 @@ def test_projection_at_a_point_is_inside_the_exact_one(conjuncts: tuple[LinearCo
 
 
 def test_constants_fold_and_known_cases_are_excluded() -> None:
-    leaf, tighter = side("<=", 3, a=1), side("<=", 1, a=1)
+    leaf, tighter = below(3), below(1)
     assert without(leaf, [()]) is FALSE
     assert without(leaf, []) == leaf
     assert conjunction(()) is TRUE
@@ -251,10 +248,11 @@ def test_formulas_of_others_are_read_or_rejected() -> None:
     assert names_in(FormulaReader(terms).read(formula)) == {"p", "q"}
 
 
-def test_what_is_assumed_decides_constraints() -> None:
-    def below(bound: int, sense: str = "<=") -> LinearConstraint:
-        return side(sense, bound, a=1)
+def below(bound: int, sense: str = "<=") -> LinearConstraint:
+    return side(sense, bound, a=1)
 
+
+def test_what_is_assumed_decides_constraints() -> None:
     assert simplified(below(2), (below(1),)) is TRUE
     assert simplified(below(1, ">"), (below(1),)) is FALSE
     assert simplified(below(0), (below(1),)) == below(0)
@@ -268,11 +266,10 @@ def test_what_is_assumed_decides_constraints() -> None:
 
 
 DEEP = 3000
-"""Deeper than the interpreter's recursion limit."""
 
 
 def deep(names: tuple[str, ...]) -> Nnf:
-    """Conjunctions in disjunctions in conjunctions, one constraint each."""
+    """Conjunctions in disjunctions in conjunctions, one constraint each, deeper than the recursion limit."""
     node: Nnf = side("<=", 0, x=1, a=-1)
     for index in range(DEEP):
         leaf = side(">=", index, **{names[index % len(names)]: 1, "b": index + 1})
@@ -280,14 +277,96 @@ def deep(names: tuple[str, ...]) -> Nnf:
     return node
 
 
-def test_deep_formulas_are_simplified() -> None:
+def test_deep_formulas_are_simplified_and_eliminated() -> None:
     formula = deep(("a",))
     assert simplified(formula, (side("<", DEEP - 1, a=1, b=DEEP),)) is FALSE
     assert names_in(simplified(formula)) == {"a", "b", "x"}
     with pytest.raises(OutOfTimeError):
         simplified(formula, deadline=Deadline.after(0))
 
+    for names in (("a",), ("a",) * 99 + ("x",)):
+        assert "x" not in names_in(loos_weispfenning.eliminate(deep(names), ["x"], lambda _: True, NEVER))
 
-@pytest.mark.parametrize("names", [("a",), ("a",) * 99 + ("x",)])
-def test_symbols_are_eliminated_from_deep_formulas(names: tuple[str, ...]) -> None:
-    assert "x" not in names_in(loos_weispfenning.eliminate(deep(names), ["x"], lambda _: True, NEVER))
+
+Point = dict[str, Fraction]
+
+
+def around(values: Iterable[Fraction]) -> list[Fraction]:
+    """The values, one between each two neighbours, and one beyond either end."""
+    known = sorted(set(values)) or [Fraction(0)]
+    between = [(low + high) / 2 for low, high in pairwise(known)]
+    return [known[0] - 1, *known, *between, known[-1] + 1]
+
+
+def exists(formula: Nnf, point: Point) -> bool:
+    """Whether some x and y satisfy the formula, by brute force, which asks no solver.
+
+    Truth only changes at the lines p · x + q · y = r on which constraints are equalities, so that it is enough to try
+    where lines meet, between these places and beyond them.
+    """
+    lines = set()
+    for leaf in nnf.postorder(formula):
+        if isinstance(leaf, LinearConstraint):
+            factors = dict.fromkeys("abxy", Fraction(0)) | dict(leaf.coefficients)
+            known = sum(factors[name] * value for name, value in point.items())
+            lines.add((factors["x"], factors["y"], leaf.constant - known))
+    meeting = [r / p for p, q, r in lines if p and not q]
+    for (p, q, r), (s, t, u) in combinations(sorted(lines), 2):
+        if determinant := p * t - q * s:
+            meeting.append((r * t - q * u) / determinant)
+    return any(
+        holds(formula, {**point, "x": x, "y": y})
+        for x in around(meeting)
+        for y in around((r - p * x) / q for p, q, r in lines if q)
+    )
+
+
+def drawn_formula(random: Random, leaves: int) -> Nnf:
+    if leaves == 1:
+        names = random.sample("abxyxy", random.randint(1, 3))
+        factors = {name: random.choice([1, -1, 1, -1, 2, -2, 3]) for name in names}
+        return side(random.choice(["<=", "<=", "<", ">", "="]), random.randint(-3, 5), **factors)
+    first = random.randint(1, leaves - 1)
+    parts = drawn_formula(random, first), drawn_formula(random, leaves - first)
+    return random.choice([conjunction, conjunction, disjunction])(parts)
+
+
+def points(random: Random, pieces: Iterable[Iterable[LinearConstraint]]) -> Iterator[Point]:
+    """A few anywhere, and some on the borders of pieces."""
+    borders = [constraint for piece in pieces for constraint in piece]
+    for border in (*[None] * 12, *borders):
+        point = {name: Fraction(random.randint(-12, 12), 2) for name in KEPT}
+        if border is not None:
+            (name, factor), *others = border.coefficients or (("a", Fraction(1)),)
+            point[name] = (border.constant - sum(other * point[each] for each, other in others)) / factor
+        yield point
+
+
+@pytest.mark.parametrize(
+    ("name", "nested"),
+    [*((name, False) for name in ELIMINATORS), *((name, True) for name in ELIMINATORS if name.startswith("z3"))],
+)
+@pytest.mark.parametrize("count", [15, pytest.param(500, marks=pytest.mark.slow)])
+def test_pieces_hold_where_brute_force_finds_values(name: str, nested: bool, count: int) -> None:
+    """`∃x, y. one`, or of back ends that take it as one formula: `∃x, y. one, or no x, y with the other`."""
+    random, seen = Random(count), set()  # noqa: S311 - reproducible, not secret
+    for number in range(count):
+        one, other = (drawn_formula(random, random.randint(1, 4)) for _ in range(2))
+        one = one if nested else drawn_formula(random, random.randint(2, 6))
+        nesting = create_eliminator(name, solvers()).eliminate_nested
+        pieces = list(nesting(query(one), query(other), NEVER)) if nested else eliminate(name, query(one))
+        union = disjunction(map(conjunction, pieces))
+        for point in points(random, pieces):
+            expected = exists(one, point) or (nested and not exists(other, point))
+            assert holds(union, point) is expected, f"formulas {number} at {point}: {one}; {other}"
+            seen.add(expected)
+    assert seen == {True, False}
+
+
+def test_brute_force_knows_strict_borders() -> None:
+    """a < x < b, by hand; its negation has every x from b on."""
+    between = conjunction((side("<", 0, a=1, x=-1), side("<", 0, x=1, b=-1)))
+    for a, b in ((0, 1), (0, 0), (1, 0)):
+        point = {"a": Fraction(a), "b": Fraction(b)}
+        assert exists(between, point) is (a < b)
+        assert exists(negation(between), point)
