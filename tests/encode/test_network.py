@@ -1,28 +1,51 @@
-"""Times: solved equalities, what is left to assert, durations, independent parts, known orders, and mutex pairs."""
+"""Times: solved equalities, orders, mutex pairs; enc_valid: which parameter values leave a schedule, by quantifiers."""
 
 from collections import Counter
 from contextlib import suppress
+from dataclasses import replace
 from fractions import Fraction
 from itertools import product
+from random import Random
+from unittest.mock import Mock
 
 import pytest
+import z3
 from hypothesis import Phase, assume, given, settings
 from hypothesis import strategies as st
 
-from robust.encode import create_encoding, encoding, network
+from robust.backends import ENCODINGS
+from robust.encode import create_encoding, encoding, interface, network
 from robust.encode.effects import Writes, mutex_pairs
-from robust.encode.interface import Auxiliary, Linear, TimeVariable, constant, least, variable
+from robust.encode.encoding import RelationalEncoding
+from robust.encode.interface import Auxiliary, Encoding, Facet, Grid, Range, TimeVariable, constant, variable
 from robust.encode.network import Difference, Inequality, Orders, TemporalNetwork
+from robust.encode.positions.encoding import PositionsEncoding
 from robust.encode.settled import proved
 from robust.errors import UnsupportedError
-from robust.plan.model import ZERO, DurationConstraint, Parameter, ParameterReference, TimedLiteral, TimePoint
+from robust.plan import model
+from robust.plan.model import ZERO, DurationConstraint, Parameter, ParameterReference, ParametrizedPlan, TimedLiteral
 from robust.plan.model import TimePointKind as Kind
+from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import mutex_pairs as simulated_mutex_pairs
+from robust.smt.limits import NEVER, Deadline
 from robust.smt.session import Satisfiability, Session
 from robust.smt.terms import Terms
+from tests.encode.asking import follows, sampled, unless_hidden
 from tests.plan import building
-from tests.plan.building import DURATION, RANDOM, action, at, at_least, between, drawn, instant, plan_of
-from tests.sampling import Network, sample_parameters, sample_schedules
+from tests.plan.building import (
+    DURATION,
+    RANDOM,
+    action,
+    at,
+    at_least,
+    between,
+    drawn,
+    instant,
+    number,
+    plan_of,
+    reference,
+)
+from tests.sampling import Network, bound_value, sample_parameters, sample_schedules
 from tests.strategies import plans
 
 K = (Parameter("k", Fraction(3)),)
@@ -84,7 +107,7 @@ def test_least_value_of_an_expression_over_a_box() -> None:
     m, other = variable(ParameterReference("m")), variable(ParameterReference("other"))
     ranges = {"k": (Fraction(1), Fraction(3)), "m": (None, Fraction(2))}
     expressions = {k.scaled(2) - m + 1: 1, k + m: None, m.scaled(0) + k: 1, k + X: None, other: None, constant(5): 5}
-    assert {expression: least(expression, ranges) for expression in expressions} == expressions
+    assert {expression: interface.least(expression, ranges) for expression in expressions} == expressions
 
 
 def test_the_network_has_the_schedules_that_shortest_paths_find() -> None:
@@ -169,7 +192,7 @@ ROW = st.tuples(*[st.integers(-1, 1)] * 5)
 @drawn(80)
 @given(st.lists(ROW, max_size=6), ROW)
 def test_what_a_part_leaves_out_shares_nothing_with_it(rows, question) -> None:
-    def expression(row) -> Linear:
+    def expression(row) -> interface.Linear:
         return sum((v.scaled(f) for v, f in zip((X, Y, Z, W), row, strict=False)), constant(row[-1]))
 
     terms, expressions = Terms(), [expression(row) for row in rows]
@@ -181,13 +204,13 @@ def test_what_a_part_leaves_out_shares_nothing_with_it(rows, question) -> None:
     assert {terms.at_least(e) for e in expressions if not e.variables and e.constant_term < 0} <= set(kept)
 
 
-POINTS = [TimePoint(Kind.INSTANT, name) for name in "abcde"]
+POINTS = [model.TimePoint(Kind.INSTANT, name) for name in "abcde"]
 A, B, C, D, E = POINTS
 EDGE = st.tuples(st.sampled_from(POINTS), st.sampled_from(POINTS), st.fractions(-3, 2, max_denominator=6))
-Known = dict[tuple[TimePoint, TimePoint], Fraction]
+Known = dict[tuple[model.TimePoint, model.TimePoint], Fraction]
 
 
-def longest(edges: list[tuple[TimePoint, TimePoint, Fraction]]) -> Known | None:
+def longest(edges: list[tuple[model.TimePoint, model.TimePoint, Fraction]]) -> Known | None:
     """Longest paths; None if there is a positive cycle."""
     known: Known = {(point, point): Fraction(0) for point in POINTS}
     for a, b, weight in edges:
@@ -259,3 +282,210 @@ def test_the_solver_proves_what_paths_prove(count, monkeypatch) -> None:
     run()
     assert obligations[True] > count
     assert obligations[False] > count / 10
+
+
+SIDES = [(1, model.Relation.AT_LEAST), (-1, model.Relation.AT_LEAST), (1, model.Relation.EQUAL)]
+DECLARED = [(None, None), (None, None), (Fraction(-1), None), (Fraction(-2), Fraction(4))]
+
+
+@st.composite
+def networks(draw) -> tuple[ParametrizedPlan, dict[str, Range]]:
+    """A network of few instances whose bounds mention the same parameters again and again, and a box."""
+    names = [f"k{index}" for index in range(draw(st.integers(1, 3)))]
+    small = st.integers(-2, 5).map(lambda n: Fraction(n, 2))
+
+    def bound() -> Polynomial:
+        terms = st.lists(st.tuples(st.sampled_from(names), st.sampled_from([1, 1, -1, 2])), max_size=2)
+        return sum((reference(name).scaled(factor) for name, factor in draw(terms)), number(draw(small)))
+
+    instances, constraints = [], []
+    for index in range(draw(st.integers(1, 3))):
+        rules = []
+        if draw(st.booleans()):
+            sign, relation = draw(st.sampled_from(SIDES))
+            condition = model.NumericCondition((DURATION - bound()).scaled(sign), relation)
+            rules = [DurationConstraint(building.START, condition, "rule 0")]
+        instances.append(building.action(f"i{index}", *rules, durative=bool(rules) or draw(st.booleans())))
+    time_points = st.sampled_from([ZERO, *(point for instance in instances for point in instance.time_points)])
+    for _ in range(draw(st.integers(1, 6))):
+        source, target = draw(time_points), draw(time_points)
+        lower, upper = (bound() if draw(st.booleans()) else None for _ in range(2))
+        if draw(st.integers(0, 3)) == 0:
+            lower = upper = bound()
+        if source != target:
+            constraints.append(between(source, target, lower, upper))
+    literals = (TimedLiteral(Fraction(2), building.P, True),) if draw(st.integers(0, 4)) == 0 else ()
+    parameters = []
+    ranges: dict[str, Range] = {}
+    for name in names:
+        middle, half = draw(small), draw(st.sampled_from([Fraction(0), Fraction(1, 2), Fraction(2)]))
+        lower, upper = draw(st.sampled_from(DECLARED))
+        parameters.append(Parameter(name, middle, lower=lower, upper=upper))
+        low, high = middle - half, middle + half
+        infinite = draw(st.integers(0, 6)) == 0
+        ranges[name] = draw(st.sampled_from([(None, high), (low, None), (None, None)])) if infinite else (low, high)
+    plan = plan_of(*instances, constraints=tuple(constraints), literals=literals, parameters=tuple(parameters))
+    return plan, ranges
+
+
+def keeps_rule(plan: ParametrizedPlan, values: dict[str, Fraction], name: str) -> bool:
+    """Whether some schedule of the network keeps the one duration obligation of that name."""
+    extra = []
+    for instance in plan.instances:
+        if name == f"{instance.identifier} {instance.action}: non-negative duration":
+            extra.append(between(instance.start, instance.end, 0))
+        for rule in instance.durations:
+            if instance.label(rule) == name:
+                factor = rule.condition.expression.terms[(next(iter(DURATION.variables)),)]
+                limit = DURATION - rule.condition.expression.scaled(1 / factor)
+                exact = rule.condition.relation is model.Relation.EQUAL
+                low, high = (limit if side > 0 or exact else None for side in (factor, -factor))
+                extra.append(between(instance.start, instance.end, low, high))
+    assert extra, f"no such obligation: {name}"
+    return Network(replace(plan, constraints=(*plan.constraints, *extra)), values).consistent
+
+
+def some_point_has_no_schedule(encoding: Encoding, ranges: dict[str, Range]) -> bool:
+    """By the definition, with quantifiers."""
+    network = encoding.network_formulas()
+    solver = z3.Tactic("qsat").solver()
+    for name, (low, high) in ranges.items():
+        solver.add(*([] if low is None else [z3.Real(name) >= z3.Q(low.numerator, low.denominator)]))
+        solver.add(*([] if high is None else [z3.Real(name) <= z3.Q(high.numerator, high.denominator)]))
+    solver.add(unless_hidden(encoding, network))
+    answer = solver.check()
+    assert answer != z3.unknown
+    return bool(answer == z3.sat)
+
+
+def judge(plan: ParametrizedPlan, ranges: dict[str, Range], random: Random, name: str, solver: str) -> str:
+    encoding = create_encoding(name, plan)
+    make_session = Mock(wraps=lambda: Session(encoding.terms, solver=solver))
+    facet = encoding.validity.broken_facet(Grid(ranges), make_session, NEVER)
+    assert not isinstance(facet, Satisfiability)
+    by = ", by solver" if make_session.called else ""
+    if facet is None or facet.obligation is None:
+        assert (facet is not None) == some_point_has_no_schedule(encoding, ranges)
+    if facet is None:
+        # What None also claims: parameters alone do not force a negative duration.
+        for instance in plan.instances if name == "relational" else ():
+            if instance.durative and interface.is_over_parameters(
+                encoding.places[instance.end] - encoding.places[instance.start]
+            ):
+                rule = f"{instance.identifier} {instance.action}: non-negative duration"
+                assert all(keeps_rule(plan, values, rule) for values in sampled(ranges, random, 8))
+        return f"none{by}"
+    assert interface.is_over_parameters(facet.expression)
+    points = [*sampled(ranges, random, 8), *sampled({name: (Fraction(-6), Fraction(6)) for name in ranges}, random, 20)]
+    outside = [values for values in points if bound_value(facet.expression, values) < 0]
+    assert outside, "some sampled corner of the box lies outside the facet"
+    if facet.obligation is None:
+        follows(encoding, facet, ranges)
+        assert not any(Network(plan, values).consistent for values in outside)
+    else:
+        assert facet.breaks_in(Grid(ranges))
+        assert not any(keeps_rule(plan, values, facet.obligation) for values in outside)
+    if any(low is None or high is None for low, high in ranges.values()):
+        return "facet of an infinite box"
+    return ("facet" if facet.obligation is None else "obligation") + by
+
+
+@pytest.mark.parametrize(
+    ("encoding", "solver", "count"),
+    [
+        ("relational", "z3", 70),
+        ("relational", "cvc5", 50),
+        ("positions", "z3", 60),
+        *(pytest.param(encoding, "z3", 20_000, marks=pytest.mark.slow) for encoding in ENCODINGS),
+    ],
+)
+def test_broken_facets_are_right(encoding, solver, count) -> None:
+    outcomes: Counter[str] = Counter()
+
+    @settings(drawn(count), derandomize=count < 1000)
+    @given(networks(), RANDOM)
+    def run(network, random) -> None:
+        outcomes[judge(*network, random, encoding, solver)] += 1
+
+    run()
+    assert outcomes["none"] >= 5, outcomes
+    assert outcomes["facet"] >= 5, outcomes
+    assert outcomes["obligation"] + outcomes["facet of an infinite box"] >= 1, outcomes
+
+
+def ask(encoding: Encoding, box: dict[str, Range], deadline: Deadline = NEVER) -> Facet | Satisfiability | None:
+    return encoding.validity.broken_facet(Grid(box), lambda: Session(encoding.terms), deadline)
+
+
+@drawn(40)
+@given(networks(), st.lists(st.fractions(-4, 4, max_denominator=2), min_size=6, max_size=6))
+def test_what_was_asked_before_changes_no_answer(network, ends) -> None:
+    plan, ranges = network
+    others = {name: tuple(sorted(ends[2 * i : 2 * i + 2])) for i, name in enumerate(ranges)}
+    encoding = RelationalEncoding(plan)
+    ask(encoding, others)
+    for box in (ranges, others, ranges):
+        assert (ask(encoding, box) is None) == (ask(RelationalEncoding(plan), box) is None)
+
+
+# A cycle through k on both sides: its edges are at their worst at different ends, the sum is never positive.
+# i starts between 2 and 3, and starts j after k as j starts k + 1 after i at most.
+FIRST, THEN, LEVEL = instant("i"), instant("j"), reference("k")
+EDGES = between(FIRST.start, THEN.start, LEVEL), between(FIRST.start, THEN.start, None, LEVEL + 1)
+CIRCLE = (between(ZERO, FIRST.start, 2, 3), *EDGES)
+WORST_APART = plan_of(FIRST, THEN, constraints=CIRCLE, parameters=(Parameter("k", Fraction(1)),))
+
+
+def test_edges_at_their_worst_at_different_points_of_the_box() -> None:
+    """Out of time the answer is unknown, and spoils nothing."""
+    for name in ENCODINGS:
+        encoding, box = create_encoding(name, WORST_APART), {"k": (Fraction(-4), Fraction(1000))}
+        assert ask(encoding, box, Deadline.after(0)) is Satisfiability.UNKNOWN
+        assert ask(encoding, box) is None
+    encoding, low = RelationalEncoding(WORST_APART), Fraction(-4)
+    assert ask(encoding, {"k": (low, Fraction(1000))}) is ask(encoding, {"k": (low, None)}) is None
+    broken = ask(encoding, {"k": (low - 1, Fraction(1000))})
+    assert isinstance(broken, Facet)
+    assert bound_value(broken.expression, {"k": low}) == 0
+    assert isinstance(ask(encoding, {"k": (None, Fraction(0))}), Facet)
+
+
+def test_the_statements_that_contradict_each_other_at_a_point() -> None:
+    constraints = (between(ZERO, FIRST.start, LEVEL), between(ZERO, FIRST.start, None, 3))
+    parameters = (Parameter("k", Fraction(1), upper=Fraction(9)),)
+    validity = RelationalEncoding(plan_of(FIRST, constraints=constraints, parameters=parameters)).validity
+    assert validity.contradiction({"k": Fraction(3)}) is None
+    facet = validity.contradiction({"k": Fraction(5)})
+    assert facet is not None
+    assert set(facet.origins) == set(map(str, constraints))
+    assert bound_value(facet.expression, {"k": Fraction(5)}) == -2
+    assert validity.contradiction({"k": Fraction(10)}) == Facet(number(9) - LEVEL, ("parameter k ub 9",))
+    facet = ask(RelationalEncoding(plan_of(FIRST, constraints=(between(ZERO, FIRST.start, 3, 2),))), {})
+    assert isinstance(facet, Facet)
+    assert facet.expression == number(-1), "a plan without parameters has facets without variables"
+    # Equalities of one point contradict each other, or one and the time of a timed literal.
+    timed = TimedLiteral(Fraction(2), building.P, True)
+    for other, statements in ((at(FIRST.start, 2), 2), (at(timed.point, 1), 1), (at(timed.point, 3), 1)):
+        constraints = (at(FIRST.start, 1), other)
+        plan = plan_of(FIRST, constraints=constraints, literals=(timed,))
+        facet = RelationalEncoding(plan).validity.contradiction({})
+        assert len(set(facet.origins) & set(map(str, constraints))) == statements
+
+
+@pytest.mark.parametrize("shift", [0, -100])
+def test_crowded_bounds_are_thinned_by_a_solver(shift: int) -> None:
+    """Tangents of k², none of which another one covers, and lines between them that only two together cover."""
+    tangents = [LEVEL.scaled(2 * n) - n * n for n in range(-4, 5)]
+    covered = [LEVEL.scaled(2 * n + 1) - n * (n + 1) - Fraction(3, 5) for n in range(-4, 4)]
+    constraints = [between(FIRST.start, THEN.start, bound + shift) for bound in (*covered, *tangents)]
+    top = between(FIRST.start, THEN.start, None, 16 + shift)
+    plan = plan_of(FIRST, THEN, constraints=(*constraints, top), parameters=(Parameter("k", Fraction(0)),))
+    encoding = PositionsEncoding(plan)
+    session = Mock(wraps=lambda: Session(encoding.terms))
+    for low, high in ((-4, 4), *product((-5, 0), (0, 5))):
+        box = {"k": (Fraction(low), Fraction(high))}
+        broken = encoding.validity.broken_facet(Grid(box), session, NEVER)
+        assert (broken is None) == (low >= -4 and high <= 4)
+        assert session.called
+    for unbounded in ((None, Fraction(4)), (Fraction(-4), None)):
+        assert isinstance(ask(PositionsEncoding(plan), {"k": unbounded}), Facet)

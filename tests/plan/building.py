@@ -183,8 +183,13 @@ def groups(path: Path) -> dict[str, str]:
     return {headline: text.rstrip("\n") for headline, text in zip(parts[::2], parts[1::2], strict=True)}
 
 
-def read_plan(actions: str, init: str = "", goal: str = "()", **options: Any) -> model.ParametrizedPlan:
-    """A plan of one instance of each action, whose conditions are named by their numbers."""
+def joined(conditions: Iterable[model.Condition]) -> model.Condition | None:
+    parts = tuple(conditions)
+    return model.And(parts) if len(parts) > 1 else parts[0] if parts else None
+
+
+def read_plan(actions: str, init="", goal="()", times="", **options: Any) -> model.ParametrizedPlan:
+    """A plan of one instance of each action, its conditions named by numbers; times: `SOURCE TARGET LOWER UPPER, …`."""
     declared = "(:predicates (p) (q)) (:functions (f) (g)) (:synth-parameters ?k)"
     domain = parse_domain(f"(define (domain d) {declared} {actions})")
     problem = parse_problem(f"(define (problem x) (:domain d) (:init {init}) (:goal {goal}))", domain)
@@ -193,10 +198,14 @@ def read_plan(actions: str, init: str = "", goal: str = "()", **options: Any) ->
         ground = ground_action(domain, problem, name, name, [], schema.durative, None)
         conditions = tuple(replace(timed, text=f"c{i}") for i, timed in enumerate(ground.conditions))
         instances.append(replace(ground, action="act", conditions=conditions))
-    plan = plan_of(*instances, atoms=problem.atoms, literals=problem.timed_literals, **options)
-    goals = tuple(replace(part, text="goal") for part in ground_goal(domain, problem))
+    goal = joined(part.condition for part in ground_goal(domain, problem))
+    plan = plan_of(*instances, atoms=problem.atoms, literals=problem.timed_literals, goal=goal, **options)
     fluents = {fluent: number(amount) for fluent, amount in problem.fluents.items()}
-    return replace(plan, initial_fluents=plan.initial_fluents | fluents, goal=goals)
+    points, constraints = {str(point): point for point in plan.time_points}, []
+    for source, target, *ends in map(str.split, times.split(", ") if times else ()):
+        bounds = (None if end == "-" else Fraction(end) for end in ends)
+        constraints.append(between(points[source], points[target], *bounds))
+    return replace(plan, initial_fluents=plan.initial_fluents | fluents, constraints=tuple(constraints))
 
 
 def times_of(text: str) -> Times:
@@ -224,7 +233,7 @@ def delicate(case: str) -> tuple[model.ParametrizedPlan, Times, bool]:
     """What i requires over all from 2 to 6, the others with their times, whether it holds, and f at first."""
     _, condition, others, verdict, level = case.split(" | ")
     required = read_plan(f"(:durative-action i :duration () :condition (over all {condition}))").instances[0].conditions
-    condition = model.And(tuple(timed.condition for timed in required)) if len(required) > 1 else required[0].condition
+    condition = joined(timed.condition for timed in required)
     times = times_of(others)
     instances = [action("i", (ALL, condition)), *map(OTHERS.get, times)]
     named = {instance.identifier: when for instance, when in zip(instances[1:], times.values(), strict=True)}

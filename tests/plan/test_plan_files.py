@@ -103,11 +103,16 @@ def plans(draw: st.DrawFn) -> STNPlan:
     return STNPlan(tuple(draw(declarations(name)) for name in declared), tuple(instances), tuple(constraints))
 
 
-@given(plans())
-def test_round_trip(plan: STNPlan) -> None:
+amounts = st.fractions(min_value=0, max_denominator=10**6)
+steps = st.builds(TimedStep, amounts, symbols, st.lists(symbols, max_size=3).map(tuple), st.none() | amounts)
+
+
+@given(plans(), st.lists(steps, min_size=1, max_size=5).map(lambda some: TimedPlan(tuple(some))))
+def test_round_trips(plan: STNPlan, timed: TimedPlan) -> None:
     text = write_stn(plan)
     assert parse_stn(text) == plan
     assert write_stn(parse_stn(text)) == text
+    assert parse_timed_plan(write_timed_plan(timed)) == timed
 
 
 @given(st.data())
@@ -144,15 +149,6 @@ def test_timed_plan(tmp_path: Path) -> None:
     assert write_timed_plan(plan) == "0: (load truck-1 crate_2) [5]\n5.001: (beep)\n1/3: (load) [0.001]\n"
 
 
-amounts = st.fractions(min_value=0, max_denominator=10**6)
-steps = st.builds(TimedStep, amounts, symbols, st.lists(symbols, max_size=3).map(tuple), st.none() | amounts)
-
-
-@given(st.lists(steps, min_size=1, max_size=5).map(lambda some: TimedPlan(tuple(some))))
-def test_round_trip_of_timed_plans(plan: TimedPlan) -> None:
-    assert parse_timed_plan(write_timed_plan(plan)) == plan
-
-
 def test_layouts_of_planners() -> None:
     for headline, text in groups(TEXTS / "layouts.txt").items():
         written = write_timed_plan(parse_timed_plan(text))
@@ -172,10 +168,7 @@ def test_the_last_plan_of_a_log_counts_and_what_is_wrong_stands_beside_those_bef
     error, *plans = plans_in("0: (a) [1]\nlooking on\n0: (b) [2]\n2.0: (c", "<plan of p>")
     assert str(error).startswith("<plan of p>:4:1: found '2.0: (c'")
     assert [write_timed_plan(plan) for plan in plans] == ["0: (a) [1]\n"]
-
-
-def test_units() -> None:
-    """Of the last digit; of six digits and zeros; of more than six digits."""
+    # Units of the last digit; of six digits and zeros; of more than six digits.
     for texts, units in (
         ("12 12.001 1e-3 1/3", ["1", "0.001", "0.001", "0"]),
         ("195.01100000 0.53846200 0.00100000", ["0.001", "0.000001", "0.00000001"]),

@@ -31,7 +31,6 @@ HEAD = """(define (domain d)
 DOMAIN = parse_domain(HEAD + "(:synth-parameters ?s))", "d.pddl")
 CONDITION = ":parameters (?p - place) :synth-parameters (?s) :precondition (and (idle)\n {})"
 STEPS = "parameter p default 1;durative-action instance n0 : (go a b);action instance beep : (beep);\n{}"
-
 PDDL = partial(parse_domain, file="d.pddl"), "d.pddl"
 PROBLEM = partial(parse_problem, domain=DOMAIN, file="p.pddl"), "p.pddl"
 FRAMES = {
@@ -52,8 +51,6 @@ FRAMES = {
     "specifications of a plan": (lambda t: apply(*t.split(" & "), domain=("s",)), "--parameter {!r}: found ", "{}"),
     "files of parameters": (partial(parse_parameter_file, file="p.toml"), "p.toml", "{}"),
 }
-
-
 ROWS = [(group, line) for group, lines in groups(TEXTS / "refusals.txt").items() for line in lines.splitlines()]
 
 

@@ -101,79 +101,34 @@ def test_trace_lists_what_changed_at_each_happening_whatever_the_depth_of_condit
     assert happenings[0].time == 0
 
 
-@pytest.mark.parametrize(
-    ("times", "parameters", "message"),
-    [
-        ({}, {"k": 1}, "no value for time point 'abc'"),
-        ({"abc": 1}, {}, "no value for parameter 'k'"),
-        ({"abc": 1}, {"k": 1, "kk": 1}, "unknown parameter 'kk'; did you mean 'k'"),
-        ({"abd": 1}, {"k": 1}, "unknown time point 'abd'; did you mean 'abc'"),
-    ],
-)
-def test_missing_and_unknown_names_are_errors(times, parameters, message):
-    schedule = {model.TimePoint(model.TimePointKind.INSTANT, name): Fraction(time) for name, time in times.items()}
-    with pytest.raises(InputError, match=message):
-        simulate(plan_of(instant("abc"), parameters=(model.Parameter("k", Fraction(1)),)), parameters, schedule)
+def test_missing_and_unknown_names_are_errors():
+    plan = plan_of(instant("abc"), parameters=(model.Parameter("k", Fraction(1)),))
+    for name, parameters, message in (
+        ("", {"k": 1}, "no value for time point 'abc'"),
+        ("abc", {}, "no value for parameter 'k'"),
+        ("abc", {"k": 1, "kk": 1}, "unknown parameter 'kk'; did you mean 'k'"),
+        ("abd", {"k": 1}, "unknown time point 'abd'; did you mean 'abc'"),
+    ):
+        schedule = {model.TimePoint(model.TimePointKind.INSTANT, name): Fraction(1)} if name else {}
+        with pytest.raises(InputError, match=message):
+            simulate(plan, parameters, schedule)
 
 
-READ_P, READ_F = (START, Holds(P)), (START, at_least(f, 0))
-POURING, WAITING, LOOKING = action("a", flow(F, 1)), instant("w", READ_F), instant("a", READ_P)
-BOUNDED = action("a", model.DurationConstraint(START, at_least(building.DURATION, f), ">= (f)"))
-KEEPING = action("a", (building.ALL, model.And((Holds(P), at_least(f, 0)))))
-ADD, SET, RAISE = (instant("b", effect) for effect in (add(P), assign(F, 1), increase(F, 1)))
-DELETE = building.DELETER
+MUTEX = (building.TEXTS / "mutex.txt").read_text(encoding="utf-8").splitlines()
 
 
-def separated(*instances: model.ActionInstance, literals: tuple[model.TimedLiteral, ...] = ()) -> list[str]:
-    """The mutex pairs of a plan, found by putting everything at one time."""
-    time = literals[0].time if literals else Fraction(1)
-    plan = plan_of(*instances, atoms=(P, Q), literals=literals)
-    labels = building.broken(simulate(plan, {}, {point: time for i in plan.instances for point in i.time_points}))
-    return [label.removeprefix("separation: ") for label in labels if label.startswith("separation")]
-
-
-@pytest.mark.parametrize(
-    ("a", "b", "pairs"),
-    [
-        (LOOKING, ADD, "a, b"),
-        (instant("a", (START, Holds(P, False))), DELETE, "a, b"),
-        (instant("a", (START, model.Or((Holds(Q), Holds(P))))), ADD, "a, b"),
-        (instant("a", add(P)), DELETE, "a, b"),
-        (instant("a", add(P), building.delete(P)), ADD, "a, b"),
-        (instant("a", add(Q, START, Holds(P))), ADD, "a, b"),
-        (instant("a", add(P, START, at_least(f, 9))), DELETE, "a, b"),
-        (instant("a", assign(F, 1)), SET, "a, b"),
-        (instant("a", assign(F, 1)), RAISE, "a, b"),
-        (instant("a", (START, at_least(f, -9))), RAISE, "a, b"),
-        (instant("a", increase(G, f)), RAISE, "a, b"),
-        (instant("a", add(P, START, at_least(f, 0))), RAISE, "a, b"),
-        (instant("a", add(P)), ADD, ""),
-        (instant("a", building.delete(P)), DELETE, ""),
-        (LOOKING, instant("b", (START, Holds(P, False)), add(Q)), ""),
-        (instant("a", increase(F, 1)), instant("b", increase(F, -2)), ""),
-        (instant("a", assign(F, 1)), instant("b", assign(G, 1)), ""),
-        (instant("a", READ_F), instant("b", increase(G, f)), ""),
-        (KEEPING, instant("b", building.delete(P), assign(F, 1)), ""),
-        (action("a", (END, Holds(P))), DELETE, "a.end, b"),
-        (BOUNDED, RAISE, "a.start, b"),
-        (POURING, RAISE, ""),
-        (POURING, action("b", flow(F, 1)), ""),
-        (POURING, SET, "a.start, b; a.end, b"),
-        (POURING, WAITING, "a.start, w; a.end, w"),
-        (action("a", flow(F, g)), instant("b", increase(G, 1)), "a.start, b; a.end, b"),
-    ],
-)
-def test_mutex_pairs(a, b, pairs):
-    assert "; ".join(separated(a, b)) == pairs
-
-
-def test_timed_literals_are_mutex_with_actions_but_not_with_each_other():
-    changes = (P, False), (P, True), (F, Fraction(4))
-    at_two = tuple(model.TimedLiteral(Fraction(2), *change) for change in changes)
-    assert separated(instant("a", READ_P, READ_F), literals=at_two) == ["a, @2"]
-    assert separated(instant("a", increase(F, 1)), literals=at_two[2:]) == ["a, @2"]
-    assert separated(instant("a", add(P)), literals=at_two[1:2]) == []
-    assert separated(instant("a", building.delete(P)), literals=at_two[1:2]) == ["a, @2"]
+@pytest.mark.parametrize("row", MUTEX)
+def test_mutex_pairs(row):
+    """Found by putting everything at one time, timed literals too, which are no pairs among themselves."""
+    actions, pairs, *literals = row.split(" | ")
+    plan = building.read_plan(actions, f"(p) (q) {' '.join(literals)}")
+    at_two = {point: Fraction(2) for instance in plan.instances for point in instance.time_points}
+    labels = building.broken(simulate(plan, {}, at_two))
+    separated = [label.removeprefix("separation: ") for label in labels if label.startswith("separation")]
+    assert separated == (pairs.split("; ") if pairs != "none" else [])
+    both = tuple(model.TimedLiteral(Fraction(2), P, truth) for truth in (False, True))
+    labels = building.broken(building.run(plan_of(instant("a", (START, Holds(P))), literals=both), {"a": 2}))
+    assert [label for label in labels if label.startswith("separation")] == ["separation: a, @2"]
 
 
 CONTINUOUS = {"instances": 3, "atoms": 1, "fluents": 1, "durative_only": True, "conditional": False, "parameters": 0}

@@ -1,7 +1,8 @@
 """Random small polyhedra and regions, and their translation to z3 that shares no code with the package."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from fractions import Fraction
+from functools import partial
 from itertools import product
 
 import z3
@@ -15,22 +16,13 @@ NAMES = ("x", "y", "z")
 SYMBOLS = {name: z3.Real(name) for name in NAMES}
 
 
-def le(constant: object, **coefficients: object) -> LinearConstraint:
-    """`Σ coefficient · parameter <= constant`."""
-    return constraint("<=", constant, coefficients)
-
-
-def lt(constant: object, **coefficients: object) -> LinearConstraint:
-    return constraint("<", constant, coefficients)
-
-
-def eq(constant: object, **coefficients: object) -> LinearConstraint:
-    return constraint("=", constant, coefficients)
-
-
-def constraint(relation: str, constant: object, coefficients: Mapping[str, object]) -> LinearConstraint:
+def constraint(relation: str, constant: object, **coefficients: object) -> LinearConstraint:
+    """`Σ coefficient · parameter` compared with the constant."""
     exact = {name: Fraction(str(value)) for name, value in coefficients.items()}
     return LinearConstraint.of(exact, relation, Fraction(str(constant)))
+
+
+le, lt, eq = (partial(constraint, relation) for relation in ("<=", "<", "="))
 
 
 def polygon(*constraints: LinearConstraint) -> Polyhedron:
@@ -55,7 +47,7 @@ def cube(size: int, names: Iterable[str] = NAMES) -> Polyhedron:
 @st.composite
 def constraints(draw: st.DrawFn, names: tuple[str, ...]) -> LinearConstraint:
     factors = {name: draw(st.integers(-3, 3)) for name in names}
-    return constraint(draw(st.sampled_from(["<=", "<=", "<", "<", "="])), draw(st.integers(-4, 6)), factors)
+    return constraint(draw(st.sampled_from(["<=", "<=", "<", "<", "="])), draw(st.integers(-4, 6)), **factors)
 
 
 @st.composite

@@ -67,8 +67,8 @@ def test_forms_describe_the_same_points_and_simple_ones_with_nothing_superfluous
 
 
 @QUICK
-@given(pairs)
-def test_set_operations(pair):
+@given(pairs, spaces.flatmap(lambda names: st.tuples(polyhedra(names, 5), st.lists(polyhedra(names, 3), max_size=4))))
+def test_set_operations_and_both_ways_to_decide_coverage(pair, question):
     left, right = pair
     first, second = region_z3(left), region_z3(right)
     assert same(region_z3(left.union(right)), z3.Or(first, second))
@@ -78,11 +78,6 @@ def test_set_operations(pair):
     assert left.equals(right) == same(first, second)
     witness = right.point_outside(left)
     assert witness is None or (witness in left and witness not in right)
-
-
-@QUICK
-@given(spaces.flatmap(lambda names: st.tuples(polyhedra(names, 5), st.lists(polyhedra(names, 3), max_size=4))))
-def test_both_ways_to_decide_coverage_agree(question):
     piece, cover = question
     points = [decide(piece, cover) for decide in (outside_by_splitting, outside_by_solver, outside)]
     assert len({point is None for point in points}) == 1
@@ -90,7 +85,7 @@ def test_both_ways_to_decide_coverage_agree(question):
         assert point is None or (point in piece and not any(point in other for other in cover))
 
 
-@drawn(25)
+@QUICK
 @given(regions(NAMES, 2, 3), st.sets(st.sampled_from(NAMES), min_size=1, max_size=2))
 def test_projection_is_the_existential_quantifier(region, dropped):
     shadow = region.project([name for name in NAMES if name not in dropped])
@@ -133,7 +128,7 @@ def test_documents_samples_and_formulas(region, seed):
     assert (session.check("is the region empty").value == "unsat") == region.is_empty
 
 
-def test_samples_reach_all_of_a_region():
+def test_samples_reach_all_of_a_region_and_projections_of_long_chains_stay_small():
     points = Region.union_of(PLANE, [SQUARE]).sample(200)
     for name in PLANE:
         assert min(point[name] for point in points) < 2
@@ -141,6 +136,13 @@ def test_samples_reach_all_of_a_region():
     on_line = Region.union_of(PLANE, [SQUARE.restricted([eq(4, x=1, y=-1)])]).sample(20)
     assert all(point["x"] - point["y"] == 4 for point in on_line)
     assert len({point["x"] for point in on_line}) > 10
+    names = tuple(f"t{i}" for i in range(12))
+    sides = [le(0, t0=-1), le(0, t0=1)]
+    for first, second in pairwise(names):
+        sides += [le(5, **{second: 1, first: -1}), lt(-2, **{second: -1, first: 1})]
+    shadow = Polyhedron(names, tuple(sides)).project(["t11"])
+    assert shadow.extent("t11") == Interval(Fraction(22), Fraction(55), False, True)
+    assert len(shadow.constraints) == 2
 
 
 @QUICK
@@ -160,8 +162,6 @@ def test_volumes_of_all_forms_agree_with_the_bounds_and_with_inclusion_and_exclu
 
 HALVES = [polygon(lt(0, x=1)), polygon(lt(0, x=-1))]
 ROW = [*(rectangle(i, i + 2, 0, 1) for i in range(5)), rectangle(1, 2, 0, 1), polygon(eq(1, x=1), eq(0, y=1))]
-
-
 L_SHAPE = [rectangle(0, 1, 0, 1), rectangle(1, 2, 0, 1), rectangle(0, 1, 1, 2)]
 
 
@@ -195,7 +195,12 @@ def test_differences_keep_their_form():
     assert Region.difference(SQUARE, [Polyhedron.universe(PLANE)]).simplified().is_empty
 
 
-def test_boxes():
+def test_boxes_and_orders_of_parameters():
+    with pytest.raises(InputError, match="the same parameters"):
+        Region.union_of(["x"], [SQUARE])
+    turned = Region.union_of(["y", "x"], [SQUARE])
+    assert turned.pieces[0].parameters == ("y", "x")
+    assert turned.equals(Region.union_of(PLANE, [SQUARE]))
     inside = Box({"x": Interval(Fraction(0), Fraction(4)), "y": Interval(Fraction(7), Fraction(10), False)})
     assert SLABS.contains_box(inside)
     assert not SLABS.contains_box(inside.replace("y", Interval(Fraction(7), Fraction(10))))
@@ -226,9 +231,7 @@ def test_without_parameters_or_volume():
     point = Region.union_of(PLANE, [polygon(eq(1, x=1), eq(2, y=1))])
     assert point.sample(1) == [{"x": 1, "y": 2}]
     assert point.is_subset_of(line.complement())
-
-
-def test_volume_bounds_in_five_dimensions():
+    # In five dimensions.
     names = tuple("abcde")
     ball = cube(1, names).restricted([le(2, **dict.fromkeys(names, 1))])
     region = Region.difference(ball, [Polyhedron(names, (lt("1/2", a=1, b=1), lt("-1/4", c=-1)))])
@@ -283,14 +286,6 @@ def test_documents_have_one_layout_and_others_are_refused(document):
     assert union.as_dict()["polyhedra"] == polyhedra_list
     difference = union.complement().as_dict()
     assert (difference["form"], difference["base"], difference["minus"]) == ("difference", [], polyhedra_list)
-
-
-def test_pieces_must_be_over_the_parameters():
-    with pytest.raises(InputError, match="the same parameters"):
-        Region.union_of(["x"], [SQUARE])
-    turned = Region.union_of(["y", "x"], [SQUARE])
-    assert turned.pieces[0].parameters == ("y", "x")
-    assert turned.equals(Region.union_of(PLANE, [SQUARE]))
 
 
 def test_splitting_and_solving_may_remain_undecided(monkeypatch):
@@ -360,7 +355,7 @@ def test_membership_points_emptiness_and_simplification(polyhedron):
 @example((UNIT, WITHOUT_CORNER))
 @example((WITHOUT_CORNER.restricted([lt(3, x=2, y=1)]), WITHOUT_CORNER))
 @given(two)
-def test_subsets_and_differences(pair):
+def test_subsets_differences_and_sums_of_volumes(pair):
     left, right = pair
     assert left.is_subset_of(right) == is_valid(z3.Implies(as_z3(left), as_z3(right)))
     assert left.equals(right) == same(as_z3(left), as_z3(right))
@@ -369,6 +364,9 @@ def test_subsets_and_differences(pair):
     assert same(z3.Or([as_z3(piece) for piece in pieces]), z3.And(as_z3(left), z3.Not(as_z3(right))))
     assert all(first.is_disjoint_from(second) for first, second in combinations(pieces, 2))
     assert same(z3.Or([as_z3(piece) for piece in right.complement()]), z3.Not(as_z3(right)))
+    whole = left.restricted(cube(2, left.parameters).constraints)
+    parts = [piece.volume() for piece in whole.minus(right)]
+    assert sum(parts) + whole.intersection(right).volume() == whole.volume()
 
 
 @OFTEN
@@ -442,14 +440,6 @@ def test_volumes_of_shapes():
         assert shape.volume() == volume
 
 
-@OFTEN
-@given(shapes.spaces.flatmap(lambda names: st.tuples(polyhedra(names, 4), polyhedra(names, 2))))
-def test_volumes_add_up(pair):
-    whole = pair[0].restricted(cube(2, pair[0].parameters).constraints)
-    parts = [piece.volume() for piece in whole.minus(pair[1])]
-    assert sum(parts) + whole.intersection(pair[1]).volume() == whole.volume()
-
-
 def test_answers_without_a_choice():
     everything, nothing = Polyhedron(()), Polyhedron.nothing(())
     assert (everything.dimension, everything.is_universal, everything.vertices()) == (0, True, [{}])
@@ -489,13 +479,3 @@ def test_answers_without_a_choice():
 def test_errors(call, message):
     with pytest.raises(UnsupportedError if "dimension" in message else InputError, match=message):
         call()
-
-
-def test_projection_of_a_long_chain_stays_small():
-    names = tuple(f"t{i}" for i in range(12))
-    sides = [le(0, t0=-1), le(0, t0=1)]
-    for first, second in pairwise(names):
-        sides += [le(5, **{second: 1, first: -1}), lt(-2, **{second: -1, first: 1})]
-    shadow = Polyhedron(names, tuple(sides)).project(["t11"])
-    assert shadow.extent("t11") == Interval(Fraction(22), Fraction(55), False, True)
-    assert len(shadow.constraints) == 2

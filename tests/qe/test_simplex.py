@@ -216,7 +216,6 @@ def test_equal_half_spaces_are_equal_objects_of_coprime_integers():
     assert eq(2, x=-1, y=3) == eq(-2, x=1, y=-3)
     assert LinearConstraint.of({"x": 2}, ">=", 4) == le(-4, x=-2)
     assert LinearConstraint.of({"x": 2}, ">", 4) == lt(-2, x=-1)
-
     constraint = le("1/2", x="4/3", y=2, z=0)
     assert constraint.coefficients == (("x", Fraction(2)), ("y", Fraction(3)))
     assert constraint.constant == Fraction(3, 4)
@@ -240,30 +239,21 @@ def test_negation_substitution_and_documents(constraint, value):
         assert half.opposite(half.relation).opposite(half.relation) == half
 
 
-@pytest.mark.parametrize(
-    "document",
-    [
-        {},
-        {"coefficients": {"x": "1"}, "relation": ">=", "constant": "1"},
-        {"coefficients": {"x": 0.1}, "relation": "<=", "constant": "1"},
-        {"coefficients": {"x": "1/0"}, "relation": "<=", "constant": "1"},
-        {"coefficients": ["x"], "relation": "<=", "constant": "1"},
-        {"coefficients": {"x": "1"}, "relation": "<=", "constant": True},
-    ],
-)
-def test_bad_documents_are_refused(document):
-    with pytest.raises(InputError, match="cannot read the constraint"):
-        LinearConstraint.from_dict(document)
-
-
-def test_only_linear_expressions_over_parameters():
+def test_bad_documents_and_what_is_not_linear_over_parameters_are_refused():
+    good = {"coefficients": {"x": "1"}, "relation": "<=", "constant": "1"}
+    assert LinearConstraint.from_dict(good) == le(1, x=1)
+    changes = [{"coefficients": bad} for bad in ({"x": 0.1}, {"x": "1/0"}, ["x"])]
+    changes += [{"relation": ">="}, {"constant": True}]
+    for document in ({}, *(good | change for change in changes)):
+        with pytest.raises(InputError, match="cannot read the constraint"):
+            LinearConstraint.from_dict(document)
     x, duration = Polynomial.variable(ParameterReference("x")), Polynomial.variable(Duration())
     for expression, relation in ((x * x, Relation.AT_LEAST), (x, Relation.DIFFERENT), (duration, Relation.EQUAL)):
         with pytest.raises(UnsupportedError, match="not a constraint of a polyhedron"):
             LinearConstraint.from_polynomial(expression, relation)
 
 
-def test_texts_formulas_and_constants():
+def test_texts_formulas_constants_and_trimming():
     for constraint, truth in ((le(0), True), (lt(0), False), (le(-2), False), (eq(1), False)):
         assert constraint.is_true is constraint.evaluate({}) is truth
         assert constraint.is_false is not truth
@@ -275,9 +265,7 @@ def test_texts_formulas_and_constants():
     terms = Terms()
     assert str(le(4, x=-1).to_formula(terms)) == "(0.0 <= (x + 4.0))"
     assert le(4).to_formula(terms) is terms.true
-
-
-def test_trim_keeps_the_tightest():
+    # Of several constraints of one form the tightest is kept.
     assert trim([le(3, x=1), lt(2, x=1), le(2, x=1), le(5), le(1, x=-1)]) == (lt(2, x=1), le(1, x=-1))
     assert trim([eq(1, x=1), eq(2, x=1)]) == (LinearConstraint.false(),)
     assert trim([eq(2, x=1), eq(1, x=1)]) == (LinearConstraint.false(),)
@@ -324,18 +312,14 @@ def test_boxes_are_what_their_constraints_say():
             assert (point in box) == (x in one and y in other) == all(side.evaluate(point) for side in sides)
 
 
-@pytest.mark.parametrize("side", Side)
-@pytest.mark.parametrize("closed", [False, True])
-def test_one_end_moves_and_the_other_stays(side, closed):
-    other = Side.LOWER if side is Side.UPPER else Side.UPPER
-    for one in (Interval(Fraction(-5), Fraction(5), False, True), Interval(Fraction(-5), Fraction(5), True, False)):
-        for end in (Fraction(1), None):
-            moved = Box({"x": one}).moved(("x", side), end, closed=closed)["x"]
-            assert (moved.end(side), moved.is_closed_at(side)) == (end, closed)
-            assert (moved.end(other), moved.is_closed_at(other)) == (one.end(other), one.is_closed_at(other))
-
-
-def test_widths_add_up():
+@pytest.mark.parametrize(("side", "other"), [(Side.LOWER, Side.UPPER), (Side.UPPER, Side.LOWER)])
+def test_one_end_moves_and_the_other_stays(side, other):
+    for closed, end, first in product((False, True), (Fraction(1), None), (False, True)):
+        interval = Interval(Fraction(-5), Fraction(5), first, not first)
+        moved = Box({"x": interval}).moved(("x", side), end, closed=closed)["x"]
+        assert (moved.end(side), moved.is_closed_at(side)) == (end, closed)
+        assert (moved.end(other), moved.is_closed_at(other)) == (interval.end(other), interval.is_closed_at(other))
+    # Widths add up.
     box = Box({"x": Interval(Fraction(1), Fraction(3)), "y": Interval(Fraction(0), Fraction(1, 2), False, False)})
     assert box.total_width == Fraction(5, 2)
     assert box.replace("y", Interval(Fraction(0), None)).total_width is None

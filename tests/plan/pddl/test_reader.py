@@ -2,6 +2,7 @@
 
 import re
 from fractions import Fraction
+from functools import partial
 from itertools import product
 from pathlib import Path
 
@@ -9,15 +10,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robust.errors import InputError, InputWarning
+from robust.errors import InputError, InputWarning, Location
+from robust.plan import model
 from robust.plan.load import assemble
-from robust.plan.model import Atom, Fluent, TimedLiteral, Timing
+from robust.plan.model import Atom, AtomEffect, Condition, Fluent, Holds, NumericEffect, TimedLiteral, Timing, Truth
 from robust.plan.pddl.forms import read_text
-from robust.plan.pddl.grounding import ground_action, ground_goal
+from robust.plan.pddl.grounding import fluents_read, ground_action, ground_goal
 from robust.plan.pddl.reader import parse_domain, parse_problem, read_domain, read_problem
 from robust.plan.pddl.syntax import Comparator, Problem, Proposition
 from robust.plan.stn import parse_stn
-from tests.plan.building import EVERYTHING, TEXTS, TOUR, error_of, run
+from tests.pddl_text import condition_text
+from tests.plan import building
+from tests.plan.building import EVERYTHING, TEXTS, TOUR, P, Q, at_least, error_of, number, reference, run
 
 DOMAIN = parse_domain(EVERYTHING, "d.pddl")
 
@@ -96,7 +100,11 @@ def test_harmless_repetitions_orders_and_types_that_only_appear_above_others() -
         assert parse_problem(text, DOMAIN).name == "p"
 
 
-def test_text_of_files_is_normalised(tmp_path: Path) -> None:
+def test_text_of_files_is_normalised_and_without_comments_valid(tmp_path: Path) -> None:
+    domain = parse_domain(" ".join(words(EVERYTHING)))
+    problem = parse_problem(" ".join(words(TOUR)), domain)
+    assert ground_action(domain, problem, "n0", "move", ["r1", "a", "b"], True, None).conditions
+    assert ground_goal(domain, problem)
     path = tmp_path / "d.pddl"
     path.write_bytes("\ufeffa\r\nb\rc\né".encode())
     assert read_text(path) == read_text(str(path)) == "a\nb\nc\né"
@@ -139,13 +147,6 @@ def mutations(draw: st.DrawFn, text: str) -> str:
             tokens[first], tokens[second] = b, a
         tokens = words(" ".join(tokens))
     return " ".join(tokens)
-
-
-def test_the_unchanged_texts_are_valid() -> None:
-    domain = parse_domain(" ".join(words(EVERYTHING)))
-    problem = parse_problem(" ".join(words(TOUR)), domain)
-    assert ground_action(domain, problem, "n0", "move", ["r1", "a", "b"], True, None).conditions
-    assert ground_goal(domain, problem)
 
 
 @given(mutations(EVERYTHING), mutations(TOUR), st.integers(0, len(EVERYTHING)), st.integers(0, len(TOUR)))
@@ -259,3 +260,148 @@ def test_other_comparisons_and_effects_are_about_numbers_and_goals_are_named_as_
     assert list(instance.mentioned()) == []
     goals = named(goal="(= f g) (= (f) (g))", objects="").goal
     assert [goal.label for goal in goals] == ["goal: (= f g)", "goal: (= (f) (g))"]
+
+
+GIVEN = parse_domain(EVERYTHING)
+TO_SOLVE = parse_problem(TOUR, GIVEN)
+PLACE = Location("plan.stn", 3, 1)
+GROUPS = building.groups(building.TEXTS / "grounding.txt")
+INCREASE = model.AssignmentKind.INCREASE
+TOTAL, CHARGE = Fluent("total"), Fluent("charge", ("r1",))
+
+
+def ground(body: str, *, durative: bool = False, init: str = "", **options: object) -> model.ActionInstance:
+    """The only instance of an action with that body; objects are a, b of type t and c of type u."""
+    kind = ":durative-action" if durative else ":action"
+    domain = parse_domain(
+        "(define (domain d) (:types t u) (:constants a b - t c - u) (:predicates (p) (q) (r ?x))"
+        "(:functions (f) (g) (h ?x) (k))"
+        f"(:synth-parameters ?s) (:action other :effect (increase (k) 1)) ({kind} act {body}))"
+    )
+    problem = parse_problem(f"(define (problem x) (:domain d) (:init (= (g) 4) {init}) (:goal ()))", domain)
+    arguments = ["a"] if ":parameters (?x" in body else []
+    return ground_action(domain, problem, "n1", "act", arguments, durative, PLACE, **options)
+
+
+def precondition(text: str) -> list[tuple[Condition, str]]:
+    instance = ground(f":precondition {text}")
+    assert {timed.timing for timed in instance.conditions} <= {Timing.AT_START}
+    return [(timed.condition, timed.text) for timed in instance.conditions]
+
+
+def rows(group: str) -> list[list[str]]:
+    return [row.split(" => ") for row in GROUPS[group].splitlines()]
+
+
+def test_conjuncts_are_apart_and_have_their_text() -> None:
+    conjunction = "(and (P) (and (NOT (q)) (forall (?x - T) (or (r ?x) (> (h ?x) .5)))) (P) (forall (?x) (p)))"
+    each = "(or (r a) (> (h a) .5))", "(or (r b) (> (h b) .5))"
+    assert [text for _, text in precondition(conjunction)] == ["(p)", "(not (q))", *each]
+    nested = "(imply (p) (exists (?y - t) (forall (?z ?y - (either t u)) (not (= ?y ?z)))))"
+    written, level = nested.replace("?z ?y - ", "?z - (either t u) ?y - "), "(>= (- (f)) (/ ?s 2))"
+    assert [text for _, text in precondition(f"(and {nested} {level})")] == [written, level]
+
+
+def test_durative_action() -> None:
+    move = ground_action(GIVEN, TO_SOLVE, "n0", "MOVE", ["R1", "A", "b"], True, PLACE)
+    assert (str(move), move.identifier, move.durative, move.location) == ("(move r1 a b)", "n0", True, PLACE)
+    least = at_least(building.DURATION, building.value(Fluent("distance", ("a", "b"))).scaled(Fraction(1, 2)))
+    most = at_least(reference("speed") + 100, building.DURATION)
+    assert [(bound.timing, bound.text, bound.condition) for bound in move.durations] == [
+        (Timing.AT_START, "(>= ?duration (/ (distance a b) (drag)))", least),
+        (Timing.AT_END, "(<= ?duration (+ 1e2 ?speed))", most),
+    ]
+    by_text = {timed.text: timed for timed in move.conditions}
+    level = by_text["(>= (charge r1) (* ?duration ?rate))"]
+    expected = at_least(building.value(CHARGE), building.DURATION * reference("n0.rate"))
+    assert (level.timing, level.condition) == (Timing.OVER_ALL, expected)
+    assert "(not (= a b))" not in by_text
+    at_end = [timed.text for timed in move.conditions if timed.timing is Timing.AT_END]
+    assert at_end[:3] == ["(open hub)", "(open a)", "(open b)"]
+    flows = building.flow(CHARGE, reference("n0.rate").scaled(Fraction(-1, 2))), building.flow(TOTAL, 1)
+    assert move.continuous_effects == flows
+    busy, hub = Holds(Atom("busy")), Atom("open", ("hub",))
+    at_end = NumericEffect(Timing.AT_END, TOTAL, INCREASE, building.DURATION, busy)
+    assert move.numeric_effects == (NumericEffect(Timing.AT_START, TOTAL, INCREASE, number(-3)), at_end)
+    assert set(move.atom_effects) >= {
+        AtomEffect(Timing.AT_START, Atom("at", ("r1", "a")), False),
+        AtomEffect(Timing.AT_START, hub, False, Holds(hub)),
+        AtomEffect(Timing.AT_END, busy.atom, False, busy),
+    }
+
+
+def numeric(text: str) -> str:
+    (effect,) = ground(f":effect {text}", init="(= (h a) 2) (at 4 (= (h b) 1))").numeric_effects
+    assert (effect.timing, effect.fluent, effect.condition) == (Timing.AT_START, Fluent("f"), Truth(True))
+    return f"{effect.operator.value} {effect.expression}"
+
+
+def rate(text: str) -> str:
+    (effect,) = ground(f":duration () :effect {text}", durative=True).continuous_effects
+    assert effect.fluent == Fluent("f")
+    return str(effect.rate)
+
+
+READINGS = {
+    "conditions": lambda text: " and ".join(condition_text(part) for part, _ in precondition(text)) or "nothing",
+    "numeric effects": numeric,
+    "rates": rate,
+    "fluents read": lambda body: fluents_read(ground(body, durative=True)),
+}
+
+
+@pytest.mark.parametrize(("group", "text", "expected"), [(group, *row) for group in READINGS for row in rows(group)])
+def test_what_is_read(group: str, text: str, expected: str) -> None:
+    if group == "fluents read":
+        expected = {Fluent(name) for name in expected.split() if name != "nothing"}
+    assert READINGS[group](text) == expected
+
+
+def test_conditional_quantified_and_repeated_effects() -> None:
+    nested = "(forall (?x - t) (when (and (r ?x) (not (= ?x b))) (when (p) (and (q) (increase (h ?x) 1)))))"
+    instance, of_a = ground(f":effect {nested}"), Holds(Atom("r", ("a",)))
+    guard = model.And((Holds(P), of_a)), model.And((of_a, Holds(P)))
+    assert [(effect.atom, effect.condition in guard) for effect in instance.atom_effects] == [(Q, True)]
+    assert [effect.fluent for effect in instance.numeric_effects] == [Fluent("h", ("a",))]
+    assert ground(":effect (when (= a b) (q))").atom_effects == ()
+    assert ground(":effect (when (= a a) (q))").atom_effects == (AtomEffect(Timing.AT_START, Q, True),)
+    assert len(ground(":effect (and (p) (p) (not (q)))").atom_effects) == 2
+    assert len(ground(":effect (forall (?x) (increase (f) 1))").numeric_effects) == 3, "equal increases add up"
+    assert len(ground(":effect (and (when (p) (assign (f) 1)) (when (q) (assign (f) 2)))").numeric_effects) == 2
+
+
+@pytest.mark.parametrize(("text", "culprit"), rows("divisions by what may change"))
+def test_division_by_what_may_change(text: str, culprit: str) -> None:
+    """A second name after the culprit's is that of a fluent whose initial value is a parameter."""
+    parts = [f"non-linear because {culprit.removesuffix(' g')} may vary", "expected a divisor that no action"]
+    parametrized = {Fluent("g")} if culprit.endswith(" g") else set()
+    call = partial(ground, f":effect {text}", init="(= (h a) 2) (at 4 (= (h a) 1))", parametrized=parametrized)
+    building.refused(call, "<domain>:1:", parts, exit_code=4)
+
+
+@pytest.mark.parametrize(("action", "message"), [*rows("refused effects"), *rows("refused instances")])
+def test_what_is_refused(action: str, message: str) -> None:
+    if action[0] == "(":
+        building.refused(lambda: ground(f":effect {action}"), "<domain>:1:", [message])
+        return
+    name, *arguments, kind = action.split()
+    call = partial(ground_action, GIVEN, TO_SOLVE, "n0", name, arguments, kind == "durative", PLACE)
+    building.refused(call, "plan.stn:3:1: found ", [message])
+
+
+def test_goal() -> None:
+    goal = ground_goal(GIVEN, TO_SOLVE)
+    assert [(part.condition, part.text) for part in goal] == [
+        (Holds(Atom("at", ("r1", "b"))), "(at r1 b)"),
+        (at_least(building.value(CHARGE), reference("speed")), "(>= (charge r1) ?speed)"),
+    ]
+    assert goal[0].label == "goal: (at r1 b)"
+
+
+@pytest.mark.parametrize("opening", ["(not ", "(and ", "(or (q) ", "(imply (q) ", "(forall (?y) ", "(exists (?y - u) "])
+def test_deep_conditions_are_ground(opening: str) -> None:
+    levels = 100 if opening != "(forall (?y) " else 5  # three objects: 3⁵ copies
+    for condition, _ in precondition(opening * levels + "(p)" + ")" * levels):
+        assert Holds(P) in (condition, *getattr(condition, "operands", ()))
+    guarded = ground(":effect " + "(when (p) " * 100 + "(q)" + ")" * 100).atom_effects
+    assert guarded == (AtomEffect(Timing.AT_START, Q, True, Holds(P)),)

@@ -121,12 +121,22 @@ def test_definitions_are_what_they_stand_for(name: str, violation: Nnf, conditio
 
 
 @pytest.mark.parametrize("name", ELIMINATORS)
-def test_constants(name: str) -> None:
+def test_constants_and_values_by_cases(name: str) -> None:
+    """a is above the sum of four symbols, each of which is 0, b or 1 as b and a say."""
     assert eliminate(name, query(FALSE)) == []
     assert eliminate(name, query(TRUE)) == [()]
     assert eliminate(name, query(side("<=", 0, x=1))) == [()]
     assert eliminate(name, query(side("<=", 0, a=1))) == [(side("<=", 0, a=1),)]
     assert_exact(name, query(side("<=", 0, a=1, x=-1)))
+    if name not in OURS:
+        return
+    definitions, symbols = [], [f"v{index}" for index in range(4)]
+    for index, symbol in enumerate(symbols):
+        bound = side("<=", index, b=1, a=index + 1)
+        low = disjunction((*bound.negation(), side("=", 0, **{symbol: 1})))
+        high = disjunction((bound, side("=", 0, **{symbol: 1, "b": -1}), side("=", 1, **{symbol: 1})))
+        definitions.append(Definition(symbol, conjunction((low, high))))
+    assert_exact(name, query(side("<", 0, a=-1, **dict.fromkeys(symbols, 1)), (), *definitions))
 
 
 def test_what_a_back_end_does_not_take_is_told() -> None:
@@ -138,18 +148,6 @@ def test_what_a_back_end_does_not_take_is_told() -> None:
         eliminate("cvc5", query(conjunction((BoolLeaf("p", True), leaf.formula))))
     with pytest.raises(UnsupportedError, match=r"'project' does not take both quantifiers at once.*back ends 'z3'"):
         create_eliminator("project", solvers()).eliminate_nested(leaf, leaf, NEVER)
-
-
-@pytest.mark.parametrize("name", OURS)
-def test_values_by_cases(name: str) -> None:
-    """a is above the sum of four symbols, each of which is 0, b or 1 as b and a say."""
-    definitions, symbols = [], [f"v{index}" for index in range(4)]
-    for index, symbol in enumerate(symbols):
-        bound = side("<=", index, b=1, a=index + 1)
-        low = disjunction((*bound.negation(), side("=", 0, **{symbol: 1})))
-        high = disjunction((bound, side("=", 0, **{symbol: 1, "b": -1}), side("=", 1, **{symbol: 1})))
-        definitions.append(Definition(symbol, conjunction((low, high))))
-    assert_exact(name, query(side("<", 0, a=-1, **dict.fromkeys(symbols, 1)), (), *definitions))
 
 
 def test_substitution_does_not_multiply_out_independent_definitions() -> None:
@@ -214,6 +212,10 @@ def test_projection_at_a_point_is_inside_the_exact_one(conjuncts: tuple[LinearCo
         assert_valid(context, context.reader.write(disjunction((negation(conjunction(near)), conjunction(exact)))))
 
 
+def below(bound: int, sense: str = "<=") -> LinearConstraint:
+    return side(sense, bound, a=1)
+
+
 def test_constants_fold_and_known_cases_are_excluded() -> None:
     leaf, tighter = below(3), below(1)
     assert without(leaf, [()]) is FALSE
@@ -225,6 +227,17 @@ def test_constants_fold_and_known_cases_are_excluded() -> None:
     assert conjunction((leaf, leaf)) == disjunction((leaf, tighter)) == leaf
     assert conjunction((leaf, tighter)) == tighter
     assert disjunction((BoolLeaf("p", True), BoolLeaf("p", False))) is TRUE
+    # What is assumed decides constraints.
+    assert simplified(below(2), (below(1),)) is TRUE
+    assert simplified(below(1, ">"), (below(1),)) is FALSE
+    assert simplified(below(0), (below(1),)) == below(0)
+    assert simplified(disjunction((below(1), below(0, ">")))) is TRUE
+    assert simplified(conjunction((below(1), below(1, "=")))) == below(1, "=")
+    assert simplified(disjunction((below(1), below(1, "=")))) == below(1)
+    # Of what comes to light in the second operand the first one hears as well.
+    first = disjunction((below(3), side("<=", 0, b=1)))
+    second = disjunction((conjunction((below(5), below(6, ">"))), below(2)))
+    assert simplified(conjunction((first, second))) == below(2)
 
 
 def test_formulas_of_others_are_read_or_rejected() -> None:
@@ -248,23 +261,6 @@ def test_formulas_of_others_are_read_or_rejected() -> None:
     assert names_in(FormulaReader(terms).read(formula)) == {"p", "q"}
 
 
-def below(bound: int, sense: str = "<=") -> LinearConstraint:
-    return side(sense, bound, a=1)
-
-
-def test_what_is_assumed_decides_constraints() -> None:
-    assert simplified(below(2), (below(1),)) is TRUE
-    assert simplified(below(1, ">"), (below(1),)) is FALSE
-    assert simplified(below(0), (below(1),)) == below(0)
-    assert simplified(disjunction((below(1), below(0, ">")))) is TRUE
-    assert simplified(conjunction((below(1), below(1, "=")))) == below(1, "=")
-    assert simplified(disjunction((below(1), below(1, "=")))) == below(1)
-    # Of what comes to light in the second operand the first one hears as well.
-    first = disjunction((below(3), side("<=", 0, b=1)))
-    second = disjunction((conjunction((below(5), below(6, ">"))), below(2)))
-    assert simplified(conjunction((first, second))) == below(2)
-
-
 DEEP = 3000
 
 
@@ -283,7 +279,6 @@ def test_deep_formulas_are_simplified_and_eliminated() -> None:
     assert names_in(simplified(formula)) == {"a", "b", "x"}
     with pytest.raises(OutOfTimeError):
         simplified(formula, deadline=Deadline.after(0))
-
     for names in (("a",), ("a",) * 99 + ("x",)):
         assert "x" not in names_in(loos_weispfenning.eliminate(deep(names), ["x"], lambda _: True, NEVER))
 

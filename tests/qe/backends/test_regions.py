@@ -28,7 +28,7 @@ from robust.plan.model import ZERO, Atom, Condition, DurationConstraint, Paramet
 from robust.plan.polynomial import Polynomial
 from robust.qe import inner
 from robust.qe.box import Box, Interval
-from robust.qe.compute import ProblemBuilder, RegionResult, RegionSearch, RegionStatus
+from robust.qe.compute import ProblemBuilder, RegionResult, RegionSearch, RegionStatus, what_breaks
 from robust.qe.constraint import LinearConstraint
 from robust.qe.eliminate.interface import Solvers
 from robust.qe.estimate import POINTS, Samples, proportion_bounds
@@ -43,7 +43,7 @@ from tests.irr.building import shipped
 from tests.plan import building
 from tests.plan.building import ALL, END, RANDOM, START, F, action, at, at_least, between, drawn, plan_of, reference
 from tests.qe.backends import REFEREES
-from tests.qe.backends.test_eliminators import OURS
+from tests.qe.backends.test_eliminators import OURS, side
 from tests.qe.polyhedra import le, polygon, rectangle, region_z3, same
 from tests.sampling import sample_parameters
 from tests.strategies import plans
@@ -89,8 +89,8 @@ def supported(plan: ParametrizedPlan, **options: object) -> RegionResult:
         raise
 
 
-def complete(plan: ParametrizedPlan) -> RegionResult:
-    result = supported(plan)
+def complete(plan: ParametrizedPlan, **options: object) -> RegionResult:
+    result = supported(plan, **options)
     assert (result.status, result.is_exact) == (RegionStatus.COMPLETE, True)
     return result
 
@@ -134,26 +134,19 @@ def test_back_ends_agree(backend: str, count: int, options: dict[str, int]) -> N
     run()
 
 
-@drawn(8)
-@given(plans(**TINY), st.sampled_from(SPLITTINGS), st.booleans(), st.sampled_from(["z3", "cvc5"]))
-def test_project_is_the_same_however_it_runs(plan, splitting, learning, solver):
-    same_region(plan, splitting=splitting, learning=learning, solver=solver)
+@pytest.mark.parametrize(("encoding", "count"), [("relational", 8), pytest.param("positions", 60, marks=SLOW)])
+def test_project_is_the_same_however_it_runs(encoding: str, count: int) -> None:
+    @drawn(count)
+    @given(plans(**TINY), st.sampled_from(SPLITTINGS), st.booleans(), st.sampled_from(["z3", "cvc5"]))
+    def run(plan: ParametrizedPlan, splitting: str, learning: bool, solver: str) -> None:
+        same_region(plan, splitting=splitting, learning=learning, solver=solver, encoding=encoding)
 
-
-@SLOW
-@drawn(60)
-@given(plans(**TINY))
-def test_encodings_describe_the_same_region(plan: ParametrizedPlan) -> None:
-    same_region(plan, encoding="positions")
+    run()
 
 
 k = reference("k")
 SUM = k + reference("m")
 NAVIGATION = shipped("two_sample_navigation")
-
-
-def side(relation: str, constant: int, **factors: int) -> LinearConstraint:
-    return LinearConstraint.of(factors, relation, constant)
 
 
 def constrained(names: Iterable[str], *sides: LinearConstraint) -> Region:
@@ -242,16 +235,13 @@ def test_the_problem_as_a_whole() -> None:
         region(fixed_plan(), solver="z4")
 
 
-@pytest.mark.parametrize("backend", ELIMINATORS)
-def test_no_time_at_all(backend: str) -> None:
-    result = region(NAVIGATION, backend=backend, timeout=0)
-    assert (result.status, result.is_exact, result.pieces) == (RegionStatus.TIMEOUT, False, 0)
-    assert "outer bound" in result.meaning
-    assert NAVIGATION.nominal in result.region
-
-
-def test_interruption_between_pieces_keeps_what_was_found() -> None:
+def test_interruption_keeps_what_was_found() -> None:
     """Each piece takes something away; the region of an interrupted run contains the envelope."""
+    for backend in ELIMINATORS:
+        result = region(NAVIGATION, backend=backend, timeout=0)
+        assert (result.status, result.is_exact, result.pieces) == (RegionStatus.TIMEOUT, False, 0)
+        assert "outer bound" in result.meaning
+        assert NAVIGATION.nominal in result.region
     pieces: list[Polyhedron] = []
     result, envelope = cut(NAVIGATION, 2, shapes=pieces), region(NAVIGATION)
     assert (result.status, result.pieces, len(pieces)) == (RegionStatus.INTERRUPTED, 2, 2)
@@ -346,9 +336,7 @@ def alike_plans(draw: st.DrawFn) -> ParametrizedPlan:
 
 def exact(plan: ParametrizedPlan) -> Region:
     """The region in the way that knows neither groups nor symmetry nor cells."""
-    result = supported(plan, splitting="partial")
-    assert result.status is RegionStatus.COMPLETE
-    return result.region
+    return complete(plan, splitting="partial").region
 
 
 def cut(plan: ParametrizedPlan, steps: int, *, cells_only: bool = False, shapes: Any = None) -> RegionResult:
@@ -364,8 +352,6 @@ def cut(plan: ParametrizedPlan, steps: int, *, cells_only: bool = False, shapes:
 
 
 CELLS_FIRST, IN_TURN = -1e9, 0.0  # seconds of looking for bad pieces alone
-
-
 KINDS = {"any": plans(**SMALL), "alike": alike_plans()}
 
 
@@ -600,3 +586,31 @@ def test_samples_know_what_they_are_told() -> None:
     assert len(samples.good) + len(samples.undecided) == sum(
         point not in left for point in map(Samples(box, Symmetry()).point, range(POINTS))
     )
+
+
+@pytest.mark.parametrize("name", ["two_sample_navigation", "generator", "delivery"])
+def test_what_breaks_is_what_checks_refute(name):
+    """Where each obligation breaks, against checks of single points, which share none of the elimination."""
+    plan = shipped(name)
+    breaks, exact = what_breaks(plan), region(plan).region
+    assert breaks.complete
+    assert not what_breaks(plan, timeout=0.0).complete
+    random, met = Random(5), Counter()  # noqa: S311 - reproducible
+    for _ in range(40):
+        point = {name: nominal + random.randint(-60, 60) for name, nominal in plan.nominal.items()}
+        result = check(plan, at=point, every=True)
+        refuted = {name for name, answer in result.obligations.items() if answer is Answer.REFUTED}
+        named = [one for one in breaks.obligations if any(point in piece for piece in one.pieces)]
+        demands = {one.obligation for one in named if one.demand}
+        if result.reason is not None:
+            met["no schedule"] += 1
+            assert point not in exact
+        elif demands:
+            met["demand"] += 1
+            assert demands <= refuted
+        else:
+            met["several" if len(refuted) > 1 else "one" if refuted else "valid"] += 1
+            assert {one.obligation for one in named} == refuted
+            assert (point in exact) is (not refuted)
+    assert met.keys() >= {"valid", *(("no schedule",) if name == "delivery" else ("one", "several"))}
+    assert sum(met.values()) == 40
