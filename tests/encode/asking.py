@@ -38,8 +38,7 @@ def first_broken(plan: ParametrizedPlan, broken: Iterable[str]) -> list[str]:
     return [name for name in stage if name in broken and stage[name] == earliest]
 
 
-Point = tuple[Mapping[str, Fraction], Mapping[TimePoint, Fraction]]
-"""Values of parameters, and a schedule."""
+Point = tuple[Mapping[str, Fraction], Mapping[TimePoint, Fraction]]  # values of parameters, and a schedule
 
 
 def where_broken(encoding: PositionsEncoding, obligation: Obligation, points: Iterable[Point]) -> list[bool]:
@@ -108,8 +107,7 @@ def both(plan: ParametrizedPlan, epsilon: Fraction = Fraction(1, 1000)) -> tuple
     return create_encoding("relational", plan, epsilon), create_encoding("positions", plan, epsilon)
 
 
-FAR = Fraction(50)
-"""Stands for an infinite end when points are sampled; bounds and factors of drawn networks are much smaller."""
+FAR = Fraction(50)  # stands for an infinite end; bounds and factors of drawn networks are much smaller
 
 
 def sampled(ranges: Mapping[str, Range], random: Random, count: int) -> list[dict[str, Fraction]]:

@@ -69,16 +69,10 @@ def tangled(draw) -> ParametrizedPlan:
         constraints.append(between(ZERO, instance.start, draw(st.integers(0, 2)), 3))
     if draw(st.booleans()):
         constraints.append(between(instances[0].end, instances[1].start, 1))
-    return building.plan_of(
-        *instances,
-        atoms=(P,),
-        f=draw(st.sampled_from([0, 1, k])),
-        g=draw(st.integers(-1, 1)),
-        goal=draw(condition),
-        literals=(model.TimedLiteral(Fraction(2), F, Fraction(1)),) if draw(st.integers(0, 3)) == 0 else (),
-        constraints=tuple(constraints),
-        parameters=(model.Parameter("k", Fraction(1), lower=Fraction(0)),),
-    )
+    said = {"parameters": (model.Parameter("k", Fraction(1), lower=Fraction(0)),), "constraints": tuple(constraints)}
+    said["literals"] = (model.TimedLiteral(Fraction(2), F, Fraction(1)),) if draw(st.integers(0, 3)) == 0 else ()
+    f, g = draw(st.sampled_from([0, 1, k])), draw(st.integers(-1, 1))
+    return building.plan_of(*instances, atoms=(P,), f=f, g=g, goal=draw(condition), **said)
 
 
 KINDS = {

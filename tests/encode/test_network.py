@@ -58,35 +58,29 @@ TIED, AFTER_LONG = between(ONE.start, TWO.start, k, k), between(LONG.end, TWO.st
 BEFORE_LITERAL, BACK = between(ONE.start, LITERAL.point, 1, 1), between(TWO.start, ONE.start, -3, -3)
 
 
-@pytest.mark.parametrize(
-    ("constraints", "places"),
-    [
+def test_time_points_are_tied():
+    """Along equalities, from points that nothing ties, backwards and through timed literals."""
+    for constraints, places in (
         ((at(ONE.start, 2), TIED), {ZERO: constant(0), ONE.start: constant(2), TWO.start: k + 2}),
         ((AFTER_LONG, between(TWO.start, ONE.start, 0)), {LONG.start: t_start, TWO.start: t_end + 1}),
         ((BEFORE_LITERAL,), {LITERAL.point: constant(LITERAL.time), ONE.start: constant(Fraction(5, 2))}),
-    ],
-)
-def test_time_points_are_tied(constraints, places) -> None:
-    """Along equalities, from points that nothing ties, backwards and through timed literals."""
-    tied = TemporalNetwork(plan_of(LONG, TWO, ONE, constraints=constraints, literals=(LITERAL,), parameters=K))
-    assert {point: tied.places[point] for point in places} == places
+    ):
+        tied = TemporalNetwork(plan_of(LONG, TWO, ONE, constraints=constraints, literals=(LITERAL,), parameters=K))
+        assert {point: tied.places[point] for point in places} == places
 
 
-@pytest.mark.parametrize(
-    ("constraints", "expressions"),
-    [
+def test_what_is_left_to_say():
+    """What is unsaid comes last; a circle is an equation; one that closes says nothing."""
+    for constraints, expressions in (
         ((between(ONE.start, TWO.start, 1),), [(t_j - t_i - 1, None), (t_i, ONE.start), (t_j, TWO.start)]),
         ((TIED, BACK), [(-k + 3, None), (k - 3, None), (t_i, ONE.start), (t_i + k, TWO.start)]),
         ((at(ONE.start, 1), TIED, between(TWO.start, ONE.start, -k, -k)), [(k + 1, TWO.start)]),
-    ],
-)
-def test_what_is_left_to_say(constraints, expressions) -> None:
-    """What is unsaid comes last; a circle is an equation; one that closes says nothing."""
-    inequalities = TemporalNetwork(plan_of(ONE, TWO, constraints=constraints, parameters=K)).inequalities
-    assert [(inequality.expression, inequality.not_before_zero) for inequality in inequalities] == expressions
+    ):
+        inequalities = TemporalNetwork(plan_of(ONE, TWO, constraints=constraints, parameters=K)).inequalities
+        assert [(inequality.expression, inequality.not_before_zero) for inequality in inequalities] == expressions
 
 
-def test_declared_bounds_are_inequalities_and_inequalities_differences() -> None:
+def test_declared_bounds_inequalities_as_differences_and_least_values_over_a_box() -> None:
     plan = plan_of(ONE, parameters=(Parameter("k", Fraction(3), lower=Fraction(1), upper=Fraction(4)),))
     tied = TemporalNetwork(plan)
     bounds = [Inequality(k - 1, ("parameter k lb 1",)), Inequality(-k + 4, ("parameter k ub 4",))]
@@ -101,9 +95,6 @@ def test_declared_bounds_are_inequalities_and_inequalities_differences() -> None
         (t_i, ZERO, ONE.start, constant(0)),
     ):
         assert Inequality(expression, ("said",)).as_difference() == Difference(source, target, weight, ("said",))
-
-
-def test_least_value_of_an_expression_over_a_box() -> None:
     m, other = variable(ParameterReference("m")), variable(ParameterReference("other"))
     ranges = {"k": (Fraction(1), Fraction(3)), "m": (None, Fraction(2))}
     expressions = {k.scaled(2) - m + 1: 1, k + m: None, m.scaled(0) + k: 1, k + X: None, other: None, constant(5): 5}

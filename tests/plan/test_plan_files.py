@@ -17,7 +17,7 @@ GOOD = (TEXTS / "format.stn").read_text(encoding="utf-8")
 WRITTEN = (TEXTS / "written.stn").read_text(encoding="utf-8")
 
 
-def test_everything_the_format_has() -> None:
+def test_everything_the_format_has_and_other_good_statements() -> None:
     start, end = TimePoint(TimePointKind.START, "n0"), TimePoint(TimePointKind.END, "n0")
     beep = TimePoint(TimePointKind.INSTANT, "Beep-1")
     dur, rate = ParameterReference("dur_0"), ParameterReference("n0.rate")
@@ -37,9 +37,6 @@ def test_everything_the_format_has() -> None:
     assert plan.name == "mission_1"
     places = [str(item.location) for item in (plan.parameters[0], plan.instances[1], plan.constraints[2])]
     assert places == [f"plans/mission_1.stn:{place}" for place in ("2:11", "4:17", "8:1")]
-
-
-def test_good_statements() -> None:
     declarations = "parameter p default 1;durative-action instance n0 : (go a b);action instance beep : (beep);"
     for text in (
         "c: n0.end - n0.end in [-1, 1];",

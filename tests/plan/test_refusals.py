@@ -73,19 +73,16 @@ def test_text_is_refused(group: str, row: str) -> None:
 LONG = "9" * 5000
 
 
-@pytest.mark.parametrize(
-    ("read", "text", "place", "part"),
-    [
+def test_what_is_too_long_too_deep_or_empty_is_refused():
+    for read, text, place, part in (
         (parse_stn, f"action instance n : (n);\nc: n - .zero in [0, {LONG}];", "<plan>:2:21", "at most 300 digits"),
         (parse_parameter_file, f"x = {'[' * 5000}", "<parameters>: ", "not TOML"),
         (parse_domain, "(define " * 120 + "((" + "(" * 30 + ")" * 151, "<domain>:1:961", "at most 120"),
         *((parse_domain, text * 20_000, "<domain>:1:", "found") for text in ("(", ")", "(not ")),
         *((parse_stn, text, "<plan>:", "empty plan") for text in ("", "\n\n", "# nothing\n", "parameter p default 1;")),
         *((parse_timed_plan, text, "<plan>:", "empty plan") for text in ("", "\n\n", "; nothing\n")),
-    ],
-)
-def test_what_is_too_long_too_deep_or_empty_is_refused(read, text: str, place: str, part: str) -> None:
-    refused(lambda: read(text), place, [part])
+    ):
+        refused(partial(read, text), place, [part])
 
 
 @given(st.text() | st.text(alphabet="0123456789.:()[]; \nab/-") | st.text(alphabet="[].=\"'\n0123456789 parmetslbu"))

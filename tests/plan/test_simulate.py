@@ -49,23 +49,20 @@ VALUELESS = (
 )
 
 
-@pytest.mark.parametrize(
-    ("plan", "error", "message"),
-    [
+def test_what_cannot_be_simulated():
+    for plan, error, message in (
         (plan_of(PRODUCT), UnsupportedError, "linear in time"),
         (plan_of(action("a", flow(F, g)), instant("b", increase(G, 1))), UnsupportedError, RATE),
         (plan_of(action("a", flow(F, g)), action("b", flow(G, 1))), UnsupportedError, RATE),
         *((plan_of(instance, f=None), InputError, r"numeric fluent \(f\) .* no value") for instance in VALUELESS),
         (plan_of(goal=at_least(building.DURATION, 0)), InputError, r"\?duration"),
-    ],
-)
-def test_what_cannot_be_simulated(plan, error, message):
-    times = {i.identifier: ((1, 2) if i.identifier == "b" else (0, 3)) if i.durative else 1 for i in plan.instances}
-    with pytest.raises(error, match=message):
-        building.run(plan, times)
+    ):
+        times = {i.identifier: ((1, 2) if i.identifier == "b" else (0, 3)) if i.durative else 1 for i in plan.instances}
+        with pytest.raises(error, match=message):
+            building.run(plan, times)
 
 
-def test_network_violations_are_not_obligations():
+def test_network_violations_traces_and_missing_names():
     a, literal = instant("a"), model.TimedLiteral(Fraction(2), P, True)
     times = (building.between(ZERO, a.start, 2, building.reference("k") + 1),)
     parameters = (model.Parameter("k", Fraction(3), lower=Fraction(1), upper=Fraction(5)),)
@@ -83,9 +80,6 @@ def test_network_violations_are_not_obligations():
     assert result.network_violations[:3] == (".zero = 1, expected 0", "a = -1 < 0", "@2 = 3, expected 2")
     assert result.violations == ()
     assert not result.valid
-
-
-def test_trace_lists_what_changed_at_each_happening_whatever_the_depth_of_conditions():
     plan = plan_of(action("a", add(P), building.delete(Q), flow(F, 2), increase(G, 1, END)), atoms=(Q,), g=5)
     start, end = plan.instances[0].time_points
     steps = building.run(plan, {"a": (1, 3)}).trace
@@ -99,9 +93,6 @@ def test_trace_lists_what_changed_at_each_happening_whatever_the_depth_of_condit
     assert building.run(plan, {"a": 1}).valid
     happenings = TimedExecution(plan, {}, {ZERO: Fraction(0), plan.instances[0].start: Fraction(1)}).happenings
     assert happenings[0].time == 0
-
-
-def test_missing_and_unknown_names_are_errors():
     plan = plan_of(instant("abc"), parameters=(model.Parameter("k", Fraction(1)),))
     for name, parameters, message in (
         ("", {"k": 1}, "no value for time point 'abc'"),

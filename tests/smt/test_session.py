@@ -188,7 +188,7 @@ def test_ctrl_c_ends_a_query_within_a_second(solver, delay) -> None:
             assert session != process.pid or not is_running(int(path.name)), "nothing is left in its session"
 
 
-def test_constants_and_repetitions_fold(terms) -> None:
+def test_constants_and_repetitions_fold_and_products_are_refused(terms) -> None:
     relations = (Relation.AT_LEAST, Relation.GREATER, Relation.EQUAL, Relation.DIFFERENT)
     for number in (Fraction(-1, 7), Fraction(0), Fraction(2)):
         expected = [number >= 0, number > 0, number == 0, number != 0]
@@ -213,9 +213,6 @@ def test_constants_and_repetitions_fold(terms) -> None:
     ):
         assert formula is folded
     assert set(terms.conjunction([a, b, a]).args()) == {a, b}
-
-
-def test_what_is_the_same_and_what_is_refused(terms) -> None:
     comparison = terms.greater(X - Y + 1)
     assert terms.greater(constant(1) - Y + X) is comparison
     assert terms.at_least(X - Y + 1) is not comparison

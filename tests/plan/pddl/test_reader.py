@@ -30,7 +30,7 @@ def problem_with(init: str, goal: str = "()") -> str:
     return f"(define (problem p) (:domain everything) (:objects r1 - robot a - place) (:init {init}) (:goal {goal}))"
 
 
-def test_domain() -> None:
+def test_domain_and_problem_whatever_their_case_and_layout() -> None:
     assert (DOMAIN.name, DOMAIN.parameters, DOMAIN.location.line) == ("everything", ("speed",), 2)
     assert DOMAIN.types["robot"] == {"robot", "vehicle", "object"}
     assert DOMAIN.types["cargo"] == {"cargo", "object"}
@@ -55,9 +55,6 @@ def test_domain() -> None:
     opened, charge = Atom("open", ("a",)), Fluent("charge", ("r1",))
     literals = (Fraction(5), opened, True), (Fraction(6), opened, False), (Fraction(7), charge, Fraction(3))
     assert problem.timed_literals == tuple(TimedLiteral(*literal) for literal in literals)
-
-
-def test_case_and_layout_do_not_matter() -> None:
     squeezed = " ".join(line.partition(";")[0] for line in EVERYTHING.splitlines()).replace(" (", "(")
     spread = EVERYTHING.replace("(", " ( ").replace(")", " )\n")
     for variant in (EVERYTHING.upper(), EVERYTHING.replace("\n", "\r\n"), spread, squeezed):

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, product
 from random import Random
 from typing import Any
 
@@ -296,8 +296,7 @@ def around(values: Iterable[Fraction]) -> list[Fraction]:
 def exists(formula: Nnf, point: Point) -> bool:
     """Whether some x and y satisfy the formula, by brute force, which asks no solver.
 
-    Truth only changes at the lines p · x + q · y = r on which constraints are equalities, so that it is enough to try
-    where lines meet, between these places and beyond them.
+    Truth only changes at lines p · x + q · y = r: it is enough to try where they meet, between and beyond.
     """
     lines = set()
     for leaf in nnf.postorder(formula):
@@ -337,10 +336,10 @@ def points(random: Random, pieces: Iterable[Iterable[LinearConstraint]]) -> Iter
         yield point
 
 
-@pytest.mark.parametrize(
-    ("name", "nested"),
-    [*((name, False) for name in ELIMINATORS), *((name, True) for name in ELIMINATORS if name.startswith("z3"))],
-)
+NESTED = [name for name in ELIMINATORS if name.startswith("z3")]
+
+
+@pytest.mark.parametrize(("name", "nested"), [*product(ELIMINATORS, [False]), *product(NESTED, [True])])
 @pytest.mark.parametrize("count", [15, pytest.param(500, marks=pytest.mark.slow)])
 def test_pieces_hold_where_brute_force_finds_values(name: str, nested: bool, count: int) -> None:
     """`∃x, y. one`, or of back ends that take it as one formula: `∃x, y. one, or no x, y with the other`."""
@@ -356,10 +355,7 @@ def test_pieces_hold_where_brute_force_finds_values(name: str, nested: bool, cou
             assert holds(union, point) is expected, f"formulas {number} at {point}: {one}; {other}"
             seen.add(expected)
     assert seen == {True, False}
-
-
-def test_brute_force_knows_strict_borders() -> None:
-    """a < x < b, by hand; its negation has every x from b on."""
+    # Brute force knows strict borders, a < x < b, by hand; its negation has every x from b on.
     between = conjunction((side("<", 0, a=1, x=-1), side("<", 0, x=1, b=-1)))
     for a, b in ((0, 1), (0, 0), (1, 0)):
         point = {"a": Fraction(a), "b": Fraction(b)}
