@@ -17,7 +17,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from benchmarks.generators.sizes import write_instance
-from robust import api
+from robust import api, reading
 from robust.api import check
 from robust.backends import ELIMINATORS
 from robust.encode.encoding import RelationalEncoding
@@ -39,6 +39,7 @@ from robust.qe.symmetry import Symmetry, find_symmetry
 from robust.smt.limits import NEVER, Deadline, one_question
 from robust.smt.session import Satisfiability, Session
 from tests.children import interrupted_after
+from tests.cli.running import EXAMPLES, example
 from tests.irr.building import shipped
 from tests.plan import building
 from tests.plan.building import ALL, END, RANDOM, START, F, action, at, at_least, between, drawn, plan_of, reference
@@ -371,8 +372,8 @@ def test_the_envelope_lies_between_both_bounds_wherever_the_search_is_cut(kind, 
             if result.factors and envelope.some_point() is not None:
                 assert valid <= all(factor.is_possible(point) for factor in result.factors)
         met[result.status, bool(proved.pieces)] += 1
-        if (share := result.open_share) is not None:
-            assert 0 <= share.lower <= share.value <= share.upper <= 1
+        if result.open_share is not None:
+            assert 0 <= result.open_share.lower <= result.open_share.value <= result.open_share.upper <= 1
 
     run()
     assert met.keys() >= {(RegionStatus.INTERRUPTED, True), (RegionStatus.INTERRUPTED, False)}
@@ -579,7 +580,7 @@ def test_samples_know_what_they_are_told() -> None:
 @pytest.mark.parametrize("name", ["two_sample_navigation", "generator", "delivery"])
 def test_what_breaks_is_what_checks_refute(name):
     """Where each obligation breaks, against checks of single points, which share none of the elimination."""
-    plan = shipped(name)
+    plan = reading.load_plan(*example(directory=EXAMPLES / name))
     breaks, exact = what_breaks(plan), region(plan).region
     assert breaks.complete
     assert not what_breaks(plan, timeout=0.0).complete
