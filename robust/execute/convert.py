@@ -73,6 +73,7 @@ from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import simulate
 from robust.plan.stn import STNPlan
 from robust.plan.timed import TimedPlan
+from robust.plan.variants import at_values
 from robust.presented import Presented, VerdictEnum
 from robust.qe.box import Box
 from robust.searching import Status
@@ -369,11 +370,13 @@ def check_plan(plan: model.ParametrizedPlan, epsilon: Fraction, solver: str, dea
         InputError: if the network has no schedule.
         UnsupportedError: for an expression that is not linear.
     """
-    encoding = create_encoding("relational", plan, epsilon, deadline)
-    result = Checker(encoding, Box.nominal(plan.parameters), solver=solver, deadline=deadline).run()
+    # Shortest paths prove more about numbers than about parameters.
+    encoding = create_encoding("relational", at_values(plan, plan.nominal), epsilon, deadline)
+    result = Checker(encoding, Box({}), solver=solver, deadline=deadline).run()
     if result.interrupted:
         raise KeyboardInterrupt
-    return result
+    counterexamples = {name: replace(case, parameters=plan.nominal) for name, case in result.counterexamples.items()}
+    return replace(result, box=Box.nominal(plan.parameters), counterexamples=counterexamples)
 
 
 def _verdict(plan: model.ParametrizedPlan, answer: Answer) -> CheckResult:

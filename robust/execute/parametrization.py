@@ -14,6 +14,7 @@ import json
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cached_property
 
 from robust.errors import InputError, Location
 from robust.execute.dispatchable import written_fluents
@@ -187,8 +188,11 @@ class Parametrization:
 
     def says_all_about(self, constraint: STNConstraint) -> bool:
         """Whether a parameter says what the distance between these two time points is."""
-        pair = {constraint.source, constraint.target}
-        return any({bound.source, bound.target} == pair for bound in self.constraints)
+        return frozenset((constraint.source, constraint.target)) in self._said
+
+    @cached_property
+    def _said(self) -> frozenset[frozenset[model.TimePoint]]:
+        return frozenset(frozenset((bound.source, bound.target)) for bound in self.constraints)
 
     def pinned_starts(self, times: Mapping[model.TimePoint, Fraction]) -> tuple[DistanceEdge, ...]:
         """Bounds that fix the start times that are parameters."""

@@ -27,7 +27,7 @@ from robust.execute.dispatcher import Dispatcher, Ending, LeftBox, MessageReject
 from robust.execute.drive import run_in_world
 from robust.execute.planners.interface import Planner
 from robust.execute.slices import Remainder
-from robust.execute.worlds import ExecutedInstance, InstanceOutcome, Luck, Rules, SimulatedWorld, with_values
+from robust.execute.worlds import ExecutedInstance, InstanceOutcome, Luck, Rules, SimulatedWorld
 from robust.irr.exact import BoxMethod
 from robust.numbers import format_number
 from robust.plan import model
@@ -37,6 +37,7 @@ from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import Simulation, simulate
 from robust.plan.timed import TimedPlan
 from robust.plan.timeline import Reading, State
+from robust.plan.variants import with_values
 from robust.presented import NoTruthValue, VerdictEnum
 from robust.qe.box import Box
 from robust.qe.compute import RegionSearch

@@ -30,6 +30,7 @@ import os
 import re
 import shlex
 import warnings
+from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
@@ -314,7 +315,7 @@ def wire(
     ordered = sorted(specs, key=lambda spec: spec.target is Target.EXISTING)  # stable: overrides see what others create
     for spec in ordered:
         work.apply(spec)
-    return Wiring(tuple(work.parameters.values()), tuple(work.constraints), work.durations, work.fluents)
+    return Wiring(tuple(work.parameters.values()), tuple(work.constraints.values()), work.durations, work.fluents)
 
 
 def referenced_parameters(constraints: Iterable[stn.STNConstraint], expressions: Iterable[Expression]) -> set[str]:
@@ -342,7 +343,11 @@ class _Work:
         self.initial_fluents = initial_fluents
         self.domain_parameters = domain_parameters
         self.parameters = {parameter.name: parameter for parameter in plan.parameters}
-        self.constraints = list(plan.constraints)
+        self.constraints: dict[int, stn.STNConstraint] = dict(enumerate(plan.constraints))
+        """By number, in order; those of each pair of time points by number beside them."""
+        self.between: dict[frozenset[TimePoint], list[int]] = defaultdict(list)
+        for number, constraint in self.constraints.items():
+            self.between[frozenset((constraint.source, constraint.target))].append(number)
         self.durations: dict[str, str] = {}
         self.fluents: dict[Fluent, str] = {}
         self.overridden: set[str] = set()
@@ -399,8 +404,9 @@ class _Work:
 
     def vary_time(self, generated: str, what: str, source: TimePoint, target: TimePoint, spec: ParameterSpec) -> str:
         """Replace all constraints between two time points by [γ, γ]; the name of γ."""
-        between = [(i, _oriented(c, source)) for i, c in enumerate(self.constraints) if _joins(c, source, target)]
-        bounds = [bound for _, pair in between for bound in pair]
+        numbers = self.between[frozenset((source, target))] or [len(self.plan.constraints) + len(self.introduced)]
+        between = [_oriented(self.constraints[number], source) for number in numbers if number in self.constraints]
+        bounds = [bound for pair in between for bound in pair]
         taken = next((bound.name for bound in bounds if isinstance(bound, ParameterReference)), None)
         known = taken == spec.name or (spec.name is None and taken not in self.introduced)
         if taken is not None and known and set(bounds) == {ParameterReference(taken)}:
@@ -409,15 +415,14 @@ class _Work:
         if taken is not None:
             remedy = f"give its attributes as {taken!r},weight=W,lb=L,ub=U,default=D"
             raise InputError(f"found {what} with parameter {taken!r}, expected one without: {remedy}", spec.location)
-        fixed = _fixed([pair for _, pair in between])
+        fixed = _fixed(between)
         name = self.introduce(generated, what, fixed, spec, f"c: {target} - {source} in [D, D] in the plan")
         reference = ParameterReference(name)
         constraint = stn.STNConstraint(target, source, reference, reference, spec.location)
-        position = between[0][0] if between else len(self.constraints)
-        removed = {i for i, _ in between}
-        before = [c for i, c in enumerate(self.constraints[:position]) if i not in removed]
-        after = [c for i, c in enumerate(self.constraints) if i >= position and i not in removed]
-        self.constraints = [*before, constraint, *after]
+        for number in numbers[1:]:
+            del self.constraints[number]
+        self.constraints[numbers[0]] = constraint
+        self.between[frozenset((source, target))] = numbers[:1]
         return name
 
     def vary_fluent(self, spec: ParameterSpec) -> None:
@@ -477,10 +482,6 @@ def _merged(base: stn.ParameterDeclaration, spec: ParameterSpec) -> stn.Paramete
     merged = replace(base, **attributes)
     stn.check_range(merged, spec.location)
     return merged
-
-
-def _joins(constraint: stn.STNConstraint, source: TimePoint, target: TimePoint) -> bool:
-    return (constraint.source, constraint.target) in ((source, target), (target, source))
 
 
 def _oriented(constraint: stn.STNConstraint, source: TimePoint) -> tuple[stn.STNBound, stn.STNBound]:
