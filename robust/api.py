@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, ParamSpec, Protocol, TypeVar
@@ -21,9 +22,10 @@ from robust.reading import Plan, plan_of
 from robust.smt.limits import Deadline, OutOfTimeError, one_question
 
 if TYPE_CHECKING:
-    from robust.encode.interface import Encoding
+    from robust.encode.interface import Encoding, Range
     from robust.irr.check import CheckResult
     from robust.irr.compare import Comparison
+    from robust.irr.proposals import Tolerance
     from robust.irr.repair import Repair, RepairSearch
     from robust.irr.search import EnvelopeResult
     from robust.plan.model import ParametrizedPlan
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
 
 Given = ParamSpec("Given")
 Result = TypeVar("Result")
+Judged = TypeVar("Judged", "CheckResult", "EnvelopeResult")
 Found_co = TypeVar("Found_co", covariant=True)
 
 
@@ -75,11 +78,16 @@ class _Encoded(Generic[Result]):
         options: verbs.EnvelopeOptions | verbs.CheckOptions,
         make: Callable[[Encoding, Deadline, Exporter | None], AnytimeSearch[Result]],
         nothing: Callable[[bool, float], Result],
+        *,
+        complete: Callable[[Result, Tolerance], Result],
+        ranges: Mapping[str, Range] | None = None,
     ) -> None:
         self._plan = plan
         self._options = options
         self._make = make
         self._nothing = nothing
+        self._complete = complete
+        self._ranges = ranges
         self._search: AnytimeSearch[Result] | None = None
         self._started = time.perf_counter()
         self._deadline = Deadline.after(options.limit)
@@ -91,16 +99,43 @@ class _Encoded(Generic[Result]):
         options = self._options
         exporter = None if options.smt2 is None else Exporter(options.smt2)
         try:
-            formulas = create_encoding(options.encoding, self._plan, options.separation, self._deadline)
+            formulas = create_encoding(
+                options.encoding, self._plan, options.separation, self._deadline, ranges=self._ranges
+            )
             self._search = self._make(formulas, self._deadline, exporter)
         except (OutOfTimeError, KeyboardInterrupt) as error:
             return self._nothing(isinstance(error, OutOfTimeError), time.perf_counter() - self._started)
-        return self._search.run()
+        return self._with_tolerance(self._search.run())
+
+    def _with_tolerance(self, result: Result) -> Result:
+        """The result with λ*, if it says that the nominal values are inside, and there is time for it."""
+        from robust.irr.check import Answer, CheckResult
+        from robust.irr.proposals import tolerance
+        from robust.irr.search import EnvelopeResult
+        from robust.qe.box import Box
+
+        match result:
+            case CheckResult(answer=Answer.PROVED, box=box):
+                asked, proved = box == Box.nominal(self._plan.parameters), None
+            case EnvelopeResult(verified=True, cut_short=False, box=proved):
+                asked = result.contain_nominal
+            case _:
+                return result
+        options = self._options
+        try:
+            found = asked and tolerance(self._plan, options.separation, self._deadline, options.solver, proved)
+        except (OutOfTimeError, KeyboardInterrupt):
+            return result
+        return self._complete(result, found) if found else result
 
     def so_far(self, *, timed_out: bool) -> Result | None:
         if self._search is None:
             return self._nothing(timed_out, time.perf_counter() - self._started)
         return self._search.so_far(timed_out=timed_out)
+
+
+def _tolerant(result: Judged, tolerance: Tolerance) -> Judged:
+    return replace(result, tolerance=tolerance)
 
 
 # -- check -------------------------------------------------------------------------------------------------------------
@@ -141,7 +176,7 @@ def searching_check(plan: ParametrizedPlan, options: verbs.CheckOptions) -> Anyt
             every=options.every,
         )
 
-    return _Encoded(plan, options, make, nothing)
+    return _Encoded(plan, options, make, nothing, complete=_tolerant, ranges=box.ranges)
 
 
 @verb(verbs.CheckOptions)
@@ -204,7 +239,7 @@ def searching_envelope(plan: ParametrizedPlan, options: verbs.EnvelopeOptions) -
             plan=plan,
         )
 
-    return _Encoded(plan, options, make, nothing)
+    return _Encoded(plan, options, make, nothing, complete=_tolerant)
 
 
 @verb(verbs.EnvelopeOptions)

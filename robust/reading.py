@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeAlias
 from robust.errors import InputError, did_you_mean
 from robust.numbers import Number, shorten
 from robust.options.declare import place_of, texts
-from robust.options.shared import PlanningOutput, Separation, Solving
+from robust.options.shared import Demands, PlanningOutput, Separation, Solving
 from robust.options.verbs import ValidateOptions
 
 if TYPE_CHECKING:
@@ -33,6 +33,8 @@ def load_plan(
     parameters: str | Sequence[str] = (),
     parameter_file: File | None = None,
     nominal_needed: bool = True,
+    deadline: Number | None = None,
+    widths: str = "equal",
     plan_number: int | None = None,
     tolerance: Number | None = None,
     epsilon: Number = "1/1000",
@@ -52,6 +54,8 @@ def load_plan(
         parameters: what is made a parameter, see :mod:`robust.plan.parameters`.
         parameter_file: more of them, in a TOML file; if not given, one of the plan's name that is beside it.
         nominal_needed: whether each parameter must have a nominal value; regions and optimal boxes need none.
+        deadline: every action must end by this time, or with `+P%` by P per cent after the planned end.
+        widths: sides of boxes move at `equal` speed, or `relative` to nominal values.
         plan_number: which plan of a log that holds several, from 1; the last one if not given.
         tolerance: how far exact times may be from the printed ones; None is one unit of the last printed digit, and at
             most ε.
@@ -67,6 +71,7 @@ def load_plan(
         UnsupportedError: for steps with an expression that is not linear.
         KeyboardInterrupt: if interrupted.
     """
+    from robust.execute.demands import with_deadline, with_relative_widths
     from robust.plan.load import assemble
     from robust.plan.parameters import specifications
     from robust.plan.pddl.forms import read_plan_text
@@ -74,7 +79,15 @@ def load_plan(
     from robust.plan.stn import is_network, parse_stn
 
     say = on_note or (lambda _: None)
-    reading = _Reading(plan_number=plan_number, tolerance=tolerance, epsilon=epsilon, solver=solver, timeout=timeout)
+    reading = _Reading(
+        deadline=deadline,
+        widths=widths,
+        plan_number=plan_number,
+        tolerance=tolerance,
+        epsilon=epsilon,
+        solver=solver,
+        timeout=timeout,
+    )
     for name, file in (("domain", domain), ("problem", problem), ("plan", plan)):
         _require_path(name, file)
     parsed_domain = read_domain(domain)
@@ -84,8 +97,9 @@ def load_plan(
         say(f"took the parameters of {beside}")
     text, name = read_plan_text(plan)
     if is_network(text, name):
-        network = parse_stn(text, name)
-        return assemble(parsed_domain, parsed_problem, network, specs, nominal_needed=nominal_needed)
+        network = with_deadline(parse_stn(text, name), deadline, place_of("deadline"))
+        made = assemble(parsed_domain, parsed_problem, network, specs, nominal_needed=nominal_needed)
+        return with_relative_widths(made) if reading.relative else made
 
     from robust.execute.convert import ConversionEnd, convert
     from robust.numbers import plural
@@ -100,13 +114,15 @@ def load_plan(
     return conversion.plan
 
 
-class _Reading(PlanningOutput, Separation, Solving):
+class _Reading(Demands, PlanningOutput, Separation, Solving):
     """Options for reading a plan."""
 
     def conversion(self, specs: Sequence[ParameterSpec], on_progress: Callable[[str], None] | None) -> Settings:
         """The settings for converting its steps to a network."""
         return {
             "specs": specs,
+            "deadline": self.deadline,
+            "relative": self.relative,
             "epsilon": self.separation,
             "tolerance": self.rounding,
             "solver": self.solver,
@@ -210,6 +226,8 @@ def convert(
     mode: str | Mode = "causal",
     parameters: str | Sequence[str] = (),
     parameter_file: File | None = None,
+    deadline: Number | None = None,
+    widths: str = "equal",
     epsilon: Number = "1/1000",
     tolerance: Number | None = None,
     plan_number: int | None = None,
@@ -228,6 +246,8 @@ def convert(
         mode: `causal`: the least constrained network that is proved valid; `esterel`: that of the Esterel transformer.
         parameters: what is made a parameter, see :mod:`robust.plan.parameters`.
         parameter_file: more of them, in a TOML file.
+        deadline: every action must end by this time, or with `+P%` by P per cent after the planned end.
+        widths: weights of parameters are `equal`, or `relative` to nominal values.
         epsilon: the separation of mutex time points, in the plan's unit of time.
         tolerance: how far exact times may be from the printed ones; None is one unit of the last printed digit, and at
             most epsilon.
@@ -249,7 +269,15 @@ def convert(
     from robust.plan.pddl.forms import read_source
     from robust.plan.timed import TimedPlan, parse_timed_plan
 
-    reading = _Reading(plan_number=plan_number, tolerance=tolerance, epsilon=epsilon, solver=solver, timeout=timeout)
+    reading = _Reading(
+        deadline=deadline,
+        widths=widths,
+        plan_number=plan_number,
+        tolerance=tolerance,
+        epsilon=epsilon,
+        solver=solver,
+        timeout=timeout,
+    )
     known = [member.value for member in Mode]
     if mode not in known and not isinstance(mode, Mode):
         raise InputError(f"unknown mode {mode!r}{did_you_mean(str(mode), known)}")

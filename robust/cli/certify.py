@@ -162,14 +162,16 @@ def _files(options: CertifyCommand | VerifyCommand) -> tuple[Path, ...]:
 def _network(options: CertifyCommand, run: Run) -> dict[Path, str]:
     """What is written beside the certificate, because it is about that: a network that is made of steps, or that other
     parameters than its own are put into, first; and a file of those that are not in the network."""
+    from robust.execute.demands import with_deadline, with_relative_weights
     from robust.execute.parametrization import write_specs
     from robust.plan.pddl.forms import read_plan_text
-    from robust.plan.stn import is_network, write_stn
+    from robust.plan.stn import is_network, parse_stn, write_stn
 
     plan = options.files[2]
     specs, beside = specifications(options.parameter, options.parameters, plan)
     text, file = read_plan_text(plan)
-    if is_network(text, file) and not specs and str(plan) != "-":
+    demanding = options.deadline is not None or options.relative
+    if is_network(text, file) and not specs and not demanding and str(plan) != "-":
         return {}
     target = options.output.with_suffix(".stn")
     parameters = target.with_suffix(".toml")
@@ -179,8 +181,10 @@ def _network(options: CertifyCommand, run: Run) -> dict[Path, str]:
         conversion, more = _network_of_steps(options, run, text, file, specs)
         network, named = _parametrized(options, write_stn(conversion.stn), file, conversion.beside)
         notes += more
-    elif specs:
-        network, named = _parametrized(options, text, file, specs)
+    elif specs or demanding:
+        asked = with_deadline(parse_stn(text, file), options.deadline, place_of("deadline"))
+        network, named = _parametrized(options, write_stn(asked), file, specs)
+        network = write_stn(with_relative_weights(parse_stn(network, file))) if options.relative else network
     else:
         network, named = text, ()
     contents = {target: network}
@@ -239,6 +243,8 @@ def _network_of_steps(
         problem,
         timed,
         specs=specs,
+        deadline=options.deadline,
+        relative=options.relative,
         epsilon=options.separation,
         tolerance=options.rounding,
         solver=options.solver,

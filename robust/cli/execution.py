@@ -8,7 +8,7 @@ import shlex
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
@@ -238,6 +238,8 @@ def _converting(options: ConvertCommand, run: Run) -> tuple[TimedPlan, Convertin
         timed,
         mode=Mode(options.mode),
         specs=specs,
+        deadline=options.deadline,
+        relative=options.relative,
         epsilon=options.separation,
         tolerance=options.rounding,
         solver=options.solver,
@@ -324,6 +326,7 @@ def _mission(options: ExecuteCommand, run: Run) -> replan.Mission:
     settings = ReplanningOptions(
         executor=parse_executor(options.executor),
         specs=specs,
+        relative=options.relative,
         method=BoxMethod(options.method, options.precision or Fraction(1), doubling=options.doubling),
         epsilon=options.separation,
         solver=options.solver,
@@ -347,6 +350,7 @@ def _mission(options: ExecuteCommand, run: Run) -> replan.Mission:
 
 def _prepared(options: ExecuteCommand, mission: replan.Mission, run: Run) -> replan.Prepared:
     """The plan in a file: a network, or steps as planners print them."""
+    from robust.execute.demands import with_deadline, with_relative_widths
     from robust.execute.replan import prepare_plan, prepare_timed
     from robust.plan.load import assemble
     from robust.plan.pddl.forms import read_plan_text
@@ -355,10 +359,12 @@ def _prepared(options: ExecuteCommand, mission: replan.Mission, run: Run) -> rep
 
     text, file = read_plan_text(options.plan or "-")
     if is_network(text, file):
-        plan = assemble(mission.domain, mission.problem, parse_stn(text, file), mission.options.specs)
-        return prepare_plan(plan, mission.options)
+        network = with_deadline(parse_stn(text, file), options.deadline, place_of("deadline"))
+        plan = assemble(mission.domain, mission.problem, network, mission.options.specs)
+        return prepare_plan(with_relative_widths(plan) if options.relative else plan, mission.options)
     timed = parse_timed_plan(text, file, options.plan_number)
-    settings, rounding = mission.options, options.rounding
+    # Of re-plans nobody knows by how much later they may end.
+    settings, rounding = replace(mission.options, deadline=options.deadline), options.rounding
     return prepare_timed(mission.domain, mission.problem, timed, settings, tolerance=rounding, on_note=run.note)
 
 

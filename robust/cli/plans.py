@@ -49,6 +49,8 @@ def load(options: AskCommand | ConvertCommand, run: Run, *, nominal_needed: bool
         parameters=options.parameter,
         parameter_file=options.parameters,
         nominal_needed=nominal_needed,
+        deadline=options.deadline,
+        widths=options.widths,
         plan_number=options.plan_number,
         tolerance=options.tolerance,
         epsilon=options.epsilon,

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from fractions import Fraction
 
 from robust.backends import ENCODINGS
-from robust.encode.interface import EPSILON, Encoding
+from robust.encode.interface import EPSILON, Encoding, Range
 from robust.errors import InputError, did_you_mean
 from robust.plan.model import ParametrizedPlan
 from robust.smt.limits import NEVER, Deadline
 
 
 def create_encoding(
-    name: str, plan: ParametrizedPlan, epsilon: Fraction = EPSILON, deadline: Deadline = NEVER
+    name: str,
+    plan: ParametrizedPlan,
+    epsilon: Fraction = EPSILON,
+    deadline: Deadline = NEVER,
+    *,
+    ranges: Mapping[str, Range] | None = None,
 ) -> Encoding:
     """The encoding of that name.
 
@@ -21,6 +27,7 @@ def create_encoding(
         plan: the ground, parametrized plan.
         epsilon: the separation of mutex time points.
         deadline: when queries stop being built.
+        ranges: the parameter values that will be asked about; all that are declared if not given.
 
     Raises:
         InputError: if there is no such encoding.
@@ -30,7 +37,7 @@ def create_encoding(
         case "relational":
             from robust.encode.encoding import RelationalEncoding  # noqa: PLC0415 - only the one that is used
 
-            return RelationalEncoding(plan, epsilon)
+            return RelationalEncoding(plan, epsilon, ranges)
         case "positions":
             from robust.encode.positions.encoding import PositionsEncoding  # noqa: PLC0415 - likewise
 

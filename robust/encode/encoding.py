@@ -12,18 +12,19 @@ inside the interval, which the solver places.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
-from functools import cache
+from functools import cache, cached_property
 
 from robust.encode.effects import Flow, Writes, mutex_pairs, names_in
-from robust.encode.interface import EPSILON, Auxiliary, Encoding, Linear, Obligation, Stage
+from robust.encode.interface import EPSILON, Auxiliary, Encoding, Linear, Obligation, Range, Stage
 from robust.encode.network import IndependentParts, Orders, TemporalNetwork, duration_rules
 from robust.encode.settled import proved
 from robust.encode.state import FINALLY, MomentOrder, MomentSide, StateMoment, States, after, before
 from robust.encode.validity import Validity
 from robust.errors import UnsupportedError
 from robust.plan import model
+from robust.plan.variants import within
 from robust.smt.terms import Formula, Terms
 
 
@@ -172,6 +173,7 @@ class RelationalEncoding(Encoding):
     Args:
         plan: the ground, parametrized plan.
         epsilon: the separation of mutex time points.
+        ranges: the parameter values that are asked about; all that are declared if not given.
 
     Raises:
         UnsupportedError: if an expression is not linear after folding constants.
@@ -179,7 +181,10 @@ class RelationalEncoding(Encoding):
 
     name = "relational"
 
-    def __init__(self, plan: model.ParametrizedPlan, epsilon: Fraction = EPSILON) -> None:
+    def __init__(
+        self, plan: model.ParametrizedPlan, epsilon: Fraction = EPSILON, ranges: Mapping[str, Range] | None = None
+    ) -> None:
+        self._settling = plan if ranges is None else within(plan, ranges)
         self.plan = plan
         self.epsilon = epsilon
         self.terms = Terms()
@@ -188,10 +193,16 @@ class RelationalEncoding(Encoding):
         writes = Writes(plan)
         self._rules = tuple(duration_rules(plan, writes))
         self.validity = Validity(self.network, self._rules, self.terms)
+        self._writes = writes
+
+    @cached_property
+    def obligations(self) -> tuple[Obligation, ...]:  # type: ignore[override]
+        """All obligations by stage; formulas are built when they are asked for."""
+        plan = self.plan
         self._mutex = mutex_pairs(plan)
-        self._proved = proved(plan, epsilon, self._mutex)
+        self._proved = proved(self._settling, self.epsilon, self._mutex)
         self._orders = self._known_orders()
-        self._states = States(plan, writes, MomentOrder(self.network, self._orders, self.terms))
+        self._states = States(plan, self._writes, MomentOrder(self.network, self._orders, self.terms))
         self._overall = OverAll(plan, self._states)
         self._assumed: dict[Stage, list[Linear]] = {Stage.DURATION: []}
         # Each stage's obligations are built before the orders learn them, and after they learnt the earlier stages'.
@@ -207,8 +218,8 @@ class RelationalEncoding(Encoding):
             if agreement.violation != self.terms.false
         ]
         conditions = (*self._by_instance(self._conditions_of), *self._goals())
-        self.obligations: tuple[Obligation, ...] = (*durations, *separations, *agreements, *conditions)
         self._slices = cache(self._make_slices)
+        return (*durations, *separations, *agreements, *conditions)
 
     # -- queries -------------------------------------------------------------------------------------------------
 
@@ -320,15 +331,16 @@ class RelationalEncoding(Encoding):
     def _learn_durations(self) -> Iterator[Linear]:
         """All bounds are assumed, also those that the network implies: its slices may leave out what implies them."""
         for rule in self._rules:
-            for learnt in self.network.bounds(rule.bounds):
-                self._orders.learn(*learnt)
-            for slack in map(self.network.slack, rule.bounds):
+            for bound, slack in zip(rule.bounds, map(self.network.slack, rule.bounds), strict=True):
                 if not slack.is_constant or slack.constant_term < 0:
                     yield slack
+                    for learnt in () if rule.name in self._proved else self.network.bounds((bound,)):
+                        self._orders.learn(*learnt)
 
     def _learn_separations(self) -> Iterator[Linear]:
         """A mutex pair whose order is known up to less than ε is ε apart in that order."""
-        for first, second in self._orders.separate(self._mutex, self.epsilon):
+        pairs = (pair for pair in self._mutex if f"separation: {pair[0]}, {pair[1]}" not in self._proved)
+        for first, second in self._orders.separate(pairs, self.epsilon):
             yield self.network.distance(first, second) - self.epsilon
 
     def _make_slices(self, stage: Stage) -> IndependentParts:

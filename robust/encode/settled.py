@@ -100,9 +100,9 @@ class Settled:
         if paths.schedule is None:
             raise ValueError("a network without schedule settles nothing")
         self._times = paths.schedule
-        self._unsteady = self._all_unsteady()
+        self.unsteady = self._all_unsteady()
         durations = [self._duration(number) for number in range(len(plan.instances))]
-        self._history = _History(plan, self.accesses.writes, self._unsteady, self._times, durations)
+        self.history = _History(plan, self.accesses.writes, self.unsteady, self._times, durations)
 
     # -- which names have one history ----------------------------------------------------------------------------------
 
@@ -131,7 +131,11 @@ class Settled:
         return unsteady
 
     def _is_ordered(self, name: Name) -> bool:
-        """Whether all points that may not touch a name at the same time are apart, each pair in one order.
+        """Whether all points that may not touch a name at the same time are apart, each pair in one order."""
+        return all(self._are_apart(*pair) for pair in self.neighbours(name))
+
+    def neighbours(self, name: Name) -> Iterator[tuple[int, int]]:
+        """Pairs of points, the earlier one first, that must be apart because of a name; if they are, all of them are.
 
         Accesses by time are cut into runs that commute: reads, adds, deletes, increases. If each is apart from the
         next run, all of them are.
@@ -144,7 +148,7 @@ class Settled:
                 runs.append([])
             last = kinds[point]
             runs[-1].append(point)
-        return all(self._are_apart(*pair) for before, after in pairwise(runs) for pair in product(before, after))
+        return (pair for before, after in pairwise(runs) for pair in product(before, after))
 
     def _kinds(self, name: Name) -> dict[int, str]:
         """What each point does to a name; one that does several things commutes with nothing, like an assignment."""
@@ -177,7 +181,7 @@ class Settled:
 
     def _are_steady(self, names: Iterable[Name]) -> bool:
         known = self.plan.initial_fluents
-        return all(name not in self._unsteady and (isinstance(name, model.Atom) or name in known) for name in names)
+        return all(name not in self.unsteady and (isinstance(name, model.Atom) or name in known) for name in names)
 
     def _duration(self, instance: int | None) -> Fraction | None:
         """The duration of an instance if all schedules agree on it."""
@@ -198,7 +202,7 @@ class Settled:
         """Whether a condition that is read at a point, or FINALLY, holds there in all schedules."""
         if not self._is_known(condition, instance) or not self._are_steady(names_in(condition)):
             return False
-        return self._history.before(point).holds(condition, self._duration(instance))
+        return self.history.before(point).holds(condition, self._duration(instance))
 
     def holds_duration(self, condition: model.NumericCondition, point: int, instance: int) -> bool:
         """Whether a constraint on the duration of an instance, whose fluents are read at a point, always holds."""
@@ -208,7 +212,7 @@ class Settled:
             return False
         if not all(isinstance(variable, model.Fluent | model.Duration) for variable in expression.variables):
             return False
-        state = self._history.before(point)
+        state = self.history.before(point)
         start, end = self.accesses.starts[instance], self.accesses.ends[instance]
         shortest, longest = self.paths.least(start, end), self.paths.least(end, start)
         first = None if shortest is None else state.value(expression, Fraction(shortest, self._scale))
@@ -228,13 +232,13 @@ class Settled:
             case model.Or(operands):
                 return any(self.holds_throughout(operand, instance) for operand in operands)
             case model.Holds(atom, value):
-                return atom not in self._unsteady and self._is_protected(atom, value, start, end)
+                return atom not in self.unsteady and self._is_protected(atom, value, start, end)
             case model.NumericCondition():
                 return self._is_kept(condition, instance, start, end)
 
     def _is_protected(self, atom: model.Atom, value: bool, start: int, end: int) -> bool:
         after = self.paths.at_least
-        times, writes = self._times, self._history.truths.get(atom, {})
+        times, writes = self._times, self.history.truths.get(atom, {})
         supporters = [point for point, given in writes.items() if given is value and after(point, start, 0)]
         latest = max((times[point] for point in supporters), default=None)
         if latest is None and (atom in self.plan.initial_atoms) is not value:
@@ -265,7 +269,7 @@ class Settled:
         duration = self._duration(instance)
         for number in range(len(inside) + 1):
             past = before.union(inside[:number])
-            if not self._history.among(past).holds(condition, duration):
+            if not self.history.among(past).holds(condition, duration):
                 return False
         return True
 

@@ -14,10 +14,14 @@ from math import lcm
 from robust.encode import interface
 from robust.encode.network import Difference, DurationRule, TemporalNetwork
 from robust.network.differences import Cycle, delay
+from robust.network.slack import forward_only
 from robust.plan.model import ZERO, ParameterReference, TimePoint
 from robust.smt.limits import Deadline
 from robust.smt.session import Satisfiability, Session
 from robust.smt.terms import Formula, Terms
+
+BRANCHES = 128
+"""Sets of cycles that are looked at one by one before a solver is asked."""
 
 
 def facet_of(cycle: Iterable[Difference]) -> interface.Facet:
@@ -35,35 +39,52 @@ def facet_of(cycle: Iterable[Difference]) -> interface.Facet:
 class Cycles:
     """The cycles of a network whose weights depend on parameters, in integers."""
 
-    def __init__(self, edges: Sequence[Difference]) -> None:
-        self._edges = edges
+    def __init__(self, edges: Sequence[Difference], *, forward: bool = False) -> None:
         nodes = dict.fromkeys(node for edge in edges for node in (edge.source, edge.target))
         index = {node: number for number, node in enumerate(nodes)}
-        self._ends = [(index[edge.source], index[edge.target]) for edge in edges]
+        ends = [(index[edge.source], index[edge.target]) for edge in edges]
+        if forward:
+            signs = [_signed(edge) for edge in edges]
+            marked = [(*pair, sign and sign[0]) for pair, sign in zip(ends, signs, strict=True)]
+            ways = list(forward_only(len(nodes), marked))
+            edges = [edges[number] for _, _, number in ways]
+            ends = [(source, target) for source, target, _ in ways]
+        self._edges = edges
+        self._ends = ends
         scale = lcm(*(factor.denominator for edge in edges for factor in edge.weight.terms.values()))
         self._slopes = [interface.IntegerForm(-edge.weight, scale) for edge in edges]
-        self._times = [0] * len(nodes)
+        self._times = [0] * (max(map(max, ends), default=-1) + 1)
         """Of the last proof; with these the next one begins."""
         self._unit = 1
 
-    def suspicious(self, grid: interface.Grid) -> list[Difference] | None:
+    def suspicious(
+        self, grid: interface.Grid, without: frozenset[tuple[str, int]] = frozenset()
+    ) -> list[Difference] | None:
         """A cycle with a positive sum when every edge has its worst weight in the box; None if there is none.
+
+        Edges that are a parameter of this name and sign, and some number, may be left out.
 
         None proves that every point of the box has a schedule. A cycle need not be positive at any single point, since
         its edges may be at their worst at different ones.
         """
         worst: list[tuple[int, int]] = []
         for number, slope in enumerate(self._slopes):
+            if without and self._signs[number] in without:
+                continue
             floor = slope.least(grid) if slope.factors else slope.constant * grid.unit
             if floor is not None:
                 worst.append((number, -floor))
             else:
                 edge = self._edges[number]
-                back = _path(self._edges, edge.target, edge.source)
+                back = self._path(self._ends[number][1], self._ends[number][0])
                 if back is not None:
                     return [edge, *back]
         cycle = self._contradiction(worst, grid.unit)
         return None if cycle is None else [self._edges[number] for number in cycle.origins]
+
+    @cached_property
+    def _signs(self) -> list[tuple[str, int] | None]:
+        return [_signed(edge) for edge in self._edges]
 
     def _contradiction(self, worst: Sequence[tuple[int, int]], unit: int) -> Cycle | None:
         """A cycle of edges with these weights; None, and the times of a schedule are remembered, if there is none."""
@@ -86,26 +107,32 @@ class Cycles:
         self._times, self._unit = times, unit
         return None
 
+    def _path(self, start: int, goal: int) -> list[Difference] | None:
+        """Edges from `start` to `goal`, breadth first; empty if they are the same."""
+        outgoing: dict[int, list[int]] = defaultdict(list)
+        for number, (source, _) in enumerate(self._ends):
+            outgoing[source].append(number)
+        arrival: dict[int, int | None] = {start: None}
+        queue = [start]
+        for node in queue:
+            for number in outgoing[node]:
+                target = self._ends[number][1]
+                if target not in arrival:
+                    arrival[target] = number
+                    queue.append(target)
+        if goal not in arrival:
+            return None
+        path = []
+        while (step := arrival[goal]) is not None:
+            path.append(self._edges[step])
+            goal = self._ends[step][0]
+        return path
 
-def _path(edges: Sequence[Difference], start: TimePoint, goal: TimePoint) -> list[Difference] | None:
-    """Edges from `start` to `goal`, breadth first; empty if they are the same."""
-    outgoing: dict[TimePoint, list[Difference]] = defaultdict(list)
-    for candidate in edges:
-        outgoing[candidate.source].append(candidate)
-    arrival: dict[TimePoint, Difference | None] = {start: None}
-    queue = [start]
-    for node in queue:
-        for candidate in outgoing[node]:
-            if candidate.target not in arrival:
-                arrival[candidate.target] = candidate
-                queue.append(candidate.target)
-    if goal not in arrival:
-        return None
-    path = []
-    while (step := arrival[goal]) is not None:
-        path.append(step)
-        goal = step.source
-    return path
+
+def _signed(edge: Difference) -> tuple[str, int] | None:
+    """The only parameter of a bound, and whether it is added or taken away."""
+    uses = list(edge.weight.coefficients())
+    return (str(uses[0][0]), 1 if uses[0][1] > 0 else -1) if len(uses) == 1 else None
 
 
 def simple_cycles(edges: Sequence[Difference], flows: Sequence[Fraction]) -> Iterator[list[Difference]]:
@@ -164,6 +191,8 @@ class Validity:
         if facet.breaks_in(box):
             self.facets.append(facet)
             return facet
+        if self._has_no_simple_cycle(box):
+            return None
         return self._broken_by_some_circulation(box, make_session(), deadline)
 
     def known_facet(self, box: interface.Grid) -> interface.Facet | None:
@@ -198,6 +227,24 @@ class Validity:
     @cached_property
     def _cycles(self) -> Cycles:
         return Cycles(self._edges)
+
+    def _has_no_simple_cycle(self, box: interface.Grid) -> bool:
+        """Whether no simple cycle is suspicious: none leads both ways along a distance, so these are told apart."""
+        branches: list[frozenset[tuple[str, int]]] = [frozenset()]
+        for branch in branches:
+            cycle = self._forward_cycles.suspicious(box, branch)
+            if cycle is not None:
+                signs = {_signed(edge) for edge in cycle} - {None}
+                name = next((sign[0] for sign in signs if sign and (sign[0], -sign[1]) in signs), None)
+                if name is None or len(branches) > BRANCHES:
+                    return False
+                branches += [branch | {(name, sign)} for sign in (1, -1)]
+        return True
+
+    @cached_property
+    def _forward_cycles(self) -> Cycles:
+        """Those of all time points that turn back on no distance: no simple cycle does."""
+        return Cycles(self._network.differences, forward=True)
 
     def _broken_by_some_circulation(
         self, box: interface.Grid, session: Session, deadline: Deadline

@@ -50,6 +50,7 @@ from robust.encode.interface import EPSILON
 from robust.encode.settled import is_proved
 from robust.errors import Location, SolverError
 from robust.execute import distances
+from robust.execute.demands import with_deadline, with_relative_weights
 from robust.execute.distances import edge
 from robust.execute.esterel import esterel_edges
 from robust.execute.parametrization import (
@@ -64,7 +65,7 @@ from robust.execute.parametrization import (
 from robust.execute.snap import Snapped
 from robust.irr.check import Answer, Checker, CheckResult, Counterexample
 from robust.irr.exact import ExactSearch
-from robust.numbers import format_number
+from robust.numbers import Number, format_number
 from robust.plan import model
 from robust.plan.load import assemble
 from robust.plan.parameters import ParameterSpec
@@ -73,6 +74,7 @@ from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import simulate
 from robust.plan.stn import STNPlan
 from robust.plan.timed import TimedPlan
+from robust.plan.variants import at_values
 from robust.presented import Presented, VerdictEnum
 from robust.qe.box import Box
 from robust.searching import Status
@@ -369,11 +371,13 @@ def check_plan(plan: model.ParametrizedPlan, epsilon: Fraction, solver: str, dea
         InputError: if the network has no schedule.
         UnsupportedError: for an expression that is not linear.
     """
-    encoding = create_encoding("relational", plan, epsilon, deadline)
-    result = Checker(encoding, Box.nominal(plan.parameters), solver=solver, deadline=deadline).run()
+    # Shortest paths prove more about numbers than about parameters.
+    encoding = create_encoding("relational", at_values(plan, plan.nominal), epsilon, deadline)
+    result = Checker(encoding, Box({}), solver=solver, deadline=deadline).run()
     if result.interrupted:
         raise KeyboardInterrupt
-    return result
+    counterexamples = {name: replace(case, parameters=plan.nominal) for name, case in result.counterexamples.items()}
+    return replace(result, box=Box.nominal(plan.parameters), counterexamples=counterexamples)
 
 
 def _verdict(plan: model.ParametrizedPlan, answer: Answer) -> CheckResult:
@@ -459,6 +463,8 @@ class Settings(TypedDict, total=False):
         mode: how the network is made.
         specs: what becomes a parameter, see :mod:`robust.plan.parameters`; nominal values of durations and starts are
             those of the plan.
+        deadline: by when every action must end, as :func:`robust.execute.demands.latest_end` reads it; None is never.
+        relative: weights of parameters are in proportion to nominal values.
         epsilon: the separation of mutex time points.
         tolerance: how far exact times may be from the printed ones; None is one unit of the last digit that was
             printed, and at most ε.
@@ -469,6 +475,8 @@ class Settings(TypedDict, total=False):
 
     mode: Mode
     specs: Iterable[ParameterSpec]
+    deadline: Number | None
+    relative: bool
     epsilon: Fraction
     tolerance: Fraction | None
     solver: str
@@ -489,6 +497,8 @@ class Converting:
     _: KW_ONLY
     mode: Mode = Mode.CAUSAL
     specs: Iterable[ParameterSpec] = ()
+    deadline: Number | None = None
+    relative: bool = False
     epsilon: Fraction = EPSILON
     tolerance: Fraction | None = None
     solver: str = "z3"
@@ -593,6 +603,9 @@ class Converting:
         every = [*(bound for bound in plain if not chosen.says_all_about(bound)), *chosen.constraints]
         constraints = tuple(sorted(every, key=lambda bound: bound.source.instance != bound.target.instance))
         stn = replace(chosen.bare, parameters=chosen.parameters, constraints=constraints)
+        end = max(original.times[instance.end] for instance in stn.instances)
+        stn = with_deadline(stn, self.deadline, Location("--deadline"), end)
+        stn = with_relative_weights(stn) if self.relative else stn
         return stn, assemble(self.domain, self.problem, stn, chosen.beside)
 
     def _conversion(
@@ -600,7 +613,8 @@ class Converting:
     ) -> Conversion:
         """The conversion, once the simulator has confirmed that the network allows the plan's own schedule."""
         original, chosen, snapped = self._original
-        simulation = simulate(plan, plan.nominal, original.times, epsilon=original.epsilon)
+        said = tuple(bound for bound in plan.constraints if bound.name is None)  # its own end may be too late
+        simulation = simulate(replace(plan, constraints=said), plan.nominal, original.times, epsilon=original.epsilon)
         if not simulation.valid:
             reasons = [*simulation.network_violations, *(violation.obligation for violation in simulation.violations)]
             raise SolverError(

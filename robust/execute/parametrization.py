@@ -11,9 +11,11 @@ and which time points an obligation depends on: its own, and those of all change
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cached_property
 
 from robust.errors import InputError, Location
 from robust.execute.dispatchable import written_fluents
@@ -187,8 +189,11 @@ class Parametrization:
 
     def says_all_about(self, constraint: STNConstraint) -> bool:
         """Whether a parameter says what the distance between these two time points is."""
-        pair = {constraint.source, constraint.target}
-        return any({bound.source, bound.target} == pair for bound in self.constraints)
+        return frozenset((constraint.source, constraint.target)) in self._said
+
+    @cached_property
+    def _said(self) -> frozenset[frozenset[model.TimePoint]]:
+        return frozenset(frozenset((bound.source, bound.target)) for bound in self.constraints)
 
     def pinned_starts(self, times: Mapping[model.TimePoint, Fraction]) -> tuple[DistanceEdge, ...]:
         """Bounds that fix the start times that are parameters."""
@@ -236,12 +241,22 @@ def parametrization(
             ParameterSpec(Target.FLUENT, str(fluent), name, {word: getattr(known[name], word) for word in _WORDS})
             for fluent, name in wiring.fluents.items()
         ),
-        durations=tuple(
-            ParameterSpec(Target.DURATION, instance.identifier, wiring.durations[instance.identifier])
-            for instance in plan.instances
-            if instance.identifier in wiring.durations and _is_fixed(domain, instance)
-        ),
+        durations=tuple(_duration_specs(domain, plan, wiring.durations)),
     )
+
+
+def _duration_specs(domain: Domain, plan: STNPlan, durations: Mapping[str, str]) -> Iterator[ParameterSpec]:
+    """What makes parameters of durations that the domain fixes; one that several instances share is named once."""
+    uses = Counter(durations.values())
+    shared: set[str] = set()
+    for instance in plan.instances:
+        name = durations.get(instance.identifier)
+        if name is not None and _is_fixed(domain, instance):
+            if uses[name] == 1:
+                yield ParameterSpec(Target.DURATION, instance.identifier, name)
+            elif name not in shared:
+                shared.add(name)
+                yield ParameterSpec(Target.SHARED, instance.action, name)
 
 
 def _check_nominal(

@@ -27,9 +27,9 @@ from robust.execute.dispatcher import Dispatcher, Ending, LeftBox, MessageReject
 from robust.execute.drive import run_in_world
 from robust.execute.planners.interface import Planner
 from robust.execute.slices import Remainder
-from robust.execute.worlds import ExecutedInstance, InstanceOutcome, Luck, Rules, SimulatedWorld, with_values
+from robust.execute.worlds import ExecutedInstance, InstanceOutcome, Luck, Rules, SimulatedWorld
 from robust.irr.exact import BoxMethod
-from robust.numbers import format_number
+from robust.numbers import Number, format_number
 from robust.plan import model
 from robust.plan.parameters import ParameterSpec, Target
 from robust.plan.pddl.syntax import Domain, Problem
@@ -37,6 +37,7 @@ from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import Simulation, simulate
 from robust.plan.timed import TimedPlan
 from robust.plan.timeline import Reading, State
+from robust.plan.variants import with_values
 from robust.presented import NoTruthValue, VerdictEnum
 from robust.qe.box import Box
 from robust.qe.compute import RegionSearch
@@ -138,13 +139,15 @@ def remaining_problem(problem: Problem, state: State, origin: Fraction) -> Probl
 class ReplanningOptions:
     """Preparation of plans: executor, parameters, method for the box, and time limits.
 
-    `method` finds the box, around the nominal point.
+    `deadline` and `relative` are as for conversions. `method` finds the box, around the nominal point.
     `timeout` limits conversion and box, each, in seconds; out of time, a box is as large as it has become.
     `controllability` is `dynamic` or `strong` if the box is to be shrunk to its part that is so; None leaves it.
     """
 
     executor: Executor = field(default_factory=Dreex)
     specs: tuple[ParameterSpec, ...] = ()
+    deadline: Number | None = None
+    relative: bool = False
     method: BoxMethod = field(default_factory=BoxMethod)
     epsilon: Fraction = EPSILON
     solver: str = "z3"
@@ -187,6 +190,8 @@ def prepare_timed(
         problem,
         timed,
         specs=specs,
+        deadline=options.deadline,
+        relative=options.relative,
         epsilon=options.epsilon,
         tolerance=tolerance,
         solver=options.solver,
@@ -258,8 +263,9 @@ def computed_box(plan: model.ParametrizedPlan, options: ReplanningOptions) -> Bo
 
 def fitting(specs: Iterable[ParameterSpec], timed: TimedPlan) -> tuple[ParameterSpec, ...]:
     """The specifications that are about fluents, or about instances and actions that a plan has."""
-    known = {f"n{number}" for number in range(len(timed.steps))} | {step.action for step in timed.steps}
-    durations = {Target.DURATION, Target.START}
+    known = {"*", *(f"n{number}" for number in range(len(timed.steps)))}
+    known |= {name for step in timed.steps for name in (step.action, f"({' '.join((step.action, *step.arguments))})")}
+    durations = {Target.DURATION, Target.SHARED, Target.START}
     return tuple(spec for spec in specs if spec.target not in durations or spec.subject in known)
 
 

@@ -41,13 +41,13 @@ from __future__ import annotations
 import heapq
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
 from itertools import count
 from os import PathLike
 from random import Random
-from typing import Any, Final, TypeVar
+from typing import Final
 
 from robust.errors import InputError, Location, did_you_mean
 from robust.execute import dispatcher
@@ -56,8 +56,8 @@ from robust.numbers import parse_number, shorten
 from robust.plan import model
 from robust.plan.parameters import DecimalText, toml_document
 from robust.plan.pddl.forms import read_text
-from robust.plan.polynomial import Polynomial
 from robust.plan.timeline import Reading, State
+from robust.plan.variants import with_values
 from robust.presented import VerdictEnum
 from robust.probability.distributions import KEYS, OPTIONAL, PLANNED, Below, Distribution, require_possible
 
@@ -241,33 +241,6 @@ def _check_numbers(rule: Rule, location: Location) -> None:
 
 
 # -- carrying out ------------------------------------------------------------------------------------------------------
-
-Values = Mapping[model.NumericVariable, Fraction]
-
-_Part = TypeVar("_Part")
-_READING = {"durations", "conditions", "atom_effects", "numeric_effects", "continuous_effects"} | {
-    "condition", "operands", "expression", "rate",
-}  # fmt: skip
-"""Fields of instances, their parts and conditions that read variables, or hold what does."""
-
-
-def with_values(part: _Part, values: Values) -> _Part:
-    """An instance, or a part of one, with these variables replaced by their values, in conditions and effects."""
-
-    def value(variable: model.NumericVariable) -> model.Expression:
-        known = values.get(variable)
-        return Polynomial.variable(variable) if known is None else Polynomial.constant(known)
-
-    whole: Any = part
-    if isinstance(whole, Polynomial):
-        whole = whole.substitute(value)
-    elif isinstance(whole, tuple):
-        whole = tuple(with_values(member, values) for member in whole)
-    else:
-        names = [field.name for field in fields(whole) if field.name in _READING]
-        whole = replace(whole, **{name: with_values(getattr(whole, name), values) for name in names})
-    replaced: _Part = whole
-    return replaced
 
 
 class WorldState:

@@ -20,6 +20,7 @@ from robust.smt.session import Exporter, Satisfiability, Session, Statistics
 from robust.smt.terms import Formula
 
 if TYPE_CHECKING:
+    from robust.irr.proposals import Tolerance
     from robust.irr.quantities import QuantityChange
 
 
@@ -54,7 +55,8 @@ class CheckResult(Presented, ask="answer"):
     says how.
 
     `encoding`, `solver`, `epsilon` and `every` are as they were asked for. `repair` is the least change of bounds after
-    which a refuted plan is proved, where that was looked for and found.
+    which a refuted plan is proved, where that was looked for and found. `tolerance` is how much all durations that are
+    parameters may differ at once, where the verdict is about nominal values and shortest paths decide it.
     """
 
     answer: Answer
@@ -72,6 +74,7 @@ class CheckResult(Presented, ask="answer"):
     epsilon: Fraction = EPSILON
     every: bool = False
     repair: tuple[QuantityChange, ...] | None = None
+    tolerance: Tolerance | None = None
 
     @property
     def cut_short(self) -> bool:

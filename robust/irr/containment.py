@@ -77,12 +77,17 @@ class Questions(ABC, Generic[Found]):
         self._names = tuple(parameter.name for parameter in encoding.plan.parameters)
         self._written: dict[str, tuple[Interval, tuple[Formula, ...]]] = {}
         self.reader = FormulaReader(encoding.terms)
-        self._questions = [
-            ObligationQuestion(obligation)
-            for obligation in encoding.obligations
-            if obligation.violation is not encoding.terms.false
-        ]
-        self._in_order = tuple(self._questions)
+
+    @cached_property
+    def _in_order(self) -> tuple[ObligationQuestion, ...]:
+        """A question for each obligation that is not settled."""
+        none = self.encoding.terms.false
+        return tuple(ObligationQuestion(o) for o in self.encoding.obligations if o.violation is not none)
+
+    @cached_property
+    def _questions(self) -> list[ObligationQuestion]:
+        """The questions, first those that were answered last by something bad."""
+        return list(self._in_order)
 
     def open_session(self) -> Session:
         """A new session over the encoding's terms that counts and exports like the others."""

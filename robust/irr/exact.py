@@ -20,9 +20,11 @@ from robust.encode.interface import Encoding, Linear, variable
 from robust.irr.conflicts import Candidate, Chosen, Clause, MasterProblem, Point
 from robust.irr.containment import Containment, Margins, require_some_schedule
 from robust.irr.irr import IncrementalRobustification, ordered
+from robust.irr.proposals import is_inside, propose
 from robust.irr.search import BoxSearch, Conduct, OutsideError
 from robust.irr.stops import JUST, declared_stop
 from robust.irr.widen import BadSet, DiscoveredBadSet, Obstacle, Widening, faces_of
+from robust.network.slack import OutsideFragmentError
 from robust.plan.model import ParameterReference
 from robust.plan.polynomial import Polynomial
 from robust.qe.box import Box, Face, Interval, Side
@@ -31,7 +33,7 @@ from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.simplex import feasible_point, maximize
 from robust.searching import Status
-from robust.smt.limits import Deadline
+from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Exporter
 from robust.smt.terms import Formula
 
@@ -80,6 +82,8 @@ class ExactSearch(BoxSearch):
         parameters = encoding.plan.parameters
         turns = [[parameter] for parameter in ordered(parameters, order)] if order else [parameters]
         self._groups = [faces_of(turn) for turn in turns]
+        self._by_paths = method == "widen" and not order and exporter is None and encoding.name == "relational"
+        self._proposed = False
         super().__init__(self._bad, method=method, **conduct)
         self.contain_nominal = method != "optimal" or contain_nominal
 
@@ -106,6 +110,8 @@ class ExactSearch(BoxSearch):
 
     def _widen(self) -> None:
         """Widen from the nominal point, and add the bad polyhedra that shape the box to the pieces."""
+        if self._by_paths and self._is_proposed():
+            return
         piece = self._bad.piece_in(self.box, self.deadline)
         if piece is not None:
             if piece in self._bad.existence:
@@ -120,6 +126,31 @@ class ExactSearch(BoxSearch):
             deadline=self.deadline,
             on_box=self._keep,
         ).run()
+
+    def _is_proposed(self) -> bool:
+        """Whether shortest paths find the widest box, and it is proved."""
+        encoding = self.encoding
+        try:
+            proposal = propose(encoding.plan, encoding.epsilon, self.deadline)
+        except OutsideFragmentError as error:
+            self.fallback = str(error)
+            return False
+        self._bad.checks += 1
+        left = self.deadline.remaining
+        soon = self.deadline if left is None else Deadline.after(left / 2)
+        plan, epsilon, box = encoding.plan, encoding.epsilon, proposal.box
+        try:
+            proved = is_inside(plan, box, epsilon, soon, solver=self._bad.solver, statistics=self._bad.statistics)
+        except OutOfTimeError:
+            proved = False
+        self.deadline.enforce()
+        if not proved:
+            self.fallback = "the box that shortest paths found could not be proved"
+            return False
+        self._stops.update(proposal.stops)
+        self._proposed = True
+        self._keep(proposal.box)
+        return True
 
     def _enumerated(self) -> list[Polyhedron]:
         """Bad polyhedra by enumeration, for a while: they are larger than what single boxes run into."""
@@ -138,6 +169,8 @@ class ExactSearch(BoxSearch):
         return [*outside, *difference.pieces]
 
     def _margins(self) -> Margins:
+        if self._proposed:
+            return {}
         return {
             (parameter.name, side): JUST
             for parameter, side in product(self.encoding.plan.parameters, Side)

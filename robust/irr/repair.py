@@ -398,7 +398,7 @@ class RepairSearch(RepairSearching[Cost, Repair]):
         """Check the repaired plan by itself, and keep it: it is better than those before it."""
         plan = self._changed(candidate)
         box = Box.nominal(plan.parameters).changed(self._required)
-        encoding = RelationalEncoding(plan, self.epsilon)
+        encoding = RelationalEncoding(plan, self.epsilon, box.ranges)
         proof = Checker(encoding, box, solver=self.solver, deadline=self.deadline).run()
         if proof.answer is Answer.UNKNOWN:
             raise KeyboardInterrupt if proof.interrupted else OutOfTimeError(proof.reason)

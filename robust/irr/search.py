@@ -11,6 +11,7 @@ from itertools import product
 from typing import Any, TypedDict, Unpack
 
 from robust.irr.containment import Margins, Questions
+from robust.irr.proposals import Tolerance
 from robust.irr.stops import APPROACHED, CUT_SHORT, NO_SCHEDULE, NOT_EXAMINED, Advice, Stop, advice, declared_stop
 from robust.plan.model import Parameter, ParametrizedPlan
 from robust.presented import Presented
@@ -51,6 +52,8 @@ class EnvelopeResult(Presented, ask="verified"):
     verified box: an obligation, statements of the network, a declared bound, or why that is not known. `advice` is
     about parameters for which an action's own duration leaves no room. `doubling` and `contain_nominal` are as
     they were asked for; methods that know no other boxes always contain the nominal point. `plan` is what it is about.
+    `fallback` says why shortest paths did not find the box, where that was tried and solvers had to. `tolerance` is how
+    much all durations that are parameters may differ at once, where shortest paths decide it.
     """
 
     status: Status
@@ -74,6 +77,8 @@ class EnvelopeResult(Presented, ask="verified"):
     doubling: bool = False
     contain_nominal: bool = True
     plan: ParametrizedPlan | None = field(default=None, repr=False, compare=False)
+    fallback: str | None = None
+    tolerance: Tolerance | None = None
 
     @property
     def cut_short(self) -> bool:
@@ -134,6 +139,7 @@ class BoxSearch(Searching[EnvelopeResult]):
         self.doubling = False
         self.contain_nominal = True
         self.unbounded_checks = 0
+        self.fallback: str | None = None
         self.box = Box.nominal(encoding.plan.parameters)
         self.verified = False
         self._on_step = conduct.get("on_step")
@@ -164,9 +170,9 @@ class BoxSearch(Searching[EnvelopeResult]):
         except OutsideError as outside:
             self._outside = outside.values
             return Status.INVALID, outside.reason
-        if status is Status.COMPLETE:
+        if status is Status.COMPLETE and (margins := self._margins()):
             try:
-                self._stops.update(stops_at(self._questions, self.box, self._margins(), self.deadline))
+                self._stops.update(stops_at(self._questions, self.box, margins, self.deadline))
             except (OutOfTimeError, KeyboardInterrupt):
                 log.info("no time was left to find out what ends all sides")  # the box is complete without
         return status, reason
@@ -194,6 +200,7 @@ class BoxSearch(Searching[EnvelopeResult]):
             doubling=self.doubling,
             contain_nominal=self.contain_nominal,
             plan=self.encoding.plan,
+            fallback=self.fallback,
         )
 
     @abstractmethod

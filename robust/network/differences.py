@@ -153,7 +153,7 @@ class DifferenceNetwork:
         for (source, target), weight in self._bounds.items():
             if times[target] - times[source] == weight:
                 tight[source].append(target)
-        return _strong_components(tight)
+        return strong_components(tight)
 
     @cached_property
     def _slack(self) -> list[list[tuple[int, int]]]:
@@ -171,37 +171,37 @@ class DifferenceNetwork:
         return steps
 
     @cached_property
-    def _rows(self) -> dict[int, list[int | None]]:
+    def _searches(self) -> dict[int, tuple[list[int | None], list[tuple[int, int]]]]:
+        """Of each component that was asked about the least slacks of paths that are known, and where to go on."""
         return {}
 
-    def _row(self, start: int) -> list[int | None]:
-        """The least slack of a path from a component to each other; None where there is none."""
-        if start in self._rows:
-            return self._rows[start]
-        row = self._rows[start] = [None] * len(self._slack)
-        heap = [(0, start)]
-        while heap:
+    def _slack_to(self, start: int, goal: int, most: int | None = None) -> int | None:
+        """The least slack of a path from a component to another; None where there is none, or none of at most this."""
+        if start not in self._searches:
+            self._searches[start] = [None] * len(self._slack), [(0, start)]
+        known, heap = self._searches[start]
+        while heap and known[goal] is None and (most is None or heap[0][0] <= most):
             slack, place = heappop(heap)
-            if row[place] is None:
-                row[place] = slack
+            if known[place] is None:
+                known[place] = slack
                 for other, more in self._slack[place]:
-                    heappush(heap, (slack + more, other))
-        return row
+                    if known[other] is None:
+                        heappush(heap, (slack + more, other))
+        return known[goal]
 
     # -- what follows --------------------------------------------------------------------------------------------------
 
     def least(self, source: int, target: int) -> int | None:
         """The greatest w with t_target − t_source ≥ w in all schedules; None if there is none."""
-        slack = self._row(self.component[source])[self.component[target]]
+        slack = self._slack_to(self.component[source], self.component[target])
         return None if slack is None else self.times[target] - self.times[source] - slack
 
     def closure(self) -> Iterator[Bound]:
         """The greatest lower bound of each pair of points that has one."""
         times, component = self.times, self.component
         for source in range(self.size):
-            row = self._row(component[source])
             for target in range(self.size):
-                slack = row[component[target]]
+                slack = self._slack_to(component[source], component[target])
                 if slack is not None:
                     yield source, target, times[target] - times[source] - slack
 
@@ -228,10 +228,11 @@ class DifferenceNetwork:
 
     def at_least(self, source: int, target: int, weight: int) -> bool:
         """Whether t_target − t_source ≥ weight in all schedules."""
-        if self.times[target] - self.times[source] < weight:
+        most = self.times[target] - self.times[source] - weight
+        if most < 0:
             return False  # the schedule itself is one in which it is not
-        known = self.least(source, target)
-        return known is not None and known >= weight
+        slack = self._slack_to(self.component[source], self.component[target], most)
+        return slack is not None and slack <= most
 
     # -- what can go ---------------------------------------------------------------------------------------------------
 
@@ -265,7 +266,7 @@ class DifferenceNetwork:
             # Mostly two bounds imply a third one, which takes no search.
             if any(first + direct[middle].get(target, slack + 1) <= slack for middle, first in between):
                 continue
-            rests = ((first, self._row(middle)[target]) for middle, first in between)
+            rests = ((first, self._slack_to(middle, target, slack - first)) for middle, first in between)
             if not any(rest is not None and first + rest <= slack for first, rest in rests):
                 kept.append(bound)
         fixed_within = [bound for bound in given if component[bound[0]] == component[bound[1]]]
@@ -275,7 +276,7 @@ class DifferenceNetwork:
         return self.times[bound[1]] - self.times[bound[0]] - bound[2]
 
 
-def _strong_components(steps: Sequence[Sequence[int]]) -> list[int]:
+def strong_components(steps: Sequence[Sequence[int]]) -> list[int]:
     """The number of the strongly connected component of each node [Kosaraju], without recursion."""
     before: list[list[int]] = [[] for _ in steps]
     for node, leaving in enumerate(steps):

@@ -226,13 +226,40 @@ class PlanFiles(Planning):
     )
 
 
-class PlanParameters(declare.Options):
+WIDTHS = ("equal", "relative")
+
+
+class Demands(declare.Options):
+    """What is asked of a plan in addition to what it says."""
+
+    deadline: Number | None = declare.option(
+        None,
+        "every action must end by T, or for +P% by P per cent after the planned end; schedules that end later are not "
+        "allowed",
+        metavar="T",
+        rank=PARAMETERS,
+    )
+    widths: str = declare.option(
+        "equal",
+        "sides of boxes move at equal speed, or relative to the nominal values of their parameters",
+        choices=WIDTHS,
+        rank=PARAMETERS,
+    )
+
+    @property
+    def relative(self) -> bool:
+        """Whether weights are in proportion to nominal values."""
+        return self.widths == "relative"
+
+
+class PlanParameters(Demands):
     """Parameters in addition to those that the plan declares."""
 
     parameter: tuple[str, ...] = declare.option(
         (),
-        "make a quantity a parameter: duration:ACTION for all its instances, duration:ID, start:ID, 'fluent:(f a)', "
-        "or NAME of an existing one; then ,weight=W ,lb=L ,ub=U ,default=D; may be repeated",
+        "make a quantity a parameter: duration:* for all actions that take time, duration:ACTION or "
+        "'duration:(drive r1 a b)' for all their instances, duration:ID, shared:ACTION for one of all instances, "
+        "start:ID, 'fluent:(f a)', or NAME of an existing one; then ,weight=W ,lb=L ,ub=U ,default=D; may be repeated",
         "--parameter",
         "--parametrize",
         metavar="SPEC",

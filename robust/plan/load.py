@@ -95,7 +95,7 @@ def assemble(
         instances=tuple(instances),
         constraints=tuple(
             model.TemporalConstraint(
-                bound.source, bound.target, _bound(bound.lower), _bound(bound.upper), bound.location
+                bound.source, bound.target, _bound(bound.lower), _bound(bound.upper), bound.location, bound.name
             )
             for bound in wiring.constraints
         ),

@@ -387,16 +387,22 @@ Bound = Polynomial[NumericVariable]
 
 @dataclass(frozen=True, slots=True)
 class TemporalConstraint:
-    """`lower ≤ t_target − t_source ≤ upper`; None is an infinite bound. Written `c: target - source in [l, u]`."""
+    """`lower ≤ t_target − t_source ≤ upper`; None is an infinite bound. Written `c: target - source in [l, u]`.
+
+    `name` is what demands it, if that is no statement of the plan.
+    """
 
     source: TimePoint
     target: TimePoint
     lower: Bound | None
     upper: Bound | None
     location: Location | None = field(default=None, compare=False)
+    name: str | None = field(default=None, compare=False)
 
     def __str__(self) -> str:
-        """As plan files write it, with its line."""
+        """As plan files write it, with its line; or its name, and the time point."""
+        if self.name is not None:
+            return f"{self.name}: {self.target} at most {'inf' if self.upper is None else as_written(self.upper)}"
         lower = "-inf" if self.lower is None else as_written(self.lower)
         upper = "inf" if self.upper is None else as_written(self.upper)
         line = f" (line {self.location.line})" if self.location and self.location.line else ""

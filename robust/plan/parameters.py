@@ -6,6 +6,9 @@ An option is `SPEC[,weight=W][,lb=L][,ub=U][,default=D]` with one of these SPECs
 `[NAME=]duration:ID`                  the duration of instance ID, whatever the domain says it is; the parameter is
                                       called `dur_ID` unless named
 `[NAME=]duration:ACTION`              one such parameter for each instance of the action (a NAME only if there is one)
+`[NAME=]duration:(drive r1 a b)`      one for each instance of the ground action
+`duration:*`                          one for each instance that takes time, unless others say so already
+`[NAME=]shared:ACTION`                one parameter that is the duration of all instances of the action (`dur_ACTION`)
 `[NAME=]start:ID`                     the start time of instance ID, from zero (`start_ID`)
 `[NAME=]fluent:(charge auv)`          the initial value of a ground numeric fluent (`charge_auv`)
 `NAME`                                new weight, bounds or nominal value for an existing parameter
@@ -30,6 +33,7 @@ import os
 import re
 import shlex
 import warnings
+from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
@@ -60,6 +64,7 @@ class Target(Enum):
     """What a specification makes a parameter of."""
 
     DURATION = "duration"
+    SHARED = "shared"
     START = "start"
     FLUENT = "fluent"
     EXISTING = "existing parameter"
@@ -111,7 +116,8 @@ def parse_spec(text: str) -> ParameterSpec:
     target = _TARGETS.get(match["target"].lower())
     if target is None:
         hint = did_you_mean(match["target"], _TARGETS)
-        raise InputError(f"found {shorten(match['target'])}, expected 'duration', 'start' or 'fluent'{hint}", location)
+        expected = "'duration', 'shared', 'start' or 'fluent'"
+        raise InputError(f"found {shorten(match['target'])}, expected {expected}{hint}", location)
     given = match["name"]
     parameter = None if given is None else _checked_name(given.strip(), location)
     return ParameterSpec(target, _checked_subject(target, match["subject"], location), parameter, attributes, location)
@@ -272,7 +278,7 @@ def _checked_subject(target: Target, text: str, location: Location) -> str:
     if target is not Target.FLUENT:
         if not subject:
             raise InputError(f"found nothing after '{target.value}', expected an instance identifier", location)
-        return subject
+        return f"({' '.join(subject[1:-1].lower().split())})" if _FLUENT.fullmatch(subject) else subject
     if _FLUENT.fullmatch(subject) is None:
         raise InputError(f"found {shorten(subject)}, expected a ground fluent such as '(charge auv)'", location)
     return f"({' '.join(subject[1:-1].lower().split())})"
@@ -311,10 +317,11 @@ def wire(
     - Existing parameters, and those that other specifications introduce, get the attributes that are given.
     """
     work = _Work(plan, initial_fluents, domain_parameters, nominal_needed=nominal_needed)
-    ordered = sorted(specs, key=lambda spec: spec.target is Target.EXISTING)  # stable: overrides see what others create
+    # Stable: "all others" come after those that are named, and overrides see what others create.
+    ordered = sorted(specs, key=lambda spec: (spec.target is Target.EXISTING, spec.subject == "*"))
     for spec in ordered:
         work.apply(spec)
-    return Wiring(tuple(work.parameters.values()), tuple(work.constraints), work.durations, work.fluents)
+    return Wiring(tuple(work.parameters.values()), tuple(work.constraints.values()), work.durations, work.fluents)
 
 
 def referenced_parameters(constraints: Iterable[stn.STNConstraint], expressions: Iterable[Expression]) -> set[str]:
@@ -342,7 +349,11 @@ class _Work:
         self.initial_fluents = initial_fluents
         self.domain_parameters = domain_parameters
         self.parameters = {parameter.name: parameter for parameter in plan.parameters}
-        self.constraints = list(plan.constraints)
+        self.constraints: dict[int, stn.STNConstraint] = dict(enumerate(plan.constraints))
+        """By number, in order; those of each pair of time points by number beside them."""
+        self.between: dict[frozenset[TimePoint], list[int]] = defaultdict(list)
+        for number, constraint in self.constraints.items():
+            self.between[frozenset((constraint.source, constraint.target))].append(number)
         self.durations: dict[str, str] = {}
         self.fluents: dict[Fluent, str] = {}
         self.overridden: set[str] = set()
@@ -355,6 +366,8 @@ class _Work:
             case Target.DURATION:
                 for instance in self.timed_instances(spec):
                     self.vary_duration(instance, spec)
+            case Target.SHARED:
+                self.share_duration(spec)
             case Target.START:
                 start = self.instance(spec).start
                 self.vary_time(f"start_{spec.subject}", f"the start of {spec.subject}", ZERO, start, spec)
@@ -372,16 +385,23 @@ class _Work:
         return self.instances[spec.subject]
 
     def timed_instances(self, spec: ParameterSpec) -> list[stn.InstanceDeclaration]:
-        """The instance of that identifier, else all instances of that action."""
+        """The instance of that identifier, else all that take time, of that action or ground action, or else of any."""
         if spec.subject in self.instances:
-            chosen = [self.instances[spec.subject]]
-        else:
-            chosen = [instance for instance in self.plan.instances if instance.action == spec.subject.lower()]
+            return [self.instances[spec.subject]]
+        if spec.subject == "*":
+            others = (instance for instance in self.plan.instances if instance.identifier not in self.durations)
+            return [instance for instance in others if instance.durative]
+        wanted = spec.subject.lower()
+        chosen = [instance for instance in self.plan.instances if wanted in (instance.action, str(instance))]
         if not chosen:
             actions = (instance.action for instance in self.plan.instances)
             hint = did_you_mean(spec.subject, [*self.instances, *actions])
             message = f"found {spec.subject!r}, expected an instance of the plan or an action that it uses{hint}"
             raise InputError(message, spec.location)
+        if not any(instance.durative for instance in chosen):
+            message = f"{spec.location}: passed over; no instance of {spec.subject} takes time"
+            warnings.warn(message, InputWarning, stacklevel=2)
+        chosen = [instance for instance in chosen if instance.durative]
         if spec.name is not None and len(chosen) > 1:
             several = ", ".join(instance.identifier for instance in chosen)
             expected = "one instance for the name (without a name, each instance gets a parameter of its own)"
@@ -397,10 +417,27 @@ class _Work:
         name = self.vary_time(f"dur_{identifier}", f"the duration of {identifier}", instance.start, instance.end, spec)
         self.durations[identifier] = name
 
+    def share_duration(self, spec: ParameterSpec) -> None:
+        """One parameter for the durations of all instances of an action, which must be the same."""
+        chosen = self.timed_instances(replace(spec, name=None))
+        if not chosen:
+            return
+        first, *others = chosen
+        named = replace(spec, name=spec.name or f"dur_{first.action}")
+        fixed = {other.identifier: _fixed(self.bounds_between(other.start, other.end)) for other in chosen}
+        if len(set(fixed.values())) > 1:
+            lengths = ", ".join(f"{length} ({name})" for name, length in fixed.items())
+            raise InputError(f"found durations {lengths}, expected one for {spec.subject!r}", spec.location)
+        self.vary_duration(first, named)
+        for other in others:
+            known = ParameterReference(self.durations[first.identifier])
+            self.fix_between(other.start, other.end, known, spec)
+            self.durations[other.identifier] = known.name
+
     def vary_time(self, generated: str, what: str, source: TimePoint, target: TimePoint, spec: ParameterSpec) -> str:
         """Replace all constraints between two time points by [γ, γ]; the name of γ."""
-        between = [(i, _oriented(c, source)) for i, c in enumerate(self.constraints) if _joins(c, source, target)]
-        bounds = [bound for _, pair in between for bound in pair]
+        between = self.bounds_between(source, target)
+        bounds = [bound for pair in between for bound in pair]
         taken = next((bound.name for bound in bounds if isinstance(bound, ParameterReference)), None)
         known = taken == spec.name or (spec.name is None and taken not in self.introduced)
         if taken is not None and known and set(bounds) == {ParameterReference(taken)}:
@@ -409,16 +446,24 @@ class _Work:
         if taken is not None:
             remedy = f"give its attributes as {taken!r},weight=W,lb=L,ub=U,default=D"
             raise InputError(f"found {what} with parameter {taken!r}, expected one without: {remedy}", spec.location)
-        fixed = _fixed([pair for _, pair in between])
+        fixed = _fixed(between)
         name = self.introduce(generated, what, fixed, spec, f"c: {target} - {source} in [D, D] in the plan")
-        reference = ParameterReference(name)
-        constraint = stn.STNConstraint(target, source, reference, reference, spec.location)
-        position = between[0][0] if between else len(self.constraints)
-        removed = {i for i, _ in between}
-        before = [c for i, c in enumerate(self.constraints[:position]) if i not in removed]
-        after = [c for i, c in enumerate(self.constraints) if i >= position and i not in removed]
-        self.constraints = [*before, constraint, *after]
+        self.fix_between(source, target, ParameterReference(name), spec)
         return name
+
+    def bounds_between(self, source: TimePoint, target: TimePoint) -> list[tuple[stn.STNBound, stn.STNBound]]:
+        """The bounds of all constraints between two time points, as seen from the first one."""
+        return [_oriented(self.constraints[number], source) for number in self.between[frozenset((source, target))]]
+
+    def fix_between(
+        self, source: TimePoint, target: TimePoint, reference: ParameterReference, spec: ParameterSpec
+    ) -> None:
+        """Replace all constraints between two time points by one that makes the distance a parameter."""
+        numbers = self.between[frozenset((source, target))] or [max(self.constraints, default=-1) + 1]
+        for number in numbers[1:]:
+            del self.constraints[number]
+        self.constraints[numbers[0]] = stn.STNConstraint(target, source, reference, reference, spec.location)
+        self.between[frozenset((source, target))] = numbers[:1]
 
     def vary_fluent(self, spec: ParameterSpec) -> None:
         function, *arguments = spec.subject[1:-1].split()
@@ -464,6 +509,8 @@ class _Work:
             hint = did_you_mean(name, [*self.parameters, *self.domain_parameters])
             if name in self.instances:
                 hint = f"; to vary the duration of instance {name} write duration:{name}"
+            elif name.lower() in {instance.action for instance in self.plan.instances}:
+                hint = f"; to vary the durations of action {name} write duration:{name}"
             raise InputError(f"found {name!r}, expected a parameter of the plan or the domain{hint}", spec.location)
         if name in self.overridden:
             raise InputError(f"found parameter {name!r} twice, expected all its attributes in one place", spec.location)
@@ -477,10 +524,6 @@ def _merged(base: stn.ParameterDeclaration, spec: ParameterSpec) -> stn.Paramete
     merged = replace(base, **attributes)
     stn.check_range(merged, spec.location)
     return merged
-
-
-def _joins(constraint: stn.STNConstraint, source: TimePoint, target: TimePoint) -> bool:
-    return (constraint.source, constraint.target) in ((source, target), (target, source))
 
 
 def _oriented(constraint: stn.STNConstraint, source: TimePoint) -> tuple[stn.STNBound, stn.STNBound]:

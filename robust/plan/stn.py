@@ -66,13 +66,17 @@ class InstanceDeclaration(NamedAction):
 
 @dataclass(frozen=True, slots=True)
 class STNConstraint:
-    """`lower ≤ t_target − t_source ≤ upper`, written `c: target - source in [lower, upper]`."""
+    """`lower ≤ t_target − t_source ≤ upper`, written `c: target - source in [lower, upper]`.
+
+    `name` is what demands it, if that is no statement of the plan; it is written as a comment.
+    """
 
     target: TimePoint
     source: TimePoint
     lower: STNBound
     upper: STNBound
     location: Location | None = field(default=None, compare=False)
+    name: str | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +126,8 @@ def write_stn(plan: STNPlan) -> str:
         lines.append(f"{keyword} instance {instance.identifier} : {instance};")
     for constraint in plan.constraints:
         interval = f"[{_bound_text(constraint.lower, '-inf')}, {_bound_text(constraint.upper, 'inf')}]"
-        lines.append(f"c: {constraint.target} - {constraint.source} in {interval};")
+        comment = "" if constraint.name is None else f"  # {constraint.name}"
+        lines.append(f"c: {constraint.target} - {constraint.source} in {interval};{comment}")
     return "".join(f"{line}\n" for line in lines)
 
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from typing import assert_never
+from typing import NoReturn, assert_never
 
 from robust.errors import InputError, UnsupportedError, did_you_mean
 from robust.numbers import format_number
@@ -62,21 +62,24 @@ class Reading:
     def variable(self, variable: model.NumericVariable) -> Fraction:
         match variable:
             case model.Fluent():
-                return self._known(
-                    self.state.fluents.get(variable), f"numeric fluent {variable}", "give it one in :init"
-                )
+                value = self.state.fluents.get(variable)
             case model.ParameterReference(name):
-                hint = did_you_mean(name, self.parameters)
-                return self._known(self.parameters.get(name), f"parameter '{name}'", f"pass a value for it{hint}")
+                value = self.parameters.get(name)
             case model.Duration():
-                return self._known(self.duration, "?duration", "use it inside durative actions only")
-        assert_never(variable)
+                value = self.duration
+            case _:
+                assert_never(variable)
+        return self._unknown(variable) if value is None else value
 
-    @staticmethod
-    def _known(value: Fraction | None, what: str, remedy: str) -> Fraction:
-        if value is None:
-            raise InputError(f"{what} is read but has no value here; {remedy}")
-        return value
+    def _unknown(self, variable: model.NumericVariable) -> NoReturn:
+        match variable:
+            case model.Fluent():
+                what, remedy = f"numeric fluent {variable}", "give it one in :init"
+            case model.ParameterReference(name):
+                what, remedy = f"parameter '{name}'", f"pass a value for it{did_you_mean(name, self.parameters)}"
+            case model.Duration():
+                what, remedy = "?duration", "use it inside durative actions only"
+        raise InputError(f"{what} is read but has no value here; {remedy}")
 
     def expression(self, expression: model.Expression) -> Fraction:
         return expression.evaluate({variable: self.variable(variable) for variable in expression.variables})

@@ -22,6 +22,7 @@ from robust.encode import create_encoding
 from robust.encode.interface import EPSILON
 from robust.errors import InputError
 from robust.irr.exact import BoxMethod
+from robust.irr.proposals import is_inside
 from robust.irr.search import EnvelopeResult
 from robust.irr.widen import DiscoveredBadSet
 from robust.plan.model import ParametrizedPlan
@@ -29,7 +30,7 @@ from robust.presented import Presented, VerdictEnum
 from robust.probability.distributions import Distribution
 from robust.probability.measure import Bounds, Measure, RegionMeasure, box_probability
 from robust.probability.packing import Packing, Points, SampledEstimate
-from robust.qe.box import Box
+from robust.qe.box import Box, Interval
 from robust.qe.compute import Causes, RegionResult, RegionSearch, declared_bounds
 from robust.qe.conjunctions import Conjunction
 from robust.qe.polyhedron import Polyhedron
@@ -196,6 +197,9 @@ class Risk(Searching[RiskResult]):
             UnsupportedError: an expression that is not linear.
             SolverError: a solver is not installed.
         """
+        if self._many and self._is_certain():
+            self._know(Fraction(1), Fraction(1))
+            return
         self._on_stage("envelope")
         search = RegionSearch(
             self.plan,
@@ -217,6 +221,17 @@ class Risk(Searching[RiskResult]):
         if self.draws or (self._many and self._bounds.width > self.within):
             self._go_without_region(region)
         self._deadline.enforce()
+
+    def _is_certain(self) -> bool:
+        """Whether the plan is proved for all values that can be drawn: the cheap question first."""
+        self._on_stage("all values at once")
+        ends = {name: known.support for name, known in self._distributions.items()}
+        supports = Box({name: Interval(low, high) for name, (low, high) in ends.items()})
+        deadline = Deadline.after(self._share(Fraction(1, 10)))
+        try:
+            return is_inside(self.plan, supports, self.epsilon, deadline, solver=self.solver)
+        except OutOfTimeError:
+            return False
 
     def _share(self, part: Fraction) -> float | None:
         """The seconds that a stage may take."""

@@ -12,6 +12,7 @@ from typing import Annotated, Any
 
 from msgspec import UNSET, UnsetType
 
+from robust.irr.proposals import rounded_percent
 from robust.json_text import Count, JsonObject, Rational, Seconds, like, one_of
 from robust.numbers import duration, plural
 from robust.qe.box import Box, interval_text
@@ -36,11 +37,12 @@ def answer_lines(run: PlanRun) -> list[str]:
     """The box or the region of an answer, or the line that it has instead."""
     if run.message is not None:
         return [run.message]
+    first = [] if run.tolerance is None else [f"all durations ± {rounded_percent(Fraction(run.tolerance))} at once"]
     if run.box is not None:
-        return [f"{name} ∈ {text}" for name, text in box_texts(run).items()] or ["no parameters"]
+        return [*first, *(f"{name} ∈ {text}" for name, text in box_texts(run).items())] or ["no parameters"]
     if run.region is not None:
         return list(region_lines(in_form(Region.from_dict(run.region), None), exact=True))
-    return []
+    return first
 
 
 def box_texts(run: PlanRun) -> dict[str, str]:
@@ -165,6 +167,8 @@ class Answered(JsonObject):
         search_s: of the search in it
         first_widening_s: when the box was more than a point, since the search began
         message: what breaks, or what is wrong
+        tolerance: how much all durations that are parameters may be longer or shorter at once, as a share of their
+            nominal values; null where that is not known or was not asked for
         box: values for all of which the plan is valid; null where none was found or asked for
         region: as of `robust region --json`; null where it is not complete or was not asked for
     """
@@ -177,6 +181,7 @@ class Answered(JsonObject):
     search_s: Seconds | None
     first_widening_s: Seconds | None
     message: str | None
+    tolerance: Rational | None
     box: Box | None
     region: dict[str, Any] | None
 
@@ -305,7 +310,8 @@ has_table(Batch, "plans", numbers=(*ENDS, "volume_ratio", "width_ratio"))
 
 
 def _answered(run: PlanRun) -> Answered:
-    return like(Answered, run, box=None if run.box is None else box_of(run.box))
+    tolerance = None if run.tolerance is None else Fraction(run.tolerance)
+    return like(Answered, run, tolerance=tolerance, box=None if run.box is None else box_of(run.box))
 
 
 def _compared(batch: Batch, row: BatchRow) -> ComparedPlan:
@@ -342,6 +348,7 @@ _RUN: Mapping[str, Column] = {
     "memory_mb": lambda run: run.memory_mb,
     "search_s": lambda run: run.search_s,
     "message": lambda run: run.message,
+    "tolerance": lambda run: run.tolerance,
     "box": exact_box,
     "polyhedra": lambda run: None if run.region is None else len(Region.from_dict(run.region).pieces),
 }

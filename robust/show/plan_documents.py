@@ -11,6 +11,7 @@ from msgspec import UNSET, Meta, UnsetType
 from robust.backends import OFFERED, SPLITTINGS
 from robust.irr.check import CheckResult, Counterexample
 from robust.irr.compare import Comparison, Entry, FaceWitness, RatioBounds
+from robust.irr.proposals import Tolerance
 from robust.irr.search import EnvelopeResult
 from robust.json_text import Count, End, JsonObject, Rational, Seconds, like, on_wire, one_of
 from robust.numbers import approximate, exact_end
@@ -101,6 +102,8 @@ class Check(documents.Noted, tag_field="schema", tag="robust/check/1"):
         reason: why the plan is refuted without a counterexample: parameter values leave no schedule; if unknown: how a
             solver failed
         repair: the least change of bounds after which the plan is proved, if it is refuted and that was found soon
+        tolerance: how much all durations that are parameters may be longer or shorter at once, as a share of their
+            nominal values, and the chain of steps that ends it; null if there are none, or if that is not known
         interrupted: stopped by Ctrl-C or SIGTERM
         timeout: stopped by --timeout
     """
@@ -116,6 +119,7 @@ class Check(documents.Noted, tag_field="schema", tag="robust/check/1"):
     counterexamples: list[CounterexampleRecord]
     reason: str | None
     repair: list[documents.PlanChange] | None
+    tolerance: Tolerance | None
     interrupted: bool
     timeout: bool
     seconds: Seconds
@@ -258,6 +262,10 @@ class Envelope(documents.Noted, tag_field="schema", tag="robust/envelope/1"):
         values: if invalid: the parameter values at which it breaks
         counterexample: if invalid: a schedule that fails at the nominal values, if there is one and time for it
         advice: what to type for parameters that an action's own duration leaves no room
+        tolerance: how much all durations that are parameters may be longer or shorter at once, as a share of their
+            nominal values, and the chain of steps that ends it; null if there are none, or if that is not known
+        fallback: why shortest paths alone do not find the widest box, where a solver had to; null where they do, or
+            were not asked
         convergence: total width of the box after each check as a share of the final one; empty if that is zero or
             infinite
         controllability: only with --controllability: what a dispatcher need not know of the values in the box; null if
@@ -280,6 +288,8 @@ class Envelope(documents.Noted, tag_field="schema", tag="robust/envelope/1"):
     values: documents.Rationals
     counterexample: CounterexampleRecord | None
     advice: list[Advice]
+    tolerance: Tolerance | None
+    fallback: str | None
     convergence: list[Convergence]
     statistics: Statistics
     controllability: ControllabilityRecord | UnsetType | None = UNSET

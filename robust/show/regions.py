@@ -23,7 +23,7 @@ from robust.searching import Status
 from robust.show.console import Console, Text, printing
 from robust.show.documents import bounds_text, decimal
 from robust.show.tables import show_table, table
-from robust.show.text import percentage, percentages, print_advice, print_counterexample, stopped
+from robust.show.text import percentage, percentages, print_advice, print_counterexample, print_tolerance, stopped
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -424,6 +424,7 @@ def _print_box(out: Console, result: EnvelopeResult, counterexample: Counterexam
         word = stopped(result.status, result.reason)
         out.print(Text(f"{word}: the best box so far; sound, not maximal", style="yellow"), soft_wrap=True)
     if not quiet:
+        print_tolerance(out, result.tolerance)
         out.print(_box_summary(result), soft_wrap=True)
 
 
@@ -486,6 +487,8 @@ def _box_summary(result: EnvelopeResult) -> Text:
     if result.status is Status.COMPLETE and result.parameters:
         text.append("complete", style="green")
         text.append(f": {_promise(result)}{_total(result)}; ")
+    if result.fallback is not None:
+        parts.append(f"by a solver: {result.fallback}")
     text.append(f"{', '.join(parts)}.")
     return text
 

@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from robust.irr.check import Answer, CheckResult, Counterexample
+from robust.irr.proposals import Tolerance
 from robust.irr.stops import Advice
 from robust.numbers import approximate, duration, end, format_number, plural, readable, readable_values
 from robust.plan import model
@@ -189,6 +190,7 @@ def print_check(out: Console, result: CheckResult, *, quiet: bool) -> None:
     if quiet:
         return
     out.print(_summary(result), soft_wrap=True)
+    print_tolerance(out, result.tolerance)
     if result.every:
         _print_broken(out, result)
     for counterexample in list(result.counterexamples.values())[:1]:
@@ -197,6 +199,12 @@ def print_check(out: Console, result: CheckResult, *, quiet: bool) -> None:
     if result.repair is not None:
         out.print()
         out.print(Text.assemble(("repair: ", "bold"), "; ".join(map(change_text, result.repair))), soft_wrap=True)
+
+
+def print_tolerance(out: Console, tolerance: Tolerance | None) -> None:
+    """λ* in one line, if it is known."""
+    if tolerance is not None:
+        out.print(Text.assemble(("tolerance", "bold"), f": {tolerance}"), soft_wrap=True)
 
 
 def change_text(change: QuantityChange) -> str:

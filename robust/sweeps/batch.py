@@ -112,6 +112,7 @@ class PlanRun(NoTruthValue, ask="status"):
         search_s: of the search alone.
         first_widening_s: when the search had a box that is more than a point.
         message: one line that says what breaks, or what is wrong.
+        tolerance: how much all durations that are parameters may differ at once, where that is known.
         box: the envelope, as exact text, where it is sound.
         region: the exact region, as JSON, where it is complete.
     """
@@ -124,6 +125,7 @@ class PlanRun(NoTruthValue, ask="status"):
     search_s: float | None = None
     first_widening_s: float | None = None
     message: str | None = None
+    tolerance: str | None = None
     box: dict[str, Ends] | None = None
     region: dict[str, Any] | None = None
 
@@ -432,7 +434,14 @@ def _check(answer: Json, code: int, cost: Json) -> PlanRun:
     if example is not None:
         violation = next((item for item in example["violations"] if item["obligation"] == example["obligation"]), None)
         message = example["obligation"] + (f": {violation['detail']}" if violation is not None else "")
-    return PlanRun(answer["verdict"], code, **cost, search_s=answer["seconds"], message=message)
+    return PlanRun(
+        answer["verdict"], code, **cost, search_s=answer["seconds"], message=message, tolerance=_ratio(answer)
+    )
+
+
+def _ratio(answer: Json) -> str | None:
+    tolerance = answer["tolerance"]
+    return None if tolerance is None else str(tolerance["ratio"])
 
 
 def _envelope(answer: Json, code: int, cost: Json) -> PlanRun:
@@ -444,6 +453,7 @@ def _envelope(answer: Json, code: int, cost: Json) -> PlanRun:
         search_s=answer["seconds"],
         first_widening_s=answer["first_widening_s"],
         message=answer["reason"],
+        tolerance=_ratio(answer),
         box=box if answer["verified"] else None,
     )
 

@@ -4,7 +4,7 @@ from collections import Counter
 from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
-from itertools import product
+from itertools import pairwise, product
 from random import Random
 from unittest.mock import Mock
 
@@ -427,11 +427,13 @@ CIRCLE = (between(ZERO, FIRST.start, 2, 3), *EDGES)
 WORST_APART = plan_of(FIRST, THEN, constraints=CIRCLE, parameters=(Parameter("k", Fraction(1)),))
 
 
-def test_edges_at_their_worst_at_different_points_of_the_box() -> None:
+def test_edges_at_their_worst_at_different_points_of_the_box(monkeypatch) -> None:
     """Out of time the answer is unknown, and spoils nothing."""
     for name in ENCODINGS:
         encoding, box = create_encoding(name, WORST_APART), {"k": (Fraction(-4), Fraction(1000))}
-        assert ask(encoding, box, Deadline.after(0)) is Satisfiability.UNKNOWN
+        with monkeypatch.context() as patch:
+            patch.setattr("robust.encode.validity.Validity._has_no_simple_cycle", lambda *_: False)
+            assert ask(encoding, box, Deadline.after(0)) is Satisfiability.UNKNOWN
         assert ask(encoding, box) is None
     encoding, low = RelationalEncoding(WORST_APART), Fraction(-4)
     assert ask(encoding, {"k": (low, Fraction(1000))}) is ask(encoding, {"k": (low, None)}) is None
@@ -480,3 +482,40 @@ def test_crowded_bounds_are_thinned_by_a_solver(shift: int) -> None:
         assert session.called
     for unbounded in ((None, Fraction(4)), (Fraction(-4), None)):
         assert isinstance(ask(PositionsEncoding(plan), {"k": unbounded}), Facet)
+
+
+def test_simple_cycles_decide_as_solvers_do_where_distances_are_parameters(monkeypatch) -> None:
+    """Actions whose durations are parameters, in some order, with deadlines and greatest distances."""
+    random = Random(7)  # noqa: S311 - no secret
+    decided = Counter[tuple[bool, bool]]()
+    for _ in range(400):
+        points = [instant(f"i{index}").start for index in range(random.randint(3, 7))]
+        names = [f"k{index}" for index in range(len(points) // 2)]
+        pairs = zip(names, points[::2], points[1::2], strict=False)
+        constraints = [between(*pair, reference(name), reference(name)) for name, *pair in pairs]
+        ordered = (pair for pair in pairwise(points) if random.random() < 0.8)
+        constraints += [between(*pair, Fraction(random.randint(-2, 1))) for pair in ordered]
+        latest = [random.sample([ZERO, *points], 2) for _ in range(random.randint(1, 3))]
+        constraints += [between(*pair, None, Fraction(random.randint(0, 12))) for pair in latest]
+        parameters = tuple(Parameter(name, Fraction(2)) for name in names)
+        instances = [instant(f"{point}") for point in points]
+        plan = plan_of(*instances, constraints=tuple(constraints), parameters=parameters)
+        box = {name: (Fraction(random.randint(0, 2)), Fraction(random.randint(2, 5))) for name in names}
+        found = ask(RelationalEncoding(plan), box)
+        sessions: list[Session] = []
+        with monkeypatch.context() as patch:
+            patch.setattr("robust.encode.validity.Validity._has_no_simple_cycle", lambda *_: False)
+            expected = asking(RelationalEncoding(plan), box, sessions)
+        assert (found is None) == (expected is None)
+        decided[expected is None, bool(sessions)] += 1
+    assert min(decided[True, True], decided[False, False], decided[True, False]) >= 10, decided
+
+
+def asking(encoding: Encoding, box: dict[str, Range], sessions: list[Session]) -> Facet | Satisfiability | None:
+    """What is found, with the solver's sessions that it took."""
+
+    def make() -> Session:
+        sessions.append(Session(encoding.terms))
+        return sessions[-1]
+
+    return encoding.validity.broken_facet(Grid(box), make, NEVER)

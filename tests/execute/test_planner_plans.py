@@ -34,6 +34,7 @@ from robust.plan.parameters import parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem, read_domain, read_problem
 from robust.plan.stn import parse_stn, write_stn
 from robust.plan.timed import parse_timed_plan, read_timed_plan
+from robust.qe.box import Box
 from robust.smt.limits import NEVER, Deadline
 from tests.execute.plans import EPSILON, FIRST_ORDER, ROOT
 
@@ -255,3 +256,15 @@ def test_impossible_options(make):
     for options in IMPOSSIBLE[make]:
         with pytest.raises(InputError, match=r"found .*expected"):
             make(**options)
+
+
+@pytest.mark.parametrize("name", ["crew", "satellite", "elevators", "driverlog"])
+def test_durations_that_are_parameters_leave_nothing_more_to_solvers(name, monkeypatch):
+    """Values are proved as numbers, and what would help with an unknown name is looked for only if one is unknown."""
+    monkeypatch.setattr("robust.plan.timeline.did_you_mean", None)
+    text, plain = converted(name)
+    specs = parse_specs([f"duration:{instance.identifier}" for instance in plain.plan.instances if instance.durative])
+    varied = convert(text.domain, text.problem, text.timed, specs=specs)
+    assert len(varied.plan.parameters) == len(specs)
+    assert varied.check.statistics.queries == plain.check.statistics.queries
+    assert varied.check.box == Box.nominal(varied.plan.parameters)

@@ -10,6 +10,7 @@ from typing import Any
 from hypothesis import strategies as st
 
 from robust.irr.containment import Questions
+from robust.network.slack import OutsideFragmentError
 from robust.plan.load import assemble, load_plan
 from robust.plan.model import ZERO, Parameter, ParametrizedPlan, TimePoint
 from robust.plan.parameters import parse_specs
@@ -97,8 +98,15 @@ def schedule_of(
 
 
 def ask_solvers(monkeypatch) -> None:
-    """Solvers are asked about parameters alone, too."""
+    """Solvers are asked about parameters alone, too, and about what shortest paths could settle."""
     monkeypatch.setattr(Questions, "_takes_apart", lambda *_: False)
+    monkeypatch.setattr("robust.encode.encoding.proved", lambda *_: frozenset())
+    monkeypatch.setattr("robust.encode.validity.Validity._has_no_simple_cycle", lambda *_: False)
+
+    def outside(*_):
+        raise OutsideFragmentError("not asked")
+
+    monkeypatch.setattr("robust.irr.exact.propose", outside)
 
 
 def fail_at_query(monkeypatch, number: int, error) -> None:

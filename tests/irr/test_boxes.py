@@ -21,7 +21,7 @@ from robust.probability.risk import METHODS
 from robust.qe.box import Box, Interval, Side
 from robust.smt.limits import NEVER
 from tests.encode.asking import Judge, sampled
-from tests.irr.building import fail_at_query, lasts, parameter, parametric, shipped, timed, weighted
+from tests.irr.building import ask_solvers, fail_at_query, lasts, parameter, parametric, shipped, timed, weighted
 from tests.plan import building as b
 from tests.plan.building import DURATION, END, START, F, action, at, at_least, at_most, between, drawn, number, plan_of
 from tests.sampling import Network, sample_schedules
@@ -440,7 +440,8 @@ def test_values_without_a_schedule_are_refuted_with_a_reason(every) -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("plan", [VALID, BROKEN], ids=["valid", "invalid"])
-def test_no_time_at_all_claims_nothing(plan, method) -> None:
+def test_no_time_at_all_claims_nothing(monkeypatch, plan, method) -> None:
+    ask_solvers(monkeypatch)
     result = any_envelope(plan, method=method, timeout=0)
     assert (result.status, result.verified, result.trace) == (Status.TIMEOUT, False, ())
     assert check(plan, timeout=0).answer is Answer.UNKNOWN

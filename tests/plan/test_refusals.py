@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robust.errors import InputError, Location
+from robust.errors import InputError, InputWarning, Location
 from robust.plan import parameters
 from robust.plan.model import Expression, Fluent
 from robust.plan.parameters import ParameterSpec, Target, Wiring, parse_parameter_file, parse_spec, parse_specs, wire
@@ -137,6 +137,9 @@ SPECS = {
     "start:N-3,lb=0": ParameterSpec(START, "N-3", None, {"lower": Fraction(0)}),
     "fluent:(Charge  AUV)": ParameterSpec(FLUENT, "(charge auv)"),
     "c=fluent:(charge auv), weight=1/3,lb=-inf,ub=1e3,default=0.1": ParameterSpec(FLUENT, "(charge auv)", "c", BOUNDS),
+    "duration:*": ParameterSpec(DURATION, "*"),
+    "duration:( Go  A b )": ParameterSpec(DURATION, "(go a b)"),
+    "d=shared:go": ParameterSpec(Target.SHARED, "go", "d"),
     "dur_1": ParameterSpec(EXISTING, "dur_1"),
     "n3.rate,ub=+inf": ParameterSpec(EXISTING, "n3.rate", None, {"upper": None}),
 }
@@ -184,6 +187,16 @@ def test_effect(effect: str) -> None:
     for change in changes:
         expected[change[2:]] += 1 if change[0] == "+" else -1
     assert Counter(lines(apply(*specs.split(" ")))) == +expected
+
+
+def test_one_parameter_for_all_instances_of_an_action() -> None:
+    wiring = apply("shared:go,weight=2", plan=PLAN.replace("6.5", "5"))
+    assert wiring.durations == {"n0": "dur_go", "n1": "dur_go"}
+    bounds = (f"c: n{number}.end - n{number}.start in [dur_go, dur_go];" for number in range(2))
+    known = [line for line in lines(wiring) if "dur_go" in line]
+    assert known == ["parameter dur_go weight 2 default 5;", *bounds]
+    with pytest.warns(InputWarning, match=r"--parameter 'duration:\(beep\)': passed over; no instance .* takes time"):
+        assert apply("duration:(beep)").durations == {}
 
 
 def test_what_else_is_replaced() -> None:
