@@ -14,7 +14,7 @@ from importlib import import_module
 TYPE_CHECKING = False  # true to type checkers; `typing` itself would delay the moment from which Ctrl-C is answered
 if TYPE_CHECKING:
     from robust import pike, stnu
-    from robust.api import batch, check, compare, envelope, region, repair, risk
+    from robust.api import batch, check, compare, envelope, rank, region, repair, risk
     from robust.errors import (
         InputError,
         InputWarning,
@@ -45,12 +45,13 @@ if TYPE_CHECKING:
     from robust.searching import Status
     from robust.show.exports import export
     from robust.sweeps.batch import Batch
+    from robust.sweeps.rank import Ranking
     from robust.unified_planning.convert import from_unified_planning, to_unified_planning
 
 __version__ = "0.1.0"
 
 _NAMES = {
-    "robust.api": "batch check compare envelope region repair risk",
+    "robust.api": "batch check compare envelope rank region repair risk",
     "robust.errors": "InputError InputWarning Location RefutedError RobustError SolverError UnsupportedError",
     "robust.execute.convert": "Conversion Mode",
     "robust.execute.distances": "InvalidPlanError",
@@ -73,6 +74,7 @@ _NAMES = {
     "robust.searching": "Status",
     "robust.show.exports": "export",
     "robust.sweeps.batch": "Batch",
+    "robust.sweeps.rank": "Ranking",
     "robust.unified_planning.convert": "from_unified_planning to_unified_planning",
 }
 """Public names by the module that they are from."""
@@ -97,6 +99,7 @@ __all__ = [
     "Mode",
     "ParametrizedPlan",
     "Presented",
+    "Ranking",
     "RefutedError",
     "Region",
     "RegionResult",
@@ -122,6 +125,7 @@ __all__ = [
     "from_unified_planning",
     "load_plan",
     "pike",
+    "rank",
     "region",
     "repair",
     "risk",

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, ParamSpec, Protocol, TypeVar
 
 from robust.errors import InputError, did_you_mean
+from robust.numbers import Number
 from robust.options import verbs
 from robust.options.batch import BATCHES, AnyBatchOptions, BatchOptions
 from robust.options.declare import Options, Verb, place_of, settings, texts
@@ -28,12 +29,15 @@ if TYPE_CHECKING:
     from robust.irr.proposals import Tolerance
     from robust.irr.repair import Repair, RepairSearch
     from robust.irr.search import EnvelopeResult
+    from robust.plan.load import File
     from robust.plan.model import ParametrizedPlan
     from robust.probability.distributions import Distribution
+    from robust.probability.measure import Bounds
     from robust.probability.risk import RiskResult
     from robust.qe.compute import RegionResult, RegionSearch
     from robust.smt.session import Exporter
     from robust.sweeps.batch import Batch
+    from robust.sweeps.rank import Ranking, RankSearch
 
 Given = ParamSpec("Given")
 Result = TypeVar("Result")
@@ -174,6 +178,7 @@ def searching_check(plan: ParametrizedPlan, options: verbs.CheckOptions) -> Anyt
             solver=options.solver,
             epsilon=options.separation,
             every=options.every,
+            plan=plan,
         )
 
     return _Encoded(plan, options, make, nothing, complete=_tolerant, ranges=box.ranges)
@@ -410,6 +415,89 @@ def repair(plan: ParametrizedPlan, options: verbs.RepairOptions) -> Repair:
         SolverError: the check does not confirm a repair.
     """
     return searching_repair(plan, options).run()
+
+
+# -- several plans of one problem --------------------------------------------------------------------------------------
+
+
+def searching_rank(domain: File, problem: File, plans: Sequence[File], options: verbs.RankOptions) -> RankSearch:
+    """The search behind :func:`rank`."""
+    from robust.execute.worlds import read_rules
+    from robust.plan.parameters import specifications
+    from robust.plan.pddl.reader import read_domain, read_problem
+    from robust.sweeps.rank import RankSearch
+
+    specs, _ = specifications(options.parameter, options.parameters)
+    parsed = read_domain(domain)
+    random = verbs.RiskOptions(
+        distributions=options.distribution, world=options.world, epsilon=options.epsilon, solver=options.solver
+    )
+    if options.world is not None:
+        read_rules(options.world)  # what is wrong with it is said once
+
+    def success(plan: ParametrizedPlan, deadline: Deadline) -> Bounds:
+        return searching_risk(plan, random.changed(timeout=deadline.remaining)).run().probability
+
+    return RankSearch(
+        parsed,
+        read_problem(problem, parsed),
+        plans,
+        specs=specs,
+        latest=options.deadline,
+        settings={"epsilon": options.separation, "solver": options.solver, "timeout": options.limit},
+        success=success if options.distribution or options.world is not None else None,
+        deadline=Deadline.after(options.limit),
+        on_plan=options.on_plan or (lambda _: None),
+    )
+
+
+def rank(
+    domain: File,
+    problem: File,
+    plans: Sequence[File],
+    *,
+    parameter: str | Sequence[str] = "duration:*",
+    deadline: Number = "+10%",
+    distribution: Sequence[str] = (),
+    world: str | os.PathLike[str] | None = None,
+    epsilon: Number = "1/1000",
+    solver: str = "z3",
+    timeout: Number | None = None,
+    on_plan: Callable[[str], None] | None = None,
+) -> Ranking:
+    """Order several plans of one problem by how much they bear: the one first whose durations may deviate most.
+
+    Args:
+        domain: the file of the domain.
+        problem: the file of the problem.
+        plans: files of plans, networks or steps of planners; a log with several plans counts as several.
+        parameter: what deviates, see :mod:`robust.plan.parameters`.
+        deadline: by when every plan must end: a time, or `+P%` for P per cent after the last of them ends as planned.
+        distribution: how durations are distributed, `NAME=KIND:...`; the more probable plan comes first then.
+        world: the same in a TOML file.
+        epsilon: the separation of mutex time points.
+        solver: `z3` or `cvc5`.
+        timeout: seconds after which no more plans are asked about.
+        on_plan: called with the name of each plan that is asked about.
+
+    Returns:
+        The plans, the best first, with λ*, what ends it, and the probability of success where durations are random.
+
+    Raises:
+        InputError: wrong options, a wrong domain or problem, or no plan that can be read.
+    """
+    with one_question():
+        options = verbs.RankOptions(
+            parameter=(parameter,) if isinstance(parameter, str) else tuple(parameter),
+            deadline=deadline,
+            distribution=distribution,
+            world=None if world is None else Path(world),
+            epsilon=epsilon,
+            solver=solver,
+            timeout=timeout,
+            on_plan=on_plan,
+        )
+        return searching_rank(domain, problem, plans, options).run()
 
 
 # -- many plans --------------------------------------------------------------------------------------------------------

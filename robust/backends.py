@@ -10,6 +10,9 @@ SOLVERS = ("z3", "cvc5")
 ENCODINGS = ("relational", "positions")
 """How a plan becomes formulas, see :func:`robust.encode.create_encoding`."""
 
+CONVERSIONS = ("room", "causal", "esterel")
+"""Ways in which steps of a planner become a network."""
+
 ELIMINATORS = {
     "project": ("robust.qe.eliminate.enumerate", "Project"),
     "z3": ("robust.qe.eliminate.z3_tactics", "Z3Tactic"),

@@ -6,10 +6,10 @@ import os
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, TypeAlias
 
-from robust.errors import InputError, did_you_mean
+from robust.errors import InputError
 from robust.numbers import Number, shorten
 from robust.options.declare import place_of, texts
-from robust.options.shared import Demands, PlanningOutput, Separation, Solving
+from robust.options.shared import Demands, FromSteps, Separation, Solving
 from robust.options.verbs import ValidateOptions
 
 if TYPE_CHECKING:
@@ -37,6 +37,8 @@ def load_plan(
     widths: str = "equal",
     plan_number: int | None = None,
     tolerance: Number | None = None,
+    mode: str | Mode = "room",
+    free_durations: bool = False,
     epsilon: Number = "1/1000",
     solver: str = "z3",
     timeout: Number | None = None,
@@ -45,7 +47,7 @@ def load_plan(
 ) -> ParametrizedPlan:
     """Read a PDDL domain and problem and a plan: a network (`.stn`), or steps as planners print them.
 
-    Steps are made a network first: the least constrained one that is proved valid, see :func:`robust.convert`.
+    Steps are made a network first, which is proved valid: see :func:`robust.convert`.
 
     Args:
         domain: the file of the domain.
@@ -59,6 +61,8 @@ def load_plan(
         plan_number: which plan of a log that holds several, from 1; the last one if not given.
         tolerance: how far exact times may be from the printed ones; None is one unit of the last printed digit, and at
             most ε.
+        mode: how steps are made a network, see :func:`robust.convert`.
+        free_durations: in mode `room`, let durations vary that the domain leaves open.
         epsilon: the separation of mutex time points.
         solver: who is asked about a network of steps, `z3` or `cvc5`.
         timeout: seconds after which the network of steps is left as it is.
@@ -84,6 +88,8 @@ def load_plan(
         widths=widths,
         plan_number=plan_number,
         tolerance=tolerance,
+        mode=_name_of(mode),
+        free_durations=free_durations,
         epsilon=epsilon,
         solver=solver,
         timeout=timeout,
@@ -114,12 +120,16 @@ def load_plan(
     return conversion.plan
 
 
-class _Reading(Demands, PlanningOutput, Separation, Solving):
+class _Reading(Demands, FromSteps, Separation, Solving):
     """Options for reading a plan."""
 
     def conversion(self, specs: Sequence[ParameterSpec], on_progress: Callable[[str], None] | None) -> Settings:
         """The settings for converting its steps to a network."""
+        from robust.execute.convert import Mode
+
         return {
+            "mode": Mode(self.mode),
+            "free_durations": self.free_durations,
             "specs": specs,
             "deadline": self.deadline,
             "relative": self.relative,
@@ -129,6 +139,10 @@ class _Reading(Demands, PlanningOutput, Separation, Solving):
             "timeout": self.limit,
             "on_progress": on_progress,
         }
+
+
+def _name_of(mode: str | Mode) -> str:
+    return mode if isinstance(mode, str) else mode.value
 
 
 def _require_path(name: str, path: object) -> None:
@@ -223,7 +237,8 @@ def convert(
     problem: File | Problem,
     plan: File | TimedPlan,
     *,
-    mode: str | Mode = "causal",
+    mode: str | Mode = "room",
+    free_durations: bool = False,
     parameters: str | Sequence[str] = (),
     parameter_file: File | None = None,
     deadline: Number | None = None,
@@ -243,7 +258,9 @@ def convert(
         domain: the PDDL domain.
         problem: the PDDL problem.
         plan: a time-triggered plan, or the log of a planner.
-        mode: `causal`: the least constrained network that is proved valid; `esterel`: that of the Esterel transformer.
+        mode: `room`: all room goes to the parameters, and durations are as planned; `causal`: the least constrained
+            network that is proved at nominal values; `esterel`: that of the Esterel transformer.
+        free_durations: in mode `room`, let durations vary that the domain leaves open.
         parameters: what is made a parameter, see :mod:`robust.plan.parameters`.
         parameter_file: more of them, in a TOML file.
         deadline: every action must end by this time, or with `+P%` by P per cent after the planned end.
@@ -264,7 +281,7 @@ def convert(
         InvalidPlanError: if the time-triggered plan breaks an obligation.
         UnsupportedError: for an expression that is not linear.
     """
-    from robust.execute.convert import Mode, convert
+    from robust.execute.convert import convert
     from robust.plan.parameters import specifications
     from robust.plan.pddl.forms import read_source
     from robust.plan.timed import TimedPlan, parse_timed_plan
@@ -274,16 +291,15 @@ def convert(
         widths=widths,
         plan_number=plan_number,
         tolerance=tolerance,
+        mode=_name_of(mode),
+        free_durations=free_durations,
         epsilon=epsilon,
         solver=solver,
         timeout=timeout,
     )
-    known = [member.value for member in Mode]
-    if mode not in known and not isinstance(mode, Mode):
-        raise InputError(f"unknown mode {mode!r}{did_you_mean(str(mode), known)}")
     specs, _ = specifications(texts(parameters, place_of("parameters")), parameter_file)
     parsed = _parsed(domain, problem)
     if not isinstance(plan, TimedPlan):
         _require_path("plan", plan)
         plan = parse_timed_plan(*read_source(plan, "<plan>"), reading.plan_number)
-    return convert(*parsed, plan, **reading.conversion(specs, on_progress) | {"mode": Mode(mode)})
+    return convert(*parsed, plan, **reading.conversion(specs, on_progress))

@@ -22,7 +22,8 @@ from typing import ClassVar
 
 from robust.encode.interface import EPSILON
 from robust.errors import InputError, RobustError
-from robust.execute.convert import Conversion, check_plan, convert
+from robust.execute.causal import check_plan
+from robust.execute.convert import Conversion, convert
 from robust.execute.distances import DistanceEdge, EdgeNetwork
 from robust.execute.planners import create_planner
 from robust.irr.check import Answer, CheckResult

@@ -231,7 +231,7 @@ def _parametrized(
 def _network_of_steps(
     options: CertifyCommand, run: Run, text: str, file: str, specs: Sequence[ParameterSpec]
 ) -> tuple[Conversion, Sequence[str]]:
-    from robust.execute.convert import ConversionEnd, convert
+    from robust.execute.convert import ConversionEnd, Mode, convert
     from robust.plan.pddl.reader import read_domain, read_problem
     from robust.plan.timed import parse_timed_plan
 
@@ -242,6 +242,8 @@ def _network_of_steps(
         domain,
         problem,
         timed,
+        mode=Mode(options.mode),
+        free_durations=options.free_durations,
         specs=specs,
         deadline=options.deadline,
         relative=options.relative,

@@ -237,6 +237,7 @@ def _converting(options: ConvertCommand, run: Run) -> tuple[TimedPlan, Convertin
         problem,
         timed,
         mode=Mode(options.mode),
+        free_durations=options.free_durations,
         specs=specs,
         deadline=options.deadline,
         relative=options.relative,
@@ -312,6 +313,7 @@ def _execute_all(options: ExecuteCommand, run: Run, runs: list[replan.Replanning
 
 
 def _mission(options: ExecuteCommand, run: Run) -> replan.Mission:
+    from robust.execute.convert import Mode
     from robust.execute.dispatchable import parse_executor
     from robust.execute.planners import create_planner
     from robust.execute.replan import Mission, ReplanningOptions
@@ -325,6 +327,8 @@ def _mission(options: ExecuteCommand, run: Run) -> replan.Mission:
         run.note(f"took the parameters of {beside}")
     settings = ReplanningOptions(
         executor=parse_executor(options.executor),
+        mode=Mode(options.mode),
+        free_durations=options.free_durations,
         specs=specs,
         relative=options.relative,
         method=BoxMethod(options.method, options.precision or Fraction(1), doubling=options.doubling),

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from robust.probability.risk import RiskResult
     from robust.qe.compute import RegionResult, RegionSearch
     from robust.show.console import Console
+    from robust.sweeps.rank import Ranking
 
 HINT_SECONDS = 1
 """Of a processor, for the repair that a refutation ends with."""
@@ -53,6 +54,8 @@ def load(options: AskCommand | ConvertCommand, run: Run, *, nominal_needed: bool
         widths=options.widths,
         plan_number=options.plan_number,
         tolerance=options.tolerance,
+        mode=options.mode,
+        free_durations=options.free_durations,
         epsilon=options.epsilon,
         solver=options.solver,
         timeout=None if remaining is None else remaining / 2,
@@ -329,6 +332,24 @@ def risk(options: verbs.RiskCommand, run: Run) -> int:
     if options.plot is not None:
         run.write(partial(result.plot, options.plot))
     return 3 if result.cut_short else 0
+
+
+@action(verbs.RankCommand)
+def rank(options: verbs.RankCommand, run: Run) -> int:
+    """Which of several plans of one problem bears most, if all its durations may be longer or shorter at once?
+
+    With distributions, which is most likely in time? A log with several plans counts as several.
+    """
+    from robust.api import searching_rank
+
+    def begin() -> AnytimeSearch[Ranking]:
+        asked = options.changed(timeout=run.remaining, on_plan=run.display.say)
+        return searching_rank(options.domain, options.problem, options.plans, asked)
+
+    result = run.reply(begin)
+    if result.cut_short:
+        return UNDECIDED
+    return 0 if any(plan.fitness.value == "valid" for plan in result.plans) else 1
 
 
 @action(verbs.RepairCommand)

@@ -1,43 +1,13 @@
 """Conversion of time-triggered plans to parametrized STN plans [IRR §3, Figure 1].
 
-First the causal network: only what keeps every condition true, in the order of the plan.
-
-Three kinds of edges, and nothing else:
-
-- durations (bounds of :mod:`robust.execute.parametrization`);
-- mutex pairs, separated by ε in the order of the plan (if it is 0, by a distance that the plan itself keeps).
-  No-moving-targets makes every writer of an atom mutex with every reader and every contrary writer of it, and the same
-  for fluents. So these edges alone settle which value each condition at a start or an end, each conditional effect and
-  the goal reads, unless it depends on durations or continuous change;
-- over-all conditions, which do not count as readers: the atom keeps its value from its achiever to the end. Contrary
-  writers are ordered with the achiever already, so what is to be said is: achiever before start, later threats after
-  end.
-
-Timed literals have fixed times: their orders become bounds from zero.
-
-Which achiever? If nothing had made the atom false by then, the initial state: that costs no edge. Otherwise any
-achiever since the last contrary writer will do, and each keeps the same threats out, so every choice costs one edge.
-One that comes before the start anyway costs none; else the most recent is taken, as the Esterel transformer does: where
-the transformer's network is valid, this one then allows all of its schedules.
-
-What depends on numbers that vary with the schedule, and over-all conditions that different literals keep true in turn,
-is left to :class:`Tightener`; so is finding the edges of over-all conditions that are true without them,
-because their literals are true by turns whatever the order is.
-
-Then, while some allowed schedule breaks an obligation, bounds are added, guided by counterexamples. Such a schedule is
-compared with the original one: of the time points that the obligation depends on, in the order of the plan, some follow
-each other sooner or later than in the plan. Bounds at the plan's own distances rule that out. The original schedule
-keeps all bounds; an obligation whose time points all have the distances of the plan cannot break; and there are two
-bounds for each distance: so this ends with a valid network.
-
-Bounds at the plan's own distances say too much. So bounds without which the network is still valid are dropped again,
-one by one, and the others are loosened together: each bound becomes a parameter, and exact widening
-(:mod:`robust.irr.widen`) finds how far all of them can go before anything breaks.
+The causal network (:mod:`robust.execute.causal`) comes first: only what keeps every condition true, in the order of the
+plan. What comparisons of numbers ask of distances in time is added as counterexamples need it; where there are
+parameters, :mod:`robust.execute.room` sees to it that the network takes nothing from them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from enum import Enum
 from fractions import Fraction
@@ -45,359 +15,42 @@ from functools import cached_property
 from itertools import pairwise
 from typing import TypedDict, Unpack
 
-from robust.encode import create_encoding
 from robust.encode.interface import EPSILON
-from robust.encode.settled import is_proved
 from robust.errors import Location, SolverError
 from robust.execute import distances
-from robust.execute.demands import with_deadline, with_relative_weights
-from robust.execute.distances import edge
-from robust.execute.esterel import esterel_edges
-from robust.execute.parametrization import (
-    Parametrization,
-    certain_duration,
-    duration_edges,
-    influences,
-    obligation_names,
-    parametrization,
-    settled_durations,
+from robust.execute.causal import (
+    Tightener,
+    Tightening,
+    UndecidedError,
+    causal_network,
+    check_plan,
+    undecided,
+    verdict_of,
 )
+from robust.execute.demands import with_deadline, with_relative_weights
+from robust.execute.esterel import esterel_edges
+from robust.execute.parametrization import Parametrization, parametrization
+from robust.execute.room import RoomFirst
 from robust.execute.snap import Snapped
-from robust.irr.check import Answer, Checker, CheckResult, Counterexample
-from robust.irr.exact import ExactSearch
+from robust.irr.check import Answer, CheckResult
 from robust.numbers import Number, format_number
 from robust.plan import model
 from robust.plan.load import assemble
 from robust.plan.parameters import ParameterSpec
 from robust.plan.pddl.syntax import Domain, Problem
-from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import simulate
 from robust.plan.stn import STNPlan
 from robust.plan.timed import TimedPlan
-from robust.plan.variants import at_values
 from robust.presented import Presented, VerdictEnum
 from robust.qe.box import Box
-from robust.searching import Status
 from robust.smt.limits import Deadline, OutOfTimeError, one_question
 
 
-@dataclass(frozen=True, slots=True)
-class CausalNetwork:
-    """A network in parts; the original schedule satisfies all of them.
-
-    `points` are zero and the time points of instances; `certain` holds whatever the parameters are, and may imply
-    others; `durations` are the bounds of durations, `links` are the edges that protect over-all conditions, and `edges`
-    are these and the separations of mutex pairs.
-    """
-
-    points: tuple[model.TimePoint, ...]
-    certain: tuple[distances.DistanceEdge, ...]
-    durations: tuple[distances.DistanceEdge, ...]
-    edges: tuple[distances.DistanceEdge, ...]
-    links: frozenset[distances.DistanceEdge]
-
-
-def causal_network(original: distances.Original, pinned: Collection[str] = ()) -> CausalNetwork:
-    """The network that keeps conditions over atoms true; instances in `pinned` keep the durations of the plan.
-
-    It need not keep conditions over numbers: see :class:`Tightener`.
-    """
-    durative = [instance for instance in original.plan.instances if instance.durative]
-    points = tuple(point for point in original.plan.time_points if point.time is None)
-    certain = (
-        *(distances.DistanceEdge(model.ZERO, point, Fraction(0)) for point in points if point != model.ZERO),
-        *(certain_duration(original, instance) for instance in durative),
-    )
-    durations = tuple(bound for instance in durative for bound in duration_edges(original, instance, pinned))
-    settled = settled_durations(original, pinned)
-    orders = [edge(a, b, original.gap) for a, b in original.mutex if a.instance is None or a.instance != b.instance]
-    network = distances.EdgeNetwork(points, (*certain, *orders))
-    links = [link for instance in durative for link in _OverAll(original, instance, network).edges()]
-    known = tuple(bound for bound in durations if bound.source.instance in settled)
-    edges = tuple(dict.fromkeys((*orders, *links)))
-    return CausalNetwork(points, (*certain, *known), durations, edges, frozenset(links) - frozenset(orders))
-
-
-@dataclass(frozen=True)
-class _OverAll:
-    """The over-all conditions of one instance, and the edges that protect them in a network."""
-
-    original: distances.Original
-    instance: model.ActionInstance
-    network: distances.EdgeNetwork
-
-    def edges(self) -> Iterator[distances.DistanceEdge]:
-        for part in self.instance.conditions:
-            if part.timing is model.Timing.OVER_ALL:
-                yield from self._all_protected(self._kept(part.condition) or ())
-
-    def _all_protected(self, literals: Iterable[model.Holds]) -> list[distances.DistanceEdge]:
-        return [bound for literal in literals for bound in self._protection(literal)]
-
-    def _kept(self, condition: model.Condition) -> tuple[model.Holds, ...] | None:
-        """Literals that hold from start to end and make the condition true, with fewest edges; None if no literals do.
-
-        Conjuncts that no literals keep true are passed over. Comparisons are taken for true where all of the condition
-        needs them, for false where there is an alternative.
-        """
-        match condition:
-            case model.Truth(value):
-                return () if value else None
-            case model.NumericCondition():
-                return ()
-            case model.Holds():
-                return (condition,) if self._holds_throughout(condition) else None
-            case model.And(operands):
-                return tuple(literal for part in map(self._kept, operands) for literal in part or ())
-            case model.Or(operands):
-                kept = [self._kept(operand) for operand in operands if not isinstance(operand, model.NumericCondition)]
-                alternatives = (literals for literals in kept if literals)
-                return min(alternatives, key=lambda literals: len(self._all_protected(literals)), default=None)
-
-    def _holds_throughout(self, literal: model.Holds) -> bool:
-        """Whether the literal holds from right after the start up to the end."""
-        execution, times = self.original.execution, self.original.times
-        start, end = times[self.instance.start], times[self.instance.end]
-        # where start and end are at the same time, what holds then has to hold
-        happenings = [before for before, _ in execution.steps(start, end)] or [execution.at(start)]
-        return all((literal.atom in happening.after.atoms) is literal.value for happening in happenings)
-
-    def _protection(self, literal: model.Holds) -> Iterator[distances.DistanceEdge]:
-        """Achiever before start, contrary writers not before the end unless they are before the achiever."""
-        original, instance = self.original, self.instance
-        start, end = original.times[instance.start], original.times[instance.end]
-        writes = original.writes(literal.atom)
-        contrary = [write for write in writes if write.value is not literal.value]
-        broken = max((write.time for write in contrary if write.time <= start), default=None)
-        initially = (literal.atom in original.plan.initial_atoms) is literal.value
-        if broken is not None or not initially:
-            supports = [write for write in writes if write.value is literal.value and write.time <= start]
-            achievers = [support for support in supports if broken is None or broken < support.time]
-            # one of them, unless one comes before the start anyway
-            links = [edge(achiever.point, instance.start, Fraction(0)) for achiever in achievers]
-            if links and not any(map(self.network.implies, links)):
-                yield links[-1]
-        for write in contrary:
-            if write.time >= end and write.point != instance.end:
-                yield edge(instance.end, write.point, Fraction(0))
-
-
-@dataclass(frozen=True, slots=True)
-class Tightening:
-    """A bound that is needed in addition to the edges that keep atoms true.
-
-    `edge` is the bound, `own` the distance that the plan itself has, and `obligation` the first one that broke
-    without it.
-    """
-
-    edge: distances.DistanceEdge
-    own: Fraction
-    obligation: str
-
-
-class UndecidedError(SolverError):
-    """The validity of a network is not decided, or not in time."""
-
-
-@dataclass(frozen=True)
-class Tightener:
-    """Proves, tightens and loosens networks of one plan.
-
-    Args:
-        original: the plan and its schedule.
-        solver: `z3` or `cvc5`.
-        deadline: after it nothing is proved any more.
-        say: called with what is being done.
-    """
-
-    original: distances.Original
-    solver: str
-    deadline: Deadline
-    say: Callable[[str], None]
-
-    def loosened(
-        self, edges: Sequence[distances.DistanceEdge], tightened: Sequence[Tightening]
-    ) -> tuple[Tightening, ...]:
-        """The bounds, as few and as loose as the proof allows; unchanged if time runs out.
-
-        Raises:
-            KeyboardInterrupt: if interrupted.
-        """
-        if not tightened:
-            return ()
-        less = self.in_less_time
-        self.say("dropping bounds")
-        bounds = [tightening.edge for tightening in tightened]
-        needed = less.without_removable(edges, bounds, bounds)
-        tightened = [tightening for tightening in tightened if tightening.edge in needed]
-        self.say("loosening bounds")
-        return tuple(less._loosened(edges, tightened))
-
-    def without_removable(
-        self,
-        fixed: Sequence[distances.DistanceEdge],
-        edges: Sequence[distances.DistanceEdge],
-        candidates: Collection[distances.DistanceEdge],
-    ) -> list[distances.DistanceEdge]:
-        """The edges without those candidates, latest first, that the proof does not need; all if time is short.
-
-        Together with the `fixed` edges they are valid.
-        """
-        kept = list(edges)
-        for candidate in reversed(edges):
-            if candidate in candidates:
-                rest = [other for other in kept if other != candidate]
-                every = (*fixed, *rest)
-                implied = distances.is_implied(candidate, every)
-                if implied or (
-                    not self._breaks_without(candidate, every) and self.check(every).answer is Answer.PROVED
-                ):
-                    kept = rest
-        return kept
-
-    def _breaks_without(self, bound: distances.DistanceEdge, others: Sequence[distances.DistanceEdge]) -> bool:
-        """Whether one of two schedules that break this edge only breaks an obligation: mostly, and without a solver."""
-        plan, epsilon = self.original.plan, self.original.epsilon
-        points = [point for point in plan.time_points if point.time is None]
-        for slack in (self.original.gap, Fraction(1)):
-            broken = distances.DistanceEdge(bound.target, bound.source, slack - bound.weight)
-            times = distances.EdgeNetwork(points, (*others, broken)).earliest
-            if times is not None and simulate(plan, plan.nominal, times, epsilon=epsilon).violations:
-                return True
-        return False
-
-    @property
-    def in_less_time(self) -> Tightener:
-        """A copy with half of the remaining time: a loosened network has to be proved once more afterwards."""
-        remaining = self.deadline.remaining
-        return self if remaining is None else replace(self, deadline=Deadline.after(remaining / 2))
-
-    def check(self, edges: Iterable[distances.DistanceEdge]) -> CheckResult:
-        """Whether the plan is valid for every schedule that satisfies the edges."""
-        return check_plan(self._plan(edges), self.original.epsilon, self.solver, self.deadline)
-
-    # -- what counterexamples ask for --------------------------------------------------------------------------------
-
-    def forced(self, edges: Sequence[distances.DistanceEdge]) -> tuple[list[Tightening], CheckResult]:
-        """Bounds that make a network valid which the original schedule satisfies, and the proof.
-
-        Raises:
-            UndecidedError: if the solver cannot decide, or not in time.
-            KeyboardInterrupt: if interrupted.
-        """
-        plan = self._plan(edges)
-        if is_proved(plan, self.original.epsilon, self.original.mutex):
-            return [], _verdict(plan, Answer.PROVED)
-        tightened: dict[distances.DistanceEdge, Tightening] = {}
-        while True:
-            self.say(f"proving the network with {len(tightened)} bounds on distances")
-            result = self.check((*edges, *tightened))
-            if result.answer is Answer.PROVED:
-                return list(tightened.values()), result
-            if not result.counterexamples:
-                raise UndecidedError(
-                    f"found {_undecided(result)!r} undecided, expected a proof that the network is valid; "
-                    "allow more time or another solver"
-                )
-            counterexample = next(iter(result.counterexamples.values()))
-            new = [bound for bound in self._bounds_against(counterexample) if bound.edge not in tightened]
-            if not new:
-                raise SolverError(
-                    f"found no bound that keeps {counterexample.obligation!r}, which the plan itself does not break; "
-                    "please report this plan as a bug"
-                )
-            tightened |= {tightening.edge: tightening for tightening in new}
-
-    def _bounds_against(self, counterexample: Counterexample) -> list[Tightening]:
-        """Bounds at the plan's distances where the schedule has others."""
-        plan, times = self.original.plan, self.original.times
-        points = influences(plan, counterexample.obligation)
-        order = {point: i for i, point in enumerate(plan.time_points)}
-        ordered = sorted(points, key=lambda point: (times[point], order[point]))
-        bounds = []
-        for earlier, later in pairwise(ordered):
-            planned = self.original.distance(earlier, later)
-            other = counterexample.schedule[later] - counterexample.schedule[earlier]
-            if other != planned:
-                bound = edge(earlier, later, planned) if other < planned else edge(later, earlier, -planned)
-                bounds.append(Tightening(bound, planned, counterexample.obligation))
-        return bounds
-
-    # -- less of it --------------------------------------------------------------------------------------------------
-
-    def _loosened(
-        self, edges: Sequence[distances.DistanceEdge], tightened: Sequence[Tightening]
-    ) -> Iterable[Tightening]:
-        """The bounds at the ends of the widest box of bounds; those without end are dropped."""
-        box = self._widened(edges, tightened)
-        for name, tightening in zip(_names(tightened), tightened, strict=True):
-            interval = box[name]
-            weight = interval.lower
-            if weight is not None:
-                # where the end does not belong to it, a little above or the plan's own
-                least = weight if interval.lower_closed else min(weight + self.original.gap, tightening.edge.weight)
-                yield replace(tightening, edge=tightening.edge._replace(weight=least))
-
-    def _widened(self, edges: Sequence[distances.DistanceEdge], tightened: Sequence[Tightening]) -> Box:
-        """The box of lower bounds that widening finds; the bounds themselves if it does not finish in time."""
-        named = dict(zip(_names(tightened), (bound.edge for bound in tightened), strict=True))
-        plan = self._plan(edges)
-        fixed = [replace(parameter, lower=parameter.nominal, upper=parameter.nominal) for parameter in plan.parameters]
-        free = [model.Parameter(name, bound.weight, upper=bound.weight) for name, bound in named.items()]
-        variables = {name: Polynomial.variable(model.ParameterReference(name)) for name in named}
-        bounds = [at_least(bound, variables[name]) for name, bound in named.items()]
-        widened = replace(plan, parameters=(*fixed, *free), constraints=(*plan.constraints, *bounds))
-        encoding = create_encoding("relational", widened, self.original.epsilon, self.deadline)
-        result = ExactSearch(encoding, solver=self.solver, deadline=self.deadline).run()
-        if result.status is Status.INTERRUPTED:
-            raise KeyboardInterrupt
-        return result.box if result.verified else Box.nominal(widened.parameters)
-
-    def _plan(self, edges: Iterable[distances.DistanceEdge]) -> model.ParametrizedPlan:
-        constraints = tuple(at_least(bound, Polynomial.constant(bound.weight)) for bound in edges)
-        return replace(self.original.plan, constraints=constraints)
-
-
-def at_least(bound: distances.DistanceEdge, weight: model.Bound) -> model.TemporalConstraint:
-    """A lower bound on the distance between the time points of an edge."""
-    return model.TemporalConstraint(bound.source, bound.target, weight, None)
-
-
-def check_plan(plan: model.ParametrizedPlan, epsilon: Fraction, solver: str, deadline: Deadline) -> CheckResult:
-    """Whether the plan is valid at the nominal parameter values.
-
-    Raises:
-        KeyboardInterrupt: if interrupted.
-        InputError: if the network has no schedule.
-        UnsupportedError: for an expression that is not linear.
-    """
-    # Shortest paths prove more about numbers than about parameters.
-    encoding = create_encoding("relational", at_values(plan, plan.nominal), epsilon, deadline)
-    result = Checker(encoding, Box({}), solver=solver, deadline=deadline).run()
-    if result.interrupted:
-        raise KeyboardInterrupt
-    counterexamples = {name: replace(case, parameters=plan.nominal) for name, case in result.counterexamples.items()}
-    return replace(result, box=Box.nominal(plan.parameters), counterexamples=counterexamples)
-
-
-def _verdict(plan: model.ParametrizedPlan, answer: Answer) -> CheckResult:
-    """A result with one answer for all obligations."""
-    names = dict.fromkeys(obligation_names(plan), answer)
-    return CheckResult(answer, Box.nominal(plan.parameters), names, {}, 0.0)
-
-
-def _names(tightened: Sequence[Tightening]) -> list[str]:
-    return [f"bound {i}" for i in range(len(tightened))]
-
-
-def _undecided(result: CheckResult) -> str:
-    undecided = (name for name, answer in result.obligations.items() if answer is Answer.UNKNOWN)
-    return next(undecided, result.reason or "the network")
-
-
 class Mode(Enum):
-    """Method of conversion: the least constrained network that is proved, or the network of the paper's transformer."""
+    """Method of conversion: all room to the parameters first, the least constrained network that is proved at their
+    nominal values, or the network of the paper's transformer."""
 
+    ROOM = "room"
     CAUSAL = "causal"
     ESTEREL = "esterel"
 
@@ -452,8 +105,12 @@ class Conversion(Presented, ask="check"):
     def notes(self, timed: TimedPlan) -> tuple[str, ...]:
         """Notes for the user: parts of the text that were skipped, times that were moved, and limits of the network."""
         missing = f"not the least constrained network: {_ENDINGS[self.ended]}" if self.cut_short else ""
+        taken = ""
+        if self.plan.parameters and self.tightened and (self.mode is Mode.CAUSAL or self.cut_short):
+            taken = "distances that the network asks for may have used up room of the parameters"
+            taken += "; --mode room gives them all there is" if self.mode is Mode.CAUSAL else ""
         gap = f"a network cannot say 'at different times': dependent times are {format_number(self.gap)} apart or more"
-        return tuple(filter(None, (timed.note, str(self.snapped), missing, "" if self.epsilon else gap)))
+        return tuple(filter(None, (timed.note, str(self.snapped), missing, taken, "" if self.epsilon else gap)))
 
 
 class Settings(TypedDict, total=False):
@@ -461,6 +118,7 @@ class Settings(TypedDict, total=False):
 
     Attributes:
         mode: how the network is made.
+        free_durations: in mode ROOM, let durations vary that the domain leaves open; else all are as planned.
         specs: what becomes a parameter, see :mod:`robust.plan.parameters`; nominal values of durations and starts are
             those of the plan.
         deadline: by when every action must end, as :func:`robust.execute.demands.latest_end` reads it; None is never.
@@ -474,6 +132,7 @@ class Settings(TypedDict, total=False):
     """
 
     mode: Mode
+    free_durations: bool
     specs: Iterable[ParameterSpec]
     deadline: Number | None
     relative: bool
@@ -495,7 +154,8 @@ class Converting:
     problem: Problem
     timed: TimedPlan
     _: KW_ONLY
-    mode: Mode = Mode.CAUSAL
+    mode: Mode = Mode.ROOM
+    free_durations: bool = False
     specs: Iterable[ParameterSpec] = ()
     deadline: Number | None = None
     relative: bool = False
@@ -517,14 +177,14 @@ class Converting:
         original, _, _ = self._original
         try:
             if self.mode is Mode.ESTEREL:
-                network = _Network(esterel_edges(original), check=_verdict(original.plan, Answer.UNKNOWN))
+                network = _Network(esterel_edges(original), check=verdict_of(original.plan, Answer.UNKNOWN))
                 self._proved = network
             else:
                 network = self._causal()
             stn, plan = self._written(network)
             self._say("proving the plan")
             result = check_plan(plan, self.epsilon, self.solver, self._deadline)
-            if self.mode is Mode.CAUSAL:
+            if self.mode is not Mode.ESTEREL:
                 _assert_proved(result)
         except (UndecidedError, OutOfTimeError):
             return self._best(ConversionEnd.UNDECIDED if self._deadline.moment is None else ConversionEnd.TIMEOUT)
@@ -564,35 +224,51 @@ class Converting:
         What the proof does not need goes as well, unless there are parameters: other values of them might need it.
         """
         original, chosen, _ = self._original
+        has_parameters = bool(chosen.parameters or chosen.beside)
         tightener = Tightener(original, self.solver, self._deadline, self._say)
-        causal = causal_network(original, chosen.pinned_durations)
+        causal = causal_network(original, self._pinned)
         fixed = (*causal.durations, *chosen.pinned_starts(original.times))
         network = distances.EdgeNetwork(causal.points, (*causal.certain, *causal.edges))
         irredundant = network.needed(causal.edges, causal.certain)
         needed = (*fixed, *irredundant)
         forced, proof = tightener.forced(needed)
         self._proved = _Network((*needed, *(bound.edge for bound in forced)), tuple(forced), check=proof)
-        tightened = tightener.loosened(needed, forced)
+        if self.mode is Mode.ROOM and has_parameters:
+            room = RoomFirst(causal, needed, chosen.pinned_durations, tightener, self._parametrized)
+            tightened = room.bounds(forced)
+        else:
+            tightened = tightener.loosened(needed, forced)
         bounds = [tightening.edge for tightening in tightened]
         every = list(dict.fromkeys((*causal.edges, *bounds)))
         kept = every
-        if not (chosen.parameters or chosen.beside or (not bounds and _is_propositional(original.plan))):
+        if not (has_parameters or (not bounds and _is_propositional(original.plan))):
             tightener.say("dropping edges")
             kept = tightener.in_less_time.without_removable(fixed, every, {*causal.links, *bounds})
         edges = irredundant
         if kept != list(causal.edges):
             edges = distances.EdgeNetwork(causal.points, (*causal.certain, *kept)).needed(kept, causal.certain)
-        if not (chosen.parameters or chosen.beside):
+        if not has_parameters:
             fixed = _without_implied_ranges(fixed, edges)
         redundant = len(every) - len(edges)
         needed_bounds = tuple(bound for bound in tightened if bound.edge in edges)
         return _Network((*fixed, *edges), needed_bounds, redundant)
 
+    @property
+    def _pinned(self) -> Collection[str]:
+        """The instances whose durations are as planned."""
+        original, chosen, _ = self._original
+        if self.mode is Mode.CAUSAL or self.free_durations:
+            return chosen.pinned_durations
+        return [instance.identifier for instance in original.plan.instances if instance.durative]
+
+    def _parametrized(self, edges: Iterable[distances.DistanceEdge]) -> model.ParametrizedPlan:
+        return self._written(_Network(tuple(edges)))[1]
+
     def _best(self, ended: ConversionEnd) -> Conversion:
         """The network that was proved last, or the one whose only schedule is the plan's own; esterel: as it is."""
         network = self._proved or _rigid(self._original[0])
         stn, plan = self._written(network)
-        proof = _verdict(plan, Answer.PROVED) if network.check is None else network.check
+        proof = verdict_of(plan, Answer.PROVED) if network.check is None else network.check
         return self._conversion(network, stn, plan, replace(proof, box=Box.nominal(plan.parameters)), ended)
 
     def _written(self, network: _Network) -> tuple[STNPlan, model.ParametrizedPlan]:
@@ -697,4 +373,4 @@ def _assert_proved(result: CheckResult) -> None:
     if broken is not None:
         raise SolverError(f"found {broken!r} broken in the converted plan, expected a proof; please report it as a bug")
     if result.answer is not Answer.PROVED:
-        raise UndecidedError(f"found {_undecided(result)!r} undecided in the converted plan, expected a proof")
+        raise UndecidedError(f"found {undecided(result)!r} undecided in the converted plan, expected a proof")

@@ -21,7 +21,7 @@ from robust.encode import create_encoding
 from robust.encode.interface import EPSILON
 from robust.errors import InputError, RefutedError, RobustError, SolverError
 from robust.execute.controllability import Control, shrink
-from robust.execute.convert import ConversionEnd, convert
+from robust.execute.convert import ConversionEnd, Mode, convert
 from robust.execute.dispatchable import Blex, Dispatchable, Dreex, Executor, Guarantee, Slice, make_dispatchable
 from robust.execute.dispatcher import Dispatcher, Ending, LeftBox, MessageRejected, Observation
 from robust.execute.drive import run_in_world
@@ -142,6 +142,7 @@ class ReplanningOptions:
     `deadline` and `relative` are as for conversions. `method` finds the box, around the nominal point.
     `timeout` limits conversion and box, each, in seconds; out of time, a box is as large as it has become.
     `controllability` is `dynamic` or `strong` if the box is to be shrunk to its part that is so; None leaves it.
+    `mode` and `free_durations` say how steps become a network.
     """
 
     executor: Executor = field(default_factory=Dreex)
@@ -153,6 +154,8 @@ class ReplanningOptions:
     solver: str = "z3"
     timeout: float | None = None
     controllability: str | None = None
+    mode: Mode = Mode.ROOM
+    free_durations: bool = False
 
 
 @dataclass(frozen=True)
@@ -189,6 +192,8 @@ def prepare_timed(
         domain,
         problem,
         timed,
+        mode=options.mode,
+        free_durations=options.free_durations,
         specs=specs,
         deadline=options.deadline,
         relative=options.relative,

@@ -39,6 +39,7 @@ class Breach:
 
     Attributes:
         time: when it is broken, in the plan's unit of time.
+        since: when that begins, for conditions over all; null for others.
         obligation: its name, as in answers of :func:`robust.check`; steps are called `n0`, `n1`, ….
         demand: the same in words.
         detail: what is so instead, with exact values.
@@ -52,9 +53,12 @@ class Breach:
     detail: str
     amount: Fraction | None
     lines: tuple[int, ...]
+    since: Fraction | None = None
 
     def __str__(self) -> str:
-        return f"at {readable(self.time)}: {self.words}"
+        if self.since in {None, self.time}:
+            return f"at {readable(self.time)}: {self.words}"
+        return f"from {readable(self.since or self.time)} on, for instance at {readable(self.time)}: {self.words}"
 
     @property
     def words(self) -> str:
@@ -343,7 +347,7 @@ class _Words:
             detail = violation.detail + self._period(condition, violation.time)
         places = [owner.location.line for owner in owners if owner.location is not None]
         lines = tuple(dict.fromkeys(line for line in places if line is not None))
-        return Breach(violation.time, violation.obligation, demand, detail, violation.amount, lines)
+        return Breach(violation.time, violation.obligation, demand, detail, violation.amount, lines, violation.since)
 
     def _name(self, point: TimePoint) -> str:
         if point.instance is None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from robust.encode.interface import EPSILON, Encoding, Facet, Obligation
 from robust.errors import SolverError
 from robust.irr.containment import no_schedule, require_some_schedule, within, worst_point
-from robust.plan.model import TimePoint
+from robust.plan.model import ParametrizedPlan, TimePoint
 from robust.plan.simulate import Simulation, simulate
 from robust.presented import Presented, VerdictEnum
 from robust.qe.box import Box
@@ -54,9 +54,10 @@ class CheckResult(Presented, ask="answer"):
     statements that contradict each other, and those values. Where a solver failed and the answer is UNKNOWN, `reason`
     says how.
 
-    `encoding`, `solver`, `epsilon` and `every` are as they were asked for. `repair` is the least change of bounds after
-    which a refuted plan is proved, where that was looked for and found. `tolerance` is how much all durations that are
-    parameters may differ at once, where the verdict is about nominal values and shortest paths decide it.
+    `plan` is what it is about; `encoding`, `solver`, `epsilon` and `every` are as they were asked for. `repair` is the
+    least change of bounds after which a refuted plan is proved, where that was looked for and found. `tolerance` is how
+    much all durations that are parameters may differ at once, where the verdict is about nominal values and shortest
+    paths decide it.
     """
 
     answer: Answer
@@ -74,6 +75,7 @@ class CheckResult(Presented, ask="answer"):
     epsilon: Fraction = EPSILON
     every: bool = False
     repair: tuple[QuantityChange, ...] | None = None
+    plan: ParametrizedPlan | None = field(default=None, repr=False, compare=False)
     tolerance: Tolerance | None = None
 
     @property
@@ -148,6 +150,7 @@ class Checker(Searching[CheckResult]):
             solver=self.solver,
             epsilon=self.encoding.epsilon,
             every=self.every,
+            plan=self.encoding.plan,
         )
 
     def _overall(self, answers: Mapping[str, Answer]) -> Answer:

@@ -26,7 +26,7 @@ from robust.encode.interface import Linear, constant, is_over_parameters, over_p
 from robust.encode.network import TemporalNetwork
 from robust.encode.settled import FINALLY, Settled, Write
 from robust.irr.containment import Containment
-from robust.irr.stops import MANY, NO_SCHEDULE, Stop
+from robust.irr.stops import NO_SCHEDULE, Stop
 from robust.network.differences import DifferenceNetwork
 from robust.network.slack import (
     FaceBound,
@@ -485,6 +485,10 @@ def is_inside(
 # -- one number --------------------------------------------------------------------------------------------------------
 
 
+LINKS = 8
+"""Of a chain that is told link by link."""
+
+
 @dataclass(frozen=True, slots=True)
 class Tolerance:
     """The largest λ such that all durations that are parameters may be anywhere in nominal · (1 ± λ) at once.
@@ -497,14 +501,14 @@ class Tolerance:
     chain: tuple[str, ...]
 
     def __str__(self) -> str:
-        exact = "" if self.ratio * 1000 % 1 == 0 else f" ({self.ratio} of it, exactly)"
-        bound = f"{'at most' if self.attained else 'less than'} {rounded_percent(self.ratio)}{exact}"
+        exact = "" if self.ratio * 1000 % 1 == 0 else f" (exactly {self.ratio})"
+        bound = f"{'up to' if self.attained else 'less than'} {rounded_percent(self.ratio)}{exact}"
         return f"each duration may be {bound} longer or shorter, all at once; what ends it: {self.what}"
 
     @property
     def what(self) -> str:
         """The chain in one line, without the middle of a long one."""
-        if len(self.chain) <= MANY:
+        if len(self.chain) <= LINKS:
             return ", ".join(self.chain)
         first, *others, last, demand = self.chain
         return f"{first}, {len(others)} more (--json lists them), {last}, {demand}"
@@ -561,6 +565,6 @@ def _chain(plan: model.ParametrizedPlan, stop: FaceStop) -> Iterator[str]:
     """The steps of a path or a circle, and what demands that it is no longer."""
     points = [plan.time_points[number] for number in stop.chain]
     steps = dict.fromkeys(point.instance for point in points if point.instance is not None)
-    yield from (f"{step} {plan.instance[step]}" for step in steps)
+    yield from (f"{str(plan.instance[step])[1:-1]} ({step})" for step in steps)
     tie = stop.ties[0]
     yield tie.statements[-1] if isinstance(tie, LinearForm) and tie.statements else _names(tie)[0]

@@ -37,12 +37,12 @@ from robust.options.shared import (
     Colored,
     Encoded,
     Force,
+    FromSteps,
     Json,
     Limited,
     Output,
     PlanFiles,
     Planning,
-    PlanningOutput,
     PlanParameters,
     Plot,
     SearchOptions,
@@ -60,17 +60,12 @@ def stnu_file(path: Path, place: Location) -> Path:
     return writable(path, place, "the network")
 
 
-class ConvertCommand(PlanFiles, PlanningOutput, PlanParameters, Separation, Solving, Force, Output):
+class ConvertCommand(PlanFiles, FromSteps, PlanParameters, Separation, Solving, Force, Output):
     """Options of `robust convert`."""
 
     plan: Path = argument(..., "time-triggered plan or log of a planner; - is standard input", "TIMED_PLAN")
     output: Path | None = output_option(
         "write the plan to this file instead of stdout", metavar="PLAN.stn", read=plan_file, also=beside
-    )
-    mode: str = option(
-        "causal",
-        "causal: the least constrained network that is proved valid; esterel: the network of the Esterel transformer",
-        choices=("causal", "esterel"),
     )
     stnu: Path | None = path_option(
         "also write the network with uncertainty for the values in the box: .stnu or .json by suffix; TIMED_PLAN may "
@@ -86,7 +81,7 @@ class ConvertCommand(PlanFiles, PlanningOutput, PlanParameters, Separation, Solv
             raise InputError("needs --stnu FILE", place_of("box"))
 
 
-class ExecuteCommand(PlanningOutput, PlanParameters, Separation, Solving, BoxOptions, Plot, Planning, Output):
+class ExecuteCommand(FromSteps, PlanParameters, Separation, Solving, BoxOptions, Plot, Planning, Output):
     """Options of `robust execute`."""
 
     plan: Path | None = argument(
@@ -133,7 +128,7 @@ CERTIFICATES = ("plan", "box", "maximal", "region", *WITH_CHOICES)
 ASSUMED = "a choice that has already been made; may be repeated"
 
 
-class CertifyCommand(PlanningOutput, PlanParameters, SearchOptions, Force, Output):
+class CertifyCommand(FromSteps, PlanParameters, SearchOptions, Force, Output):
     """Options of `robust certify`; one file is a plan with choices, three are a domain, a problem and a plan."""
 
     files: tuple[Path, ...] = argument(..., "DOMAIN PROBLEM PLAN, or NETWORK (.tpnu.json)", "FILES", many=True)
@@ -270,7 +265,7 @@ PLACES = SOLVING
 """Rank of where and how many at a time."""
 
 
-class BatchOptions(Separation, PlanningOutput, PlanParameters, Encoded, Solver):
+class BatchOptions(Separation, FromSteps, PlanParameters, Encoded, Solver):
     """Options of all questions about many plans; options of single plans keep their meaning."""
 
     jobs: int = option(
@@ -319,7 +314,7 @@ class BatchOptions(Separation, PlanningOutput, PlanParameters, Encoded, Solver):
         return (self._ask("check"),)
 
     def _ask(self, verb: str, *words: str, name: str | None = None) -> Question:
-        return name or verb, verb, (*typed(self, Separation, Solver, Encoded, PlanningOutput, PlanParameters), *words)
+        return name or verb, verb, (*typed(self, Separation, Solver, Encoded, FromSteps, PlanParameters), *words)
 
 
 class BatchCheckOptions(BatchOptions):

@@ -7,7 +7,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from robust.backends import ENCODINGS, SOLVERS
+from robust.backends import CONVERSIONS, ENCODINGS, SOLVERS
 from robust.errors import Location
 from robust.numbers import Number
 from robust.options import declare
@@ -56,6 +56,24 @@ class PlanningOutput(declare.Options):
     def rounding(self) -> Fraction | None:
         """The tolerance as a number, or None for what printed digits say."""
         return None if self.tolerance is None else Fraction(self.tolerance)
+
+
+class FromSteps(PlanningOutput):
+    """How steps of a planner become a network."""
+
+    mode: str = declare.option(
+        "room",
+        "how steps become a network: room: all room goes to the parameters, durations are as planned; causal: the "
+        "least constrained network that is proved at nominal values; esterel: that of the Esterel transformer",
+        choices=CONVERSIONS,
+        rank=EPSILON,
+    )
+    free_durations: bool = declare.option(
+        False,
+        "let durations vary that the domain leaves open, instead of those of the plan",
+        needs=("mode", ("room",)),
+        rank=EPSILON,
+    )
 
 
 class Limited(declare.Options):
@@ -271,5 +289,5 @@ class PlanParameters(Demands):
     )
 
 
-class AskCommand(PlanFiles, PlanningOutput, PlanParameters, Separation, Solving, Output):
+class AskCommand(PlanFiles, FromSteps, PlanParameters, Separation, Solving, Output):
     """Options of every question about a plan on the command line."""

@@ -243,6 +243,42 @@ class RepairCommand(RepairOptions, shared.AskCommand):
             raise InputError("needs PLAN in a file, not on standard input", declare.place_of("output"))
 
 
+class RankOptions(shared.PlanParameters, shared.Separation, shared.Solving):
+    """Options of :func:`robust.rank`."""
+
+    parameter: tuple[str, ...] = declare.option(
+        ("duration:*",),
+        "what deviates: duration:* for all actions that take time, or what other commands take; may be repeated",
+        "--parameter",
+        "--parametrize",
+        metavar="SPEC",
+        many=True,
+        rank=shared.PARAMETERS,
+    )
+    deadline: Number = declare.option(
+        "+10%",
+        "every plan must end by T, or for +P% by P per cent after the last of them ends as planned",
+        metavar="T",
+        rank=shared.PARAMETERS,
+    )
+    distribution: Sequence[str] = distributions_option()
+    world: str | Path | None = world_file()
+    on_plan: Callable[[str], None] | None = declare.option(
+        None, "called with the name of each plan that is asked about", shown=False
+    )
+
+
+class RankCommand(RankOptions, shared.Planning, shared.Output):
+    """Options of `robust rank`."""
+
+    plans: tuple[Path, ...] = declare.argument(
+        ...,
+        "networks (.stn), time-triggered plans or logs of planners, each with one plan or several",
+        "PLAN",
+        many=True,
+    )
+
+
 class ValidateOptions(shared.Separation, shared.PlanningOutput):
     """Options of :func:`robust.validate`."""
 

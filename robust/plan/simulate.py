@@ -8,7 +8,7 @@ read there. A time point that adds and deletes the same atom does both.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from itertools import combinations, islice, pairwise
 from typing import assert_never
@@ -123,13 +123,15 @@ _VIOLATED = {
 class Violation:
     """A broken obligation of a schedule: its label, a time at which it is broken, and why, with actual values.
 
-    `amount` is how far a number is from what is demanded; None where no single number decides.
+    `amount` is how far a number is from what is demanded; None where no single number decides. `since` is when it
+    begins to be broken, which may be just before any time at which it is.
     """
 
     obligation: str
     time: Fraction
     detail: str
     amount: Fraction | None = None
+    since: Fraction | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -291,8 +293,8 @@ def _over_all_violation(
     """The first tested instant of the open interval (start, end) at which the condition does not hold, if any."""
     label = instance.label(part)
     violations = (
-        violation
-        for time, state in _instants(execution, instance, part.condition)
+        replace(violation, since=since)
+        for since, time, state in _instants(execution, instance, part.condition)
         for violation in _violation(label, time, part.condition, execution.reading(state, instance))
     )
     yield from islice(violations, 1)
@@ -300,8 +302,10 @@ def _over_all_violation(
 
 def _instants(
     execution: TimedExecution, instance: model.ActionInstance, condition: model.Condition
-) -> Iterator[tuple[Fraction, State]]:
+) -> Iterator[tuple[Fraction, Fraction, State]]:
     """Instants of (start, end) that decide an over-all condition, with the state at each, in order of time.
+
+    Before each stands since when what it says is so.
 
     Between two happenings all comparisons have constant truth between the roots of their expressions, so the roots and
     one instant between any two neighbours decide. The states just before and just after a happening inside the interval
@@ -311,19 +315,23 @@ def _instants(
     may_move = any(isinstance(leaf, model.NumericCondition) for leaf in model.leaves(condition))
     for happening, following in execution.steps(start, end):
         if happening.time > start:
-            yield happening.time, happening.after
+            yield happening.time, happening.time, happening.after
             if not may_move:
                 continue
-        for time in _interior_instants(execution.reading(happening.after, instance), happening, following, condition):
-            yield time, happening.just_before(time)
+        reading = execution.reading(happening.after, instance)
+        for since, time in _interior_instants(reading, happening, following, condition):
+            yield since, time, happening.just_before(time)
         if following.time < end:
-            yield following.time, following.before
+            yield following.time, following.time, following.before
 
 
 def _interior_instants(
     reading: Reading, happening: Happening, following: Happening, condition: model.Condition
-) -> Iterator[Fraction]:
-    """Between two happenings: every root of a comparison, and one instant in each of the intervals that they leave."""
+) -> Iterator[tuple[Fraction, Fraction]]:
+    """Between two happenings: every root of a comparison, and one instant in each of the intervals that they leave.
+
+    Each comes after the root, or the beginning of the interval.
+    """
     roots: set[Fraction] = set()
     for leaf in model.leaves(condition):
         if isinstance(leaf, model.NumericCondition):
@@ -333,8 +341,8 @@ def _interior_instants(
     borders = [happening.time, *sorted(r for r in roots if happening.time < r < following.time), following.time]
     for left, right in pairwise(borders):
         if left != happening.time:
-            yield left
-        yield (left + right) / 2
+            yield left, left
+        yield left, (left + right) / 2
 
 
 def _separation_violations(

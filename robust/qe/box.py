@@ -158,6 +158,10 @@ class Box:
     def __contains__(self, values: Mapping[str, Fraction]) -> bool:
         return not self.is_empty and all(values[name] in interval for name, interval in self.intervals.items())
 
+    def is_within(self, other: Box) -> bool:
+        """Whether the other box has all values of this one."""
+        return all(interval.is_within(other[name]) for name, interval in self.intervals.items())
+
     def replace(self, name: str, interval: Interval) -> Box:
         return self.changed({name: interval})
 

@@ -168,7 +168,7 @@ def _(box: Box) -> dict[str, Ends]:
 
 
 on_wire("Statistics", failures=None)
-on_wire("Violation", amount=None)
+on_wire("Violation", amount=None, since=None)
 
 
 class PlanChange(JsonObject):

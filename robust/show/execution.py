@@ -13,9 +13,11 @@ from msgspec import UNSET, Meta, UnsetType
 from rich import box as borders
 from rich.table import Table
 
+from robust.backends import CONVERSIONS
+from robust.execute.causal import Tightening
 from robust.execute.controllability import ADVERBS, ControllabilityReport, Widest
 from robust.execute.controllable_boxes import HORIZON, Loss, Shrunk
-from robust.execute.convert import Conversion, Tightening
+from robust.execute.convert import Conversion
 from robust.execute.dispatchable import Guarantee
 from robust.execute.parametrization import option_of, write_specs
 from robust.execute.replan import ReplanningRun, RunStatus, Segment
@@ -78,7 +80,7 @@ class Convert(Noted, tag_field="schema", tag="robust/convert/1"):
     """robust convert --json: a time-triggered plan with a temporal network
 
     Attributes:
-        verdict: about all schedules of the network at nominal values, always proved in mode causal; invalid: the
+        verdict: about all schedules of the network at nominal values, always proved but in mode esterel; invalid: the
             time-triggered plan itself breaks obligations
         stn: the plan as text; null if the time-triggered plan is invalid
         parameters: names of all parameters
@@ -90,7 +92,7 @@ class Convert(Noted, tag_field="schema", tag="robust/convert/1"):
     """
 
     verdict: Annotated[str, one_of("proved", "refuted", "unknown", "invalid")]
-    mode: Annotated[str, one_of("causal", "esterel")]
+    mode: Annotated[str, one_of(*CONVERSIONS)]
     solver: Solver
     epsilon: Rational
     stn: str | None
@@ -174,7 +176,7 @@ def conversion_lines(conversion: Conversion, written: Mapping[str, str] = Mappin
     lines = [f"{conversion.check.answer.value}: {size}, {plural(len(conversion.stn.parameters), 'parameter')}"]
     broken = next(iter(conversion.check.counterexamples), None)
     if broken is not None:
-        lines.append(f"an allowed schedule breaks {broken}; --mode causal gives a network that is proved")
+        lines.append(f"an allowed schedule breaks {broken}; --mode room gives a network that is proved")
     for needed in conversion.tightened:
         edge = needed.edge
         lines.append(f"needed: {edge.target} - {edge.source} >= {format_number(edge.weight)} for {needed.obligation}")

@@ -31,6 +31,7 @@ _SHOWN_BY: Mapping[str, tuple[str, str]] = {
     "execute.validate": ("validation", "validation"),
     "execute.convert": ("execution", "execution"),
     "sweeps.batch": ("batch", "batch"),
+    "sweeps.rank": ("ranking", "ranking"),
     "stnu.verdicts": ("stnu", "stnu"),
     "stnu.repairs": ("stnu", "stnu"),
     "pike_bridge.compile": ("pike", "pike"),

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from html import escape
+from itertools import islice
 from typing import TYPE_CHECKING
 
 from robust.irr.check import Counterexample
@@ -23,7 +24,16 @@ from robust.searching import Status
 from robust.show.console import Console, Text, printing
 from robust.show.documents import bounds_text, decimal
 from robust.show.tables import show_table, table
-from robust.show.text import percentage, percentages, print_advice, print_counterexample, print_tolerance, stopped
+from robust.show.text import (
+    Words,
+    percentage,
+    percentages,
+    print_advice,
+    print_counterexample,
+    print_tolerance,
+    stopped,
+    words_of,
+)
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -257,22 +267,27 @@ def box_rows(result: Comparison) -> list[Row]:
 
 def face_rows(result: Comparison) -> list[Row]:
     """One row for each finite face of each box."""
-    parameters = {parameter.name: parameter for parameter in result.plan.parameters}
+    parameters, words = {parameter.name: parameter for parameter in result.plan.parameters}, Words(result.plan)
     return [
-        (METHOD_NAMES[entry.method], *_face_cells(face, parameters[face.parameter].percent(face.end)))
+        (METHOD_NAMES[entry.method], *_face_cells(face, parameters[face.parameter].percent(face.end), words))
         for entry in result.entries
         for face in entry.faces
     ]
 
 
-def _face_cells(face: FaceGap, percent: Fraction | None) -> Row:
+def _face_cells(face: FaceGap, percent: Fraction | None, words: Words) -> Row:
     signs = "<≤" if face.side is Side.UPPER else ">≥"
     sign = signs[face.closed]
     witness = face.witness
     point = "" if witness is None else ", ".join(f"{name} = {readable(v)}" for name, v in witness.values.items())
     gap = "∞" if face.gap is None else readable(face.gap)
     end = f"{readable(face.end)}{'' if percent is None else f' ({percentage(percent)})'}"
-    return f"{face.parameter} {sign} {end}", gap, witness.obligation if witness else "", point
+    return (
+        f"{words.parameters[face.parameter]} {sign} {end}",
+        gap,
+        words.told(witness.obligation) if witness else "",
+        point,
+    )
 
 
 def _share(share: RatioBounds | None) -> str:
@@ -404,7 +419,7 @@ def _print_box(out: Console, result: EnvelopeResult, counterexample: Counterexam
         where = "the plan can fail at the nominal values: " if result.values else ""
         out.print(Text.assemble(("invalid", "bold red"), f": {where}{result.reason}"), soft_wrap=True)
         if counterexample is not None and not quiet:
-            print_counterexample(out, counterexample)
+            print_counterexample(out, counterexample, words_of(result.plan))
         if not quiet:
             print_advice(out, result.advice)
         return
@@ -428,12 +443,48 @@ def _print_box(out: Console, result: EnvelopeResult, counterexample: Counterexam
         out.print(_box_summary(result), soft_wrap=True)
 
 
+SIDES = 6
+"""Sides with one end that are shown one by one."""
+NOT_NEGATIVE = ": non-negative duration"
+ROWS = 20
+"""Parameters up to which a box has a row for each."""
+_COLUMNS = ("parameter", "name", "nominal", "lower", "upper", "may fall by", "may rise by", "in per cent")
+
+
 def envelope_table(result: EnvelopeResult) -> Table:
-    """One row for each parameter: nominal value, interval, and how far it may deviate to either side."""
-    columns = ("parameter", "nominal", "lower", "upper", "may fall by", "may rise by", "in per cent")
-    rows = [_envelope_cells(parameter, result.box[parameter.name]) for parameter in result.parameters]
-    shown = columns if any(row[-1] for row in rows) else columns[:-1]
-    return table(shown, (row[: len(shown)] for row in rows), right=columns[1:])
+    """One row for each parameter: nominal value, interval, and how far it may deviate to either side.
+
+    Many parameters have a row for each group: those of one action that may deviate by as many per cent.
+    """
+    words = words_of(result.plan)
+    rows = []
+    for parameter in result.parameters:
+        name, *cells = _envelope_cells(parameter, result.box[parameter.name])
+        rows.append((words.parameters.get(name, name), name, *cells))
+    if len(rows) > ROWS:
+        rows = list(_grouped(rows))
+    kept = [i for i, column in enumerate(_COLUMNS) if i in {0, 2} or any(row[i] for row in rows)]
+    kept = [i for i in kept if i != 1 or any(row[0] != row[1] for row in rows)]
+    return table([_COLUMNS[i] for i in kept], ([row[i] for i in kept] for row in rows), right=_COLUMNS[2:])
+
+
+def _grouped(rows: Sequence[Row]) -> Iterator[Row]:
+    """Rows of one action and one share as one; a row that is alone stays as it is."""
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        groups.setdefault((row[0].split()[0], row[-1] or row[0]), []).append(row)
+    for (action, share), members in groups.items():
+        if len(members) == 1:
+            yield members[0]
+        else:
+            nominal = dict.fromkeys(row[2] for row in members)
+            yield (
+                f"{action}, {len(members)} steps",
+                "",
+                ", ".join(islice(nominal, 3)) + ", …" * (len(nominal) > 3),
+                *[next(iter(cells)) if len(cells := {row[i] for row in members}) == 1 else "" for i in range(3, 7)],
+                share,
+            )
 
 
 def _envelope_cells(parameter: Parameter, interval: Interval) -> Sequence[str]:
@@ -458,17 +509,20 @@ def _envelope_cells(parameter: Parameter, interval: Interval) -> Sequence[str]:
 def _print_stops(out: Console, result: EnvelopeResult) -> None:
     """Print what limits the sides, those with the same limit together."""
     sides: dict[str, dict[str, None]] = {}
+    words = words_of(result.plan)
     for (name, side), stop in result.stops.items():
-        sides.setdefault(stop.short, {})[_side(result, name, side)] = None
+        reason = "no duration is negative" if stop.name.endswith(NOT_NEGATIVE) and not stop.also else stop.short
+        sides.setdefault(words.told(reason), {})[_side(result, name, side, words)] = None
     if sides:
         out.print()
         out.print("What ends each side:")
     for reason, ended in sides.items():
-        out.print(Text(f"  {', '.join(ended)}: {reason}"), soft_wrap=True)
+        more = f" and {len(ended) - SIDES} more sides" if len(ended) > SIDES else ""
+        out.print(Text(f"  {', '.join(islice(ended, SIDES))}{more}: {reason}"), soft_wrap=True)
 
 
-def _side(result: EnvelopeResult, name: str, side: Side) -> str:
-    """`to_ridge ≤ 36`; `to_ridge = 36` for both sides if nothing is between and both end at the same."""
+def _side(result: EnvelopeResult, name: str, side: Side, words: Words) -> str:
+    """`drive r1 a b ≤ 36`; `drive r1 a b = 36` for both sides if nothing is between and both end at the same."""
     interval = result.box[name]
     both = {result.stops.get((name, end)) for end in Side}
     sign = (
@@ -476,7 +530,7 @@ def _side(result: EnvelopeResult, name: str, side: Side) -> str:
         if interval.width == 0 and len(both) == 1
         else ("<≤" if side is Side.UPPER else ">≥")[interval.is_closed_at(side)]
     )
-    return f"{name} {sign} {readable(interval.end(side) or Fraction(0))}"
+    return f"{words.parameters.get(name, name)} {sign} {readable(interval.end(side) or Fraction(0))}"
 
 
 def _box_summary(result: EnvelopeResult) -> Text:

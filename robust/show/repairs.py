@@ -13,7 +13,7 @@ from robust.numbers import duration, plural, readable
 from robust.qe.box import Interval
 from robust.show import documents
 from robust.show.console import Console, Text, colour_of, printing
-from robust.show.text import change_text
+from robust.show.text import change_text, words_of
 
 # -- for people --------------------------------------------------------------------------------------------------------
 
@@ -24,14 +24,15 @@ def print_repair(out: Console, repair: Repair, written: Path | None = None, *, q
     out.print(
         Text.assemble((repair.status.value, colour_of(repair.status.value)), f": {_verdict(repair)}"), soft_wrap=True
     )
+    words = words_of(repair.plan)
     for change in repair.changes:
         out.print(Text(f"  {change_text(change) if quiet else change.words}"), soft_wrap=True)
         if not quiet:
             out.print(Text(f"    in {change}", style="dim"), soft_wrap=True)
             for reason in change.serves:
-                out.print(Text(f"    for {reason}", style="dim"), soft_wrap=True)
+                out.print(Text(f"    for {words.told(reason)}", style="dim"), soft_wrap=True)
     for reason in repair.contradiction:
-        out.print(Text(f"  {reason}"), soft_wrap=True)
+        out.print(Text(f"  {words.told(reason)}"), soft_wrap=True)
     if not quiet:
         checked = "checked again: the repaired plan is proved; " if repair.changes else ""
         examined = plural(repair.candidates, "plan")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from fractions import Fraction
 from typing import Annotated
 
@@ -19,7 +18,7 @@ from robust.show import documents
 from robust.show.console import Console, Text, printing
 from robust.show.documents import bounds_text, decimal, places_for
 from robust.show.tables import show_table, table
-from robust.show.text import stopped
+from robust.show.text import stopped, words_of
 
 # -- JSON --------------------------------------------------------------------------------------------------------------
 
@@ -131,7 +130,7 @@ def print_risk(out: Console, result: RiskResult, *, quiet: bool) -> None:
     if result.shares:
         out.print()
         out.print("What fails, each value counted for the first that breaks:")
-        show_table(out, table(("obligation", "probability"), _share_rows(result.shares, result.within, places)))
+        show_table(out, table(("obligation", "probability"), _share_rows(result, places)))
     if result.kept:
         out.print()
         out.print("What boxes keep:")
@@ -155,11 +154,12 @@ def _estimate(estimate: SampledEstimate, places: int) -> Text:
     return Text(f"estimate: {share}, from {estimate.draws} random points; {ends} with {confidence}; no proof")
 
 
-def _share_rows(shares: Sequence[BlameShare], within: Fraction, places: int) -> list[tuple[str, str]]:
+def _share_rows(result: RiskResult, places: int) -> list[tuple[str, str]]:
     """Rows for shares that matter, the greatest first; negligible ones are counted."""
+    shares, within, words = result.shares or (), result.within, words_of(result.plan)
     shown = [share for share in shares if share.probability.upper >= within]
     shown.sort(key=lambda share: share.probability.upper, reverse=True)
-    rows = [(share.name, bounds_text(share.probability, places)) for share in shown]
+    rows = [(words.told(share.name), bounds_text(share.probability, places)) for share in shown]
     if rest := len(shares) - len(shown):
         rows.append((f"{plural(rest, 'other')}, each", f"at most {decimal(within, places, up=True)}"))
     return rows

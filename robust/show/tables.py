@@ -84,7 +84,8 @@ def table(columns: Sequence[str], rows: Iterable[Sequence[str | Line]] = (), *, 
     aligned = set(right)
     shown = Table(box=borders.SIMPLE_HEAD, pad_edge=False, show_edge=False, header_style="bold")
     for column in columns:
-        shown.add_column(column, justify="right" if column in aligned else "left", overflow="fold")
+        numeric = column in aligned
+        shown.add_column(column, justify="right" if numeric else "left", overflow="fold", no_wrap=numeric)
     for row in rows:
         shown.add_row(*map(rich_text, row))
     return shown
@@ -102,7 +103,7 @@ def show_table(out: Out, shown: Table) -> None:
             _show_rows(out.rich, shown)
             return
         for column, width in zip(shown.columns, widths, strict=True):
-            column.width = width
+            column.width, column.no_wrap = width, False
         lines = _laid_out(out.rich, shown)
     for line in lines:
         out.file.write(f"{line}\n")

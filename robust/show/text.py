@@ -6,6 +6,7 @@ actions. Where an action occurs more than once, its occurrences are counted.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Set
 from enum import Enum
 from fractions import Fraction
@@ -25,6 +26,9 @@ from robust.show.console import Console, Text, colour_of, printing
 if TYPE_CHECKING:
     from robust.irr.quantities import QuantityChange
 
+MANY = 8
+"""Values that are shown one by one."""
+_NO_PLAN = model.ParametrizedPlan("", (), (), (), frozenset(), {}, (), ())
 _WHEN = {
     model.Timing.AT_START: "when it starts",
     model.Timing.OVER_ALL: "all the time",
@@ -65,6 +69,22 @@ class Words:
             names[parameter.name] = next(iter(uses)) if len(uses) == 1 else parameter.name
         texts = list(names.values())
         return {name: text if texts.count(text) == 1 else f"{text} ({name})" for name, text in names.items()}
+
+    def told(self, text: str) -> str:
+        """A text with actions for identifiers: `n3 drive: at end (up)` becomes `drive r1 a b (n3): at end (up)`."""
+        return self._identifiers.sub(self._told, text) if self.actions else text
+
+    @cached_property
+    def _identifiers(self) -> re.Pattern[str]:
+        names = "|".join(re.escape(name) for name in sorted(self.actions, key=len, reverse=True))
+        return re.compile(rf"(?<![\w.(-])({names})(?:\.(start|end)\b|( \S+(?=: ))|(?![\w.(-]))")
+
+    def _told(self, match: re.Match[str]) -> str:
+        identifier, end, action = match.groups()
+        text = f"{self.actions[identifier]} ({identifier})"
+        if action is not None and action.strip() != self._plan.instance[identifier].action:
+            text += action
+        return text if end is None else f"{end} of {text}"
 
     def _uses(self, name: str) -> Iterator[str]:
         """Each use of a parameter in the plan, as text."""
@@ -166,6 +186,11 @@ class Words:
         return tuple(identifier for identifier in model.concerned(name) if known and identifier in self._plan.instance)
 
 
+def words_of(plan: model.ParametrizedPlan | None) -> Words:
+    """The words of a plan; names stay as they are where it is not known."""
+    return Words(_NO_PLAN if plan is None else plan)
+
+
 def named(name: str, words: Mapping[str, str] | None) -> str:
     """A parameter for an axis: its words, with the name to type in parentheses."""
     text = (words or {}).get(name, name)
@@ -186,16 +211,17 @@ def print_check(out: Console, result: CheckResult, *, quiet: bool) -> None:
 
     A refutation ends with its repair, if there is one.
     """
-    out.print(_verdict(result), soft_wrap=True)
+    words = words_of(result.plan)
+    out.print(_verdict(result, words), soft_wrap=True)
     if quiet:
         return
-    out.print(_summary(result), soft_wrap=True)
+    out.print(_summary(result, words), soft_wrap=True)
     print_tolerance(out, result.tolerance)
     if result.every:
-        _print_broken(out, result)
+        _print_broken(out, result, words)
     for counterexample in list(result.counterexamples.values())[:1]:
         out.print()
-        print_counterexample(out, counterexample)
+        print_counterexample(out, counterexample, words)
     if result.repair is not None:
         out.print()
         out.print(Text.assemble(("repair: ", "bold"), "; ".join(map(change_text, result.repair))), soft_wrap=True)
@@ -213,9 +239,9 @@ def change_text(change: QuantityChange) -> str:
     return change.words if line is None else f"{change.words} (line {line})"
 
 
-def _verdict(result: CheckResult) -> Text:
+def _verdict(result: CheckResult, words: Words) -> Text:
     text = Text(result.answer.value, style=colour_of(result.answer.value))
-    broken = [name for name, answer in result.obligations.items() if answer is Answer.REFUTED]
+    broken = [words.told(name) for name, answer in result.obligations.items() if answer is Answer.REFUTED]
     match result.answer:
         case Answer.PROVED:
             text.append(": the plan is valid for every schedule that its network allows", style="default")
@@ -223,13 +249,13 @@ def _verdict(result: CheckResult) -> Text:
             stopped = "out of time" if result.timed_out else "interrupted" if result.interrupted else result.reason
             text.append(f": {stopped}" if stopped else "", style="default")
         case Answer.REFUTED if result.reason is not None:
-            text.append(f": {result.reason}", style="default")
+            text.append(f": {words.told(result.reason)}", style="default")
         case Answer.REFUTED:
             text.append(f": an allowed schedule breaks {'; '.join(broken)}", style="default")
     return text
 
 
-def _summary(result: CheckResult) -> Text:
+def _summary(result: CheckResult, words: Words) -> Text:
     answers = list(result.obligations.values())
     proved = answers.count(Answer.PROVED)
     parts = [f"{proved} of {plural(len(answers), 'obligation')} proved", duration(result.seconds)]
@@ -238,7 +264,9 @@ def _summary(result: CheckResult) -> Text:
         parts[0] += f" ({result.settled} by shortest paths, {asked})" if result.settled else f" ({asked})"
     if result.counterexamples and Answer.UNKNOWN in answers:
         parts[0] += ", the others not examined"
-    values = [f"{name} {_values(interval)}" for name, interval in result.box.intervals.items()]
+    values = [f"{named(name, words.parameters)} {_values(interval)}" for name, interval in result.box.intervals.items()]
+    if len(values) > MANY:
+        values[MANY:] = [f"{len(values) - MANY} more (--json lists them)"]
     if values:
         parts.append(f"with {', '.join(values)}")
     return Text(f"{'; '.join(parts)}.", style="dim")
@@ -250,14 +278,14 @@ def _values(interval: Interval) -> str:
     return f"in [{end(interval.lower, upper=False)}, {end(interval.upper, upper=True)}]"
 
 
-def _print_broken(out: Console, result: CheckResult) -> None:
+def _print_broken(out: Console, result: CheckResult, words: Words) -> None:
     """Every obligation that is not proved, with a time and a reason where it breaks."""
     rows = []
     for name, answer in result.obligations.items():
         if answer is not Answer.PROVED:
             counterexample = result.counterexamples.get(name)
             when, why = ("", "") if counterexample is None else _when_and_why(counterexample)
-            rows.append((Text(answer.value, style=colour_of(answer.value)), name, when, why))
+            rows.append((Text(answer.value, style=colour_of(answer.value)), words.told(name), when, why))
     if rows:
         from robust.show.tables import show_table, table  # noqa: PLC0415 - rich takes long to load
 
@@ -274,20 +302,22 @@ def _when_and_why(example: Counterexample) -> tuple[str, str]:
 # -- counterexamples -------------------------------------------------------------------------------------------------
 
 
-def print_counterexample(out: Console, found: Counterexample) -> None:
+def print_counterexample(out: Console, example: Counterexample, words: Words) -> None:
     """Print what breaks, when and why, and the schedule that breaks it, state by state."""
-    when, why = _when_and_why(found)
-    out.print(Text.assemble(("broken: ", "bold red"), found.obligation), soft_wrap=True)
+    when, why = _when_and_why(example)
+    out.print(Text.assemble(("broken: ", "bold red"), words.told(example.obligation)), soft_wrap=True)
     out.print(Text(f"  at time {when}: {why}"), soft_wrap=True)
-    if found.parameters:
-        values = ", ".join(f"{name} = {readable(value)}" for name, value in found.parameters.items())
-        out.print(Text(f"  parameters: {values}"), soft_wrap=True)
+    values = [f"{named(name, words.parameters)} = {readable(value)}" for name, value in example.parameters.items()]
+    if len(values) > MANY:
+        values[MANY:] = [f"{len(values) - MANY} more (--json lists them)"]
+    if values:
+        out.print(Text(f"  parameters: {', '.join(values)}"), soft_wrap=True)
     from robust.show.tables import show_table, table  # noqa: PLC0415 - as above
 
-    constant = found.simulation.constants
+    constant = example.simulation.constants
     rows = (
-        _violation_cells(step) if isinstance(step, Violation) else _step_cells(step, constant)
-        for step in _shown_steps(found, constant)
+        _violation_cells(step, words) if isinstance(step, Violation) else _step_cells(step, constant, words)
+        for step in _shown_steps(example, constant)
     )
     show_table(out, table(("time", "happens", "changes", "fluents"), rows, right=("time",)))
 
@@ -317,15 +347,15 @@ def _shown_steps(example: Counterexample, left_out: Set[model.Fluent]) -> Iterat
             yield step
 
 
-def _step_cells(step: TraceStep, left_out: Set[model.Fluent]) -> tuple[str, ...]:
+def _step_cells(step: TraceStep, left_out: Set[model.Fluent], words: Words) -> tuple[str, ...]:
     changes = [f"{'+' if value else '−'} {atom}" for atom, value in step.atoms_changed]
     fluents = [f"{fluent} = {readable(value)}" for fluent, value in step.fluents.items() if fluent not in left_out]
-    points = (str(point) if point.time is None else f"@{readable(point.time)}" for point in step.points)
+    points = (words.told(str(point)) if point.time is None else f"@{readable(point.time)}" for point in step.points)
     return readable(step.time), "\n".join(points), "\n".join(changes), "\n".join(fluents)
 
 
-def _violation_cells(violation: Violation) -> tuple[Text, ...]:
-    texts = (readable(violation.time), violation.obligation, readable_values(violation.detail))
+def _violation_cells(violation: Violation, words: Words) -> tuple[Text, ...]:
+    texts = (readable(violation.time), words.told(violation.obligation), readable_values(violation.detail))
     time, obligation, detail = (Text(text, style="red") for text in texts)
     return time, Text("✗ violated", style="bold red"), obligation, detail
 

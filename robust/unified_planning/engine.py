@@ -25,7 +25,7 @@ from unified_planning.plans import PlanKind
 
 from robust.encode.interface import EPSILON
 from robust.errors import InputError, Location, RobustError
-from robust.execute.convert import check_plan
+from robust.execute.causal import check_plan
 from robust.execute.distances import declarations, schedule_of
 from robust.irr.check import Answer
 from robust.numbers import parse_number, readable, readable_values

@@ -10,7 +10,7 @@ from benchmarks.generators.plans import delivery_order, delivery_plan, drawn_pla
 from benchmarks.irr import conversions, tables
 from benchmarks.irr.conversions import Kind, Removal, Source
 from benchmarks.irr.tables import DREEX, EVERY_ACTION, EXECUTORS, SLICE, TABLE1, ExecutionRow, PaperCell, Table1Report
-from robust.execute.convert import check_plan
+from robust.execute.causal import check_plan
 from robust.execute.planners.interface import PlannerAnswer, PlannerStatus
 from robust.irr.check import Answer
 from robust.plan.model import TemporalConstraint

@@ -24,7 +24,8 @@ from benchmarks.generators import delivery
 from benchmarks.generators.delivery import DeliveryOptions, DeliveryVariant, Order
 from robust.api import envelope
 from robust.errors import InputError, InputWarning
-from robust.execute.convert import check_plan, convert
+from robust.execute.causal import check_plan
+from robust.execute.convert import convert
 from robust.execute.distances import InvalidPlanError
 from robust.execute.planners.interface import check
 from robust.irr.check import Answer

@@ -80,6 +80,7 @@ CASES = {
     # Of its factors some constraints may follow from the others.
     "region generator": case(robust.region, "region FILES", GENERATOR, only="factors"),
     "compare": case(robust.compare, "compare FILES", example()),
+    "rank": case(lambda files: robust.rank(*files[:2], files[2:]), "rank FILES", STEPS),
     "repair": case(robust.repair, "repair FILES", FLEXIBLE),
     "risk": case(robust.risk, f"risk FILES {' '.join(DRAWN)} --within 0.01", example(), RANDOM, within="0.01"),
     "validate": case(lambda files: robust.validate(*files), "validate FILES", STEPS, only="domain problem"),

@@ -1,0 +1,8 @@
+(define (problem three-parts)
+  (:domain workshop)
+  (:objects ann bob - worker chair table shelf - part)
+  (:init (free ann) (free bob) (saw) (booth) (raw chair) (raw table) (raw shelf)
+         (= (cutting chair) 12) (= (painting chair) 20) (= (packing chair) 6)
+         (= (cutting table) 18) (= (painting table) 26) (= (packing table) 8)
+         (= (cutting shelf) 9) (= (painting shelf) 14) (= (packing shelf) 5))
+  (:goal (and (packed chair) (packed table) (packed shelf))))
