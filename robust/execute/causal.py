@@ -79,8 +79,12 @@ class CausalNetwork:
     links: frozenset[distances.DistanceEdge]
 
 
-def causal_network(original: distances.Original, pinned: Collection[str] = ()) -> CausalNetwork:
+def causal_network(
+    original: distances.Original, pinned: Collection[str] = (), varying: Collection[str] | None = None
+) -> CausalNetwork:
     """The network that keeps conditions over atoms true; instances in `pinned` keep the durations of the plan.
+
+    Of these, durations of the `varying` ones are parameters; of all of them if that is not given.
 
     It need not keep conditions over numbers: see :class:`Tightener`.
     """
@@ -91,7 +95,8 @@ def causal_network(original: distances.Original, pinned: Collection[str] = ()) -
         *(certain_duration(original, instance) for instance in durative),
     )
     durations = tuple(bound for instance in durative for bound in duration_edges(original, instance, pinned))
-    settled = settled_durations(original, pinned)
+    fixed = frozenset() if varying is None else frozenset(pinned) - frozenset(varying)
+    settled = settled_durations(original, pinned) | fixed
     orders = [edge(a, b, original.gap) for a, b in original.mutex if a.instance is None or a.instance != b.instance]
     network = distances.EdgeNetwork(points, (*certain, *orders))
     links = [link for instance in durative for link in _OverAll(original, instance, network).edges()]

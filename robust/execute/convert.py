@@ -226,7 +226,7 @@ class Converting:
         original, chosen, _ = self._original
         has_parameters = bool(chosen.parameters or chosen.beside)
         tightener = Tightener(original, self.solver, self._deadline, self._say)
-        causal = causal_network(original, self._pinned)
+        causal = causal_network(original, self._pinned, chosen.pinned_durations)
         fixed = (*causal.durations, *chosen.pinned_starts(original.times))
         network = distances.EdgeNetwork(causal.points, (*causal.certain, *causal.edges))
         irredundant = network.needed(causal.edges, causal.certain)

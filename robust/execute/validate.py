@@ -56,9 +56,9 @@ class Breach:
     since: Fraction | None = None
 
     def __str__(self) -> str:
-        if self.since in {None, self.time}:
+        if self.since is None or self.since == self.time:
             return f"at {readable(self.time)}: {self.words}"
-        return f"from {readable(self.since or self.time)} on, for instance at {readable(self.time)}: {self.words}"
+        return f"from {readable(self.since)} on, for instance at {readable(self.time)}: {self.words}"
 
     @property
     def words(self) -> str:

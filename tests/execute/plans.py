@@ -11,7 +11,7 @@ from random import Random
 from textwrap import dedent
 
 from robust.api import envelope
-from robust.execute.convert import Conversion, convert
+from robust.execute.convert import Conversion, Mode, convert
 from robust.execute.dispatchable import Dispatchable, make_dispatchable
 from robust.execute.worlds import Rule, Rules, Subject
 from robust.plan.load import assemble, load_plan
@@ -150,10 +150,10 @@ def drawn_with_box(random: Random) -> tuple[ParametrizedPlan, Box]:
 
 
 def converted(domain: str, problem: str, plan: str, *specs: str, **options: object) -> Conversion:
-    """The conversion of three texts."""
+    """The conversion of three texts, if not said otherwise the least constrained one."""
     parsed = parse_domain(domain)
     read, steps = parse_problem(problem, parsed), parse_timed_plan(plan, "plan.txt")
-    return convert(parsed, read, steps, specs=parse_specs(specs), **options)  # type: ignore[arg-type]
+    return convert(parsed, read, steps, specs=parse_specs(specs), **{"mode": Mode.CAUSAL, **options})  # type: ignore[arg-type]
 
 
 def durative(name: str, duration: str, conditions: str, effects: str) -> str:

@@ -263,9 +263,9 @@ def test_impossible_options(make):
 def test_durations_that_are_parameters_leave_nothing_more_to_solvers(name, monkeypatch):
     """Values are proved as numbers, and what would help with an unknown name is looked for only if one is unknown."""
     monkeypatch.setattr("robust.plan.timeline.did_you_mean", None)
-    text, plain = converted(name)
+    given, plain = converted(name)
     specs = parse_specs([f"duration:{instance.identifier}" for instance in plain.plan.instances if instance.durative])
-    varied = convert(text.domain, text.problem, text.timed, specs=specs)
+    varied = convert(*given, specs=specs)
     assert len(varied.plan.parameters) == len(specs)
     assert varied.check.statistics.queries == plain.check.statistics.queries
     assert varied.check.box == Box.nominal(varied.plan.parameters)

@@ -254,7 +254,7 @@ LATE = constant(Subject.DURATION, "(work a)", 45)
 
 
 def mission(*rules, planner=None, specs=SPECS, problem=PROBLEM_READ, **more):
-    options = replan.ReplanningOptions(specs=specs)
+    options = replan.ReplanningOptions(specs=specs, free_durations=True)
     return replan.Mission(DOMAIN_READ, problem, planner, Rules(rules), options=options, **more)
 
 

@@ -174,8 +174,8 @@ def test_a_tolerance_names_the_chain_that_ends_it() -> None:
     problem = "(define (problem chain) (:domain chain) (:init (open)) (:goal (second)))"
     plan = made(domain, problem, "0.001: (one) [2]\n2.002: (two) [3]", "duration:*", deadline=6)
     found = check(plan).tolerance
-    assert found == Tolerance(Fraction(999, 5000), True, ("n0 (one)", "n1 (two)", "deadline: n1.end at most 6"))
-    assert "at most 19.9 % (999/5000 of it, exactly)" in str(found)
+    assert found == Tolerance(Fraction(999, 5000), True, ("one (n0)", "two (n1)", "deadline: n1.end at most 6"))
+    assert "up to 19.9 % (exactly 999/5000)" in str(found)
 
 
 def test_risk_asks_first_whether_all_values_are_inside(monkeypatch) -> None:
