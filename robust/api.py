@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, ParamSpec, Protocol, TypeVar
 
@@ -267,6 +268,7 @@ def envelope(plan: ParametrizedPlan, options: verbs.EnvelopeOptions) -> Envelope
 
 def searching_region(plan: ParametrizedPlan, options: verbs.RegionOptions) -> RegionSearch:
     """The search behind :func:`region`."""
+    from robust.irr.proposals import known_box
     from robust.qe.compute import RegionSearch
 
     return RegionSearch(
@@ -280,6 +282,7 @@ def searching_region(plan: ParametrizedPlan, options: verbs.RegionOptions) -> Re
         timeout=options.limit,
         on_piece=options.on_piece,
         on_cell=options.on_cell,
+        find_box=partial(known_box, plan, options.separation, options.solver),
     )
 
 

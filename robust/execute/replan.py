@@ -41,6 +41,7 @@ from robust.plan.variants import with_values
 from robust.presented import NoTruthValue, VerdictEnum
 from robust.qe.box import Box
 from robust.qe.compute import RegionSearch
+from robust.qe.lifted import LiftedRegion
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
 from robust.searching import Status
@@ -235,17 +236,23 @@ REGION_SECONDS = 5.0
 
 
 def _sliced(dispatchable: Dispatchable, executor: Slice, options: ReplanningOptions) -> Dispatchable:
-    """A dispatchable plan that slices the envelope; where that takes too long, the part of it that was proved."""
+    """A dispatchable plan that slices the envelope; where that takes too long, the part of it that was proved.
+
+    Of an envelope with too many inequalities without times only the box is sliced.
+    """
     plan, box = dispatchable.plan, dispatchable.box
     seconds = REGION_SECONDS if options.timeout is None else min(options.timeout, REGION_SECONDS)
     search = RegionSearch(plan, epsilon=options.epsilon, solver=options.solver, timeout=seconds).run()
     if search.status is Status.INTERRUPTED:
         raise KeyboardInterrupt
-    region = search.inner()
-    if not search.is_exact:
+    exact = search.is_exact and not isinstance(search.region, LiftedRegion)
+    if exact:
+        region = search.region
+    else:
         names = tuple(parameter.name for parameter in plan.parameters)
-        region = Region.union_of(names, (Polyhedron.of_box(names, box), *region.as_union().pieces))
-    return dispatchable.sliced(region, exact=search.is_exact, seconds=executor.seconds)
+        others = () if search.is_exact else search.inner().as_union().pieces
+        region = Region.union_of(names, (Polyhedron.of_box(names, box), *others))
+    return dispatchable.sliced(region, exact=exact, seconds=executor.seconds)
 
 
 @one_question()

@@ -20,6 +20,7 @@ from robust.presented import Presented
 from robust.qe.box import Box, Face, Side
 from robust.qe.compute import RegionResult, RegionSearch
 from robust.qe.estimate import VolumeBounds, bounding_cell
+from robust.qe.lifted import LiftedRegion
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
 from robust.qe.slabs import Growing
@@ -212,10 +213,18 @@ class Comparing(Searching[Comparison]):
 
     def _measure(self, result: RegionResult, deadline: Deadline) -> None:
         region = result.region
-        short = region.short_union(MANY)
-        self._volume = volume_of(region, short)
-        width = bounding_width(short)
-        bad = region.complement().as_union().pieces
+        bad_for: Callable[[Box, Face], Sequence[Polyhedron]]
+        if isinstance(region, LiftedRegion):
+            self._volume = VolumeBounds(Fraction(0), None)
+            extents = {name: extent for name in region.parameters if (extent := region.extent(name)) is not None}
+            width = Box(extents).total_width
+            bad_for = partial(sides_beyond, region)
+        else:
+            short = region.short_union(MANY)
+            self._volume = volume_of(region, short)
+            width = bounding_width(short)
+            pieces = region.complement().as_union().pieces
+            bad_for = lambda *_: pieces  # noqa: E731 - one of two
         formulas = create_encoding(self.encoding, self.plan, self.epsilon, deadline)
         confirm = partial(self._witness, encoding=formulas, deadline=deadline)
         for method, entry in self._entries.items():
@@ -228,7 +237,7 @@ class Comparing(Searching[Comparison]):
                 volume_share(box, self._volume, exact=result.is_exact),
                 width_share(box, width, exact=result.is_exact),
                 tuple(
-                    face_gap(box, (name, side), end, bad, confirm)
+                    face_gap(box, (name, side), end, bad_for(box, (name, side)), confirm)
                     for name, side in faces_of(self.plan.parameters)
                     if (end := box[name].end(side)) is not None
                 ),
@@ -268,6 +277,27 @@ def face_gap(
     if point is None:
         raise ValueError("the piece is met within the gap")
     return FaceGap(name, side, end, box[name].is_closed_at(side), gap, confirm(point))
+
+
+def sides_beyond(region: LiftedRegion, box: Box, face: Face) -> Sequence[Polyhedron]:
+    """Half-spaces outside of a region that tell how far a face of a box inside may move.
+
+    Raises:
+        UnsupportedError: if it takes all inequalities of the region, which are too many.
+    """
+    name, side = face
+    end = box[name].end(side)
+    assert end is not None
+    growing = Growing(box, {face: (end, Fraction(1))})
+    while True:
+        sides = region.known_sides()
+        met = (least_stretch(piece, growing) for piece in sides)
+        gap = min((least.value for least in met if least is not None), default=None)
+        moved = box.moved(face, None if gap is None else end + side.sign * gap)
+        if region.contains_box(moved):
+            return sides
+        if len(region.known_sides()) == len(sides):
+            return [*sides, *region.base.complement()] if gap is None else sides
 
 
 def volume_of(region: Region, short: Region | None) -> VolumeBounds:

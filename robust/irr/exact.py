@@ -161,6 +161,7 @@ class ExactSearch(BoxSearch):
             solver=self._bad.solver,
             encoding=self.encoding.name,
             timeout=ENUMERATION if remaining is None else min(ENUMERATION, remaining / 2),
+            lift=False,
         ).run()
         if result.status is Status.INTERRUPTED:
             raise KeyboardInterrupt

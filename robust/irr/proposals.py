@@ -42,10 +42,12 @@ from robust.plan import model
 from robust.plan.polynomial import Polynomial
 from robust.plan.variants import at_values, within
 from robust.qe.box import Box, Face, Interval, Side
-from robust.smt.limits import Deadline, raise_if_interrupted
+from robust.smt.limits import Deadline, OutOfTimeError, raise_if_interrupted
 from robust.smt.session import Statistics
 
 DECLARED = "declared bound"
+EFFORT = 2.0
+"""Seconds for a box that is there in case that a longer search is cut short."""
 
 
 class _Varying:
@@ -480,6 +482,18 @@ def is_inside(
         return False
     encoding = create_encoding("relational", within(plan, box.ranges), epsilon, deadline)
     return Containment(encoding, solver=solver, statistics=statistics).contains(box, deadline)
+
+
+def known_box(plan: model.ParametrizedPlan, epsilon: Fraction, solver: str, deadline: Deadline) -> Box | None:
+    """A box inside the envelope, proved within a tenth of the time and `EFFORT`; None if none was found."""
+    if not plan.has_nominal:
+        return None
+    soon = Deadline.after(EFFORT if deadline.remaining is None else min(EFFORT, deadline.remaining / 10))
+    try:
+        box = propose(plan, epsilon, soon).box
+        return box if is_inside(plan, box, epsilon, soon, solver=solver) else None
+    except (OutsideFragmentError, OutOfTimeError):
+        return None
 
 
 # -- one number --------------------------------------------------------------------------------------------------------

@@ -33,6 +33,7 @@ from robust.probability.packing import Packing, Points, SampledEstimate
 from robust.qe.box import Box, Interval
 from robust.qe.compute import Causes, RegionResult, RegionSearch, declared_bounds
 from robust.qe.conjunctions import Conjunction
+from robust.qe.lifted import LiftedRegion
 from robust.qe.polyhedron import Polyhedron
 from robust.searching import Searching, Status
 from robust.smt.limits import Deadline, OutOfTimeError
@@ -212,7 +213,8 @@ class Risk(Searching[RiskResult]):
         if region.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
         self._on_stage("probability")
-        self._measure(region)
+        if not isinstance(region.region, LiftedRegion):
+            self._measure(region)
         self._on_stage("boxes")
         for method in METHODS if self._bounds.upper else ():
             self._keep(method)

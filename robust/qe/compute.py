@@ -23,6 +23,7 @@ from itertools import islice
 from types import MappingProxyType
 
 from robust.encode import create_encoding
+from robust.encode.encoding import RelationalEncoding
 from robust.encode.interface import EPSILON, Encoding, Facet, Grid, Obligation, Range, Stage
 from robust.encode.validity import Validity
 from robust.plan.model import ParametrizedPlan, Relation
@@ -36,9 +37,10 @@ from robust.qe.eliminate.enumerate import polyhedra_of, satisfiable
 from robust.qe.eliminate.interface import Definition, Query, Solvers, outside
 from robust.qe.estimate import OpenShare
 from robust.qe.inner import EnvelopeFactor, FactorSearch
+from robust.qe.lifted import SHORT, LiftedRegion, lifted_envelope
 from robust.qe.nnf import FALSE, TRUE, FormulaReader, Junction, Nnf, conjunction, disjunction, names_in, negation
 from robust.qe.polyhedron import Point, Polyhedron
-from robust.qe.region import Region
+from robust.qe.region import Region, absorb
 from robust.qe.symmetry import Symmetry, find_symmetry
 from robust.searching import Searching, Status
 from robust.smt.limits import Deadline, DiedError, OutOfTimeError
@@ -264,6 +266,9 @@ class _UnschedulableValues:
         return project_at(self.query.network, self.query.eliminated, model)
 
 
+FEW = 6
+"""Parameters up to which envelopes are enumerated whatever they are."""
+
 RegionStatus = Status
 """How an enumeration ended: the region is the envelope if COMPLETE, and an outer bound of it otherwise."""
 
@@ -279,6 +284,10 @@ class RegionResult(Presented, ask="status"):
     `factors` say the same of independent groups of parameters, one by one, and have inner bounds beside the outer ones;
     back ends other than `project`, which find no inner bounds, leave them out. `open_share` is how much lies between
     the two; None where it is not known, or the envelope is exact. `plan` is what it is about, for nominal values.
+
+    With more than a few parameters, where one order is left, `lifted` is the envelope as difference constraints between
+    times; `region` is the same object if there are too many inequalities without times. An enumeration that was cut
+    short has no factors at first: `box` was proved by then to be inside the envelope, if any was looked for.
     """
 
     status: Status
@@ -296,6 +305,8 @@ class RegionResult(Presented, ask="status"):
     reason: str | None = None
     epsilon: Fraction = EPSILON
     plan: ParametrizedPlan | None = field(default=None, repr=False, compare=False)
+    lifted: LiftedRegion | None = field(default=None, repr=False)
+    box: Box | None = None
 
     @property
     def is_exact(self) -> bool:
@@ -310,12 +321,18 @@ class RegionResult(Presented, ask="status"):
         """An inner bound, with some parameters fixed: the envelope, or as much of what is proved as is not too long."""
         if self.is_exact:
             return self.region.slice(at)
-        return inner.inner_region(self.region.parameters, self.factors, at)
+        proved = inner.inner_region(self.region.parameters, self.factors, at)
+        if self.box is None:
+            return proved
+        boxed = Polyhedron.of_box(self.region.parameters, self.box).slice(at)
+        return Region.union_of(proved.parameters, absorb([boxed, *proved.pieces]))
 
     def is_proved(self, point: Point) -> bool:
         """Whether a point is known to be in the envelope."""
         if self.is_exact:
             return point in self.region
+        if self.box is not None and point in self.box:
+            return True
         return bool(self.factors) and all(factor.is_proved(point) for factor in self.factors)
 
     @property
@@ -351,6 +368,8 @@ class RegionSearch(Searching[RegionResult]):
         on_piece: called with each polyhedron of bad parameter values when it is found; where parameters are
             interchangeable, what it holds may be bad only if they ascend.
         on_cell: called with each polyhedron of good parameter values, likewise.
+        lift: keep what has too many inequalities as difference constraints.
+        find_box: finds a box inside the envelope by a deadline, which is known if a long enumeration is cut short.
     """
 
     plan: ParametrizedPlan
@@ -364,6 +383,8 @@ class RegionSearch(Searching[RegionResult]):
     timeout: float | None = None
     on_piece: Callable[[Polyhedron], None] | None = None
     on_cell: Callable[[Polyhedron], None] | None = None
+    lift: bool = True
+    find_box: Callable[[Deadline], Box | None] | None = None
 
     def __post_init__(self) -> None:
         super().__init__()
@@ -377,6 +398,8 @@ class RegionSearch(Searching[RegionResult]):
         self._count = 0
         self._share: OpenShare | None = None
         self._region: Region | None = None
+        self._lifted: LiftedRegion | None = None
+        self._box: Box | None = None
 
     def run(self) -> RegionResult:
         """The envelope, or, out of time, after Ctrl-C or where a solver failed, an outer bound of it.
@@ -386,6 +409,8 @@ class RegionSearch(Searching[RegionResult]):
             SolverError: a solver is not installed.
         """
         status, reason = self._ending()
+        if self._lifted is not None:
+            return self._result(status, reason)
         # Half-spaces become sides of the polyhedron to subtract from.
         sides = [half.negation()[0] for piece in self._bad if (half := half_space(piece)) is not None]
         base = Polyhedron(self._parameters, (*self._bounds, *sides)).simplified()
@@ -418,7 +443,7 @@ class RegionSearch(Searching[RegionResult]):
         asked = self.backend, self.splitting, self.learning, self.encoding, self.solver
         statistics = self._statistics
         known = RegionResult(status, region, *asked, self._seconds(), self._count, statistics, factors, share, reason)
-        return replace(known, epsilon=self.epsilon, plan=self.plan)
+        return replace(known, epsilon=self.epsilon, plan=self.plan, lifted=self._lifted, box=self._box)
 
     def _ending(self) -> tuple[Status, str | None]:
         try:
@@ -426,9 +451,21 @@ class RegionSearch(Searching[RegionResult]):
         except DiedError as died:
             return Status.UNKNOWN, died.message
 
+    @property
+    def _by_groups(self) -> bool:
+        """Whether the search is our own, and as the default has it."""
+        return self.backend == "project" and self.splitting == "full" and self.learning
+
     def _search(self) -> None:
         encoding = create_encoding(self.encoding, self.plan, self.epsilon, self._deadline)
         context = Solvers(encoding.terms, FormulaReader(encoding.terms), self.solver, self._statistics)
+        if self.lift and len(self._parameters) > FEW and self._by_groups and isinstance(encoding, RelationalEncoding):
+            lifted = lifted_envelope(encoding, context.reader, self._deadline)
+            if lifted is not None:
+                self._region, self._lifted = lifted.explicit(SHORT), lifted
+                return
+            if self.find_box is not None:
+                self._box = self.find_box(self._deadline)
         eliminator = create_eliminator(self.backend, context)
         builder = ProblemBuilder(encoding, context)
         violations = builder.violations(self.splitting)
@@ -449,7 +486,7 @@ class RegionSearch(Searching[RegionResult]):
             violations = (replace(query, name="the whole envelope", violation=whole, remainder=TRUE),)
         else:
             self._add(existence)
-        if self.backend == "project" and self.splitting == "full" and self.learning:
+        if self._by_groups:
             self._search_factors(context, violations)
             return
         for query in violations:

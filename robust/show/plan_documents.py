@@ -411,6 +411,18 @@ class Factor(JsonObject):
     inner: list[PolyhedronRecord] | None
 
 
+class Lifted(JsonObject):
+    """difference constraints between times whose bounds depend on parameters; time zero is left out
+
+    Attributes:
+        times: names of times: a point is in the region if and only if some times satisfy all constraints with it
+        constraints: over parameters and times
+    """
+
+    times: Annotated[list[str], Meta(extra_json_schema={"uniqueItems": True})]
+    constraints: list[ConstraintRecord]
+
+
 class RegionDocument(documents.Noted, tag_field="schema", tag="robust/region/1", kw_only=True):
     """robust region --json: the robustness envelope, or an outer bound of it
 
@@ -422,6 +434,9 @@ class RegionDocument(documents.Noted, tag_field="schema", tag="robust/region/1",
         polyhedra: form union: the region is their union
         base: form difference: the polyhedron from which others are removed
         minus: form difference: what is removed
+        lifted: where one order is left, with more than a few parameters: the envelope as difference constraints; form
+            lifted: there are too many inequalities without times
+        box: only if cut short, and if found: all values in it are valid
         pieces: polyhedra of bad parameter values that were found
         factors: the same for independent groups of parameters and up to permutations, with inner bounds; a point is
             valid if it is so as to every group; empty if that says no more than the region, or nothing is known
@@ -432,6 +447,7 @@ class RegionDocument(documents.Noted, tag_field="schema", tag="robust/region/1",
         "oneOf": [
             {"properties": {"form": {"const": "union"}}, "required": ["polyhedra"]},
             {"properties": {"form": {"const": "difference"}}, "required": ["base", "minus"]},
+            {"properties": {"form": {"const": "lifted"}}, "required": ["lifted"]},
         ]
     }
 
@@ -439,10 +455,12 @@ class RegionDocument(documents.Noted, tag_field="schema", tag="robust/region/1",
     reason: str | UnsetType = UNSET
     meaning: str
     parameters: Annotated[list[str], Meta(extra_json_schema={"uniqueItems": True})]
-    form: Annotated[str, one_of("union", "difference")]
+    form: Annotated[str, one_of("union", "difference", "lifted")]
     polyhedra: list[PolyhedronRecord] | UnsetType = UNSET
     base: list[ConstraintRecord] | UnsetType = UNSET
     minus: list[PolyhedronRecord] | UnsetType = UNSET
+    lifted: Lifted | UnsetType = UNSET
+    box: Box | UnsetType = UNSET
     backend: Annotated[str, one_of(*OFFERED)]
     splitting: Annotated[str, one_of(*SPLITTINGS)]
     learning: bool
@@ -459,6 +477,8 @@ class RegionDocument(documents.Noted, tag_field="schema", tag="robust/region/1",
 def region(result: RegionResult) -> documents.Document:
     """The document of a region in the form in which it is shown."""
     shown = {key: value for key, value in result.region.as_dict().items() if key != "schema"}
+    shown["lifted"] = UNSET if result.lifted is None else result.lifted.lifted_dict()
+    shown["box"] = UNSET if result.box is None else result.box
     shown["reason"] = UNSET if result.reason is None else result.reason
     more = not result.is_exact or len(result.factors) > 1 or any(factor.symmetry for factor in result.factors)
     factors = [_factor(factor) for factor in result.factors] if more else []
@@ -483,6 +503,10 @@ def _factor(factor: EnvelopeFactor) -> Factor:
 
 def constraint_rows(region: documents.Document) -> list[documents.Document]:
     """The constraints of a region, with the number of the piece that each belongs to, and whether that is removed."""
+    if region["form"] == "lifted":
+        known = region["lifted"]
+        labeled = [({"piece": 0, "removed": False}, known["constraints"])]
+        return rows_of(labeled, [*region["parameters"], *known["times"]])
     base = [{"constraints": region["base"]}] if region["form"] == "difference" else region["polyhedra"]
     pieces = [*((False, piece) for piece in base), *((True, piece) for piece in region.get("minus", ()))]
     labeled = [

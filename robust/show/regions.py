@@ -18,7 +18,8 @@ from robust.qe.box import Box, Interval, Side, interval_text
 from robust.qe.compute import RegionResult
 from robust.qe.constraint import Sense
 from robust.qe.inner import EnvelopeFactor
-from robust.qe.polyhedron import Polyhedron
+from robust.qe.lifted import LiftedRegion
+from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import Region, absorb, signed_sum
 from robust.searching import Status
 from robust.show.console import Console, Text, printing
@@ -53,7 +54,13 @@ HUGE = 300
 
 
 def in_form(region: Region, form: str | None) -> Region:
-    """The region simplified, as a `union` or a `difference`; None: a union if that takes no more than a few pieces."""
+    """The region simplified, as a `union` or a `difference`; None: a union if that takes no more than a few pieces.
+
+    Raises:
+        UnsupportedError: if a form is asked for that a region of difference constraints is too long for.
+    """
+    if isinstance(region, LiftedRegion):
+        return region if form is None else Region.difference(region.base, ())
     match form:
         case "union":
             return region.as_union().simplified()
@@ -93,6 +100,13 @@ def _(out: Console, result: RegionResult, *, quiet: bool) -> None:
 
 def print_region(out: Console, result: RegionResult, *, quiet: bool) -> None:
     """Inequalities, and what they mean; unless `quiet` also how they were found."""
+    if isinstance(result.region, LiftedRegion):
+        for line in _lifted_lines(result.region, {} if result.plan is None else result.plan.nominal):
+            out.print(Text(line), soft_wrap=True)
+        if not quiet:
+            out.print()
+            out.print(_summary(result), soft_wrap=True)
+        return
     ordered = result.is_exact and len(result.region.pieces) > MANY and any(factor.symmetry for factor in result.factors)
     exact = result.is_exact
     lines = _ordered_lines(result.factors) if ordered else region_lines(result.region, exact=exact)
@@ -111,6 +125,22 @@ def print_region(out: Console, result: RegionResult, *, quiet: bool) -> None:
         out.print(_summary(result), soft_wrap=True)
 
 
+def _lifted_lines(region: LiftedRegion, nominal: Point) -> Iterator[str]:
+    """The constraints, and how far each parameter may go alone."""
+    if region.is_empty:
+        yield "The plan is valid for no parameter values."
+        return
+    yield "The plan is valid if and only if there are times with"
+    yield from (f"  {line}" for line in polyhedron_lines(region.whole))
+    if set(region.parameters) <= nominal.keys() and nominal in region:
+        yield ""
+        yield "With all other parameters as planned, it is valid for"
+        for name in region.parameters:
+            interval = region.interval(name, nominal)
+            if interval is not None:
+                yield f"  {name} ∈ {interval_text(interval)}"
+
+
 def _ordered_lines(factors: Sequence[EnvelopeFactor]) -> Iterator[str]:
     """The region up to permutations of parameters, for each group of them; all have to hold."""
     for index, factor in enumerate(factors):
@@ -125,7 +155,10 @@ def _ordering(factor: EnvelopeFactor) -> Iterator[str]:
 
 
 def _inner_lines(result: RegionResult) -> Iterator[str]:
-    """The proved part, group by group of parameters, or nothing."""
+    """The proved part: a box, and group by group of parameters; or nothing."""
+    if result.box is not None:
+        yield ""
+        yield f"The plan is certain to be valid for {_intervals(result.box)}"
     if not any(factor.inner.pieces or factor.inner.base is not None for factor in result.factors):
         return
     for factor in result.factors:
@@ -169,6 +202,10 @@ def _summary(result: RegionResult) -> Text:
     if result.is_exact:
         text.append("complete", style="green")
         text.append(": the exact envelope; ")
+    if result.lifted is not None:
+        count = plural(len(result.lifted.constraints), "constraint")
+        text.append(f"{count} between times, in one order for all values, {duration(result.seconds)}.")
+        return text
     text.append(f"{_polyhedra(result.pieces)} of bad values, {result.backend}, {duration(result.seconds)}.")
     return text
 
