@@ -213,7 +213,7 @@ class Comparing(Searching[Comparison]):
 
     def _measure(self, result: RegionResult, deadline: Deadline) -> None:
         region = result.region
-        bad_for: Callable[[Box, Face], Sequence[Polyhedron]]
+        bad_for: Callable[[Box, Face, Fraction], Sequence[Polyhedron]]
         if isinstance(region, LiftedRegion):
             self._volume = VolumeBounds(Fraction(0), None)
             extents = {name: extent for name in region.parameters if (extent := region.extent(name)) is not None}
@@ -237,7 +237,7 @@ class Comparing(Searching[Comparison]):
                 volume_share(box, self._volume, exact=result.is_exact),
                 width_share(box, width, exact=result.is_exact),
                 tuple(
-                    face_gap(box, (name, side), end, bad_for(box, (name, side)), confirm)
+                    face_gap(box, (name, side), end, bad_for(box, (name, side), end), confirm)
                     for name, side in faces_of(self.plan.parameters)
                     if (end := box[name].end(side)) is not None
                 ),
@@ -279,15 +279,13 @@ def face_gap(
     return FaceGap(name, side, end, box[name].is_closed_at(side), gap, confirm(point))
 
 
-def sides_beyond(region: LiftedRegion, box: Box, face: Face) -> Sequence[Polyhedron]:
-    """Half-spaces outside of a region that tell how far a face of a box inside may move.
+def sides_beyond(region: LiftedRegion, box: Box, face: Face, end: Fraction) -> Sequence[Polyhedron]:
+    """Half-spaces outside of a region that tell how far a face of a box inside may move from where it ends.
 
     Raises:
         UnsupportedError: if it takes all inequalities of the region, which are too many.
     """
-    name, side = face
-    end = box[name].end(side)
-    assert end is not None
+    side = face[1]
     growing = Growing(box, {face: (end, Fraction(1))})
     while True:
         sides = region.known_sides()

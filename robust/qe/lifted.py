@@ -111,11 +111,6 @@ class LiftedRegion(Region):
         times = set(self.times)
         return Polyhedron(self.parameters, tuple(c for c in self.constraints if times.isdisjoint(c.parameters)))
 
-    @property
-    def whole(self) -> Polyhedron:
-        """The polyhedron in parameters and times."""
-        return Polyhedron((*self.parameters, *self.times), self.constraints)
-
     @cached_property
     def _differences(self) -> list[tuple[int, int, int, LinearConstraint, tuple[str, ...]]]:
         """Source, target, and the factor of the times of each constraint that has any; with its origins."""

@@ -16,7 +16,7 @@ from robust.numbers import duration, end, plural, readable
 from robust.plan.model import Parameter
 from robust.qe.box import Box, Interval, Side, interval_text
 from robust.qe.compute import RegionResult
-from robust.qe.constraint import Sense
+from robust.qe.constraint import LinearConstraint, Sense
 from robust.qe.inner import EnvelopeFactor
 from robust.qe.lifted import LiftedRegion
 from robust.qe.polyhedron import Point, Polyhedron
@@ -131,7 +131,9 @@ def _lifted_lines(region: LiftedRegion, nominal: Point) -> Iterator[str]:
         yield "The plan is valid for no parameter values."
         return
     yield "The plan is valid if and only if there are times with"
-    yield from (f"  {line}" for line in polyhedron_lines(region.whole))
+    yield from (f"  {line}" for line in polyhedron_lines(region.demands))
+    times = [c for c in region.constraints if not set(region.times).isdisjoint(c.parameters)]
+    yield from (f"  {_difference_line(constraint, region.times)}" for constraint in times)
     if set(region.parameters) <= nominal.keys() and nominal in region:
         yield ""
         yield "With all other parameters as planned, it is valid for"
@@ -139,6 +141,20 @@ def _lifted_lines(region: LiftedRegion, nominal: Point) -> Iterator[str]:
             interval = region.interval(name, nominal)
             if interval is not None:
                 yield f"  {name} ∈ {interval_text(interval)}"
+
+
+def _difference_line(constraint: LinearConstraint, times: Sequence[str]) -> str:
+    """A constraint on times, with what comes later on the left."""
+    known = {name: Fraction(factor) for name, factor in constraint.coefficients if name in times}
+    sign = -1 if min(known.values()) < 0 else 1
+    relation = {(-1, False): "≥", (1, False): "≤"}.get((sign, constraint.is_equality), "=")
+    left = sorted(((name, sign * factor) for name, factor in known.items()), key=lambda term: -term[1])
+    rest = [(name, -sign * Fraction(f)) for name, f in constraint.coefficients if name not in times]
+    total = sign * constraint.constant
+    right = signed_sum(rest, "−", readable)
+    if right and total:
+        right += f" {'+' if total > 0 else '−'} {readable(abs(total))}"
+    return f"{signed_sum(left, '−', readable)} {relation} {right or readable(total)}"
 
 
 def _ordered_lines(factors: Sequence[EnvelopeFactor]) -> Iterator[str]:
