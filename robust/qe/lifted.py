@@ -520,6 +520,17 @@ class LiftedRegion(Region):
         """Names of the times, and all constraints."""
         return {"times": list(self.times), "constraints": [constraint.as_dict() for constraint in self.constraints]}
 
+    @staticmethod
+    def from_dict(document: Mapping[str, Any]) -> LiftedRegion:
+        """Read what `as_dict` writes, or `lifted` of a `robust/region/1` document; InputError if it cannot be read."""
+        try:
+            known = document["lifted"]
+            constraints = map(LinearConstraint.from_dict, known["constraints"])
+            return LiftedRegion(document["parameters"], known["times"], constraints)
+        except (KeyError, TypeError) as error:
+            message = "cannot read a region: expected lists `parameters`, and `times` and `constraints` under `lifted`"
+            raise InputError(message) from error
+
     def __str__(self) -> str:
         lines = " ∧ ".join(map(str, self.constraints)) or "true"
         return f"{{ {lines} }} for some {', '.join(self.times)}" if self.times else f"{{ {lines} }}"

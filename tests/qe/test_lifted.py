@@ -1,0 +1,183 @@
+"""Regions with times, held against enumerated ones, all back ends, checks and linear programming on the projection."""
+
+from collections.abc import Iterator
+from fractions import Fraction
+from random import Random
+from time import process_time
+
+import pytest
+
+from robust.api import check, region
+from robust.backends import ELIMINATORS
+from robust.encode.encoding import RelationalEncoding
+from robust.errors import InputError, UnsupportedError
+from robust.irr.check import Answer
+from robust.plan.model import ParametrizedPlan
+from robust.plan.simulate import simulate
+from robust.qe.box import Box, Interval
+from robust.qe.compute import RegionSearch
+from robust.qe.constraint import LinearConstraint
+from robust.qe.lifted import LiftedRegion, lifted_envelope
+from robust.qe.nnf import FormulaReader
+from robust.qe.region import Region
+from robust.searching import Status
+from robust.smt.limits import NEVER
+from tests.execute.plans import durative
+from tests.irr.test_proposals import drawn_plan, made
+
+Point = dict[str, Fraction]
+
+
+def job_shop(jobs: int, machines: int, seed: int = 0, deadline: str = "+10%") -> ParametrizedPlan:
+    """Each job once on each machine, in an order of its own; a parameter for each duration."""
+    random = Random(seed)  # noqa: S311 - no secret
+    free = {f"m{number}": Fraction(0) for number in range(machines)}
+    ready = [Fraction(0)] * jobs
+    orders = [random.sample(sorted(free), machines) for _ in range(jobs)]
+    turns = [job for job in range(jobs) for _ in range(machines)]
+    random.shuffle(turns)
+    actions, steps, names = [], [], list[str]()
+    for position, job in enumerate(turns):
+        number = turns[:position].count(job)
+        name, machine, length = f"o{job}x{number}", orders[job][number], random.randint(2, 9)
+        start = max(ready[job], free[machine]) + Fraction(1, 100)
+        before = f"(at start (done o{job}x{number - 1}))" if number else ""
+        effects = f"(at start (not (free {machine}))) (at end (free {machine})) (at end (done {name}))"
+        actions.append(durative(name, str(length), f"(at start (free {machine})) {before}", effects))
+        steps.append((start, f"{float(start)}: ({name}) [{length}]"))
+        ready[job] = free[machine] = start + length
+        names.append(name)
+    objects = " ".join((*free, *names))
+    domain = (
+        "(define (domain shop) (:requirements :typing :durative-actions) (:types o)"
+        f"(:constants {objects} - o) (:predicates (free ?m - o) (done ?a - o)) {' '.join(actions)})"
+    )
+    initially = " ".join(f"(free {machine})" for machine in free)
+    goal = " ".join(f"(done {name})" for name in names)
+    problem = f"(define (problem shop) (:domain shop) (:init {initially}) (:goal (and {goal})))"
+    plan = "\n".join(text for _, text in sorted(steps))
+    return made(domain, problem, plan, *(f"duration:{name}" for name in names), deadline=deadline)
+
+
+def lifted(plan: ParametrizedPlan) -> LiftedRegion:
+    encoding = RelationalEncoding(plan)
+    known = lifted_envelope(encoding, FormulaReader(encoding.terms), NEVER)
+    assert known is not None
+    return known
+
+
+def rows(region: LiftedRegion, plan: ParametrizedPlan, count: int, seed: int) -> list[list[int]]:
+    """Hundredths of parameters, inside and outside."""
+    random = Random(seed)  # noqa: S311 - no secret
+    spread = [random.choice([0, 2, 10, 30, 100]) for _ in range(count)]
+    nominal = [plan.nominal[name] for name in region.parameters]
+    return [[int(value * random.randint(100 - most // 2, 100 + most)) for value in nominal] for most in spread]
+
+
+def points(region: LiftedRegion, numerators: list[list[int]], unit: int = 100) -> Iterator[Point]:
+    for row in numerators:
+        yield {name: Fraction(value, unit) for name, value in zip(region.parameters, row, strict=True)}
+
+
+def hunt(plan: ParametrizedPlan, backend: str, seed: int) -> int:
+    """Hold a region against an enumerated one: points, optima, intervals, slices, documents; how many points it has."""
+    region = lifted(plan)
+    expected = RegionSearch(plan, backend=backend, lift=False).run()
+    assert expected.status is Status.COMPLETE
+    assert Region.difference(region.base, ()).equals(expected.region)
+    whole = expected.region.as_difference().simplified()
+    base = whole.base
+    assert base is not None
+    assert not whole.pieces
+    random = Random(seed)  # noqa: S311 - no secret
+    for _ in range(5):
+        objective = {name: Fraction(random.randint(-2, 2)) for name in region.parameters}
+        known, wanted = region.maximize(objective), base.maximize(objective)
+        assert known is not None
+        assert (known.value, known.attained) == (wanted.value, wanted.attained)
+    numerators = rows(region, plan, 60, seed)
+    drawn = list(points(region, numerators))
+    inside = [point in expected.region for point in drawn]
+    again = LiftedRegion.from_dict(region.as_dict())
+    assert [point in again for point in drawn] == inside == region.contains_many(numerators, 100)
+    for point, good in zip(drawn, inside, strict=True):
+        assert bool(region.contradiction(point)) is not good
+        schedule = region.schedule(point)
+        assert (schedule is not None) is good
+        assert schedule is None or simulate(plan, point, schedule).valid
+    fixed = {name: plan.nominal[name] for name in region.parameters[1:]}
+    assert region.slice(fixed).equals(expected.region.slice(fixed))
+    assert region.interval(region.parameters[0], plan.nominal) == base.slice(fixed).extent(region.parameters[0])
+    for share in (Fraction(1, 100), Fraction(1, 20), Fraction(1, 2)):
+        ends = {name: Interval(value * (1 - share), value * (1 + share)) for name, value in plan.nominal.items()}
+        outside = region.point_outside(Region.of_box(region.parameters, Box(ends)))
+        assert (outside is None) is expected.region.contains_box(Box(ends))
+        assert outside is None or outside not in expected.region
+    return sum(inside)
+
+
+def test_regions_with_times_are_those_that_are_enumerated():
+    counts = [hunt(drawn_plan(seed), "project", seed) for seed in (3, 31, 42, 56)]
+    assert 50 < sum(counts) < 60 * 4 - 50
+
+
+@pytest.mark.parametrize("backend", ELIMINATORS)
+def test_regions_with_times_are_those_of_all_back_ends(backend):
+    hunt(drawn_plan(32), backend, 0)
+
+
+@pytest.mark.slow
+def test_many_regions_with_times_are_those_that_are_enumerated():
+    for seed in range(100, 250):
+        hunt(drawn_plan(seed), "project", seed)
+
+
+@pytest.mark.parametrize(
+    "shape", [(2, 4), pytest.param((3, 4), marks=pytest.mark.slow), pytest.param((4, 4), marks=pytest.mark.slow)]
+)
+def test_job_shops_are_those_that_are_enumerated(shape):
+    plan = job_shop(*shape)
+    hunt(plan, "project", 1)
+    assert region(plan).region.equals(RegionSearch(plan, lift=False).run().region)
+
+
+def test_a_shop_with_36_durations_is_complete_and_as_checked(monkeypatch):
+    plan = job_shop(6, 6)
+    started = process_time()
+    result = region(plan)
+    assert process_time() - started < 5
+    known = result.region
+    assert result.is_exact
+    assert known is result.lifted
+    numerators = rows(known, plan, 6, 3)
+    answers = [check(plan, at=point).answer for point in points(known, numerators)]
+    assert {Answer.PROVED, Answer.REFUTED} == set(answers)
+    assert known.contains_many(numerators, 100) == [answer is Answer.PROVED for answer in answers]
+    most = known.maximize(dict.fromkeys(known.parameters, Fraction(1)))
+    assert most.attained
+    assert most.point in known
+    assert {name: value + Fraction(1, 10**6) for name, value in most.point.items()} not in known
+    sides = [LinearConstraint.of({name: 1}, "<=", known.extent(name).upper) for name in known.parameters]
+    assert all(map(known.satisfies, sides[:3]))
+    assert result.as_dict()["form"] == "lifted"
+    monkeypatch.setattr("robust.qe.lifted.MOST", 100)
+    with pytest.raises(UnsupportedError, match="more than 100 inequalities"):
+        _ = known.base
+
+
+def test_large_numbers_are_exact():
+    plan = job_shop(2, 4)
+    known = lifted(plan)
+    edge = known.interval(known.parameters[0], plan.nominal).upper
+    unit = 10**30
+    row = [int(plan.nominal[name] * unit) for name in known.parameters]
+    row[0] = edge.numerator * unit // edge.denominator
+    assert known.contains_many([row, [row[0] + 1, *row[1:]]], unit) == [True, False]
+
+
+def test_what_is_no_difference_constraint_is_refused():
+    for coefficients, relation in (({"x": 1, "y": 1}, "<="), ({"x": 2, "y": -1}, "<="), ({"x": 1}, "<")):
+        with pytest.raises(InputError, match="no difference constraint"):
+            LiftedRegion(("a",), ("x", "y"), [LinearConstraint.of({**coefficients, "a": 1}, relation, 1)])
+    with pytest.raises(InputError, match="cannot read a region"):
+        LiftedRegion.from_dict({"parameters": ["a"]})
