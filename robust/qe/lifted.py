@@ -24,7 +24,7 @@ from robust.encode.interface import Linear, TimeVariable, Unknown, constant, var
 from robust.errors import InputError, UnsupportedError
 from robust.network.differences import Cycle, Elimination, delay, following, strong_components
 from robust.plan.model import TimePoint
-from robust.qe.box import Interval
+from robust.qe.box import Box, Interval
 from robust.qe.conjunctions import Conjunction
 from robust.qe.constraint import LinearConstraint
 from robust.qe.nnf import FALSE, TRUE, FormulaReader, Junction, Nnf, names_in
@@ -447,6 +447,16 @@ class LiftedRegion(Region):
             if not certain:
                 return super().point_outside(of)
         return None
+
+    def contains_box(self, box: Box) -> bool:
+        if box.is_empty or not box.intervals.keys() >= set(self.parameters):
+            return super().contains_box(box)
+        cycle, certain = self._worst_cycle(box.intervals)
+        if cycle is not None:
+            self._cut(cycle)
+        if any(side.meets(box) for side in self.known_sides()):
+            return False
+        return certain or super().contains_box(box)
 
     def _worst_cycle(self, box: Mapping[str, Interval]) -> tuple[Cycle | None, bool]:
         """A cycle that is positive where each bound is as large as it gets in a box; and whether none is certain."""

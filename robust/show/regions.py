@@ -380,6 +380,8 @@ def print_comparison(out: Console, result: Comparison, *, quiet: bool) -> None:
 
 
 def _compared_lines(region: RegionResult) -> Iterator[str]:
+    if isinstance(region.region, LiftedRegion):
+        return _lifted_lines(region.region, {})
     return region_lines(in_form(region.region, None), exact=region.is_exact)
 
 
