@@ -111,6 +111,8 @@ class Checker(Searching[CheckResult]):
     def __post_init__(self) -> None:
         super().__init__()
         self._statistics = Statistics()
+        self._obligations: Sequence[Obligation] | None = None
+        """None until their formulas are built, which may take longer than there is time."""
         self._answers: dict[str, Answer] = {}
         self._counterexamples: dict[str, Counterexample] = {}
         self._settled = 0
@@ -125,11 +127,13 @@ class Checker(Searching[CheckResult]):
             InputError: if the network has no schedule, whatever the parameter values.
             SolverError: if the simulator does not confirm a counterexample.
         """
-        if self._has_schedule():
-            self._examine()
+        existing = self._has_schedule()
+        self._obligations = self.encoding.obligations
+        if existing:
+            self._examine(self._obligations)
 
     def _result(self, status: Status, reason: str | None = None) -> CheckResult:
-        answers = {o.name: self._answers.get(o.name, Answer.UNKNOWN) for o in self.encoding.obligations}
+        answers = {o.name: self._answers.get(o.name, Answer.UNKNOWN) for o in self._obligations or ()}
         overall = self._overall(answers)
         # Each question ends by itself when time is out, or its solver fails.
         undecided = overall is Answer.UNKNOWN and status is not Status.INTERRUPTED
@@ -156,7 +160,7 @@ class Checker(Searching[CheckResult]):
     def _overall(self, answers: Mapping[str, Answer]) -> Answer:
         if self._counterexamples or self._reason:
             return Answer.REFUTED
-        complete = all(answer is Answer.PROVED for answer in answers.values())
+        complete = self._obligations is not None and all(answer is Answer.PROVED for answer in answers.values())
         return Answer.PROVED if complete and self._existence_known else Answer.UNKNOWN
 
     def _has_schedule(self) -> bool:
@@ -176,8 +180,7 @@ class Checker(Searching[CheckResult]):
                 return self._statistics.failure is not None
         return True
 
-    def _examine(self) -> None:
-        obligations = self.encoding.obligations
+    def _examine(self, obligations: Sequence[Obligation]) -> None:
         for index, obligation in enumerate(obligations):
             if self.on_obligation is not None:
                 self.on_obligation(index, len(obligations), obligation.name)

@@ -93,7 +93,8 @@ def test_interrupted_while_starting_or_encoding(slow_to_encode, verb, after):
     elif verb == "check":
         assert (answer["verdict"], answer["interrupted"]) == ("unknown", True)
     else:
-        assert (answer["status"], answer["verified"], answer["checks"]) == ("interrupted", False, 0)
+        assert (answer["status"], answer["verified"]) == ("interrupted", False)
+        assert answer["checks"] <= 1
 
 
 def test_time_limits(long, slow_to_encode, fifo):
