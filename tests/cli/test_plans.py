@@ -257,7 +257,7 @@ def test_a_plan_that_the_planner_repeats_in_vain_is_given_up(tmp_path):
 
 def sides(line):
     """The sides in a line that says what ends them, such as `a ≥ 4, b ≥ 40: because`."""
-    ended = re.fullmatch(r"  (\w+ [<≤=≥>] \S+(?:, \w+ [<≤=≥>] \S+)*): .*", line)
+    ended = re.fullmatch(r"  (\w[\w -]* [<≤=≥>] \S+(?:, \w[\w -]* [<≤=≥>] \S+)*): .*", line)
     return ended[1].split(", ") if ended else []
 
 

@@ -188,7 +188,8 @@ def test_nothing_is_cut_at_60_columns(name):
     assert narrow.out
     lines = [line for line in narrow.out.splitlines() if len(line) > 60]
     assert not [line for line in lines if " " in line.strip()], lines  # a path has no place to be broken at
-    lost = words_of(wide.out) - words_of(narrow.out)
+    # Where no table has room, headings stand before each value, with a colon.
+    lost = words_of(wide.out) - words_of(narrow.out) - words_of(narrow.out.replace(":", ""))
     assert not {word for word in lost if len(word) < 50}, lost
 
 
