@@ -95,7 +95,7 @@ def test_numbers_stay_exact():
 def test_conversion_there_and_back():
     problem = deliveries()
     assert validate(*from_unified_planning(problem, plan_of(problem))).valid
-    conversion = converted(problem)
+    conversion = converted(problem, free_durations=True)
     assert conversion.check.answer is Answer.PROVED
     returned = to_unified_planning(conversion.stn, problem)
     bounds = {
@@ -121,7 +121,7 @@ def test_plans_of_all_kinds_there_and_back():
     sequential = basic.valid_plans[0]
     again = to_unified_planning(from_unified_planning(basic.problem, sequential)[2], basic.problem)
     assert str(again) == str(sequential)
-    network = to_unified_planning(converted(problem).stn, problem)
+    network = to_unified_planning(converted(problem, free_durations=True).stn, problem)
     read = from_unified_planning(problem, network)[2]
     assert isinstance(read, STNPlan)
     before, after = (
@@ -278,7 +278,7 @@ def test_reasons_actions_and_traces():
 
 def test_networks_are_judged_for_every_schedule():
     problem = deliveries()
-    network = to_unified_planning(converted(problem).stn, problem)
+    network = to_unified_planning(converted(problem, free_durations=True).stn, problem)
     assert judged(problem, network)
     # The same network, but driving may take longer than the fuel lasts.
     looser = [(a, lower, Fraction(7) if upper == 6 else upper, b) for a, lower, upper, b in edges(network)]
@@ -294,7 +294,7 @@ def test_networks_are_judged_for_every_schedule():
 @pytest.mark.parametrize("end", [None, Fraction(4)])
 def test_the_end_of_the_plan_bounds_its_actions(end):
     problem = deliveries(deadline=Fraction(5))
-    network = to_unified_planning(converted(problem).stn, problem)
+    network = to_unified_planning(converted(problem, free_durations=True).stn, problem)
     kinds = up.TimepointKind
     nodes = {node for source, _, _, target in edges(network) for node in (source, target)}
     by_action = {(one.action_instance and one.action_instance.action.name, one.kind): one for one in nodes}
