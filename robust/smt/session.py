@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from fractions import Fraction
+from functools import cache
 from importlib import import_module
 from io import StringIO
 from pathlib import Path
@@ -105,6 +106,26 @@ class Backend(ABC):
         return {symbol.symbol_name(): _python_value(self._solver.get_value(symbol)) for symbol in symbols}
 
 
+@cache
+def _context_class() -> Any:
+    """z3's context, forgotten before it is freed.
+
+    z3's own class frees first: Ctrl-C raised in between leaves a pointer that the translations, finalised after it,
+    would follow.
+    """
+    import z3  # noqa: PLC0415 - slow to import
+
+    class Context(z3.Context):  # type: ignore[misc]
+        def __del__(self) -> None:
+            context: Any = self.ref()
+            self.ctx = None
+            self.eh = None
+            if context is not None and self.owner and z3.Z3_del_context is not None:
+                z3.Z3_del_context(context)
+
+    return Context
+
+
 class Z3(Backend):
     """z3 stops at once on Ctrl-C and keeps time limits by itself."""
 
@@ -121,7 +142,7 @@ class Z3(Backend):
         if self.name not in terms.translations:
             question = current_question()
             if question is not None and not question.first:
-                question.context = question.context or z3.Context()
+                question.context = question.context or _context_class()()
                 solver.converter = type(solver.converter)(terms.environment, question.context)
             terms.translations[self.name] = solver.converter
         solver.converter = terms.translations[self.name]

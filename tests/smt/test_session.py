@@ -22,7 +22,7 @@ from robust.api import check, envelope
 from robust.encode.interface import Auxiliary, constant, variable
 from robust.errors import SolverError, UnsupportedError
 from robust.plan.model import ZERO, Or, Parameter, ParameterReference, Relation
-from robust.smt.limits import Deadline
+from robust.smt.limits import Deadline, current_question, one_question
 from robust.smt.session import BACKENDS, Exporter, Satisfiability, Session, Statistics, smtlib
 from robust.smt.terms import Terms
 from tests.children import is_running
@@ -309,3 +309,24 @@ def test_scripts_of_nothing_of_exact_numbers_and_of_questions_of_several_lines(t
     for relation, answer in ((terms.equal, "sat"), (terms.greater, "unsat")):
         text = smtlib(terms, [terms.equal(x.scaled(tiny) - tiny * 2), relation(x - 2)], "exact", answer)
         assert agree(text) == answer
+
+
+def test_ctrl_c_while_a_context_is_freed_leaves_no_pointer_to_it(terms, monkeypatch) -> None:
+    """What is finalised after a context asks it whether it is still there; a signal is raised once freeing returns."""
+    with one_question():
+        question = current_question()
+        assert question is not None
+        question.first = False
+        Session(terms, solver="z3")
+        context = question.context
+    pointer, freed = context.ref(), []
+
+    def interrupted(freed_pointer: object) -> None:
+        freed.append((freed_pointer, context.ref()))
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched, suppress(KeyboardInterrupt):
+        patched.setattr(z3, "Z3_del_context", interrupted)
+        context.__del__()
+    assert freed == [(pointer, None)]
+    context.ctx = pointer
