@@ -23,8 +23,8 @@ from .claims import Box, Claim, Range, check, nominal
 from .proofs import Rejected, Tape, demand
 from .reader import Ground, Unsupported, ground, need, number
 
-FORMAT, OLD, LATE = "robust/certificate/2", "robust/certificate/1", (3, "unknown")
-KINDS = ("plan", "box", "maximal", "region", "knowledge", "execution")
+FORMAT, LATE = "robust/certificate/2", (3, "unknown")
+KINDS = ("plan", "box", "maximal", "region", *(CHOICES := ("knowledge", "execution")))
 MALFORMED = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
 LONGEST, EXPANDED = 1 << 20, 32  # bytes of a certificate that is unpacked: these, and as many for each of its own
 SMALL = 120_000
@@ -57,24 +57,20 @@ def checked(certificate: Path, files: list[Path], epsilon: Fraction, inputs: Inp
     """What the certificate establishes of the files."""
     lines = lines_of(certificate)
     first = json.loads(next(lines, "null"))
-    if type(first) is dict and first.get("format") == OLD:
-        raise Rejected(f"found a certificate of format {OLD}, expected {FORMAT}: make it anew with `robust certify`")
     demand(type(first) is list and len(first) == 3 and first[0] == FORMAT, f"expected a certificate of format {FORMAT}")
-    _, kind, stated = first
-    demand(kind in KINDS, "the certificate is of an unknown kind")
-    with_choices = kind in ("knowledge", "execution")
-    demand(len(files) == (1 if with_choices else 3), f"a certificate of kind {kind} is about other files")
-    if with_choices:
+    demand((kind := first[1]) in KINDS, "the certificate is of an unknown kind")
+    demand(len(files) == (1 if kind in CHOICES else 3), f"a certificate of kind {kind} is about other files")
+    if kind in CHOICES:
         network = network_of(inputs.text("network", files[0]))
         domain, problem = (inputs.text(each, files[0].parent / network[each]) for each in ("domain", "problem"))
-        claim = check_choices(Tape(lines), (network, domain, problem), kind, stated, epsilon)
+        claim = check_choices(Tape(lines), (network, domain, problem), kind, first[2], epsilon)
         claim.text += f", of domain {network['domain']!a} and problem {network['problem']!a}"
         require_choices(claim, demanded)
         return claim
     domain, problem, text = (inputs.text(each, path) for each, path in zip(("domain", "problem", "plan"), files))
     beside = files[2].with_suffix(".toml")
     plan = ground(domain, problem, text, inputs.text("parameters", beside) if beside.is_file() else "")
-    claim = check(Tape(lines), plan, kind, stated, epsilon)
+    claim = check(Tape(lines), plan, kind, first[2], epsilon)
     require(plan, claim, demanded)
     return claim
 
@@ -134,8 +130,8 @@ def report(arguments: Any, inputs: Inputs) -> tuple[int, dict[str, Any]]:
         return code, {"verdict": verdict, "reason": plain(str(error) or "out of memory")}
     except MALFORMED as error:
         return 1, {"verdict": "rejected", "reason": f"malformed ({type(error).__name__})"}
-    text = plain(f"{claim.text}, epsilon = {claim.epsilon}")
-    answer: dict[str, Any] = {"verdict": "established", "kind": claim.kind, "claim": text, "epsilon": str(epsilon)}
+    answer: dict[str, Any] = {"verdict": "established", "kind": claim.kind, "epsilon": str(epsilon)}
+    answer["claim"] = plain(f"{claim.text}, epsilon = {epsilon}")
     box = None if claim.box is None else {name: ends_of(each) for name, each in claim.box.items()}
     return 0, answer | {"box": box, "obligations": claim.obligations, "refuted": claim.refuted}
 
@@ -184,9 +180,8 @@ def main() -> int:
         print(json.dumps(answer | {"files": inputs.digests}))
     else:
         print(f"{answer['verdict']}: {answer.get('claim') or answer['reason']}")
-        for kind, digest in inputs.digests.items() if not code else ():
-            print(f"of {kind}: sha256 {digest}")
         if not code:
+            print(*(f"of {kind}: sha256 {digest}" for kind, digest in inputs.digests.items()), sep="\n")
             print(f"checked: {answer['obligations']} obligations, {answer['refuted']} of them not constant")
     return code
 

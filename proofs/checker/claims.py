@@ -3,7 +3,7 @@
 The robustness envelope holds the parameter values, within the declared bounds, that leave some schedule of the network
 and no schedule that breaks an obligation. Good values: one schedule, linear in the parameters, that keeps the network,
 and a refutation of the violation of every obligation. Bad values: a circle of constraints that no times keep, or one
-schedule that keeps the network and breaks one obligation.
+schedule that keeps the network and breaks one obligation, or some obligations of which every such schedule breaks one.
 """
 
 from collections.abc import Iterator
@@ -17,6 +17,7 @@ from .reader import Fact, Ground, Linear, constant, need
 
 SEGMENT = "~"
 """How far along a segment: more than 0, and at most 1."""
+SCHEDULED = ", as far as the constraints of the plan have a schedule"
 
 
 class Range(NamedTuple):
@@ -137,25 +138,29 @@ def box_of(ground: Ground, stated: object) -> Box:
 
 def bad(tape: Tape, ground: Ground, claim: Claim, region: list[Fact], given: dict[str, Linear]) -> None:
     """No value of a region is in the envelope; `given` are the parameters as expressions over the region's names."""
-    names = {SEGMENT} if given else set(ground.parameters)
-    kind, *rest = tape.next("cycle", "broken")
+    kind, *rest = tape.next("cycle", "broken", "every")
     if kind == "cycle":
         steps, multiples = listed(rest, 2)
         start, end, total = way(ground.edges, steps, len(ground.points))
         demand(start is not None and start == end, "the constraints do not form a circle")
         Facts(region).imply(replaced(total, given), multiples, strictly=True)
         return
-    number, texts, proofs, instant = listed(rest, 4)
-    times = [linear(text, names) for text in listed(texts, len(ground.points) - 1)]
-    given = given | {f"@{point}": time for point, time in enumerate(times, start=1)}
-    if instant is not None:
-        given[f"!{whole(number)}"] = linear(instant, names)
-    formulas = Formulas(ground, claim.epsilon, given)
-    facts = Facts(region)
-    for edge, multiples in zip(ground.edges, listed(proofs, len(ground.edges))):
-        facts.imply(formulas.slack(edge), multiples)
+    if kind == "every":
+        demand(not given, "found every schedule on a segment")
+        numbers, formulas = listed(*listed(rest, 1)), Formulas(ground, claim.epsilon)
+        facts = Facts(region, formulas)
+    else:
+        number, texts, proofs, instant = listed(rest, 4)
+        numbers, names = [whole(number)], {SEGMENT} if given else set(ground.parameters)
+        times = [linear(text, names) for text in listed(texts, len(ground.points) - 1)]
+        given = given | {f"@{point}": time for point, time in enumerate(times, start=1)}
+        given |= {} if instant is None else {f"!{number}": linear(instant, names)}
+        formulas, facts = Formulas(ground, claim.epsilon, given), Facts(region)
+        for edge, multiples in zip(ground.edges, listed(proofs, len(ground.edges))):
+            facts.imply(formulas.slack(edge), multiples)
     obligations = formulas.obligations()
-    refute(tape, formulas, facts, -obligations[whole(number, len(obligations))][1]())
+    kept = [-obligations[whole(number, len(obligations))][1]() for number in numbers]
+    refute(tape, formulas, facts, formulas.circuit.all(kept))
 
 
 def check_faces(tape: Tape, ground: Ground, claim: Claim, box: Box, name: str) -> None:
@@ -176,20 +181,19 @@ def check_faces(tape: Tape, ground: Ground, claim: Claim, box: Box, name: str) -
         demand(away > 0 if closed else away == 0, "the segment does not begin just outside of the face")
         for other in box.keys() - {name}:
             closure = box[other]._replace(lower_closed=True, upper_closed=True)
-            inside = closure.holds(limit[other]) and box[other].holds(beyond[other])
-            demand(inside, "the segment leaves the box in another direction")
+            demand(closure.holds(limit[other]) and box[other].holds(beyond[other]), "the segment leaves the box")
         given = {each: plus(constant(limit[each]), plus({}, {SEGMENT: beyond[each] - limit[each]})) for each in box}
         segment: list[Fact] = [({SEGMENT: Fraction(1)}, True), ({SEGMENT: Fraction(-1), "": Fraction(1)}, False)]
         bad(tape, ground, claim, segment, given)
 
 
 def check_region(tape: Tape, ground: Ground, claim: Claim) -> None:
-    """All values within the declared bounds are good but those in bad polyhedra; schedules are given piece by piece."""
-    names = ground.parameters
-    bounds = [fact for name in names for fact in declared(ground, name).facts(name)]
+    """All values within the declared bounds are good but those in bad polyhedra. Schedules are given piece by piece, or
+    those without one are what else the region lacks: the rest is whatever the network leaves a schedule."""
+    bounds = [fact for name in ground.parameters for fact in declared(ground, name).facts(name)]
     claim.removed, good = [], list(bounds)
     while (line := tape.next("bad", "good"))[0] == "bad":
-        piece = sides(listed(line, 2)[1], names)
+        piece = sides(listed(line, 2)[1], ground.parameters)
         demand(all(form.keys() - {""} for form, _ in piece), "found a side without parameters")
         bad(tape, ground, claim, [*piece, *bounds], {})
         claim.removed.append(piece)
@@ -201,14 +205,16 @@ def check_region(tape: Tape, ground: Ground, claim: Claim) -> None:
     outside = [-inside(formulas, piece) for piece in claim.removed if len(piece) != 1]
     orders(tape, formulas, facts)
     claim.obligations, claim.refuted = all_hold(tape, formulas, facts, outside)
-    while (line := tape.next("piece", "rest"))[0] == "piece":
-        piece = sides(listed(line, 2)[1], names)
+    while (line := tape.next("piece", "rest", "network"))[0] == "piece":
+        piece = sides(listed(line, 2)[1], ground.parameters)
         schedule(tape, formulas, Facts([*piece, *good]))
         outside.append(-inside(formulas, piece))
     listed(line, 1)
-    refute(tape, formulas, Facts(good), formulas.circuit.all(outside))
+    if line[0] == "rest":
+        refute(tape, formulas, Facts(good), formulas.circuit.all(outside))
     shown = "".join(f", without {text_of(piece)}" for piece in claim.removed)
     claim.text = f"the robustness envelope is exactly the declared bounds{shown}"
+    claim.text += SCHEDULED if line[0] == "network" else ""
 
 
 def inside(formulas: Formulas, piece: list[Fact]) -> int:

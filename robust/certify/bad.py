@@ -14,7 +14,7 @@ from functools import cache
 from math import lcm
 
 from robust.certify import tape
-from robust.certify.checker.formulas import FALSE, Formulas, plus, replaced
+from robust.certify.checker.formulas import FALSE, TRUE, Formulas, plus, replaced
 from robust.certify.checker.reader import Ground, Linear, constant
 from robust.certify.hints import Fact, KnownFacts, Line, LinearSide, Model, implied, model, refutation
 from robust.encode.interface import Encoding, Range
@@ -23,9 +23,10 @@ from robust.irr.widen import DiscoveredBadSet
 from robust.qe.box import Box, Interval
 from robust.qe.box import Side as End
 from robust.qe.constraint import LinearConstraint, Sense
+from robust.qe.lifted import LiftedRegion
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region, outside
-from robust.qe.simplex import Tableau
+from robust.qe.simplex import Tableau, feasible_point
 from robust.smt.limits import Deadline
 
 SEGMENT = "~"
@@ -73,10 +74,13 @@ class Reasons:
         self._literals: dict[int, int] = {}
         self._first: dict[int, None] = {}  # those that broke, the last one last: they will elsewhere, too
 
-    def breaking(self, assumed: Sequence[LinearSide], like: str = "") -> tuple[int, Model] | None:
+    def breaking(
+        self, assumed: Sequence[LinearSide], like: str = "", *, instants: bool = True
+    ) -> tuple[int, Model] | None:
         """An obligation, by number, that some schedule breaks where the assumptions hold, and how.
 
-        Those about the same as `like`, the name of one that may break as this package writes it, are tried first.
+        Those about the same as `like`, the name of one that may break as this package writes it, are tried first, and
+        those about instants inside of actions not without `instants`.
         """
         about = _about(like)
         tried = list(dict.fromkeys([*reversed(self._first), *range(len(self._obligations))]))
@@ -84,7 +88,7 @@ class Reasons:
         for number in tried:
             if number not in self._literals:
                 self._literals[number] = self._obligations[number][1]()
-            if self._literals[number] == FALSE:
+            if self._literals[number] == FALSE or (f"!{number}" in self.formulas.instants and not instants):
                 continue
             how = model(self.formulas, self._network, self._literals[number], self._deadline, assumed)
             if how is not None:
@@ -108,10 +112,7 @@ class Reasons:
             around = Polyhedron(self._names, (side_of(total, True),))
             region = [*facts_of(around.constraints), *bounds]
             return around, [["cycle", circle, tape.sums(implied(KnownFacts(region), total, strictly=True))]]
-        pins = [
-            LinearSide.of(plus({name: s}, constant(s * point[name]), -1), False) for name in self._names for s in _SIGNS
-        ]
-        broken = self.breaking(pins)
+        broken = self.breaking(_pins({name: point[name] for name in self._names}))
         if broken is None:
             raise UnsupportedError(f"nothing breaks at {dict(point)}, which is outside of the region")
         number, how = broken
@@ -119,6 +120,44 @@ class Reasons:
         around = self._widened(number, values, around, bounds)
         region = [*facts_of(around.constraints), *bounds]
         return around, [*self.broken(number, values, region, {})]
+
+    def always(self, piece: Polyhedron, point: tape.Point, bounds: Sequence[Fact], like: str) -> list[Line]:
+        """That every schedule of the network breaks something, perhaps what is `like` this, all over a polyhedron, in
+        which this point is.
+
+        Raises:
+            UnsupportedError: if some may be.
+            OutOfTimeError: if the deadline passes.
+        """
+        region = [*facts_of(piece.constraints), *bounds]
+        at = {name: point[name] for name in self._names}
+        circle = tape.positive_circle(self._ground, at)
+        if circle is not None:
+            around, lines = self.piece(at, bounds)
+            if around.equals(piece):
+                return lines
+        known = KnownFacts([*region, *((slack, False) for slack in self._slacks)])
+        formulas = Formulas(self._ground, self._epsilon)
+        obligations = formulas.obligations()
+        numbers: list[int] = []
+        kept = TRUE
+        # First what breaks with all else as it is at the point: that is nearly always enough.
+        inside = {name for side in piece.constraints for name in side.parameters}
+        pins = _pins({name: value for name, value in at.items() if name not in inside})
+        while (how := model(formulas, known, kept, self._deadline, pins)) is not None or pins:
+            if how is None:
+                pins = []
+                continue
+            schedule = {name: value for name, value in how.point.items() if name in self._names or name[0] == "@"}
+            broken = self.breaking(_pins(schedule), like, instants=False)
+            if broken is None or broken[0] in numbers:
+                raise UnsupportedError(f"found a valid schedule of values like {at}, which are outside of the region")
+            numbers.append(broken[0])
+            kept = formulas.circuit.all([-obligations[number][1]() for number in numbers])
+        formulas = Formulas(self._ground, self._epsilon)  # as the checker makes them
+        obligations = formulas.obligations()
+        kept = formulas.circuit.all([-obligations[number][1]() for number in numbers])
+        return [["every", numbers], refutation(formulas, known, kept, self._deadline)]
 
     def _widened(
         self, number: int, values: Mapping[str, Linear], around: Polyhedron, bounds: Sequence[Fact]
@@ -176,7 +215,10 @@ def _about(name: str) -> tuple[str, ...]:
     return tuple(words if words[:1] == ["separation"] else words[:1])
 
 
-_SIGNS = (Fraction(1), Fraction(-1))
+def _pins(point: tape.Point) -> list[LinearSide]:
+    """That unknowns have these values."""
+    signs = (Fraction(1), Fraction(-1))
+    return [LinearSide.of({name: sign, "": -sign * value}, False) for name, value in point.items() for sign in signs]
 
 
 def _vertex(wanted: Sequence[Fact], unknowns: Sequence[str], point: tape.Point) -> dict[str, Linear]:
@@ -262,9 +304,7 @@ def region_lines(ground: Ground, epsilon: Fraction, region: Region, *, deadline:
     base = Polyhedron(names, tuple(side_of(form, strict) for form, strict in good))
     formulas = Formulas(ground, epsilon)
     outside_of = [-_inside(formulas, piece) for piece in covered]
-    extents = ((name, base.extent(name)) for name in names)
-    ranges: dict[str, Range] = {name: (e.lower, e.upper) if e is not None else (None, None) for name, e in extents}
-    lines += [["good"], *tape.obligation_lines(formulas, good, ranges, outside_of, deadline=deadline)]
+    lines += [["good"], *tape.obligation_lines(formulas, good, _ranges(base), outside_of, deadline=deadline)]
     for point in uncovered(base, covered):
         deadline.enforce()
         piece, times = _scheduled(formulas, point)
@@ -273,6 +313,39 @@ def region_lines(ground: Ground, epsilon: Fraction, region: Region, *, deadline:
         facts = [*facts_of(piece.constraints), *good]
         lines += [["piece", _shown(piece)], *tape.schedule_lines(formulas, facts, times)]
     return [*lines, ["rest"], refutation(formulas, KnownFacts(good), formulas.circuit.all(outside_of), deadline)]
+
+
+def lifted_lines(ground: Ground, epsilon: Fraction, region: LiftedRegion, *, deadline: Deadline) -> list[Line]:
+    """The same of a region with times: all is good that the network leaves a schedule, but for demands on parameters.
+
+    No schedules are written down: linear ones would take a piece for each vertex of the network's polyhedron.
+    """
+    names, bounds = tuple(ground.parameters), declared_bounds(ground)
+    limits = facts_of(Polyhedron.of_box(names, bounds).constraints)
+    reasons = Reasons(ground, epsilon, bounds, deadline)
+    lines: list[Line] = []
+    good = list(limits)
+    kept = [*region.constraints, *(side_of(*limit) for limit in limits)]
+    for demand, origins in region.demanded.items():
+        kept.remove(demand)
+        for beyond in demand.negation():
+            deadline.enforce()
+            point = feasible_point((*names, *region.times), (*kept, beyond))
+            if point is not None:
+                piece = Polyhedron(names, (beyond,))
+                why = reasons.always(piece, point, limits, origins[0] if origins else "")
+                lines += [["bad", _shown(piece)], *why]
+                good += [(plus({}, form, -1), not strict) for form, strict in facts_of(piece.constraints)]
+                kept += beyond.negation()
+    formulas = Formulas(ground, epsilon)
+    ranges = _ranges(Polyhedron(names, tuple(side_of(form, strict) for form, strict in good)))
+    proofs = tape.obligation_lines(formulas, good, ranges, (), deadline=deadline)
+    return [*lines, ["good"], *proofs, ["network"]]
+
+
+def _ranges(polyhedron: Polyhedron) -> dict[str, Range]:
+    extents = ((name, polyhedron.extent(name)) for name in polyhedron.parameters)
+    return {name: (e.lower, e.upper) if e is not None else (None, None) for name, e in extents}
 
 
 def _shown(polyhedron: Polyhedron) -> Line:

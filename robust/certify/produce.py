@@ -9,7 +9,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeVar
 
-from robust.certify.bad import face_lines, region_lines
+from robust.certify.bad import face_lines, lifted_lines, region_lines
 from robust.certify.checker import choices, reader
 from robust.certify.hints import KnownFacts, Line, NotRefutedError, refutation
 from robust.certify.tape import FORMAT, Progress, good_lines, header
@@ -19,6 +19,7 @@ from robust.errors import Location, RefutedError, UnsupportedError
 from robust.plan.model import ParametrizedPlan
 from robust.plan.pddl.forms import read_text
 from robust.qe.box import Box
+from robust.qe.lifted import LiftedRegion
 from robust.qe.region import Region
 from robust.smt.limits import NEVER, Deadline
 
@@ -91,7 +92,11 @@ class PlanCertificate:
 
     def of_region(self, region: Region) -> list[Line]:
         """That a region is the whole envelope; errors as of :meth:`of_box`."""
-        lines = supported(lambda: region_lines(self.ground, self.epsilon, region, deadline=self.deadline))
+        ground, epsilon, deadline = self.ground, self.epsilon, self.deadline
+        if isinstance(region, LiftedRegion) and not region.is_empty:
+            lines = supported(lambda: lifted_lines(ground, epsilon, region, deadline=deadline))
+        else:
+            lines = supported(lambda: region_lines(ground, epsilon, region, deadline=deadline))
         return [header("region"), *lines]
 
     def _good(self, box: Box) -> list[Line]:

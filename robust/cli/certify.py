@@ -318,7 +318,7 @@ def _region(options: CertifyCommand, plan: ParametrizedPlan, deadline: Deadline)
     )
     if not result.is_exact:
         raise OutOfTimeError(result.reason)
-    return result.region
+    return result.region if result.lifted is None else result.lifted
 
 
 def _box(options: CertifyCommand, plan: ParametrizedPlan, deadline: Deadline) -> Box:

@@ -108,8 +108,14 @@ class LiftedRegion(Region):
     @cached_property
     def demands(self) -> Polyhedron:
         """The constraints on parameters alone."""
+        return Polyhedron(self.parameters, tuple(self.demanded))
+
+    @cached_property
+    def demanded(self) -> Mapping[LinearConstraint, Sequence[str]]:
+        """The constraints on parameters alone, with the statements that they come from."""
         times = set(self.times)
-        return Polyhedron(self.parameters, tuple(c for c in self.constraints if times.isdisjoint(c.parameters)))
+        known = zip(self.constraints, self._origins, strict=True)
+        return {c: origins for c, origins in known if times.isdisjoint(c.parameters)}
 
     @cached_property
     def _differences(self) -> list[tuple[int, int, int, LinearConstraint, tuple[str, ...]]]:

@@ -27,7 +27,7 @@ from benchmarks.generators.team_plans import Shape, random_plan
 from robust.api import check, envelope, region
 from robust.certify import bad, hints, tape
 from robust.certify.checker import reader
-from robust.certify.checker.claims import Claim
+from robust.certify.checker.claims import SCHEDULED, Claim
 from robust.certify.checker.formulas import FALSE, Formulas, plus
 from robust.certify.checker.proofs import RATIONAL
 from robust.certify.hints import KnownFacts, Line, NotRefutedError
@@ -43,6 +43,7 @@ from tests.certify import tools
 from tests.certify.texts import Texts, random_texts
 from tests.certify.tools import CHECKER, Checker
 from tests.execute.plans import drawn
+from tests.irr.building import schedule_of
 from tests.sampling import Network, sample_parameters, sample_schedules
 
 WAIT = Deadline.after(3600)
@@ -244,7 +245,7 @@ def plan_case(seed):
         return by.reader.ground(*texts)
 
     def is_true(claim):
-        return claim.kind == "region" and whole is not None and _same(claim, whole, plan, Random(seed))
+        return claim.kind == "region" and whole is not None and same_region(claim, whole, plan, Random(seed))
 
     return Case(f"plan {seed}", read, tools.checked, false, honest, is_true, lied)
 
@@ -257,17 +258,19 @@ def _honest(plan, ground, box, whole):
         yield [header("maximal", box), *lines, *faces]
         if whole is not None:
             yield [header("region"), *bad.region_lines(ground, tools.EPSILON, whole, deadline=WAIT)]
+            if (lifted := tools.lifted(plan)) is not None:
+                yield [header("region"), *bad.lifted_lines(ground, tools.EPSILON, lifted, deadline=WAIT)]
     except (RobustError, reader.Unsupported):
         return
 
 
-def _same(claim, whole, plan, random):
+def same_region(claim, whole, plan, random):
     """Whether the region that is claimed is the envelope, at many points within the declared bounds."""
     for _ in range(200):
         point = sample_parameters(plan, random, spread=random.choice([Fraction(2), Fraction(40)]))
         levels = [[(tape.evaluated(form, point), strict) for form, strict in piece] for piece in claim.removed or []]
         is_bad = any(all(level > 0 or (level == 0 and not strict) for level, strict in piece) for piece in levels)
-        if (point in whole) == is_bad:
+        if (point in whole) != (not is_bad and (SCHEDULED not in claim.text or schedule_of(plan, point) is not None)):
             return False
     return True
 
@@ -307,7 +310,21 @@ def _choices(instance, by=CHECKER):
 NUMBERS = [
     0, 1, -1, 2, 3, 7, -2, 10**20, "0", "1", "-1", "1/2", "1000", "2/4", True, False, None, 1.5, [], {},
 ]  # fmt: skip
-KINDS = ("orders", "schedule", "kept", "refute", "face", "cycle", "broken", "bad", "good", "piece", "rest")
+KINDS = (
+    "orders",
+    "schedule",
+    "kept",
+    "refute",
+    "face",
+    "cycle",
+    "broken",
+    "bad",
+    "good",
+    "piece",
+    "rest",
+    "network",
+    "every",
+)
 
 
 def invented(random, depth=0):

@@ -11,8 +11,9 @@ from benchmarks.suite import read_deliveries, read_suite
 from robust.api import check, envelope, region
 from robust.certify import tape
 from robust.certify.alethe import export
-from robust.certify.bad import declared_bounds, face_lines, region_lines
+from robust.certify.bad import declared_bounds, face_lines, lifted_lines, region_lines
 from robust.certify.checker import reader
+from robust.certify.checker.claims import SCHEDULED
 from robust.certify.checker.formulas import Formulas
 from robust.certify.produce import PlanCertificate, knowledge
 from robust.certify.tape import header
@@ -24,7 +25,7 @@ from robust.plan.load import load_plan
 from robust.qe.box import Box, Interval
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.certify import networks, tools
-from tests.certify.adversary import BESIDE, PLAIN, TABLES
+from tests.certify.adversary import BESIDE, PLAIN, TABLES, same_region
 from tests.certify.test_reader import meaningless
 from tests.certify.texts import Texts, random_texts
 from tests.pike_bridge.stories import sat_plan
@@ -39,8 +40,16 @@ def good(ground, box, solver="z3"):
 
 
 def assert_region_is_certified(plan, ground):
-    lines = region_lines(ground, tools.EPSILON, region(plan).region, deadline=soon())
+    """The region, and the same with times if it can be said so."""
+    whole = region(plan).region
+    lines = region_lines(ground, tools.EPSILON, whole, deadline=soon())
     assert not isinstance(tools.judged([header("region"), *lines], ground), str)
+    if (lifted := tools.lifted(plan)) is not None:
+        lines = lifted_lines(ground, tools.EPSILON, lifted, deadline=soon())
+        claim = tools.judged([header("region"), *lines], ground)
+        assert not isinstance(claim, str), claim
+        assert claim.text.endswith(SCHEDULED)
+        assert same_region(claim, whole, plan, Random(0))
 
 
 def assert_all_is_certified(plan, ground, solver="z3"):

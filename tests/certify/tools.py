@@ -16,12 +16,16 @@ from robust.certify.checker import choices, claims, formulas, proofs, reader
 from robust.certify.hints import Line
 from robust.certify.produce import PlanCertificate
 from robust.certify.tape import write
+from robust.encode.encoding import RelationalEncoding
 from robust.plan.load import assemble, load_plan
 from robust.plan.model import ParametrizedPlan
 from robust.plan.parameters import parse_parameter_file, toml_document
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.stn import parse_stn
 from robust.qe.box import Box
+from robust.qe.lifted import LiftedRegion, lifted_envelope
+from robust.qe.nnf import FormulaReader
+from robust.smt.limits import NEVER
 from tests.certify.texts import Texts
 
 EXAMPLES = Path(__file__).parents[2] / "robust" / "examples"
@@ -87,6 +91,13 @@ def assembled(texts: Sequence[str]) -> ParametrizedPlan:
     domain = parse_domain(texts[0])
     specs = parse_parameter_file(texts[3]) if "parameters" in toml_document("".join(texts[3:]), "beside") else ()
     return assemble(domain, parse_problem(texts[1], domain), parse_stn(texts[2]), specs, nominal_needed=False)
+
+
+def lifted(plan: ParametrizedPlan) -> LiftedRegion | None:
+    """The envelope as difference constraints between times, if one order is left and it is not empty."""
+    encoding = RelationalEncoding(plan)
+    known = lifted_envelope(encoding, FormulaReader(encoding.terms), NEVER)
+    return None if known is None or known.is_empty else known
 
 
 def grounded(files: Iterable[Path]) -> reader.Ground:
