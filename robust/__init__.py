@@ -14,7 +14,7 @@ from importlib import import_module
 TYPE_CHECKING = False  # true to type checkers; `typing` itself would delay the moment from which Ctrl-C is answered
 if TYPE_CHECKING:
     from robust import pike, stnu
-    from robust.api import batch, check, compare, envelope, rank, region, repair, risk
+    from robust.api import batch, check, compare, envelope, learn, rank, region, repair, risk
     from robust.errors import (
         InputError,
         InputWarning,
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     )
     from robust.execute.convert import Conversion, Mode
     from robust.execute.distances import InvalidPlanError
+    from robust.execute.learned import Learned
     from robust.execute.snap import TooFarError
     from robust.execute.validate import Verdict
     from robust.irr.check import Answer, CheckResult, Counterexample
@@ -51,10 +52,11 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _NAMES = {
-    "robust.api": "batch check compare envelope rank region repair risk",
+    "robust.api": "batch check compare envelope learn rank region repair risk",
     "robust.errors": "InputError InputWarning Location RefutedError RobustError SolverError UnsupportedError",
     "robust.execute.convert": "Conversion Mode",
     "robust.execute.distances": "InvalidPlanError",
+    "robust.execute.learned": "Learned",
     "robust.execute.snap": "TooFarError",
     "robust.execute.validate": "Verdict",
     "robust.irr.check": "Answer CheckResult Counterexample",
@@ -95,6 +97,7 @@ __all__ = [
     "InputWarning",
     "Interval",
     "InvalidPlanError",
+    "Learned",
     "Location",
     "Mode",
     "ParametrizedPlan",
@@ -123,6 +126,7 @@ __all__ = [
     "envelope",
     "export",
     "from_unified_planning",
+    "learn",
     "load_plan",
     "pike",
     "rank",

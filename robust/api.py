@@ -19,12 +19,13 @@ from robust.errors import InputError, did_you_mean
 from robust.numbers import Number
 from robust.options import verbs
 from robust.options.batch import BATCHES, AnyBatchOptions, BatchOptions
-from robust.options.declare import Options, Verb, place_of, settings, texts
+from robust.options.declare import Options, Settings, Verb, place_of, settings, texts
 from robust.reading import Plan, plan_of
 from robust.smt.limits import Deadline, OutOfTimeError, one_question
 
 if TYPE_CHECKING:
     from robust.encode.interface import Encoding, Range
+    from robust.execute.learned import Learned
     from robust.irr.check import CheckResult
     from robust.irr.compare import Comparison
     from robust.irr.proposals import Tolerance
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from robust.probability.distributions import Distribution
     from robust.probability.measure import Bounds
     from robust.probability.risk import RiskResult
+    from robust.qe.box import Box, Interval
     from robust.qe.compute import RegionResult, RegionSearch
     from robust.smt.session import Exporter
     from robust.sweeps.batch import Batch
@@ -143,6 +145,18 @@ def _tolerant(result: Judged, tolerance: Tolerance) -> Judged:
     return replace(result, tolerance=tolerance)
 
 
+def _intervals(plan: ParametrizedPlan, given: Settings | Box | EnvelopeResult, option: str) -> dict[str, Interval]:
+    """Intervals that an option gives; of several for a parameter, that for the fewest parameters counts."""
+    from robust.execute.randomness import parameters_by_action
+
+    groups = parameters_by_action(plan)
+    intervals: dict[str, Interval] = {}
+    said = settings(given, [parameter.name for parameter in plan.parameters], option, groups)
+    for name in sorted(said, key=lambda name: -len(groups.get(name, ()))):
+        intervals |= dict.fromkeys(groups.get(name, (name,)), said[name])
+    return intervals
+
+
 # -- check -------------------------------------------------------------------------------------------------------------
 
 
@@ -153,7 +167,7 @@ def searching_check(plan: ParametrizedPlan, options: verbs.CheckOptions) -> Anyt
     from robust.qe.box import Box
 
     require_nominal_values(plan.parameters)
-    box = Box.nominal(plan.parameters).changed(settings(options.at, [parameter.name for parameter in plan.parameters]))
+    box = Box.nominal(plan.parameters).changed(_intervals(plan, options.at, "at"))
 
     def make(formulas: Encoding, deadline: Deadline, exporter: Exporter | None) -> AnytimeSearch[CheckResult]:
         return Checker(
@@ -387,7 +401,7 @@ def searching_repair(plan: ParametrizedPlan, options: verbs.RepairOptions) -> Re
     from robust.irr.repair import RepairSearch
     from robust.plan.load import require_nominal_values
 
-    required = settings(options.require, [parameter.name for parameter in plan.parameters], "require")
+    required = _intervals(plan, options.require, "require")
     require_nominal_values(parameter for parameter in plan.parameters if parameter.name not in required)
     return RepairSearch(
         plan,
@@ -501,6 +515,54 @@ def rank(
             on_plan=on_plan,
         )
         return searching_rank(domain, problem, plans, options).run()
+
+
+# -- from logs ---------------------------------------------------------------------------------------------------------
+
+
+def learn(
+    logs: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    *,
+    cover: Number = "0.95",
+    confidence: Number = "0.95",
+    pool: bool = False,
+    domain: str | os.PathLike[str] | None = None,
+) -> Learned:
+    """Learn how long actions take from logs of their runs, without assuming a distribution.
+
+    Args:
+        logs: a file, or several in the order of time: CSV, messages of PlanSys2, executions, see [docs/formats.md].
+        cover: the share of future runs that a limit covers.
+        confidence: the confidence with which it does.
+        pool: whether all ground instances of an action are taken together.
+        domain: a PDDL domain whose actions are the only ones that may be in the logs.
+
+    Returns:
+        For each action limits that hold as promised if runs are independent and alike, how many runs they need, whether
+        later runs differ from earlier ones, and how many failed. `box` is for `at` and `require` of other functions.
+
+    Raises:
+        InputError: wrong options, or whatever is wrong in a log, with its line.
+    """
+    given = (logs,) if isinstance(logs, str | os.PathLike) else tuple(logs)
+    options = verbs.LearnOptions(
+        cover=cover, confidence=confidence, pool=pool, domain=None if domain is None else Path(domain)
+    )
+    return learn_from(given, options)
+
+
+def learn_from(logs: Sequence[str | os.PathLike[str]], options: verbs.LearnOptions) -> Learned:
+    """What logs say, with options that have been checked; see :func:`learn`."""
+    from robust.execute import learned
+    from robust.plan.pddl.reader import read_domain
+
+    return learned.learn(
+        logs,
+        cover=Fraction(options.cover),
+        confidence=Fraction(options.confidence),
+        pool=options.pool,
+        known=() if options.domain is None else read_domain(options.domain).actions,
+    )
 
 
 # -- many plans --------------------------------------------------------------------------------------------------------

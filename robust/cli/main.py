@@ -27,6 +27,7 @@ COMMANDS: dict[str, Command | Group] = {
     "compare": Command("The exact region beside all boxes: IRR, CCMMZ and exact ones.", "robust.cli.plans:compare"),
     "risk": Command("How likely does a plan succeed?", "robust.cli.plans:risk"),
     "rank": Command("Which of several plans of one problem bears most?", "robust.cli.plans:rank"),
+    "learn": Command("How long do actions take, by logs of their runs?", "robust.cli.plans:learn"),
     "repair": Command("The least change after which a plan is valid, or robust enough.", "robust.cli.plans:repair"),
     "validate": Command("Is a plan valid as it stands, at the times that it says?", "robust.cli.execution:validate"),
     "convert": Command("Make a flexible plan of a planner's output.", "robust.cli.execution:convert"),

@@ -352,6 +352,30 @@ def rank(options: verbs.RankCommand, run: Run) -> int:
     return 0 if any(plan.fitness.value == "valid" for plan in result.plans) else 1
 
 
+@action(verbs.LearnCommand)
+def learn(options: verbs.LearnCommand, run: Run) -> int:
+    """How long do actions take, by logs of their runs, and within which limits will they end?
+
+    No distribution is assumed: a limit is an observed duration, so long that it covers the wanted share of future runs
+    with the wanted confidence, if runs are independent and alike; whether later runs differ is tested.
+    """
+    from robust.api import learn_from
+    from robust.show.presenting import print_result
+
+    result = run.only(lambda: learn_from(options.logs, options))
+
+    def tell(out: Console) -> None:
+        if options.as_box:
+            out.print(result.box_text().rstrip("\n"), soft_wrap=True)
+        else:
+            print_result(out, result, quiet=options.quiet)
+
+    run.answer(result.as_dict, tell)
+    if options.output is not None:
+        run.write(partial(atomic_write, options.output, result.world(), place_of("output")))
+    return 0
+
+
 @action(verbs.RepairCommand)
 def repair(options: verbs.RepairCommand, run: Run) -> int:
     """What is the least change after which a plan is valid for every schedule that its network then allows?

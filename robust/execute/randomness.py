@@ -103,3 +103,13 @@ def _lengths(plan: ParametrizedPlan) -> dict[str, str]:
             if factor == 1 and length.constant_term == 0:
                 owners.setdefault(str(unknown), instance)
     return owners
+
+
+def parameters_by_action(plan: ParametrizedPlan) -> dict[str, list[str]]:
+    """The parameters that are durations, by `duration:` and an action, a ground action, or an instance."""
+    groups: dict[str, list[str]] = {}
+    for parameter, identifier in _lengths(plan).items():
+        instance = plan.instance[identifier]
+        for name in dict.fromkeys((identifier, str(instance), instance.action)):
+            groups.setdefault(f"duration:{name}", []).append(parameter)
+    return groups

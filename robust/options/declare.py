@@ -12,6 +12,7 @@ from __future__ import annotations
 import inspect
 import os
 import textwrap
+import warnings
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -34,7 +35,7 @@ from typing import (
     dataclass_transform,
 )
 
-from robust.errors import InputError, Location, did_you_mean, missing
+from robust.errors import InputError, InputWarning, Location, did_you_mean, missing
 from robust.numbers import EXPECTED_NUMBER, Number, exact, parse_number, quoted, shorten
 from robust.smt.limits import one_question
 
@@ -258,7 +259,7 @@ class Options:
             if option.path and name not in WRITTEN and (value := getattr(self, name)):
                 for file in map(Path, value if option.many else [value]):
                     uses[os.path.realpath(file)] = "which is read"
-                    if option.argument and file.suffix not in {"", ".pddl"}:
+                    if option.argument and name != "logs" and file.suffix not in {"", ".pddl"}:
                         beside = os.path.realpath(file.with_suffix(".toml"))
                         uses.setdefault(beside, f"where parameters of {quoted(file)} are read")
         for name in WRITTEN:
@@ -319,6 +320,14 @@ def positive(value: Number, place: Location) -> Fraction:
     number = exact(value, place)
     if number <= 0:
         raise InputError(f"found {shorten(str(value))}, expected a number above 0", place)
+    return number
+
+
+def proper_share(value: Number, place: Location) -> Fraction:
+    """InputError unless it is a number between 0 and 1, neither of them."""
+    number = exact(value, place)
+    if not 0 < number < 1:
+        raise InputError(f"found {shorten(str(value))}, expected a number above 0 and below 1", place)
     return number
 
 
@@ -440,19 +449,24 @@ Settings = Mapping[str, "Number | Interval | Range"] | str | Sequence[str]
 
 
 def settings(
-    given: Settings | Box | EnvelopeResult, known: Sequence[str] | None, option: str = "at"
+    given: Settings | Box | EnvelopeResult,
+    known: Sequence[str] | None,
+    option: str = "at",
+    groups: Collection[str] = (),
 ) -> dict[str, Interval]:
     """Values and intervals of parameters, each at most once, as intervals; an envelope is its box.
 
     Args:
-        given: the values.
+        given: the values; among texts, `@FILE` stands for the lines of a file, of which those about what is not known
+            are skipped with a warning.
         known: the plan's parameters; None if somebody else says what is none.
         option: what errors are about.
+        groups: names that are known as well.
 
     Raises:
         InputError: for anything else, or an envelope whose box is not verified.
     """
-    from robust.qe.box import Box, Interval  # noqa: PLC0415 - options are read before anything else is imported
+    from robust.qe.box import Box  # noqa: PLC0415 - options are read before anything else is imported
 
     intervals: dict[str, Interval] = {}
     if not isinstance(given, Mapping | str | Sequence):
@@ -463,32 +477,61 @@ def settings(
             expected = "a box, an envelope, or values and intervals by parameter"
             raise InputError(f"found {shorten(repr(given))}, expected {expected}", place_of(option))
         given = box.intervals
+
+    def is_known(name: str) -> bool:
+        return known is None or name in known or name in groups
+
     if isinstance(given, Mapping):
         for name, setting in given.items():
-            if known is not None and name not in known:
-                raise InputError(f"unknown parameter {name!r}{did_you_mean(str(name), known)}")
+            if not is_known(name):
+                raise InputError(f"unknown parameter {name!r}{did_you_mean(str(name), known or ())}")
             intervals[name] = _setting_of(setting, place_of(option, name))
         return intervals
-    given = texts(given, place_of(option))
-    for text in given:
-        place = place_of(option, text)
+    for text, place in _lines(texts(given, place_of(option)), is_known, option):
         name, equals, value = (part.strip() for part in text.partition("="))
         if not equals or not name:
             raise InputError(f"found {shorten(text)}, expected NAME=VALUE or NAME=LOW:HIGH", place)
-        if known is not None and name not in known:
-            raise InputError(f"found unknown parameter {shorten(name)}{did_you_mean(name, known)}", place)
+        if not is_known(name):
+            raise InputError(f"found unknown parameter {shorten(name)}{did_you_mean(name, known or ())}", place)
         if name in intervals:
             raise InputError(f"found a second value for {shorten(name)}, expected one", place)
-        low, colon, high = (part.strip() for part in value.partition(":"))
-        if not colon:
-            number = parse_number(low, place)
-            intervals[name] = Interval(number, number)
-            continue
-        lower, upper = _end(low, place), _end(high, place)
-        if low in {"inf", "+inf"} or high == "-inf" or (lower is not None and upper is not None and lower > upper):
-            raise InputError(f"found {shorten(value)}, expected LOW:HIGH with LOW not above HIGH", place)
-        intervals[name] = Interval(lower, upper, lower_closed=lower is not None, upper_closed=upper is not None)
+        intervals[name] = _interval_of(value, place)
     return intervals
+
+
+def _lines(given: Iterable[str], is_known: Callable[[str], bool], option: str) -> Iterator[tuple[str, Location]]:
+    """Texts, and for `@FILE` the lines of a file about what is known, each with its place."""
+    for text in given:
+        if not text.startswith("@"):
+            yield text, place_of(option, text)
+            continue
+        from robust.plan.pddl.forms import read_text  # noqa: PLC0415 - as above
+
+        lines = [line.strip() for line in read_text(text[1:]).split("\n")]
+        said = [(line, Location(text[1:], at)) for at, line in enumerate(lines, start=1) if line and line[0] != "#"]
+        skipped = [line for line, _ in said if "=" in line and not is_known(line.partition("=")[0].strip())]
+        if len(skipped) == len(said):
+            raise InputError("found nothing about a parameter of the plan, expected something", Location(text[1:]))
+        if skipped:
+            message = (
+                f"{text[1:]}: skipped {len(skipped)} of {len(said)} lines, which are about no parameter of the plan"
+            )
+            warnings.warn(InputWarning(f"{message}, such as {shorten(skipped[0])}"), stacklevel=4)
+        yield from (pair for pair in said if pair[0] not in skipped)
+
+
+def _interval_of(text: str, place: Location) -> Interval:
+    """A value, or LOW:HIGH."""
+    from robust.qe.box import Interval  # noqa: PLC0415 - as above
+
+    low, colon, high = (part.strip() for part in text.partition(":"))
+    if not colon:
+        number = parse_number(low, place)
+        return Interval(number, number)
+    lower, upper = _end(low, place), _end(high, place)
+    if low in {"inf", "+inf"} or high == "-inf" or (lower is not None and upper is not None and lower > upper):
+        raise InputError(f"found {shorten(text)}, expected LOW:HIGH with LOW not above HIGH", place)
+    return Interval(lower, upper, lower_closed=lower is not None, upper_closed=upper is not None)
 
 
 def _setting_of(setting: Number | Interval | Range, place: Location) -> Interval:

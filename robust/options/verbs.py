@@ -25,7 +25,8 @@ class CheckOptions(shared.SearchOptions, shared.Export):
 
     at: declare.Settings | Box | EnvelopeResult = declare.option(
         (),
-        "value of a parameter instead of its nominal one, or NAME=LOW:HIGH for all values between; may be repeated",
+        "value of a parameter instead of its nominal one, or NAME=LOW:HIGH for all values between; duration:ACTION "
+        "means all parameters that are durations of the action, and @FILE the lines of a file; may be repeated",
         metavar="NAME=VALUE",
         many=True,
     )
@@ -211,7 +212,8 @@ class RepairOptions(shared.Separation, shared.Solving):
     require: declare.Settings | Box | EnvelopeResult = declare.option(
         (),
         "values of a parameter for all of which the plan must be valid, NAME=LOW:HIGH or NAME=VALUE; other parameters "
-        "have their nominal values; may be repeated",
+        "have their nominal values; duration:ACTION means all parameters that are durations of the action, and @FILE "
+        "the lines of a file; may be repeated",
         metavar="NAME=LOW:HIGH",
         many=True,
     )
@@ -277,6 +279,42 @@ class RankCommand(RankOptions, shared.Planning, shared.Output):
         "PLAN",
         many=True,
     )
+
+
+class LearnOptions(declare.Options):
+    """Options of :func:`robust.learn`."""
+
+    cover: Number = declare.option(
+        "0.95", "share of future runs that a limit covers", metavar="P", read=declare.proper_share
+    )
+    confidence: Number = declare.option("0.95", "confidence with which it does", metavar="C", read=declare.proper_share)
+    pool: bool = declare.option(False, "take all ground instances of an action together")
+    domain: str | Path | None = declare.path_option("PDDL domain whose actions are the only ones that may be in logs")
+
+
+class LearnCommand(LearnOptions, shared.Output):
+    """Options of `robust learn`."""
+
+    logs: tuple[Path, ...] = declare.argument(
+        ...,
+        "logs in the order of time: CSV, messages of PlanSys2's ActionExecutionInfo, output of robust execute --json, "
+        "or journals of robust pike run",
+        "LOG",
+        many=True,
+    )
+    output: Path | None = declare.output_option(
+        "write the observed durations as distributions, for --world of other commands",
+        metavar="WORLD.toml",
+        read=declare.written_to("the world"),
+        rank=shared.DRAWING,
+    )
+    as_box: bool = declare.option(
+        False, "print only the promised intervals, for --at @FILE and --require @FILE", rank=shared.DRAWING
+    )
+
+    def check_combinations(self, given: Collection[str]) -> None:
+        if self.as_box and self.json:
+            raise InputError("cannot be combined with --json; choose one", Location("--as-box"))
 
 
 class ValidateOptions(shared.Separation, shared.PlanningOutput):

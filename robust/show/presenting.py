@@ -28,6 +28,7 @@ _SHOWN_BY: Mapping[str, tuple[str, str]] = {
     "irr.repair": ("repairs", "repairs"),
     "qe.compute": ("regions", "plan_documents"),
     "probability.risk": ("risk", "risk"),
+    "execute.learned": ("learning", "learning"),
     "execute.validate": ("validation", "validation"),
     "execute.convert": ("execution", "execution"),
     "sweeps.batch": ("batch", "batch"),

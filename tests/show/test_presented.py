@@ -82,6 +82,7 @@ CASES = {
     "compare": case(robust.compare, "compare FILES", example()),
     "rank": case(lambda files: robust.rank(*files[:2], files[2:]), "rank FILES", STEPS),
     "repair": case(robust.repair, "repair FILES", FLEXIBLE),
+    "learn": case(robust.learn, "learn FILES", INPUTS / "runs.csv"),
     "risk": case(robust.risk, f"risk FILES {' '.join(DRAWN)} --within 0.01", example(), RANDOM, within="0.01"),
     "validate": case(lambda files: robust.validate(*files), "validate FILES", STEPS, only="domain problem"),
     "convert": case(lambda files: robust.convert(*files), "convert FILES", STEPS, only="notes", says=False),

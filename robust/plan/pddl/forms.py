@@ -28,13 +28,13 @@ LONGEST_LINE = 2**20
 """Bytes of a line of that."""
 
 
-def read_text(path: str | os.PathLike[str]) -> str:
-    """The text of an input file: UTF-8 with or without a byte order mark, any line ends.
+def read_text(path: str | os.PathLike[str], most: int = LARGEST) -> str:
+    """The text of an input file of at most so many bytes: UTF-8 with or without a byte order mark, any line ends.
 
     Raises:
         InputError: if the file cannot be read, is too large or is no text.
     """
-    return _decode(read_bytes(path), Location(os.fspath(path)))
+    return _decode(read_bytes(path, most=most), Location(os.fspath(path)))
 
 
 def read_plan_text(path: str | os.PathLike[str]) -> tuple[str, str]:
