@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, ParamSpec, Protocol, TypeVar
 
-from robust.errors import InputError, did_you_mean
+from robust.errors import InputError, UnsupportedError, did_you_mean
 from robust.numbers import Number
 from robust.options import verbs
 from robust.options.batch import BATCHES, AnyBatchOptions, BatchOptions
@@ -87,6 +87,7 @@ class _Encoded(Generic[Result]):
         nothing: Callable[[bool, float], Result],
         *,
         complete: Callable[[Result, Tolerance], Result],
+        shaped: Callable[[Result, Deadline], Result] = lambda result, _: result,
         ranges: Mapping[str, Range] | None = None,
     ) -> None:
         self._plan = plan
@@ -94,6 +95,7 @@ class _Encoded(Generic[Result]):
         self._make = make
         self._nothing = nothing
         self._complete = complete
+        self._shaped = shaped
         self._ranges = ranges
         self._search: AnytimeSearch[Result] | None = None
         self._started = time.perf_counter()
@@ -112,7 +114,7 @@ class _Encoded(Generic[Result]):
             self._search = self._make(formulas, self._deadline, exporter)
         except (OutOfTimeError, KeyboardInterrupt) as error:
             return self._nothing(isinstance(error, OutOfTimeError), time.perf_counter() - self._started)
-        return self._with_tolerance(self._search.run())
+        return self._shaped(self._with_tolerance(self._search.run()), self._deadline)
 
     def _with_tolerance(self, result: Result) -> Result:
         """The result with λ*, if it says that the nominal values are inside, and there is time for it."""
@@ -219,8 +221,10 @@ def check(plan: ParametrizedPlan, options: verbs.CheckOptions) -> CheckResult:
 def searching_envelope(plan: ParametrizedPlan, options: verbs.EnvelopeOptions) -> AnytimeSearch[EnvelopeResult]:
     """The search behind :func:`envelope`."""
     from robust.irr.search import Conduct, EnvelopeResult
+    from robust.irr.templates import template_of, widened
     from robust.plan.load import require_nominal_values
     from robust.qe.box import Box
+    from robust.qe.region import Region
     from robust.searching import Status
 
     if options.from_nominal:
@@ -259,7 +263,25 @@ def searching_envelope(plan: ParametrizedPlan, options: verbs.EnvelopeOptions) -
             plan=plan,
         )
 
-    return _Encoded(plan, options, make, nothing, complete=_tolerant)
+    names = [parameter.name for parameter in plan.parameters]
+    template = None if options.shape == "box" else template_of(options.shape, names)
+
+    def shaped(result: EnvelopeResult, deadline: Deadline) -> EnvelopeResult:
+        if template is None or not result.verified or result.cut_short:
+            return result
+        asked = verbs.RegionOptions(epsilon=options.epsilon, solver=options.solver, timeout=deadline.remaining)
+        region = searching_region(plan, asked).run()
+        if not region.is_exact:
+            return replace(result, status=Status(region.status.value), reason=region.reason)
+        if not isinstance(region.region, Region):
+            raise UnsupportedError("found an envelope with too many inequalities, expected one that a shape fits into")
+        try:
+            shape = widened(template, plan.parameters, region.region, result.box, name=options.shape, deadline=deadline)
+        except (OutOfTimeError, KeyboardInterrupt) as error:
+            return replace(result, status=Status.TIMEOUT if isinstance(error, OutOfTimeError) else Status.INTERRUPTED)
+        return replace(result, shape=shape)
+
+    return _Encoded(plan, options, make, nothing, complete=_tolerant, shaped=shaped)
 
 
 @verb(verbs.EnvelopeOptions)

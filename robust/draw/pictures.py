@@ -23,7 +23,7 @@ from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
 
 from robust.draw import style
 from robust.draw.gantt import plot_team_run
-from robust.draw.plane import draw_plane, plot_comparison, plot_region, plot_team_envelope, plot_team_region
+from robust.draw.plane import draw_plane, plot_comparison, plot_region, plot_shape, plot_team_envelope, plot_team_region
 from robust.draw.style import EDGE, VALID, VERMILION, save, wrapped
 from robust.errors import InputError
 from robust.irr.compare import Comparison
@@ -59,6 +59,12 @@ class _Row:
     above: float | None
     lower: str
     upper: str
+
+
+def _picture_of_envelope(result: EnvelopeResult, path: Path | None, axes: Sequence[str]) -> Figure:
+    if result.shape is None or len(result.parameters) < 2:
+        return plot_envelope(result, path)
+    return plot_shape(result, result.shape, path, axes)
 
 
 def plot_envelope(result: EnvelopeResult, path: Path | None) -> Figure:
@@ -349,7 +355,7 @@ def picture(result: object, path: Path | None, axes: Sequence[str]) -> Figure:
     raise InputError(f"found {type(result).__name__}, expected one of {', '.join(drawn)} to draw", place_of("plot"))
 
 
-picture.register(EnvelopeResult, lambda result, path, _: plot_envelope(result, path))
+picture.register(EnvelopeResult, _picture_of_envelope)
 picture.register(RegionResult, plot_region)
 picture.register(Comparison, plot_comparison)
 picture.register(RiskResult, lambda result, path, _: plot_risk(result, path))

@@ -19,6 +19,8 @@ from robust.draw import style
 from robust.draw.style import DARK_GREY, EDGE, GREEN, VALID, cut, save, wrapped
 from robust.errors import InputError, did_you_mean
 from robust.irr.compare import Comparison
+from robust.irr.search import EnvelopeResult
+from robust.irr.templates import Shape
 from robust.numbers import plural, readable
 from robust.options.declare import place_of
 from robust.pike_bridge.envelopes.parameters import ParametricPlan, TeamParameter
@@ -70,6 +72,14 @@ def plot_comparison(result: Comparison, path: Path | None, axes: Sequence[str]) 
     return _plot(result.region.region, result.plan, path, axes, boxes=boxes, exact=result.region.is_exact)
 
 
+def plot_shape(result: EnvelopeResult, shape: Shape, path: Path | None, axes: Sequence[str]) -> Figure:
+    """Draw the region with the box and the shape around it."""
+    if result.plan is None:
+        raise InputError("found a shape without its plan, expected one that a search has found", place_of("plot"))
+    shapes = {shape.name: Region.union_of(shape.parameters, [shape.polyhedron])}
+    return _plot(shape.region, result.plan, path, axes, boxes={result.method: result.box}, shapes=shapes)
+
+
 def shown_axes(plan: ParametrizedPlan, axes: Sequence[str]) -> tuple[str, ...]:
     """The one or two parameters that are drawn: those that were asked for, or the first two.
 
@@ -100,6 +110,7 @@ def _plot(
     axes: Sequence[str],
     *,
     boxes: Mapping[str, Box] | None = None,
+    shapes: Mapping[str, Region] | None = None,
     inner: Callable[[Point], Region] | None = None,
     exact: bool = True,
 ) -> Figure:
@@ -111,7 +122,9 @@ def _plot(
     words = Words(plan).parameters
     points = {"nominal values": nominal} if plan.has_nominal else {}
     return save(
-        lambda: draw_region(region, shown, at=rest, boxes=boxes, points=points, inner=proved, words=words, exact=exact),
+        lambda: draw_region(
+            region, shown, at=rest, boxes=boxes, shapes=shapes, points=points, inner=proved, words=words, exact=exact
+        ),
         path,
     )
 
@@ -122,6 +135,7 @@ def draw_region(
     *,
     at: Point | None = None,
     boxes: Mapping[str, Box] | None = None,
+    shapes: Mapping[str, Region] | None = None,
     points: Mapping[str, Point] | None = None,
     inner: Region | None = None,
     words: Mapping[str, str] | None = None,
@@ -136,6 +150,7 @@ def draw_region(
         inner: an inner bound over the parameters that are shown, if the region is an outer one.
         boxes, points: what to draw on top, by the name to show in the legend; only their shown parameters matter, but a
             box that does not hold the values of those that are fixed is in the legend alone.
+        shapes: convex sets of parameter values whose outlines are drawn, if two parameters are shown.
         words: what parameters are called; their names where they are not in it.
         exact: whether the region is the envelope itself, or an outer bound of it.
     """
@@ -148,6 +163,13 @@ def draw_region(
     figure = Figure(figsize=(8.6, 2.0 + 0.35 * len(sliced) if flat else 5.0), layout="constrained")
     canvas = figure.add_subplot()
     (_draw_line if flat else draw_plane)(canvas, shown, rectangle, sliced, points, words=words, exact=exact)
+    for order, (label, shape) in enumerate((shapes or {}).items() if not flat else ()):
+        clipped = Region.union_of(
+            shown.parameters, [Polyhedron(shown.parameters, tuple(_clip_to(shown.parameters, rectangle)))]
+        )
+        for piece in _shown(shape, tuple(axes), at or {}).intersection(clipped).as_union().pieces:
+            look = style.box_line(order + len(sliced), len(sliced) + len(shapes or {}))
+            _draw_box(canvas, piece, rectangle, {**look, "zorder": 12 + order, "label": label})
     if inner is not None:
         _draw_inner(canvas, inner, shown.parameters, rectangle)
     what = "Values for which the plan is valid" if exact else "Outer bound: outside the plan can fail, inside it may"

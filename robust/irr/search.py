@@ -13,6 +13,7 @@ from typing import Any, TypedDict, Unpack
 from robust.irr.containment import Margins, Questions
 from robust.irr.proposals import Tolerance
 from robust.irr.stops import APPROACHED, CUT_SHORT, NO_SCHEDULE, NOT_EXAMINED, Advice, Stop, advice, declared_stop
+from robust.irr.templates import Shape
 from robust.plan.model import Parameter, ParametrizedPlan
 from robust.presented import Presented
 from robust.qe.box import Box, Face, Side
@@ -53,7 +54,8 @@ class EnvelopeResult(Presented, ask="verified"):
     about parameters for which an action's own duration leaves no room. `doubling` and `contain_nominal` are as
     they were asked for; methods that know no other boxes always contain the nominal point. `plan` is what it is about.
     `fallback` says why shortest paths did not find the box, where that was tried and solvers had to. `tolerance` is how
-    much all durations that are parameters may differ at once, where shortest paths decide it.
+    much all durations that are parameters may differ at once, where shortest paths decide it. `shape` is what else was
+    asked for: around the box, and inside the envelope.
     """
 
     status: Status
@@ -79,6 +81,7 @@ class EnvelopeResult(Presented, ask="verified"):
     plan: ParametrizedPlan | None = field(default=None, repr=False, compare=False)
     fallback: str | None = None
     tolerance: Tolerance | None = None
+    shape: Shape | None = None
 
     @property
     def cut_short(self) -> bool:

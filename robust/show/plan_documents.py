@@ -13,6 +13,7 @@ from robust.irr.check import CheckResult, Counterexample
 from robust.irr.compare import Comparison, Entry, FaceWitness, RatioBounds
 from robust.irr.proposals import Tolerance
 from robust.irr.search import EnvelopeResult
+from robust.irr.templates import Shape
 from robust.json_text import Count, End, JsonObject, Rational, Seconds, like, on_wire, one_of
 from robust.numbers import approximate, exact_end
 from robust.qe.box import Box, Side
@@ -242,6 +243,34 @@ class ControllabilityRecord(JsonObject):
     waits: list[str]
 
 
+class ShapeFace(documents.Ends):
+    """
+    Attributes:
+        coefficients: of a linear form of the parameters, which is between the ends
+    """
+
+    coefficients: documents.Rationals
+
+
+class ShapeRecord(JsonObject):
+    """
+    Attributes:
+        name: octagon, or the file of the template
+        faces: bounds on linear forms; the plan is valid for all values between all of them
+    """
+
+    name: str
+    faces: list[ShapeFace]
+
+
+def _shape(shape: Shape) -> ShapeRecord:
+    faces = [
+        like(ShapeFace, documents.ends_of(interval), coefficients=dict(shape.directions[name]))
+        for name, interval in shape.bounded.items()
+    ]
+    return ShapeRecord(name=shape.name, faces=faces)
+
+
 class Envelope(documents.Noted, tag_field="schema", tag="robust/envelope/1"):
     """robust envelope --json: a box of parameter values for which a plan is valid
 
@@ -268,6 +297,7 @@ class Envelope(documents.Noted, tag_field="schema", tag="robust/envelope/1"):
             were not asked
         convergence: total width of the box after each check as a share of the final one; empty if that is zero or
             infinite
+        shape: only with --shape: bounds on linear forms, a set around the box
         controllability: only with --controllability: what a dispatcher need not know of the values in the box; null if
             the box is not verified, or this was interrupted
     """
@@ -292,6 +322,7 @@ class Envelope(documents.Noted, tag_field="schema", tag="robust/envelope/1"):
     fallback: str | None
     convergence: list[Convergence]
     statistics: Statistics
+    shape: ShapeRecord | UnsetType = UNSET
     controllability: ControllabilityRecord | UnsetType | None = UNSET
     probability: documents.Range | UnsetType = UNSET
 
@@ -315,6 +346,7 @@ def envelope(
                 Convergence(check=number, seconds=round(seconds[number], 6), share=round(float(share), 6))
                 for number, share in result.convergence()
             ],
+            shape=UNSET if result.shape is None else _shape(result.shape),
             controllability=_controllability(report) if report is not None else None if controllability else UNSET,
             probability=UNSET if beside.probability is None else documents.range_of(beside.probability),
         )

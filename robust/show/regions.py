@@ -490,6 +490,10 @@ def _print_box(out: Console, result: EnvelopeResult, counterexample: Counterexam
         _print_stops(out, result)
         print_advice(out, result.advice)
         out.print()
+    if result.shape is not None:
+        rows = ((name, interval_text(interval)) for name, interval in result.shape.bounded.items())
+        show_table(out, table([result.shape.name, "between"], rows))
+        out.print()
     if result.status is not Status.COMPLETE:
         word = stopped(result.status, result.reason)
         out.print(Text(f"{word}: the best box so far; sound, not maximal", style="yellow"), soft_wrap=True)
