@@ -548,7 +548,7 @@ def learn(
     cover: Number = "0.95",
     confidence: Number = "0.95",
     pool: bool = False,
-    domain: str | os.PathLike[str] | None = None,
+    domain: str | Path | None = None,
 ) -> Learned:
     """Learn how long actions take from logs of their runs, without assuming a distribution.
 
@@ -566,24 +566,16 @@ def learn(
     Raises:
         InputError: wrong options, or whatever is wrong in a log, with its line.
     """
-    given = (logs,) if isinstance(logs, str | os.PathLike) else tuple(logs)
-    options = verbs.LearnOptions(
-        cover=cover, confidence=confidence, pool=pool, domain=None if domain is None else Path(domain)
-    )
-    return learn_from(given, options)
-
-
-def learn_from(logs: Sequence[str | os.PathLike[str]], options: verbs.LearnOptions) -> Learned:
-    """What logs say, with options that have been checked; see :func:`learn`."""
     from robust.execute import learned
     from robust.plan.pddl.reader import read_domain
 
+    options = verbs.LearnOptions(cover=cover, confidence=confidence, pool=pool, domain=domain)
     return learned.learn(
-        logs,
+        (logs,) if isinstance(logs, str | os.PathLike) else logs,
         cover=Fraction(options.cover),
         confidence=Fraction(options.confidence),
-        pool=options.pool,
-        known=() if options.domain is None else read_domain(options.domain).actions,
+        pool=pool,
+        known=() if domain is None else read_domain(domain).actions,
     )
 
 

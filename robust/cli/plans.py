@@ -359,10 +359,11 @@ def learn(options: verbs.LearnCommand, run: Run) -> int:
     No distribution is assumed: a limit is an observed duration, so long that it covers the wanted share of future runs
     with the wanted confidence, if runs are independent and alike; whether later runs differ is tested.
     """
-    from robust.api import learn_from
+    from robust import api
     from robust.show.presenting import print_result
 
-    result = run.only(lambda: learn_from(options.logs, options))
+    asked = {name: getattr(options, name) for name in verbs.LearnOptions.declarations}
+    result = run.only(lambda: api.learn(options.logs, **asked))
 
     def tell(out: Console) -> None:
         if options.as_box:

@@ -23,6 +23,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import datetime
 from decimal import Decimal, InvalidOperation
 from fractions import Fraction
+from itertools import chain
 from os import PathLike, fspath
 from typing import Any, Final, NamedTuple, TypeAlias
 
@@ -65,9 +66,8 @@ _WORDS: Final = {
     RunEnding.UNFINISHED: "running executing active started",
 }
 _ENDINGS: Final = {word: ending for ending, words in _WORDS.items() for word in words.split()}
-_SECONDS: Final = {"ns": "1e-9", "us": "1e-6", "ms": "1e-3", "s": "1", "sec": "1", "min": "60", "h": "3600"}
-_UNIT: Final = rf"({'|'.join(_SECONDS)}|seconds|minutes|milliseconds|hours)"
-_LONG_UNITS: Final = {"seconds": "s", "minutes": "min", "milliseconds": "ms", "hours": "h"}
+_SECONDS: Final = {"ms": Decimal("0.001"), "s": Decimal(1), "sec": Decimal(1), "min": Decimal(60), "h": Decimal(3600)}
+_UNIT: Final = rf"({'|'.join(_SECONDS)})"
 _COLUMNS: Final = {
     "action": "action name task edge",
     "start": "start started begin start_time",
@@ -93,7 +93,7 @@ def read_runs(path: str | PathLike[str]) -> list[ActionRun]:
     text = read_text(path, LARGEST)
     head = text.lstrip()[:4096]
     if not head:
-        raise InputError("found an empty file, expected a log of actions", Location(file))
+        raise _wrong("an empty file", "a log of actions", file)
     if head[0] == "{":
         runs = _from_json(text, file)
     elif re.search(r"^(start_stamp|status_stamp|action_full_name):", head, re.MULTILINE):
@@ -104,7 +104,7 @@ def read_runs(path: str | PathLike[str]) -> list[ActionRun]:
         runs = _from_csv(text, file)
     found = list(runs)
     if not found:
-        raise InputError("found no run of an action, expected at least one", Location(file))
+        raise _wrong("no run of an action", "at least one", file)
     known = {run.in_seconds: run for run in reversed(found) if run.ending is RunEnding.SUCCEEDED}
     if len(known) == 2:
         message = (
@@ -112,6 +112,10 @@ def read_runs(path: str | PathLike[str]) -> list[ActionRun]:
         )
         raise InputError(message, Location(file, known[False].line))
     return found
+
+
+def _wrong(found: str, expected: str, file: str, line: int | None = None) -> InputError:
+    return InputError(f"found {found}, expected {expected}", Location(file, line))
 
 
 def _note(message: str, file: str, line: int | None = None) -> None:
@@ -151,13 +155,13 @@ class _Table:
                 if plain in words.split() and column not in self._at:
                     self._at[column] = number
                     if plain != name:
-                        self._unit = _seconds(name.rpartition("_")[2])
+                        self._unit = _SECONDS[name.rpartition("_")[2]]
         if "action" not in self._at or not self._at.keys() & {"duration", "end"}:
             lacking = "action" if "action" not in self._at else "duration"
             message = f"found no column {lacking!r} in {shorten(','.join(names))}, expected a header with action; "
             raise InputError(f"{message}duration, or start and end; and status", Location(file, line))
         if "duration" not in self._at and "start" not in self._at:
-            raise InputError("found column 'end' without 'start', expected both, or 'duration'", Location(file, line))
+            raise _wrong("column 'end' without 'start'", "both, or 'duration'", file, line)
 
     def runs(self, rows: Any) -> Iterator[ActionRun]:
         """The runs in the rows of `csv.reader`."""
@@ -185,7 +189,7 @@ class _Table:
             if duration is not None and (row[duration] or ending is RunEnding.SUCCEEDED):
                 took, in_seconds = self._duration(row[duration], line)
             elif ending is RunEnding.SUCCEEDED and not ended:
-                raise self._error("no end of a run that succeeded", "one", line)
+                raise _wrong("no end of a run that succeeded", "one", self._file, line)
             if ended and began is not None:
                 between = _between(began, self._moment(ended, line), Location(self._file, line))
                 if between < 0:
@@ -199,20 +203,20 @@ class _Table:
     def _ending(self, given: str, line: int) -> RunEnding:
         word = given.strip().lower()
         if word not in _ENDINGS:
-            raise self._error(f"status {shorten(given)}", f"one of {', '.join(_ENDINGS)}", line)
+            raise _wrong(f"status {shorten(given)}", f"one of {', '.join(_ENDINGS)}", self._file, line)
         return _ENDINGS[word]
 
     def _short(self, row: Sequence[str], last: int, rows: Any) -> None:
         """Leave out the last row if it is cut off."""
         line = rows.line_num
         if next(rows, None) is not None:
-            raise self._error(f"{plural(len(row), 'column')}", f"at least {last + 1}", line)
+            raise _wrong(f"{plural(len(row), 'column')}", f"at least {last + 1}", self._file, line)
         _note("the last row is cut off, and left out", self._file, line)
 
     def _action(self, given: str, line: int) -> str:
         name = action_name(given)
         if not name.strip("() ") or not name.isprintable():
-            raise self._error(f"action {shorten(given)}", "a name", line)
+            raise _wrong(f"action {shorten(given)}", "a name", self._file, line)
         return name
 
     def _moment(self, text: str, line: int) -> Moment:
@@ -222,7 +226,9 @@ class _Table:
         except ValueError:
             pass
         if not is_number(text.strip()):
-            raise self._error(f"time {shorten(text)}", "a date and time such as 2024-05-23 18:45:47, or a number", line)
+            raise _wrong(
+                f"time {shorten(text)}", "a date and time such as 2024-05-23 18:45:47, or a number", self._file, line
+            )
         return _amount(text.strip(), Location(self._file, line))
 
     def _duration(self, text: str, line: int) -> tuple[Amount, bool]:
@@ -237,12 +243,12 @@ class _Table:
         match = re.fullmatch(rf"(.*?)\s*{_UNIT}?", text.strip())
         number = match[1] if match else text
         if not is_number(number):
-            raise self._error(f"duration {shorten(text)}", EXPECTED_NUMBER, line)
+            raise _wrong(f"duration {shorten(text)}", EXPECTED_NUMBER, self._file, line)
         took = _amount(number, Location(self._file, line))
         if match and match[2]:
-            unit = _seconds(match[2])
+            unit = _SECONDS[match[2]]
         if took < 0:
-            raise self._error(f"duration {shorten(text)}", "at least 0", line)
+            raise _wrong(f"duration {shorten(text)}", "at least 0", self._file, line)
         if unit is None:
             return took, False
         return (took * unit if isinstance(took, Decimal) else took * Fraction(unit)), True
@@ -252,10 +258,7 @@ class _Table:
         said, measured = Fraction(took), Fraction(between)
         if abs(said - measured) > max(Fraction(_CHECKED_WITHIN), measured / 100):
             found = f"duration {float(said):g} of a run that took {float(measured):g} from start to end"
-            raise self._error(found, "both in one unit", line)
-
-    def _error(self, found: str, expected: str, line: int) -> InputError:
-        return InputError(f"found {found}, expected {expected}", Location(self._file, line))
+            raise _wrong(found, "both in one unit", self._file, line)
 
 
 def action_name(text: str) -> str:
@@ -264,10 +267,6 @@ def action_name(text: str) -> str:
     if not name.startswith("("):
         return name
     return f"({' '.join(name[1:].partition(')')[0].lower().split())})"
-
-
-def _seconds(unit: str) -> Decimal:
-    return Decimal(_SECONDS[_LONG_UNITS.get(unit, unit)])
 
 
 def _amount(text: str, place: Location) -> Amount:
@@ -300,7 +299,7 @@ def _from_messages(messages: Iterable[tuple[Mapping[str, Any], int]], file: str)
     for message, line in messages:
         if cut is not None:
             fields = ", ".join(name for name in (*_MESSAGE, "action_full_name") if name not in cut[0])
-            raise InputError(f"found a message without {fields}, expected ActionExecutionInfo", Location(file, cut[1]))
+            raise _wrong(f"a message without {fields}", "ActionExecutionInfo", file, cut[1])
         full = str(message.get("action_full_name", ""))
         if not (set(_MESSAGE) <= message.keys() and full) or (full[0] == "(" and ")" not in full):
             cut = message, line  # only the last one may be
@@ -308,12 +307,10 @@ def _from_messages(messages: Iterable[tuple[Mapping[str, Any], int]], file: str)
         try:
             values = [int(message[name]) for name in _MESSAGE]
         except (TypeError, ValueError):
-            raise InputError(
-                "found no whole number for a stamp or status, expected one", Location(file, line)
-            ) from None
+            raise _wrong("no whole number for a stamp or status", "one", file, line) from None
         start, stamp, status = values[0] * 10**9 + values[1], values[2] * 10**9 + values[3], values[4]
         if status not in range(5):
-            raise InputError(f"found status {status}, expected 0 to 4, as in ActionExecutionInfo", Location(file, line))
+            raise _wrong(f"status {status}", "0 to 4, as in ActionExecutionInfo", file, line)
         run = full, start
         if status == 0 or run in ended:  # not executed
             continue
@@ -380,8 +377,8 @@ def _from_json(text: str, file: str) -> Iterator[ActionRun]:
         return _from_journal(lines, file)
     if "schema" in first:
         expected = "messages, robust/execute/1 or robust/pike-journal/1"
-        raise InputError(f"found {shorten(str(first['schema']))}, expected {expected}", Location(file, line))
-    return _from_messages(_exported(first, line, lines), file)
+        raise _wrong(f"{shorten(str(first['schema']))}", f"{expected}", file, line)
+    return _from_messages(_exported(chain([(first, line)], lines)), file)
 
 
 def _json_lines(text: str, file: str) -> Iterator[tuple[dict[str, Any], int]]:
@@ -395,25 +392,20 @@ def _json_lines(text: str, file: str) -> Iterator[tuple[dict[str, Any], int]]:
                 return
             value = None
         if not isinstance(value, dict):
-            raise InputError(f"found {shorten(row)}, expected a JSON object on each line", Location(file, line))
+            raise _wrong(f"{shorten(row)}", "a JSON object on each line", file, line)
         yield value, line
 
 
-def _exported(
-    first: dict[str, Any], line: int, rest: Iterator[tuple[dict[str, Any], int]]
-) -> Iterator[tuple[dict[str, Any], int]]:
+def _exported(lines: Iterable[tuple[dict[str, Any], int]]) -> Iterator[tuple[dict[str, Any], int]]:
     """Messages with their fields in one level; tools put messages under a key of their own."""
-    pending: tuple[dict[str, Any], int] | None = (first, line)
-    while pending is not None:
-        message, at = pending
+    for message, line in lines:
         inner = next(
             (message[key] for key in ("data", "message", "msg") if isinstance(message.get(key), dict)), message
         )
         flat: dict[str, Any] = {}
         for name, value in inner.items():
             flat |= {f"{name}_{key}": part for key, part in value.items()} if isinstance(value, dict) else {name: value}
-        yield flat, at
-        pending = next(rest, None)
+        yield flat, line
 
 
 def _from_executions(document: Mapping[str, Any], file: str) -> Iterator[ActionRun]:
@@ -446,6 +438,6 @@ def _from_journal(lines: Iterator[tuple[dict[str, Any], int]], file: str) -> Ite
                         action_name(action), None, Fraction(decision["time"]) - start, RunEnding.SUCCEEDED, file, line
                     )
         except (KeyError, TypeError, ValueError, ZeroDivisionError):
-            raise InputError("found no step of a journal, expected one with decisions", Location(file, line)) from None
+            raise _wrong("no step of a journal", "one with decisions", file, line) from None
     for action, _, line in open_runs.values():
         yield ActionRun(action_name(action), None, _ZERO, RunEnding.UNFINISHED, file, line)
