@@ -284,9 +284,8 @@ def _note_order(runs: dict[str, list[ActionRun]]) -> None:
     if back:
         first, *more = back
         order = "dates" if isinstance(first.start, datetime) else "the log"
-        message = (
-            f"{first.action} starts before the run before it{f', and so do {len(more)} more runs' if more else ''}"
-        )
+        others = f", and so do {len(more)} more runs" if more else ""
+        message = f"{first.action} starts before the run before it{others}"
         remedy = f"a clock was set back, or logs are not in their order; the order of {order} counts"
         warnings.warn(InputWarning(f"{Location(first.file, first.line)}: {message}: {remedy}"), stacklevel=4)
 

@@ -107,10 +107,8 @@ def read_runs(path: str | PathLike[str]) -> list[ActionRun]:
         raise _wrong("no run of an action", "at least one", file)
     known = {run.in_seconds: run for run in reversed(found) if run.ending is RunEnding.SUCCEEDED}
     if len(known) == 2:
-        message = (
-            f"found a duration without a unit, but one with a unit in line {known[True].line}, expected one of both"
-        )
-        raise InputError(message, Location(file, known[False].line))
+        found_in = f"a duration without a unit, but one with a unit in line {known[True].line}"
+        raise _wrong(found_in, "one of both", file, known[False].line)
     return found
 
 

@@ -54,11 +54,10 @@ class Shape:
 
     def __contains__(self, point: Point) -> bool:
         """In time in proportion to the number of faces."""
-        values = {
-            name: sum((factor * point[one] for one, factor in direction), Fraction(0))
-            for name, direction in self.directions.items()
-        }
-        return values in self.bounds
+        forms = self.directions.items()
+        return {
+            name: sum((factor * point[one] for one, factor in form), Fraction(0)) for name, form in forms
+        } in self.bounds
 
     @property
     def bounded(self) -> dict[str, Interval]:
@@ -109,10 +108,6 @@ class _BadForShapes:
     def slabs(self) -> _BadForShapes:
         return self
 
-    @property
-    def rooms(self) -> Sequence[tuple[Mapping[Face, Fraction], Fraction]]:
-        raise NotImplementedError("shapes are widened, not chosen")
-
     def meets(self, bounds: Box) -> bool:
         return not self._is_kept_off(standing(self.directions, bounds))
 
@@ -120,10 +115,8 @@ class _BadForShapes:
         faces = standing(self.directions, growing.box, growing.moving)
         if self._is_kept_off(faces):
             return None
-        moving = [
-            _face(self.directions[name], side.sign, base, speed)
-            for (name, side), (base, speed) in growing.moving.items()
-        ]
+        ends = growing.moving.items()
+        moving = (_face(self.directions[name], side.sign, base, speed) for (name, side), (base, speed) in ends)
         constraints = [*self.piece.constraints, *faces.values(), *moving, LinearConstraint.of({STRETCH: 1}, ">=", 0)]
         best = maximize([*self.piece.parameters, STRETCH], constraints, {STRETCH: Fraction(-1)})
         return None if best is None or best.value is None else (-best.value, best.attained)
