@@ -62,7 +62,7 @@ def test_shapes_in_random_regions(seed):
 
 
 @pytest.mark.parametrize(
-    ("names", "least"), [(("auv_mission_10_0_2", "solar_rover_02_3"), 4), pytest.param((), 300, marks=pytest.mark.slow)]
+    ("names", "least"), [(("auv_mission_10_0_2", "solar_rover_02_3"), 4), pytest.param((), 150, marks=pytest.mark.slow)]
 )
 def test_octagons_of_recorded_instances(dataset, names, least):
     faces = 0
