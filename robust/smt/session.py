@@ -115,7 +115,7 @@ def _context_class() -> Any:
     """
     import z3  # noqa: PLC0415 - slow to import
 
-    class Context(z3.Context):  # type: ignore[misc]
+    class OwnContext(z3.Context):  # type: ignore[misc]
         def __del__(self) -> None:
             context: Any = self.ref()
             self.ctx = None
@@ -123,7 +123,7 @@ def _context_class() -> Any:
             if context is not None and self.owner and z3.Z3_del_context is not None:
                 z3.Z3_del_context(context)
 
-    return Context
+    return OwnContext
 
 
 class Z3(Backend):
