@@ -1,18 +1,15 @@
 """Processes in tests: whether they are still running, and Ctrl-C."""
 
-from __future__ import annotations
-
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 WAIT = "import time; time.sleep(60)"
 
 
-def eventually(holds: Callable[[], bool], seconds: float = 10) -> bool:
+def eventually(holds, seconds=10):
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         if holds():
@@ -21,7 +18,7 @@ def eventually(holds: Callable[[], bool], seconds: float = 10) -> bool:
     return holds()
 
 
-def is_running(pid: int) -> bool:
+def is_running(pid):
     """Whether the process exists and is not only waiting to be collected."""
     with suppress(OSError, IndexError):
         return Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rsplit(")", 1)[1].split()[0] != "Z"
@@ -31,20 +28,20 @@ def is_running(pid: int) -> bool:
 class Told:
     """A file to which a process writes its number: `code` is what it runs, `gone` whether it has ended since."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder):
         self.path = folder / "pid"
         self.code = f"import os; open({str(self.path)!r}, 'w').write(str(os.getpid())); {WAIT}"
 
-    def begun(self) -> bool:
+    def begun(self):
         return eventually(lambda: self.path.exists() and self.path.read_text(encoding="utf-8") != "")
 
-    def gone(self) -> bool:
+    def gone(self):
         pid = int(self.path.read_text(encoding="utf-8"))
         return eventually(lambda: not is_running(pid))
 
 
 @contextmanager
-def interrupted_after(seconds: float) -> Iterator[None]:
+def interrupted_after(seconds):
     """Ctrl-C, once, from outside of whatever the main thread is doing."""
     main = threading.main_thread().ident
     assert main is not None

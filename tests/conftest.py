@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -23,14 +22,14 @@ os.environ.pop("COLUMNS", None)
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
-def pytest_collection_finish() -> None:
+def pytest_collection_finish():
     """All tests and what they import stay until the end: garbage collection need not look at them again and again."""
     gc.collect()
     gc.freeze()
 
 
 @pytest.fixture(autouse=True)
-def _signals_stay_as_they_were() -> Iterator[None]:
+def _signals_stay_as_they_were():
     """No test leaves a signal blocked: later ones would wait for interruptions that never come."""
     usual = signal.pthread_sigmask(signal.SIG_BLOCK, ())
     yield
@@ -38,7 +37,7 @@ def _signals_stay_as_they_were() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def dataset() -> Path:
+def dataset():
     """The directory of recorded instances (ROBUST_DATASET, or beside the repository); skips the test if absent."""
     beside = Path(__file__).resolve().parents[2] / "shared" / "paper-dataset"
     path = Path(os.environ.get("ROBUST_DATASET") or beside)
@@ -48,7 +47,7 @@ def dataset() -> Path:
 
 
 @pytest.fixture(scope="session")
-def warm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, ...]]:
+def warm(tmp_path_factory):
     """The first words of a command line that is run as `robust` would, without its start; see `tests.warm`."""
     path = str(tmp_path_factory.mktemp("warm") / "server")
     code = f"from tests.warm import serve; serve({path!r})"

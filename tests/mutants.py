@@ -44,7 +44,7 @@ class Part(NamedTuple):
     without: str = ""
 
 
-def of(folder: str, *names: str) -> tuple[str, ...]:
+def of(folder, *names):
     return tuple(f"{folder}/{name}" for name in names)
 
 
@@ -99,7 +99,7 @@ mutmut.cli(["run", "--max-children", "2", *sys.argv[1:]])
 """Runs mutants, without a second run of all tests on unchanged code: they ran when they were timed."""
 
 
-def prepare(part: str) -> Path:
+def prepare(part):
     """The folder where mutants of the part are made and run: links to the project, with settings of its own."""
     folder = ROOT / "mutants" / part
     folder.mkdir(parents=True, exist_ok=True)
@@ -126,7 +126,7 @@ def prepare(part: str) -> Path:
     return folder
 
 
-def mutmut(folder: Path, code: str, *arguments: str) -> None:
+def mutmut(folder, code, *arguments):
     """Run the code in the folder. What mutmut writes goes to a file there, its end to stderr if it fails."""
     log = folder / "log.txt"
     settings = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
@@ -138,7 +138,7 @@ def mutmut(folder: Path, code: str, *arguments: str) -> None:
         sys.exit(log.read_text(encoding="utf-8")[-4000:] + f"\nmutmut failed in {folder}")
 
 
-def made(folder: Path) -> dict[str, int | None]:
+def made(folder):
     """The mutants that there are, with the exit code of their tests if these ran."""
     return {
         name: code
@@ -147,12 +147,12 @@ def made(folder: Path) -> dict[str, int | None]:
     }
 
 
-def run_blindly(folder: Path, part: str, names: list[str]) -> dict[str, int | None]:
+def run_blindly(folder, part, names):
     """The exit codes of mutants with all tests of the part, until one fails."""
     command = [sys.executable, "-m", "pytest", "-x", "-p", "no:cacheprovider", *PARTS[part].tests]
     command += ["-k", f"not ({PARTS[part].without})"] if PARTS[part].without else []
 
-    def run(name: str) -> int:
+    def run(name):
         variables = {**os.environ, "MUTANT_UNDER_TEST": name, "PYTHONPATH": str(folder / "mutants")}
         options = {"cwd": folder / "mutants", "env": variables, "capture_output": True, "timeout": PATIENCE}
         try:
@@ -166,14 +166,14 @@ def run_blindly(folder: Path, part: str, names: list[str]) -> dict[str, int | No
         return dict(zip(names, pool.map(run, names), strict=True))
 
 
-def change(folder: Path, name: str) -> list[str]:
+def change(folder, name):
     """The lines that the mutant takes away (-) and makes (+)."""
     command = [sys.executable, "-W", "ignore", "-m", "mutmut", "show", name]
     shown = subprocess.run(command, cwd=folder, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=True)
     return [line for line in shown.stdout.splitlines() if line[:1] in ("-", "+") and line[:3] not in ("---", "+++")]
 
 
-def measure(part: str, each: int, seed: int, only: str) -> tuple[int, int]:
+def measure(part, each, seed, only):
     """How many mutants of the part count, and how many of them were noticed; prints this, and those that were not."""
     start = time.monotonic()
     folder = prepare(part)
@@ -209,7 +209,7 @@ def measure(part: str, each: int, seed: int, only: str) -> tuple[int, int]:
     return counted, counted - len(unnoticed)
 
 
-def main() -> int:
+def main():
     parser = argparse.ArgumentParser(description="Measure the strength of the quick tests by mutants of the code.")
     parser.add_argument("parts", nargs="*", choices=[[], *PARTS], metavar="PART", help=", ".join(PARTS))
     parser.add_argument("--each", type=int, default=65, metavar="N", help="mutants of each part (65)")

@@ -4,9 +4,6 @@ Atoms and fluents become nullary predicates and functions, each action instance 
 named after it, and parameters their values. Temporal constraints have no place in PDDL and are left out.
 """
 
-from __future__ import annotations
-
-from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from functools import reduce
 from typing import NamedTuple, assert_never
@@ -31,9 +28,7 @@ class PddlText(NamedTuple):
     plan: str
 
 
-def pddl_text(
-    plan: model.ParametrizedPlan, parameters: Mapping[str, Fraction], schedule: Mapping[model.TimePoint, Fraction]
-) -> PddlText:
+def pddl_text(plan, parameters, schedule):
     """Domain, problem and time-triggered plan of one schedule under `parameters`."""
     sections = [
         section(":requirements", [_REQUIREMENTS]),
@@ -49,7 +44,7 @@ def pddl_text(
     return PddlText(define("domain", "d", sections), _problem(plan, parameters), steps)
 
 
-def _problem(plan: model.ParametrizedPlan, parameters: Mapping[str, Fraction]) -> str:
+def _problem(plan, parameters):
     values = {model.ParameterReference(name): value for name, value in parameters.items()}
     facts = [_ALWAYS, *(_symbol(atom) for atom in sorted(plan.initial_atoms))]
     facts += [f"(= {_symbol(fluent)} {number(e.evaluate(values))})" for fluent, e in plan.initial_fluents.items()]
@@ -64,7 +59,7 @@ def _problem(plan: model.ParametrizedPlan, parameters: Mapping[str, Fraction]) -
     return define("problem", "x", ["(:domain d)", section(":init", facts), section(":goal", [conjunction_text(goals)])])
 
 
-def _atoms(plan: model.ParametrizedPlan) -> Iterable[model.Atom]:
+def _atoms(plan):
     yield from plan.initial_atoms
     for literal in plan.timed_literals:
         if isinstance(literal.target, model.Atom):
@@ -82,18 +77,18 @@ def _atoms(plan: model.ParametrizedPlan) -> Iterable[model.Atom]:
             yield condition.atom
 
 
-def number(value: Fraction) -> str:
+def number(value):
     """A number in PDDL: a decimal where it is finite, a quotient otherwise (which a plan's times cannot be)."""
     text = format_number(value)
     return f"(/ {text.replace('/', ' ')})" if "/" in text else text
 
 
-def _symbol(name: model.Atom | model.Fluent) -> str:
+def _symbol(name):
     head = name.predicate if isinstance(name, model.Atom) else name.function
     return f"({'_'.join((head, *name.arguments))})"
 
 
-def condition_text(condition: model.Condition) -> str:
+def condition_text(condition):
     """A condition in PDDL, parameters and `?duration` by name: what the plan model keeps as its `text`."""
     return _Writer(None).condition(condition)
 
@@ -101,16 +96,11 @@ def condition_text(condition: model.Condition) -> str:
 class _Writer:
     """Writes the parts of one instance; `parameters` None keeps parameters and `?duration` by name."""
 
-    def __init__(
-        self,
-        parameters: Mapping[str, Fraction] | None,
-        instance: model.ActionInstance | None = None,
-        duration: Fraction | None = None,
-    ) -> None:
+    def __init__(self, parameters, instance=None, duration=None):
         self.parameters, self.instance, self.duration = parameters, instance, duration
         self.exact = parameters is not None
 
-    def expression(self, expression: model.Expression) -> str:
+    def expression(self, expression):
         terms = sorted(expression.terms.items(), key=lambda term: (not term[0], [str(v) for v in term[0]]))
         products = []
         for monomial, coefficient in terms:
@@ -118,7 +108,7 @@ class _Writer:
             products.append(reduce("(* {} {})".format, [*factors, *map(self._variable, monomial)]))
         return reduce("(+ {} {})".format, products) if products else "0"
 
-    def _variable(self, variable: model.NumericVariable) -> str:
+    def _variable(self, variable):
         match variable:
             case model.Fluent():
                 return str(variable) if self.parameters is None else _symbol(variable)
@@ -128,7 +118,7 @@ class _Writer:
                 return "?duration"
         assert_never(variable)
 
-    def fixed(self, expression: model.Expression) -> str:
+    def fixed(self, expression):
         """As `expression`, with the value of `?duration`: VAL reads it in numeric effects and :duration only."""
         duration = (
             Polynomial.constant(self.duration) if self.duration is not None else Polynomial.variable(model.Duration())
@@ -137,7 +127,7 @@ class _Writer:
             expression.substitute(lambda v: duration if isinstance(v, model.Duration) else Polynomial.variable(v))
         )
 
-    def timed(self, part: model.TimedCondition) -> str:
+    def timed(self, part):
         """A condition with its timing.
 
         VAL grants its tolerance to strict comparisons too, so that x > x holds; the negation of <= is exact at time
@@ -148,7 +138,7 @@ class _Writer:
         self.exact = True
         return text
 
-    def condition(self, condition: model.Condition) -> str:
+    def condition(self, condition):
         match condition:
             case model.Truth(value):
                 return _ALWAYS if value else _NEVER
@@ -163,14 +153,14 @@ class _Writer:
                 return f"(or {' '.join(self.condition(operand) for operand in operands)})" if operands else _NEVER
         assert_never(condition)
 
-    def _comparison(self, text: str, relation: model.Relation) -> str:
+    def _comparison(self, text, relation):
         if relation is model.Relation.DIFFERENT:
             return f"(not (= {text} 0))"
         if relation is model.Relation.GREATER and self.exact:
             return f"(not (<= {text} 0))"
         return f"({relation.value} {text} 0)"
 
-    def action(self) -> str:
+    def action(self):
         instance = self.instance
         assert instance is not None
         effects = [self._effect(effect) for effect in (*instance.atom_effects, *instance.numeric_effects)]
@@ -183,7 +173,7 @@ class _Writer:
         duration = conjunction_text(durations)
         return action_text(instance.identifier, conjunction_text(conditions), effects, duration=duration)
 
-    def _duration(self, part: model.DurationConstraint) -> str:
+    def _duration(self, part):
         """`?duration` on the left: the comparison divided by its coefficient."""
         polynomial, equal = part.condition.expression, part.condition.relation is model.Relation.EQUAL
         factor = polynomial.terms[(model.Duration(),)]
@@ -191,7 +181,7 @@ class _Writer:
         relation = "=" if equal else ">=" if factor > 0 else "<="
         return f"({part.timing.value} ({relation} ?duration {self.expression(bound)}))"
 
-    def _effect(self, effect: model.AtomEffect | model.NumericEffect) -> str:
+    def _effect(self, effect):
         if isinstance(effect, model.AtomEffect):
             text = _symbol(effect.atom) if effect.value else f"(not {_symbol(effect.atom)})"
         else:

@@ -4,25 +4,18 @@ The temporal network is solved here by shortest paths of its own, so that what i
 under test. Every function is deterministic in its `random`.
 """
 
-from __future__ import annotations
-
-from collections.abc import Mapping
 from fractions import Fraction
 from itertools import product
 from math import lcm
-from random import Random
 
-from robust.plan.model import ZERO, Bound, ParameterReference, ParametrizedPlan, TimePoint
-
-Distances = list[list[int | None]]
-"""Row a, column b: the least upper bound of t_b − t_a in units of a common denominator; None is unbounded."""
+from robust.plan.model import ZERO, ParameterReference
 
 QUANTUM = Fraction(1, 8)
 HORIZON = Fraction(6)
 """How far beyond its earliest time an unbounded time point is put at most."""
 
 
-def sample_parameters(plan: ParametrizedPlan, random: Random, *, spread: Fraction = Fraction(2)) -> dict[str, Fraction]:
+def sample_parameters(plan, random, *, spread=Fraction(2)):
     """A value per parameter: its nominal value, a declared bound, or a multiple of `QUANTUM` within `spread` of it."""
     steps, values = int(spread / QUANTUM), {}
     for parameter in plan.parameters:
@@ -34,21 +27,12 @@ def sample_parameters(plan: ParametrizedPlan, random: Random, *, spread: Fractio
     return values
 
 
-def sample_schedule(
-    plan: ParametrizedPlan, parameters: Mapping[str, Fraction], random: Random
-) -> dict[TimePoint, Fraction] | None:
+def sample_schedule(plan, parameters, random):
     """A schedule of all time points that satisfies the network under `parameters`; None if there is none."""
     return next(iter(sample_schedules(plan, parameters, random, 1)), None)
 
 
-def sample_schedules(
-    plan: ParametrizedPlan,
-    parameters: Mapping[str, Fraction],
-    random: Random,
-    count: int,
-    *,
-    epsilon: Fraction = Fraction(1, 1000),
-) -> list[dict[TimePoint, Fraction]]:
+def sample_schedules(plan, parameters, random, count, *, epsilon=Fraction(1, 1000)):
     """`count` schedules that satisfy the network under `parameters`, without repetitions; empty if there is none.
 
     Points are fixed one by one, in random order, at an end of the window that is left to them, at the time of a point
@@ -57,7 +41,7 @@ def sample_schedules(
     network = Network(plan, parameters, (epsilon, QUANTUM))
     if not network.consistent:
         return []
-    schedules: list[dict[TimePoint, Fraction]] = []
+    schedules = []
     for _ in range(count):
         schedule = network.sample(random, epsilon)
         if schedule not in schedules:
@@ -72,9 +56,7 @@ class Network:
     all bounds and of `steps`.
     """
 
-    def __init__(
-        self, plan: ParametrizedPlan, parameters: Mapping[str, Fraction], steps: tuple[Fraction, ...] = ()
-    ) -> None:
+    def __init__(self, plan, parameters, steps=()):
         self.points = plan.time_points
         edges = _edges(plan, parameters)
         self.scale = lcm(*(number.denominator for number in (*steps, HORIZON, *(edge[2] for edge in edges))))
@@ -86,12 +68,12 @@ class Network:
             for parameter in plan.parameters
         )
 
-    def _closed(self, edges: list[tuple[TimePoint, TimePoint, Fraction]]) -> Distances:
+    def _closed(self, edges):
         index = {point: i for i, point in enumerate(self.points)}
         size = range(len(self.points))
-        distances: Distances = [[0 if a == b else None for b in size] for a in size]
+        distances = [[0 if a == b else None for b in size] for a in size]
 
-        def lower(a: int, b: int, distance: int) -> None:
+        def lower(a, b, distance):
             known = distances[a][b]
             distances[a][b] = distance if known is None else min(known, distance)
 
@@ -105,10 +87,10 @@ class Network:
                         lower(a, b, before + after)
         return distances
 
-    def _units(self, time: Fraction) -> int:
+    def _units(self, time):
         return int(time * self.scale)
 
-    def sample(self, random: Random, epsilon: Fraction) -> dict[TimePoint, Fraction]:
+    def sample(self, random, epsilon):
         """One schedule; see :func:`sample_schedules`. Closed distances make any choice within a window extensible."""
         fixed = {0: 0}
         waiting = list(range(1, len(self.points)))
@@ -128,7 +110,7 @@ class Network:
         return {point: Fraction(fixed[i], self.scale) for i, point in enumerate(self.points)}
 
 
-def _edges(plan: ParametrizedPlan, parameters: Mapping[str, Fraction]) -> list[tuple[TimePoint, TimePoint, Fraction]]:
+def _edges(plan, parameters):
     """`(a, b, w)`: t_b − t_a ≤ w."""
     edges = [(point, ZERO, Fraction(0)) for point in plan.time_points]
     for point in plan.time_points:
@@ -142,6 +124,6 @@ def _edges(plan: ParametrizedPlan, parameters: Mapping[str, Fraction]) -> list[t
     return edges
 
 
-def bound_value(bound: Bound, parameters: Mapping[str, Fraction]) -> Fraction:
+def bound_value(bound, parameters):
     """The value of a temporal bound or another polynomial over parameters only."""
     return bound.evaluate({ParameterReference(name): value for name, value in parameters.items()})

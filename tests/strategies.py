@@ -6,24 +6,19 @@ and mutex time points are ordered, which leaves a good share of plans valid for 
 values come from :mod:`tests.sampling`.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from random import Random
-from typing import TypeVar, assert_never
+from typing import assert_never
 
 from hypothesis import strategies as st
 
 from robust.plan import model
-from robust.plan.model import ParameterReference, ParametrizedPlan, Relation, TimePoint, Timing
+from robust.plan.model import ParameterReference, ParametrizedPlan, Relation, Timing
 from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import simulate
 from tests.pddl_text import condition_text
 from tests.sampling import sample_schedules
 
-T = TypeVar("T")
 ATOMS = (model.Atom("p"), model.Atom("q", ("a",)), model.Atom("r", ("a", "b")))
 FLUENTS = (model.Fluent("f"), model.Fluent("g", ("a",)))
 HALF = Fraction(1, 2)
@@ -58,15 +53,15 @@ class Features:
 
 
 @st.composite
-def plans(draw: st.DrawFn, **options: int | bool | None) -> ParametrizedPlan:
+def plans(draw, **options):
     """Small plans with the default features, or with some changed by keyword: `plans(linear=True)`."""
-    return _Builder(draw, Features(**options)).plan()  # type: ignore[arg-type]
+    return _Builder(draw, Features(**options)).plan()
 
 
 class _Builder:
     """Draws one plan; `times` is its reference schedule."""
 
-    def __init__(self, draw: st.DrawFn, features: Features) -> None:
+    def __init__(self, draw, features):
         self._draw = draw
         self.features = features
         self.tame = self.chance(0.65) if features.tame is None else features.tame
@@ -74,55 +69,53 @@ class _Builder:
         self.fluents = FLUENTS[: self.between(0, features.fluents)]
         self.moving = tuple(f for f in self.fluents if f == FLUENTS[0] or self.chance(0.5))
         self.parameters = tuple(self._parameter(i) for i in range(self.between(0, features.parameters)))
-        self.times: dict[TimePoint, Fraction] = {model.ZERO: Fraction(0)}
+        self.times = {model.ZERO: Fraction(0)}
 
-    def pick(self, *values: T) -> T:
+    def pick(self, *values):
         return self._draw(st.sampled_from(values))
 
-    def between(self, lower: int, upper: int) -> int:
+    def between(self, lower, upper):
         return self._draw(st.integers(lower, upper))
 
-    def chance(self, probability: float) -> bool:
+    def chance(self, probability):
         """True with about that probability; shrinks to False."""
         return self.between(0, 99) >= 100 * (1 - probability)
 
-    def many(self, upper: int, make: Callable[[], T]) -> tuple[T, ...]:
+    def many(self, upper, make):
         return tuple(make() for _ in range(self.between(0, upper)))
 
-    def number(self) -> Fraction:
+    def number(self):
         values = [Fraction(v) for v in (0, 1, -1, 2, -2, 3, 5)] + [HALF, Fraction(3, 2)]
         return self.pick(*values) if self.features.dyadic else self.pick(*values, Fraction(1, 3), Fraction(7, 5))
 
-    def _parameter(self, index: int) -> model.Parameter:
+    def _parameter(self, index):
         third = () if self.features.dyadic else (Fraction(1, 3), Fraction(5, 3))
         nominal = self.pick(*(Fraction(n, 2) for n in (2, 0, 1, 3, 4, 6)), *third)
         lower = nominal - self.pick(Fraction(0), HALF, Fraction(1), Fraction(3)) if self.chance(0.3) else None
         upper = nominal + self.pick(Fraction(0), HALF, Fraction(1), Fraction(3)) if self.chance(0.3) else None
         return model.Parameter(f"k{index}", nominal, self.pick(Fraction(1), Fraction(2)), lower, upper)
 
-    def variable(self, duration: bool) -> model.NumericVariable | None:
+    def variable(self, duration):
         references = [ParameterReference(parameter.name) for parameter in self.parameters]
-        choices: list[model.NumericVariable] = [*self.fluents, *references, *([model.Duration()] if duration else [])]
+        choices = [*self.fluents, *references, *([model.Duration()] if duration else [])]
         return self.pick(*choices) if choices else None
 
-    def expression(self, *, duration: bool) -> model.Expression:
+    def expression(self, *, duration):
         """A number, or up to two terms and a number."""
-        total: model.Expression = Polynomial.constant(self.number())
+        total = Polynomial.constant(self.number())
         for _ in range(self.pick(0, 0, 1, 1, 2)):
             variable = self.variable(duration)
             if variable is not None:
-                term: model.Expression = Polynomial(
-                    {(variable,): self.pick(*map(Fraction, (1, -1)), HALF, Fraction(2))}
-                )
+                term = Polynomial({(variable,): self.pick(*map(Fraction, (1, -1)), HALF, Fraction(2))})
                 if not self.features.linear and self.parameters and self.chance(0.15):
                     term = term * self.parameter()
                 total = total + term
         return total
 
-    def parameter(self) -> model.Expression:
+    def parameter(self):
         return Polynomial.variable(ParameterReference(self.pick(*self.parameters).name))
 
-    def rate(self) -> model.Expression:
+    def rate(self):
         """A number, a parameter, or a fluent that nothing writes."""
         still = [fluent for fluent in self.fluents if fluent not in self.moving]
         if not self.features.linear and self.parameters and self.chance(0.3):
@@ -131,18 +124,18 @@ class _Builder:
             return Polynomial.variable(still[0])
         return Polynomial.constant(self.pick(*(Fraction(v) for v in (1, -1, 2)), HALF, -HALF))
 
-    def leaf(self, *, duration: bool) -> model.Condition:
+    def leaf(self, *, duration):
         if self.chance(0.03):
             return model.Truth(self.chance(0.5))
         if not self.fluents or self.chance(0.45):
             return model.Holds(self.pick(*self.atoms), self.pick(True, True, False))
-        fluent: model.Expression = Polynomial.variable(self.pick(*self.fluents))
+        fluent = Polynomial.variable(self.pick(*self.fluents))
         difference = fluent - self.expression(duration=duration and self.features.duration_in_conditions)
         relations = [Relation.AT_LEAST, Relation.AT_LEAST, Relation.GREATER]
         relations += [Relation.EQUAL, Relation.DIFFERENT] if self.features.equalities else []
         return model.NumericCondition(difference if self.chance(0.5) else -difference, self.pick(*relations))
 
-    def condition(self, *, duration: bool) -> model.Condition:
+    def condition(self, *, duration):
         """A literal, a comparison, or a disjunction or conjunction of some, nested once at most."""
         if self.chance(0.7):
             return self.leaf(duration=duration)
@@ -152,16 +145,16 @@ class _Builder:
         either = self.chance(0.8)
         return model.Or(tuple(operands)) if either else model.And((model.Or(tuple(operands[1:])), operands[0]))
 
-    def when(self, duration: bool) -> model.Condition:
+    def when(self, duration):
         return self.condition(duration=duration) if self.features.conditional and self.chance(0.2) else TRUE
 
-    def timed_condition(self, durative: bool) -> model.TimedCondition:
+    def timed_condition(self, durative):
         over_all = (Timing.OVER_ALL, Timing.OVER_ALL)
         timing = self.pick(Timing.AT_START, Timing.AT_END, *over_all) if durative else Timing.AT_START
         condition = self.condition(duration=durative)
         return model.TimedCondition(timing, condition, condition_text(condition))
 
-    def instance(self, index: int) -> model.ActionInstance:
+    def instance(self, index):
         durative = self.features.durative_only or self.chance(0.7)
         name = f"i{index}"
         shell = model.ActionInstance(name, f"act{index}", self.pick((), ("a",)), durative)
@@ -179,30 +172,30 @@ class _Builder:
             else (),
         )
 
-    def _timing(self, durative: bool) -> Timing:
+    def _timing(self, durative):
         return self.pick(Timing.AT_START, Timing.AT_END) if durative else Timing.AT_START
 
-    def atom_effect(self, durative: bool) -> model.AtomEffect:
+    def atom_effect(self, durative):
         timing, atom, value = self._timing(durative), self.pick(*self.atoms), self.pick(True, True, False)
         return model.AtomEffect(timing, atom, value, self.when(durative))
 
-    def numeric_effect(self, durative: bool) -> model.NumericEffect:
+    def numeric_effect(self, durative):
         expression = self.expression(duration=durative)
         timing, fluent = self._timing(durative), self.pick(*self.moving)
         increase = model.AssignmentKind.INCREASE
         operator = self.pick(increase, increase, model.AssignmentKind.ASSIGN)
         return model.NumericEffect(timing, fluent, operator, expression, self.when(durative))
 
-    def continuous_effect(self) -> model.ContinuousEffect:
+    def continuous_effect(self):
         return model.ContinuousEffect(self.pick(*self.moving), self.rate())
 
-    def _durations(self, shell: model.ActionInstance) -> tuple[model.DurationConstraint, ...]:
+    def _durations(self, shell):
         constraints = self.many(2, lambda: self._duration_constraint(self.times[shell.end] - self.times[shell.start]))
         return tuple({part.text: part for part in constraints}.values())
 
-    def _duration_constraint(self, reference: Fraction) -> model.DurationConstraint:
+    def _duration_constraint(self, reference):
         """A bound near the reference duration, or any expression."""
-        duration: model.Expression = Polynomial.variable(model.Duration())
+        duration = Polynomial.variable(model.Duration())
         slack = self.pick(Fraction(0), HALF, Fraction(2))
         symbol, sign = self.pick((">=", 1), ("<=", -1), ("=", 1))
         near = self._parametric(reference - sign * (slack if symbol != "=" else 0))
@@ -213,20 +206,20 @@ class _Builder:
             timing, model.NumericCondition((duration - bound).scaled(sign), relation), f"{symbol} {bound}"
         )
 
-    def _time(self, lower: int, upper: int) -> Fraction:
+    def _time(self, lower, upper):
         """A multiple of a half; in tame plans one that no time point has yet."""
         time = Fraction(self.between(lower, upper), 2)
         while self.tame and time in self.times.values():
             time += HALF
         return time
 
-    def _place(self, shell: model.ActionInstance) -> None:
+    def _place(self, shell):
         start = self.times[shell.start] = self._time(0, 12)
         if shell.durative:
             shortest = 0 if self.features.zero_durations and self.chance(0.1) else 1
             self.times[shell.end] = self._time(int(2 * start) + shortest, int(2 * start) + 8)
 
-    def _parametric(self, value: Fraction) -> model.Expression:
+    def _parametric(self, value):
         """A bound that has this value at the nominal parameters."""
         if not self.parameters or self.chance(0.6):
             return Polynomial.constant(value)
@@ -234,22 +227,22 @@ class _Builder:
         factor = self.pick(Fraction(1), Fraction(1), Fraction(-1), Fraction(2))
         return Polynomial({(ParameterReference(parameter.name),): factor}) + (value - factor * parameter.nominal)
 
-    def constraint(self, source: TimePoint, target: TimePoint, *, bounded: bool) -> model.TemporalConstraint:
+    def constraint(self, source, target, *, bounded):
         """A constraint that the reference schedule satisfies."""
         distance = self.times[target] - self.times[source]
         if self.chance(0.3):
             fixed = self._parametric(distance)
             return model.TemporalConstraint(source, target, fixed, fixed)
         slack = [Fraction(0), HALF, Fraction(1), Fraction(2)]
-        lower: model.Expression | None = self._parametric(distance - self.pick(*slack))
-        upper: model.Expression | None = self._parametric(distance + self.pick(*slack))
+        lower = self._parametric(distance - self.pick(*slack))
+        upper = self._parametric(distance + self.pick(*slack))
         if not bounded and self.chance(0.6):
             lower, upper = self.pick((lower, None), (None, upper))
         return model.TemporalConstraint(source, target, lower, upper)
 
-    def _network(self, instances: tuple[model.ActionInstance, ...]) -> tuple[model.TemporalConstraint, ...]:
+    def _network(self, instances):
         points = [point for instance in instances for point in instance.time_points]
-        constraints: list[model.TemporalConstraint] = []
+        constraints = []
         for instance in instances:
             anchor = model.ZERO if self.chance(0.7) else self.pick(model.ZERO, *points)
             if anchor not in instance.time_points:
@@ -264,22 +257,22 @@ class _Builder:
             constraints.append(model.TemporalConstraint(model.ZERO, points[-1], None, self._parametric(-HALF)))
         return tuple(constraints)
 
-    def timed_literal(self) -> model.TimedLiteral:
+    def timed_literal(self):
         time = Fraction(self.between(1, 14), 2)
         self.times[model.TimedLiteral(time, ATOMS[0], True).point] = time
         if self.moving and self.chance(0.4):
             return model.TimedLiteral(time, self.pick(*self.moving), self.number())
         return model.TimedLiteral(time, self.pick(*self.atoms), self.pick(True, False))
 
-    def _timed_literals(self) -> tuple[model.TimedLiteral, ...]:
+    def _timed_literals(self):
         some = self.features.timed_literals and self.chance(0.4)
         literals = (self.timed_literal(), *self.many(1, self.timed_literal)) if some else ()
         return tuple({(literal.time, literal.target): literal for literal in literals}.values())
 
-    def _initial_value(self) -> model.Expression:
+    def _initial_value(self):
         return self.parameter() if self.parameters and self.chance(0.2) else Polynomial.constant(self.number())
 
-    def plan(self) -> ParametrizedPlan:
+    def plan(self):
         timed_literals = self._timed_literals()
         instances = tuple(self.instance(index) for index in range(self.between(1, self.features.instances)))
         goals = self.many(2, lambda: self.condition(duration=False))
@@ -304,10 +297,9 @@ _OPPOSITE = {
     Relation.EQUAL: Relation.DIFFERENT,
     Relation.DIFFERENT: Relation.EQUAL,
 }
-Part = TypeVar("Part", model.TimedCondition, model.GoalCondition)
 
 
-def tamed(plan: ParametrizedPlan, times: Mapping[TimePoint, Fraction], random: Random) -> ParametrizedPlan:
+def tamed(plan, times, random):
     """The plan with fewer ways to fail at nominal parameter values; `times` says how to order mutex time points.
 
     Broken conditions are negated or dropped, broken duration constraints dropped, until sampled schedules break none of
@@ -329,14 +321,14 @@ def tamed(plan: ParametrizedPlan, times: Mapping[TimePoint, Fraction], random: R
     return plan
 
 
-def _repaired(instance: model.ActionInstance, broken: set[str], negate: bool) -> model.ActionInstance:
+def _repaired(instance, broken, negate):
     conditions = _kept(((part, instance.label(part)) for part in instance.conditions), broken, negate)
     by_label = {instance.label(part): part for part in conditions}
     durations = tuple(part for part in instance.durations if instance.label(part) not in broken)
     return replace(instance, durations=durations, conditions=tuple(by_label.values()))
 
 
-def _kept(parts: Iterable[tuple[Part, str]], broken: set[str], negate: bool) -> Iterable[Part]:
+def _kept(parts, broken, negate):
     for part, label in parts:
         if label not in broken:
             yield part
@@ -345,9 +337,7 @@ def _kept(parts: Iterable[tuple[Part, str]], broken: set[str], negate: bool) -> 
             yield replace(part, condition=condition, text=condition_text(condition))
 
 
-def _orders(
-    plan: ParametrizedPlan, times: Mapping[TimePoint, Fraction], broken: set[str]
-) -> Iterable[model.TemporalConstraint]:
+def _orders(plan, times, broken):
     for instance in plan.instances:
         if f"{instance.identifier} {instance.action}: non-negative duration" in broken:
             yield model.TemporalConstraint(instance.start, instance.end, Polynomial.constant(0), None)
@@ -357,7 +347,7 @@ def _orders(
                 yield _order(*((a, b) if times[a] <= times[b] else (b, a)))
 
 
-def _order(first: TimePoint, second: TimePoint) -> model.TemporalConstraint:
+def _order(first, second):
     """First before second, said without timed literals, which plan files cannot name."""
     if first.time is not None:
         return model.TemporalConstraint(model.ZERO, second, Polynomial.constant(first.time + SEPARATION), None)
@@ -366,7 +356,7 @@ def _order(first: TimePoint, second: TimePoint) -> model.TemporalConstraint:
     return model.TemporalConstraint(first, second, Polynomial.constant(SEPARATION), None)
 
 
-def negation(condition: model.Condition) -> model.Condition:
+def negation(condition):
     """The negation, in negation normal form."""
     match condition:
         case model.Truth(value):

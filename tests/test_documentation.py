@@ -14,7 +14,6 @@ import json
 import re
 import shlex
 import sys
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -35,7 +34,7 @@ PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "be
 MULTILINE = re.MULTILINE | re.DOTALL
 
 
-def read(name: str | Path) -> str:
+def read(name):
     return (ROOT / name).read_text(encoding="utf-8")
 
 
@@ -48,11 +47,11 @@ class Session:
     steps: tuple[tuple[str, tuple[str, ...]], ...]
     files: tuple[tuple[str, str], ...] = ()
 
-    def __str__(self) -> str:
+    def __str__(self):
         return f"{self.page.relative_to(ROOT)}:{self.line}"
 
 
-def sessions_of(page: Path) -> list[Session]:
+def sessions_of(page):
     text = read(page)
     blocks = re.finditer(r"^```console\n(.*?)^```$", text, MULTILINE)
     sessions = [Session(page, text.count("\n", 0, block.start()) + 1, steps_of(block[1])) for block in blocks]
@@ -62,8 +61,8 @@ def sessions_of(page: Path) -> list[Session]:
     return [Session(page, sessions[0].line, sum((session.steps for session in sessions), ()), tuple(files))]
 
 
-def steps_of(block: str) -> tuple[tuple[str, tuple[str, ...]], ...]:
-    steps: list[tuple[str, list[str]]] = []
+def steps_of(block):
+    steps = []
     for line in block.replace("\\\n", " ").splitlines():
         if line.startswith("$ "):
             steps.append((line[2:], []))
@@ -72,7 +71,7 @@ def steps_of(block: str) -> tuple[tuple[str, tuple[str, ...]], ...]:
     return tuple((line, tuple(lines)) for line, lines in steps)
 
 
-def run(session: Session, directory: Path, robust: Sequence[str] = COMMAND) -> list[str]:
+def run(session, directory, robust=COMMAND):
     """What each command of the session prints, run in a directory that looks like the checkout."""
     for name in ("robust", "benchmarks", "docs"):
         (directory / name).symlink_to(ROOT / name)
@@ -89,7 +88,7 @@ def run(session: Session, directory: Path, robust: Sequence[str] = COMMAND) -> l
     return ended.out.split(f"{MARK}\n")[1:]
 
 
-def normalised(line: str) -> str:
+def normalised(line):
     """Without what differs from run to run and from terminal to terminal: times, frames, spaces."""
     line = re.sub(r"[─│╭╮╰╯┃━┏┓┡┩┗┛┳╇┴┬┼├┤]", " ", line)
     line = re.sub(r'("(?:[a-z_]*seconds|[a-z_]*_s)"): [0-9.e+-]+', r"\1: TIME", line)
@@ -97,7 +96,7 @@ def normalised(line: str) -> str:
     return " ".join(line.split())
 
 
-def shown(expected: tuple[str, ...], printed: str) -> bool:
+def shown(expected, printed):
     lines = [line for line in map(normalised, expected) if line]
     wanted = "".join(".*" if line == "..." else re.escape(line) + "\n" for line in lines)
     text = "".join(f"{line}\n" for line in map(normalised, printed.splitlines()) if line)
@@ -110,7 +109,7 @@ def test_documented_commands_print_what_is_shown(session, tmp_path, warm):
         assert shown(expected, printed), f"{session}: {line}\nprints\n{printed}"
 
 
-def rewritten(page: Path) -> str:
+def rewritten(page):
     """The page with what its commands print now, but for what is shown in part."""
     text = read(page)
     for session in sessions_of(page):
@@ -134,7 +133,7 @@ def test_the_reference_says_what_help_says(name):
             assert re.sub(r"[\s,/<>.|\[\]{}-]", "", text.split(" [default")[0]) in squeezed, (name, text)
 
 
-def test_pages_and_scripts_name_the_same_commands():
+def test_pages_scripts_and_the_architecture_name_what_exists():
     """The options of commands come from the code when the page is built; none are copied there."""
     page = read("docs/commands.md")
     for name in ["robust", *reference.commands()]:
@@ -150,6 +149,11 @@ def test_pages_and_scripts_name_the_same_commands():
     table = read("CONTRIBUTING.md").split("## Commands")[1].split("\n## ")[0]
     installation = {recipe for recipe in recipes if recipe.startswith("-m pip")}
     assert recipes - installation == set(re.findall(r"`python (-m [^`]*)`", table))
+    page = read("ARCHITECTURE.md")
+    assert len(page.splitlines()) < 200
+    for name in re.findall(r"`((?:robust|benchmarks|tests|proofs)/[a-z0-9_/]*(?:\.py)?)`", page):
+        assert (ROOT / name).exists(), name
+    assert set(PRINTED) <= {notebook.name for notebook in NOTEBOOKS}
 
 
 def test_documented_parameter_file_is_read(tmp_path):
@@ -173,7 +177,7 @@ def test_documented_python_says_what_is_so(page, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     blocks = re.findall(r"^```python\n(.*?)^```$", read(page), MULTILINE)
     assert blocks
-    names: dict[str, object] = {}
+    names = {}
     for block in blocks:
         if "how-to" not in page:
             names = {}
@@ -212,11 +216,11 @@ def test_a_notebook_runs_from_any_directory_and_keeps_no_output(notebook, tmp_pa
     assert ended.out.splitlines() == PRINTED.get(notebook.name, ended.out.splitlines())
 
 
-def prose(page: Path) -> str:
+def prose(page):
     return re.sub(r"^```.*?^```$", "", read(page), flags=MULTILINE)
 
 
-def anchors(page: Path) -> set[str]:
+def anchors(page):
     headings = re.findall(r"^#+ (.*)$", prose(page), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
@@ -231,14 +235,6 @@ def test_internal_links_resolve(page):
         assert file.exists(), f"{page.name} links to {target}"
         if anchor and file.suffix == ".md":
             assert anchor in anchors(file), f"{page.name} links to {target}"
-
-
-def test_the_architecture_fits_in_a_head_and_names_what_exists():
-    page = read("ARCHITECTURE.md")
-    assert len(page.splitlines()) < 200
-    for name in re.findall(r"`((?:robust|benchmarks|tests|proofs)/[a-z0-9_/]*(?:\.py)?)`", page):
-        assert (ROOT / name).exists(), name
-    assert set(PRINTED) <= {notebook.name for notebook in NOTEBOOKS}
 
 
 if __name__ == "__main__":

@@ -155,7 +155,7 @@ def test_a_file_cut_off_at_any_byte(path, form, monkeypatch):
         assert path.read_bytes() == content
 
 
-def test_damage_is_named_wherever_it_is(path):
+def test_damage_and_lines_that_are_missing_or_twice_are_named(path):
     """Any one byte of a chained file that is another: nothing but an error with the line."""
     content = written(path, CHAINED)
     for at in range(len(content) - 1):
@@ -168,9 +168,6 @@ def test_damage_is_named_wherever_it_is(path):
         assert str(caught.value).startswith(f"{path}:{line}:"), at
         assert "\n" not in str(caught.value)
         assert path.read_bytes() == damaged
-
-
-def test_a_line_that_is_missing_or_twice_is_named(path):
     first, second, third, fourth, *rest = written(path, CHAINED).splitlines(keepends=True)
     for lines in ((first, second, fourth), (first, second, third, third, fourth), (first, second, fourth, third)):
         path.write_bytes(b"".join([*lines, *rest]))

@@ -3,6 +3,7 @@
 import inspect
 from decimal import Decimal
 from fractions import Fraction
+from functools import partial
 from math import inf, nan
 from pathlib import Path
 
@@ -26,27 +27,19 @@ from tests.cli import inputs
 from tests.cli.running import EXAMPLES, assert_one_line, command, example
 from tests.stnu.networks import network
 
-
-def irr(beta):
-    return EnvelopeOptions(method="irr", beta=beta)
+irr, ORDERED = partial(EnvelopeOptions, method="irr"), "expected method='widen' or 'irr', or no order"
 
 
 @pytest.mark.parametrize(
     ("ask", "says"),
     [
+        *((partial(irr, beta=beta), f"beta: found '{beta}', expected a number above 0") for beta in (0, -1, "-1/2")),
         *(
-            (lambda beta=beta: irr(beta), f"beta: found '{beta}', expected a number above 0")
-            for beta in (0, -1, "-1/2")
-        ),
-        *(
-            (lambda beta=beta: irr(beta), f"beta: found '{beta}', expected {EXPECTED_NUMBER}")
+            (partial(irr, beta=beta), f"beta: found '{beta}', expected {EXPECTED_NUMBER}")
             for beta in ([1], "one", True)
         ),
         (lambda: EnvelopeOptions(beta=1), "beta: found it with method='widen', expected method='irr', or no beta"),
-        (
-            lambda: EnvelopeOptions(method="optimal", order=["a"]),
-            "order: found it with method='optimal', expected method='widen' or 'irr', or no order",
-        ),
+        (lambda: EnvelopeOptions(method="optimal", order=["a"]), f"order: found it with method='optimal', {ORDERED}"),
         (lambda: EnvelopeOptions(order="a,,b"), "order: found 'a,,b', expected names such as a,b,c"),
         (lambda: EnvelopeOptions(method="widn"), "unknown method 'widn'; did you mean 'widen'?"),
         (lambda: EnvelopeOptions(solver="z4"), "unknown solver 'z4'; known are cvc5, z3"),
@@ -67,12 +60,12 @@ def test_what_is_wrong_is_said_of_the_parameter(ask, says):
 
 @pytest.mark.parametrize("value", [Fraction(1, 8), "1/8", "0.125", Decimal("0.125"), 0.125])
 def test_numbers_are_exact(value):
-    assert CheckOptions(epsilon=value).separation == irr(value).precision == Fraction(1, 8)
+    assert CheckOptions(epsilon=value).separation == irr(beta=value).precision == Fraction(1, 8)
     assert CheckOptions(epsilon=0.1).separation == Fraction(1, 10)
     assert EnvelopeOptions(order="a, b").order == ("a", "b")
 
 
-def test_options_cannot_be_changed_and_have_no_others():
+def test_options_cannot_be_changed_have_no_others_and_are_named_as_typed():
     options = CheckOptions(timeout=3)
     assert (options.limit, options.changed(timeout=4).limit, options.limit) == (3.0, 4.0, 3.0)
     assert (CheckOptions(timeout=0).limit, CheckOptions(timeout=2e9).limit) == (0, 1e9)
@@ -82,9 +75,6 @@ def test_options_cannot_be_changed_and_have_no_others():
         CheckOptions(timout=4)
     with pytest.raises(TypeError, match="no keyword argument 'domain'"):
         COMMANDS["check"].load().options(problem="p", plan="q")
-
-
-def test_messages_name_options_as_typed():
     with as_typed({"beta"}), pytest.raises(InputError, match="--beta: found it with --method widen"):
         EnvelopeOptions(beta="1")
 
@@ -112,9 +102,7 @@ VALUES = ("z3", "cvc5", "a b", "-1", "--json", "1/2", "x=1", "", "--", "-o", "ir
 
 def by_typer(words):
     actions = []
-    app = application(
-        COMMANDS, words, "help", "version", lambda action, options: actions.append((action, options)) or 0
-    )
+    app = application(COMMANDS, words, "help", "version", lambda *asked: actions.append(asked) or 0)
     try:
         app(args=list(words), prog_name="robust", standalone_mode=False)
     except Exception:
@@ -182,7 +170,7 @@ def test_numbers_of_all_kinds_are_exact(value, number):
     assert isinstance(exact(value), Fraction)
 
 
-def test_one_tenth_is_one_tenth(plan):
+def test_one_tenth_is_one_tenth_and_boxes_are_what_people_have(plan):
     for tenth in (0.1, "0.1", "1/10", Decimal("0.1"), Fraction(1, 10), np.float64(0.1)):
         assert exact(tenth) == robust.check(plan, epsilon=tenth).epsilon == Fraction(1, 10)
     for asked in (
@@ -193,6 +181,19 @@ def test_one_tenth_is_one_tenth(plan):
         pike.load(KITCHEN, epsilon=0.1),
     ):
         assert asked.epsilon == Fraction(1, 10)
+    box = robust.envelope(plan)
+    intervals = box.box.intervals
+    for same in (
+        box,
+        box.box,
+        {name: (each.lower, each.upper) for name, each in intervals.items()},
+        {name: [float(each.lower), str(each.upper)] for name, each in intervals.items()},
+        dict(intervals),
+        [f"{name}={each.lower}:{each.upper}" for name, each in intervals.items()],
+    ):
+        checked = robust.check(plan, at=same)
+        assert (checked.box, checked.answer) == (box.box, robust.Answer.PROVED)
+        assert robust.repair(plan, require=same).status is robust.RepairStatus.UNNEEDED
 
 
 @pytest.mark.parametrize("wrong", [nan, inf, True, False, np.bool_(True), Decimal("NaN"), None, [1], "soon", 1j])
@@ -241,22 +242,6 @@ def test_ends_lengths_of_time_and_counts_for_people():
     assert [plural(count, "check") for count in (0, 1, 2)] == ["0 checks", "1 check", "2 checks"]
 
 
-def test_boxes_are_what_people_have(plan):
-    box = robust.envelope(plan)
-    intervals = box.box.intervals
-    for same in (
-        box,
-        box.box,
-        {name: (each.lower, each.upper) for name, each in intervals.items()},
-        {name: [float(each.lower), str(each.upper)] for name, each in intervals.items()},
-        dict(intervals),
-        [f"{name}={each.lower}:{each.upper}" for name, each in intervals.items()],
-    ):
-        checked = robust.check(plan, at=same)
-        assert (checked.box, checked.answer) == (box.box, robust.Answer.PROVED)
-        assert robust.repair(plan, require=same).status is robust.RepairStatus.UNNEEDED
-
-
 BELOW, ABOVE = Interval(None, Fraction(3), lower_closed=False), Interval(Fraction(3), None, upper_closed=False)
 POINT = Interval(Fraction(1, 2), Fraction(1, 2))
 
@@ -277,7 +262,7 @@ def test_intervals_are_what_people_have(plan, at, interval):
 
 def test_closed_ends_of_intervals_count(tmp_path):
     """Only at an end of the interval does the plan break."""
-    files = inputs.write(tmp_path, domain=inputs.DOMAIN.replace("(>= (fuel) 1)", "(< (fuel) 5)")).files
+    files = inputs.write(tmp_path, domain=inputs.DOMAIN.replace("(>= (fuel) 1)", "(< (fuel) 5)"))
     plan = robust.load_plan(*files, parameters=["fluent:(fuel)"])
     for closed, answer in ((False, robust.Answer.PROVED), (True, robust.Answer.REFUTED)):
         fuel = Interval(Fraction(4), Fraction(5), upper_closed=closed)
@@ -367,16 +352,7 @@ def test_wrong_arguments_are_named(plan, ask, says):
     assert "\n" not in str(caught.value)
 
 
-def test_what_there_is_to_catch():
-    assert issubclass(robust.InvalidPlanError, robust.RefutedError)
-    for name, code in (("InputError", 2), ("InvalidPlanError", 1), ("UnsupportedError", 4), ("SolverError", 3)):
-        error = getattr(robust, name)
-        assert issubclass(error, robust.RobustError)
-        assert error.exit_code == code
-        assert error.__doc__
-
-
-def test_an_invalid_plan_says_what_breaks(tmp_path):
+def test_what_there_is_to_catch_and_an_invalid_plan_says_what_breaks(tmp_path):
     steps = Path(STEPS[2]).read_text(encoding="utf-8").splitlines()
     path = tmp_path / "late.plan"
     path.write_text("\n".join(line for line in steps if "sample" not in line), encoding="utf-8")
@@ -384,6 +360,12 @@ def test_an_invalid_plan_says_what_breaks(tmp_path):
         robust.convert(*STEPS[:2], path)
     assert caught.value.violations
     assert not robust.validate(*STEPS[:2], path).valid
+    assert issubclass(robust.InvalidPlanError, robust.RefutedError)
+    for name, code in (("InputError", 2), ("InvalidPlanError", 1), ("UnsupportedError", 4), ("SolverError", 3)):
+        error = getattr(robust, name)
+        assert issubclass(error, robust.RobustError)
+        assert error.exit_code == code
+        assert error.__doc__
 
 
 def test_lengths_of_contingent_links_are_given_by_name():

@@ -6,7 +6,6 @@ import inspect
 import json
 import re
 import sys
-from collections.abc import Iterator
 from enum import Enum
 from functools import cache
 from importlib import import_module
@@ -27,27 +26,24 @@ HEAVY = ("pysmt", "z3", "cvc5", "sympy", "matplotlib", "numpy")
 DRAWING = ("matplotlib", "networkx")
 
 
-def text(name: str) -> str:
+def text(name):
     return (ROOT / name).read_text(encoding="utf-8")
 
 
-def section(name: str, pattern: str) -> str:
+def section(name, pattern):
     """The first group of a pattern that a file matches."""
     match = re.search(pattern, text(name), re.MULTILINE | re.DOTALL)
     assert match is not None, (name, pattern)
     return match[1]
 
 
-def test_versions_are_said_the_same_everywhere():
+def test_versions_are_said_the_same_everywhere_and_every_dependency_is_locked():
     assert section("CITATION.cff", r"^version: (\S+)$") == robust.__version__
     assert section("CHANGELOG.md", r"^## \[(\d[^\]]*)\]") == robust.__version__
     assert importlib.metadata.version("robust-plans") == robust.__version__
     for line in ('requires-python = ">=3.11"', 'target-version = "py311"', 'python_version = "3.11"'):
         assert line in text("pyproject.toml")
     assert "Python 3.11" in text("README.md")
-
-
-def test_every_dependency_is_locked():
     locked = {name.lower() for name in re.findall(r"^([A-Za-z0-9_.-]+)==", text("constraints.txt"), re.MULTILINE)}
     wanted = "".join(section("pyproject.toml", rf"^{name} = \[(.*?)^\]") for name in ("dependencies", "dev"))
     names = {name.lower() for name in re.findall(r'"([A-Za-z0-9_.-]+)', wanted)}
@@ -55,7 +51,7 @@ def test_every_dependency_is_locked():
 
 
 @cache
-def layers() -> dict[str, int]:
+def layers():
     """The order of folders that ARCHITECTURE.md states, as a rank for each."""
     rows = re.findall(r"^\| (`robust/.*?)\|", section("ARCHITECTURE.md", "who may import whom(.*?)\n## "), re.MULTILINE)
     return {
@@ -65,7 +61,7 @@ def layers() -> dict[str, int]:
     }
 
 
-def module_name(path: Path) -> str:
+def module_name(path):
     parts = path.relative_to(ROOT).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
@@ -74,15 +70,15 @@ MODULES = {module_name(path): path for path in sorted(PACKAGE.rglob("*.py"))}
 
 
 @cache
-def tree(name: str) -> ast.Module:
+def tree(name):
     return ast.parse(MODULES[name].read_text(encoding="utf-8"))
 
 
 @cache
-def imported(name: str, package: str = "robust") -> tuple[tuple[str, str], ...]:
+def imported(name, package="robust"):
     """Modules of a package (of any, if empty) that one imports but for type checkers, with each name taken."""
 
-    def found() -> Iterator[tuple[str, str]]:
+    def found():
         nodes = list(ast.walk(tree(name)))
         only_types = [node for node in nodes if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test)]
         skipped = {id(inner) for node in only_types for statement in node.body for inner in ast.walk(statement)}
@@ -101,7 +97,7 @@ def imported(name: str, package: str = "robust") -> tuple[tuple[str, str], ...]:
     return tuple(found())
 
 
-def mentioned(name: str) -> Iterator[str]:
+def mentioned(name):
     """Modules that one imports at all, for types only as well, or names in a text."""
     for node in ast.walk(tree(name)):
         if isinstance(node, ast.Import):
@@ -141,7 +137,7 @@ def test_no_modules_import_each_other_in_a_circle(modules_of):
 
 def test_class_names_are_unique():
     """A name that is searched for is found once."""
-    homes: dict[str, list[str]] = {}
+    homes = {}
     for name in MODULES:
         for node in ast.walk(tree(name)):
             if isinstance(node, ast.ClassDef):
@@ -154,19 +150,16 @@ def test_every_layer_of_the_architecture_exists_and_says_what_lives_there():
         assert ast.get_docstring(tree(f"robust.{name}")), name
 
 
-def test_the_solver_layer_takes_only_arithmetic_from_the_plan_layer():
-    solving = [name for name in MODULES if name.startswith("robust.smt")]
-    taken = {name for module in solving for name in imported(module) if name[0].startswith("robust.plan")}
-    assert taken <= {("robust.plan.polynomial", "Polynomial"), ("robust.plan.model", "Relation")}
-
-
-def test_the_simulator_shares_no_code_with_the_relational_encoding():
+def test_the_simulator_shares_no_code_with_the_encoding_and_solvers_take_only_arithmetic_from_plans():
     simulator = {"robust.plan.simulate", "robust.plan.timeline"}
     for name in simulator:
         assert not [module for module, _ in imported(name) if "encode" in module]
     for name in MODULES:
         if name.startswith("robust.encode") and "positions" not in name:
             assert not simulator & {module for module, _ in imported(name)}, name
+    solving = [name for name in MODULES if name.startswith("robust.smt")]
+    taken = {name for module in solving for name in imported(module) if name[0].startswith("robust.plan")}
+    assert taken <= {("robust.plan.polynomial", "Polynomial"), ("robust.plan.model", "Relation")}
 
 
 def test_only_one_folder_draws():
@@ -234,18 +227,7 @@ def test_scripts_of_users_are_checked_by_types(tmp_path):
         assert [name for name in names if f"{module}.{name}(" not in used] == []
 
 
-TELLING = {
-    "agree",
-    "answer",
-    "ending",
-    "exit_code",
-    "is_controllable",
-    "obstacle",
-    "outcome",
-    "status",
-    "valid",
-    "verdict",
-}
+ANSWERS = "agree answer ending exit_code is_controllable obstacle outcome status valid verdict"
 """What attributes are called that say what came of a question."""
 NO_ANSWERS = """About AssignmentKind Below Case Cause Changeable Comparator Control Guarantee Human Kind Means Mode
 MomentSide NodeKind Operator Pace Phase Relation Role Sense Side Stage Subject Target TeamParameterKind Temporal
@@ -254,7 +236,7 @@ TimePointKind Timing Update Way"""
 
 
 @cache
-def classes(kind: type) -> list[type]:
+def classes(kind):
     """All of that kind that the package declares, but for the checker, which imports nothing of it."""
     wanted = [name for name in MODULES if "__main__" not in name and not name.startswith("robust.certify.checker")]
     found = {value for name in wanted for _, value in inspect.getmembers(import_module(name), inspect.isclass)}
@@ -281,7 +263,7 @@ def test_answers_have_no_truth_value(kind):
 def test_whatever_says_what_came_of_a_question_is_a_result():
     values = [getattr(package, name) for package in (robust, pike, stnu) for name in package.__all__]
     public = {value for value in values if isinstance(value, type)}
-    telling = {kind for kind in public if TELLING & {*vars(kind), *vars(kind).get("__annotations__", ())}}
+    telling = {kind for kind in public if {*ANSWERS.split()} & {*vars(kind), *vars(kind).get("__annotations__", ())}}
     assert {kind for kind in telling if not issubclass(kind, NoTruthValue | Exception)} == set()
     assert len(telling) > 15
 

@@ -13,18 +13,18 @@ from threading import Thread
 import pytest
 
 from robust.errors import SolverError
-from robust.processes import KEPT, ProcessEnd, Processes, StoppedError
+from robust.processes import KEPT, Processes, StoppedError
 from robust.smt.limits import Deadline, OutOfTimeError, from_copy, stream_from_copy, uninterrupted
 from robust.watcher import CANNOT_START
 from tests.children import WAIT, Told, eventually, interrupted_after, is_running
 from tests.cli.running import environment, ran
 
 
-def python(code: str) -> list[str]:
+def python(code):
     return [sys.executable, "-S", "-c", code]
 
 
-def run(code: str, seconds: float | None = None, **options: int) -> ProcessEnd:
+def run(code, seconds=None, **options):
     return Processes().run(python(code), Deadline.after(seconds), **options)
 
 
@@ -33,7 +33,7 @@ def told(tmp_path):
     return Told(tmp_path)
 
 
-def test_output_exit_code_time_and_surroundings(tmp_path):
+def test_output_exit_code_time_and_surroundings_and_a_command_that_does_not_exist(tmp_path):
     code = "import os; print(os.getcwd(), os.environ['ROBUST_TEST'], 'PATH' in os.environ, os.read(0, 9))"
     ended = Processes().run(python(code), folder=tmp_path, variables={"ROBUST_TEST": "yes"})
     assert ended.stdout == f"{tmp_path} yes True b''\n"
@@ -46,9 +46,6 @@ def test_output_exit_code_time_and_surroundings(tmp_path):
     assert (killed.exit_code, killed.timed_out) == (-11, False)
     ended = run("import sys; print('x' * 10**6); print('y' * 10**6, file=sys.stderr)")  # more than a pipe holds
     assert (len(ended.stdout), len(ended.stderr)) == (10**6 + 1, 10**6 + 1)
-
-
-def test_a_command_that_does_not_exist(tmp_path):
     ended = Processes().run([str(tmp_path / "absent")])
     assert ended.exit_code == CANNOT_START
     assert ended.last_line == f"cannot start '{tmp_path / 'absent'}': No such file or directory"
@@ -144,7 +141,7 @@ def test_stop_ends_running_commands_and_refuses_new_ones(told):
         processes.run(python("pass"))
 
 
-def parent(call: str) -> subprocess.Popen[bytes]:
+def parent(call):
     """A process that makes that call."""
     code = "import sys; from pathlib import Path; from robust.processes import *; from robust.smt.limits import *; "
     return subprocess.Popen([sys.executable, "-c", code + call], env=environment())
@@ -245,7 +242,7 @@ limits.from_copy(lambda: exec({told.code!r}), limits.Deadline(), "x")
     assert not eventually(told.path.exists, 2)
 
 
-def test_the_copy_is_ended_by_the_deadline_and_by_interruption():
+def test_the_copy_is_ended_by_the_deadline_and_by_interruption_and_its_failures_are_told():
     def endless():
         yield 1
         while True:
@@ -262,8 +259,6 @@ def test_the_copy_is_ended_by_the_deadline_and_by_interruption():
         next(items)
     assert time.monotonic() - started < 20
 
-
-def test_failures_in_the_copy_are_told():
     def failing():
         yield 1
         raise ValueError("not this one")

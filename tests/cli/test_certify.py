@@ -194,15 +194,9 @@ def test_choices_that_leave_no_execution(path):
     assert (ended.code, "found no correct execution" in ended.err) == (1, True)
 
 
-@pytest.fixture(scope="module")
-def box_certificate(tmp_path_factory):
-    file = tmp_path_factory.mktemp("certificate") / "box.cert"
-    assert code_of("certify", *example(), "-o", file, "--kind", "maximal") == 0
-    return file
-
-
-def test_a_maximal_box_is_demanded_with_all_its_values(box_certificate, box, tmp_path):
-    words = ("verify", box_certificate, *example(), "--kind", "maximal")
+def test_a_maximal_box_is_demanded_with_all_its_values(path, box, tmp_path):
+    assert code_of("certify", *example(), "-o", path, "--kind", "maximal") == 0
+    words = ("verify", path, *example(), "--kind", "maximal")
     assert code_of(*words, "--box", "to_ridge=25:36") == 1
     assert code_of(*words, "--box", "to_ridge=25:36", "--box", " to_crater = 35:46") == 0
     named_like_a_value = box.rename(tmp_path / "to_ridge=1.json")

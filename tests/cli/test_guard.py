@@ -17,7 +17,7 @@ def send(guard, number=signal.SIGINT):
     signal.pthread_kill(guard._watcher.ident, number)
 
 
-def test_puts_everything_back():
+def test_puts_everything_back_and_does_nothing_in_another_thread():
     def now():
         handlers = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGALRM)]
         return handlers, signal.pthread_sigmask(0, []), threading.active_count()
@@ -26,6 +26,19 @@ def test_puts_everything_back():
     with Guard():
         assert signal.pthread_sigmask(signal.SIG_BLOCK, []) >= STOPS
     assert now() == before
+    errors = []
+
+    def work():
+        try:
+            with Guard() as guard, guard.working(0.01):
+                time.sleep(0.5)
+        except BaseException as error:
+            errors.append(error)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert errors == []
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -60,7 +73,7 @@ def test_interrupts_again_what_swallowed_the_first():
     assert len(swallowed) == 2
 
 
-def test_ends_work_at_the_limit():
+def test_ends_work_at_the_limit_and_remembers_a_signal_before_work():
     with Guard() as guard:
         with pytest.raises(KeyboardInterrupt), guard.working(0.1):
             time.sleep(10)
@@ -69,30 +82,11 @@ def test_ends_work_at_the_limit():
         assert guard.remaining(None) is None
         assert 8 < guard.remaining(10) <= 10
         assert 0 < guard.remaining(1e-9) <= 1e-3
-
-
-def test_signal_before_work_is_remembered():
     with Guard() as guard:
         send(guard)
         assert eventually(lambda: guard.cause is not None, 5)
         with pytest.raises(KeyboardInterrupt), guard.working():
             pytest.fail("work began")
-
-
-def test_does_nothing_in_another_thread():
-    errors = []
-
-    def work():
-        try:
-            with Guard() as guard, guard.working(0.01):
-                time.sleep(0.5)
-        except BaseException as error:
-            errors.append(error)
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    thread.join()
-    assert errors == []
 
 
 STUCK = """

@@ -4,7 +4,6 @@ import json
 import sys
 
 import pytest
-from matplotlib.figure import Figure
 
 import robust
 from robust.errors import UnsupportedError
@@ -56,7 +55,7 @@ NEEDED = (
 )
 
 
-def test_the_core_needs_no_extra_and_what_needs_one_says_which():
+def test_the_core_needs_no_extra_and_what_needs_one_says_which(monkeypatch):
     lines = [[*words, "--quiet"] for words in CORE] + [words for words, *_ in NEEDED]
     script = f"""
 import json, sys
@@ -70,26 +69,12 @@ print(json.dumps([(each.code, each.out, each.err) for each in ended]))
     for refused, (_, package, extra) in zip(ended[len(CORE) :], NEEDED, strict=True):
         assert_one_line(refused, 4, f"found no {package}")
         assert f"pip install 'robust-plans[{extra}]'" in refused.err
-
-
-def test_python_says_which_extra_draws(monkeypatch):
     envelope = robust.envelope(example())
     for name in [name for name in sys.modules if name.startswith(("matplotlib", "robust.show."))]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(UnsupportedError, match=r"found no matplotlib.*robust-plans\[plots\]"):
         envelope.plot()
-
-
-def test_plot_that_cannot_be_written_in_the_end(monkeypatch, tmp_path):
-    def fail(*_arguments, **_options):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(Figure, "savefig", fail)
-    ended = command("envelope", *example(), "--plot", tmp_path / "box.svg")
-    assert ended.code == 2
-    assert ended.err.startswith("robust: error: --plot: cannot write")
-    assert "no space left on device" in ended.err
 
 
 def test_errors_are_one_line_and_the_traceback_is_on_request(monkeypatch):
@@ -117,7 +102,7 @@ def test_an_answer_that_a_full_device_does_not_take_is_no_success(words):
     assert (ended.code, ended.err) == (2, f"robust: error: {by_us} space left on device\n")
 
 
-def test_closed_streams():
+def test_closed_streams_and_streams_in_other_encodings():
     """Without stdout there is nobody to answer to; messages may get lost."""
     ended = redirected(">&-", "check", *example())
     assert ended.code == 2
@@ -127,9 +112,6 @@ def test_closed_streams():
     for stream in ("2>&-", "2>/dev/full"):
         ended = redirected(stream, "check", *FLEXIBLE)
         assert (ended.code, ended.out[:7]) == (1, "refuted")
-
-
-def test_streams_in_other_encodings():
     ended = process("check", *FLEXIBLE, env={**environment(), "PYTHONIOENCODING": "ascii"})
     assert (ended.code, ended.err) == (1, "")
     assert "(charge scout) = 170" in ended.out

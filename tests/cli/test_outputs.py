@@ -111,17 +111,13 @@ def test_what_can_be_known_is_known_before_anything_is_computed(here, name):
         assert_one_line(command(*words, target), 2, Path(target).parts[0])
 
 
-def test_the_other_files_are_written_all_the_same(here):
+def test_the_other_files_are_written_and_answers_of_a_batch_outlive_their_store(here, monkeypatch):
     words, _ = full("batch --csv")
     assert command(*words, "--html", "page.html").code == 2
     assert Path("page.html").read_text(encoding="utf-8").startswith("<!DOCTYPE")
     words, _ = full("envelope --plot")
     assert command(*words, "-o", "box.csv", "--export", "csv").code == 2
     assert Path("box.csv").read_text(encoding="utf-8").startswith("name,")
-
-
-def test_answers_of_a_batch_outlive_their_store(here, monkeypatch):
-    """A disk that is full in the middle of the night."""
     original, count = RecordFile.append, iter(range(9))
 
     def append(self, record):
@@ -133,14 +129,10 @@ def test_answers_of_a_batch_outlive_their_store(here, monkeypatch):
     ended = command("batch", "check", "small", "--store", "night.store", "--json")
     assert (ended.code, ended.err) == (2, "robust: error: cannot be written: No space left on device\n")
     assert "proved" in json.dumps(answer_of(ended)["plans"])
-
-
-@pytest.mark.parametrize("device", ["/dev/zero", "/dev/full"])
-def test_a_store_is_no_device(here, device):
-    """Which may have no end."""
-    ended = command("batch", "check", "small", "--store", device)
-    assert_one_line(ended, 2, SCHEMA)
-    assert ended.err.startswith(f"robust: error: {device}: found no regular file, expected a ")
+    for device in ("/dev/zero", "/dev/full"):  # a store is no device, which may have no end
+        ended = command("batch", "check", "small", "--store", device)
+        assert_one_line(ended, 2, SCHEMA)
+        assert ended.err.startswith(f"robust: error: {device}: found no regular file, expected a ")
 
 
 READERS = {

@@ -21,16 +21,13 @@ def asked(*words):
     return ended.code, answer_of(ended)
 
 
-def test_knowledge_bases_are_held_against_the_oracle(tmp_path):
+def test_knowledge_bases_are_held_against_the_oracle_and_the_smallest_disagreement_is_told_first(tmp_path):
     file = sat_plan([[1, 2], [-1, 2]]).write(tmp_path)
     ended = command("pike", "check", file, "--cross", "--json")
     answer = answer_of(ended, "robust/pike-cross/1")
     assert (ended.code, answer["agree"], answer["scenarios"], answer["disagreements"]) == (0, True, 2, [])
     assert len(answer["questions"]) == 8
     assert command("pike", "check", file, "--cross").out.startswith("All agree: 2 team scenarios, ")
-
-
-def test_disagreements_are_told_beginning_with_the_smallest(tmp_path):
     file = sat_plan([]).write(tmp_path)  # a plan without choices
     for backend in ("oracle", "pitms", "bdd"):
         assert command("pike", "check", file, "--backend", backend).code == 0
@@ -84,15 +81,12 @@ def test_reasons_as_json():
     assert scenario.keys() == {"xA1", "xA2", "xA3", "xA4", "xR1", "xR2"}
 
 
-def test_a_chart_says_what_happened(tmp_path):
+def test_pictures_are_drawn_and_a_chart_says_what_happened(tmp_path):
     picture = tmp_path / "run.svg"
     assert command("pike", "run", KITCHEN, "--outcome", "xA1=mug", "--plot", picture, "--quiet").code == 0
     text = picture.read_text(encoding="utf-8")
     assert "(make-coffee human)" in text
     assert "xA3 must be cereal" in text
-
-
-def test_pictures_are_drawn(tmp_path):
     for name, words in (("region", ()), ("envelope", ("--assume", "xA1=mug"))):
         picture = tmp_path / f"{name}.png"
         assert command("pike", name, KITCHEN, *COFFEE, *LIMIT, *words, "--plot", picture).code == 0

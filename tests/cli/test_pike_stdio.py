@@ -143,12 +143,17 @@ def test_killed_and_resumed_again_and_again(journal):
         assert over.finish() == ([], "", 0)
 
 
-def test_a_line_that_is_too_long_changes_nothing():
+def test_a_line_that_is_too_long_changes_nothing_and_nothing_is_done_without_input_or_time():
     with Process() as run:
         (error,) = run.ask(b"x" * (1 << 20) + b"xx\n")
         assert (error["kind"], error["line"]) == ("error", 1)
         assert error["message"].startswith("input:1: found a line of more than 1048576 bytes")
         assert told(run) == undisturbed()
+    ended = process("pike", "run", KITCHEN, "--stdio", "--timeout", "1e-9")
+    assert (ended.code, ended.out, ended.err) == (3, "", "robust: out of time\n")
+    ended = ran("bash", "-c", 'exec "$@" <&-', "-", *COMMAND, "pike", "run", KITCHEN, "--stdio")
+    assert (ended.code, ended.out) == (2, "")
+    assert ended.err == "robust: error: --stdio: found no standard input, expected lines of JSON\n"
 
 
 @pytest.mark.parametrize("clock", ["given", "real"])
@@ -203,14 +208,6 @@ def test_a_journal_that_cannot_be_written_any_more(journal):
     assert max(line["step"] for line in answers if "step" in line) == len(steps_of(journal))
 
 
-def test_without_an_input_or_time():
-    ended = process("pike", "run", KITCHEN, "--stdio", "--timeout", "1e-9")
-    assert (ended.code, ended.out, ended.err) == (3, "", "robust: out of time\n")
-    ended = ran("bash", "-c", 'exec "$@" <&-', "-", *COMMAND, "pike", "run", KITCHEN, "--stdio")
-    assert (ended.code, ended.out) == (2, "")
-    assert ended.err == "robust: error: --stdio: found no standard input, expected lines of JSON\n"
-
-
 RATE = Fraction(1, 20)
 """Seconds for a unit of time."""
 
@@ -251,13 +248,18 @@ def test_real_time_makes_the_same_choices(tmp_path, journal):
     assert steps_of(journal, patient)
 
 
-def test_in_real_time_the_input_may_end_with_the_execution():
+def test_in_real_time_the_input_may_end_with_the_execution_and_messages_have_no_time():
     with Process("--clock", "real") as run:
         run.send({"kind": "together", "messages": [OUTCOMES[0], OUTCOMES[2] | {"value": "bagel"}]})
         run.send({"kind": "why"})
         lines, err, code = run.finish()
         assert [line["kind"] for line in lines][-3:] == ["failed", "end", "why"]
         assert (err, code) == ("", 1)
+    with Process("--clock", "real", "--rate", 100) as run:
+        run.send('{"kind": "tick", "time": 1}')
+        while (line := run.line())["kind"] != "error":
+            assert line["kind"] in {"executed", "wake"}
+        assert line["message"] == "input:1:26: found a time, expected none: the clock is real"
 
 
 def test_real_time_goes_on_where_the_journal_ends(journal):
@@ -275,11 +277,3 @@ def test_real_time_goes_on_where_the_journal_ends(journal):
         while (line := run.line())["kind"] != "chosen" or line["choice"] != "xA1":
             assert line["kind"] in {"executed", "wake", "chosen", "dispatched"}
         assert last <= Fraction(line["time"]) <= last + 2
-
-
-def test_in_real_time_messages_have_no_time():
-    with Process("--clock", "real", "--rate", 100) as run:
-        run.send('{"kind": "tick", "time": 1}')
-        while (line := run.line())["kind"] != "error":
-            assert line["kind"] in {"executed", "wake"}
-        assert line["message"] == "input:1:26: found a time, expected none: the clock is real"

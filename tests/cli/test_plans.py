@@ -64,11 +64,10 @@ def test_a_repair_out_of_time_costs_no_refutation(monkeypatch):
 
 
 def test_searches_in_python_need_a_nominal_value_where_commands_do(tmp_path):
-    right = inputs.write(tmp_path).files
+    right = inputs.write(tmp_path)
     exact = robust.region(right).region
-    plan = robust.load_plan(
-        *inputs.write(tmp_path, plan=inputs.PLAN.replace(" default 2", "")).files, nominal_needed=False
-    )
+    bare = inputs.write(tmp_path, plan=inputs.PLAN.replace(" default 2", ""))
+    plan = robust.load_plan(*bare, nominal_needed=False)
     assert str(robust.region(plan).region) == str(exact)
     assert robust.envelope(plan, method="optimal").box["leave"] == Interval(Fraction(0), Fraction(9))
     for ask in (robust.check, robust.envelope, robust.compare):
@@ -76,10 +75,13 @@ def test_searches_in_python_need_a_nominal_value_where_commands_do(tmp_path):
             ask(plan)
 
 
-def test_convergence_ends_at_the_final_box():
+def test_convergence_ends_at_the_final_box_and_the_most_probable_one():
     answer = answer_of(command("envelope", *example(), "--method", "irr", "--json"))
     assert 0 < answer["first_widening_s"] <= answer["seconds"]
     assert (answer["convergence"][-1]["share"], len(answer["convergence"])) == (1, answer["checks"])
+    answer = answer_of(command("envelope", *example(), *KINDS, "--method", "risk", "--json"), "robust/envelope/1")
+    assert 0.5383 < float(answer["probability"]["lower"]) <= Fraction(answer["bound"]) < 0.5434
+    assert all("take-sample" in ends["stopped_below"] for ends in answer["parameters"].values())
 
 
 def test_bounds_of_the_risk_and_its_picture(tmp_path):
@@ -103,54 +105,24 @@ def test_bounds_of_the_risk_and_its_picture(tmp_path):
     assert ended.code == 3
 
 
-def test_the_most_probable_box():
-    answer = answer_of(command("envelope", *example(), *KINDS, "--method", "risk", "--json"), "robust/envelope/1")
-    assert 0.5383 < float(answer["probability"]["lower"]) <= Fraction(answer["bound"]) < 0.5434
-    assert all("take-sample" in ends["stopped_below"] for ends in answer["parameters"].values())
-
-
-@pytest.fixture(scope="module")
-def found():
-    return robust.region(example())
-
-
-def test_many_pieces_stay_a_difference(found):
-    def form(count):
+def test_outer_bounds_are_said_to_be_bounds_and_many_pieces_stay_a_difference():
+    answer, interval = robust.region(example()), Interval(Fraction(1), Fraction(2))
+    none, all_values, box = Region.nothing, Region.universe, Region.of_box(("a",), Box({"a": interval}))
+    for region, exact, outer in (
+        (none(("a",)), "The plan is valid for no parameter values.", ""),
+        (all_values(("a",)), "The plan is valid for all parameter values.", "No parameter values are known by now for"),
+        (all_values(()), "The plan is valid; it has no parameters.", "Whether the plan is valid is not known; it has"),
+        (none(()), "The plan is not valid; it has no parameters.", ""),
+        (box, "The plan is valid if and only if\n  1 ≤ a ≤ 2\n", "The plan can be valid only if\n  1 ≤ a ≤ 2\n"),
+    ):
+        other = replace(answer, region=region, factors=(), plan=None)
+        assert str(other).startswith(exact)
+        assert str(replace(other, status=robust.Status.TIMEOUT)).startswith(outer)
+    for count, form in (1, "union"), (40, "difference"):
         ends = [Interval(Fraction(i), Fraction(i)) for i in range(count)]
         holes = [Polyhedron.of_box(("a", "b"), Box({"a": end, "b": end})) for end in ends]
         region = Region.difference(Polyhedron.universe(("a", "b")), holes)
-        return replace(found, region=region, factors=(), plan=None).as_dict()["form"]
-
-    assert [form(count) for count in (1, 40)] == ["union", "difference"]
-
-
-@pytest.mark.parametrize(
-    ("region", "exact", "outer"),
-    [
-        (Region.nothing(("a",)), "The plan is valid for no parameter values.", None),
-        (
-            Region.universe(("a",)),
-            "The plan is valid for all parameter values.",
-            "No parameter values are known by now for which the plan can fail.",
-        ),
-        (
-            Region.universe(()),
-            "The plan is valid; it has no parameters.",
-            "Whether the plan is valid is not known; it has no parameters.",
-        ),
-        (Region.nothing(()), "The plan is not valid; it has no parameters.", None),
-        (
-            Region.of_box(("a",), Box({"a": Interval(Fraction(1), Fraction(2))})),
-            "The plan is valid if and only if\n  1 ≤ a ≤ 2\n",
-            "The plan can be valid only if\n  1 ≤ a ≤ 2\n",
-        ),
-    ],
-)
-def test_outer_bounds_are_said_to_be_bounds(found, region, exact, outer):
-    other = replace(found, region=region, factors=(), plan=None)
-    assert str(other).startswith(exact)
-    if outer is not None:
-        assert str(replace(other, status=robust.Status.TIMEOUT)).startswith(outer)
+        assert replace(answer, region=region, factors=(), plan=None).as_dict()["form"] == form
 
 
 @pytest.mark.parametrize(
@@ -216,7 +188,7 @@ def test_pages_and_pictures_of_comparisons(tmp_path):
     text = html.read_text(encoding="utf-8")
     assert (text[:15], text.count("<svg ")) == ("<!DOCTYPE html>", 1)
     assert "optimal around the nominal values" in text
-    assert command("compare", *inputs.write(tmp_path).files, "--plot", tmp_path / "one.svg").code == 0
+    assert command("compare", *inputs.write(tmp_path), "--plot", tmp_path / "one.svg").code == 0
     three = ["--parameter", "home=duration:drive_3", "--plot", tmp_path / "three.svg", "--axes", "to_ridge,home"]
     assert command("compare", *example(), *three).code == 0
     assert command("compare", *example(), "--timeout", "0.01", "--json").code == 3
@@ -310,7 +282,7 @@ def damaged(draw, text):
 @settings(max_examples=120, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_damaged_files(tmp_path, which, data):
     texts = data.draw(st.sampled_from(TEXTS))
-    paths = inputs.write(tmp_path, *texts).files
+    paths = inputs.write(tmp_path, *texts)
     paths[which].write_bytes(data.draw(damaged(texts[which])))
     message = "one line"
     try:

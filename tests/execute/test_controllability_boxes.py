@@ -300,7 +300,7 @@ def test_verdicts_agree_with_slow_ways_and_imply_each_other_and_a_strong_schedul
 def said(tmp_path, low, *options):
     """The lines about a plan for tea, which is to be ready when the guest comes, but not long before."""
     texts = map(text_of, ("visit.pddl", "visit-problem.pddl", "visit.stn"))
-    files = inputs.write(tmp_path, *(text.replace("LOW", low) for text in texts)).files
+    files = inputs.write(tmp_path, *(text.replace("LOW", low) for text in texts))
     ended = command("envelope", *files, "--controllability", "dynamic", *options)
     assert (ended.code, ended.err) == (0, "")
     return [" ".join(line.split()) for line in ended.out.splitlines() if line.strip(" ─")]

@@ -5,6 +5,7 @@ An action `p…` of a figure produces what `c…` consumes, and `t…` threatens
 
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 
 from robust.pike_bridge.action_model import Instance, shipped
 from robust.pike_bridge.builder import act, build, choose, parallel, sequence
@@ -72,14 +73,10 @@ def figure_23(choices=3):
     return _instance(f"figure-23-{choices}", sequence(*steps))
 
 
-def kitchen():
-    """The breakfast plan [PIKE §1.1]. Choices: Alice's xA1 to xA4 (uncontrollable), the robot's xR1 and xR2."""
-    return shipped("kitchen")
-
-
-def wing():
-    """The wing of an aeroplane [PIKE §6.1]. Choices: the human's h1 and h2 (uncontrollable), Baxter's b1 and b2."""
-    return shipped("wing")
+kitchen = partial(shipped, "kitchen")
+"""The breakfast plan [PIKE §1.1]. Choices: Alice's xA1 to xA4 (uncontrollable), the robot's xR1 and xR2."""
+wing = partial(shipped, "wing")
+"""The wing of an aeroplane [PIKE §6.1]. Choices: the human's h1 and h2 (uncontrollable), Baxter's b1 and b2."""
 
 
 def sat_plan(clauses, name="sat"):

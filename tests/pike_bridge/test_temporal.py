@@ -47,6 +47,10 @@ def test_completions_leave_one_value_in_figure_23_and_its_program(count):
         assert len(without.labeled(f"e{count}", "e0")) == 2**count
 
 
+def active_pairs(network, environment):
+    return product([event.name for event in network.events if event.guard <= environment], repeat=2)
+
+
 @given(networks, st.booleans())
 def test_distances_conflicts_and_schedules_are_exact_in_each_scenario(network, completions):
     table = LabeledDistances(network, completions=completions)
@@ -77,11 +81,7 @@ def test_distances_conflicts_and_schedules_are_exact_in_each_scenario(network, c
             assert table.query(*pair, encoded) == (None if None in lengths else max(lengths))
 
 
-def active_pairs(network, environment):
-    return product([event.name for event in network.events if event.guard <= environment], repeat=2)
-
-
-@settings(max_examples=60)
+@settings(max_examples=35)
 @given(networks)
 def test_precedence_is_sound_and_with_completions_complete(network):
     brute.check_precedence(network, LabeledDistances(network), complete=True)
@@ -102,13 +102,11 @@ def test_structure_orders_what_is_in_and_around_choices():
     first, second = (structure.vocabulary.assign("x", value) for value in "12")
     assert not structure.precedes(one, other, second)
     assert structure.conflicting(first | second)
-
-
-@pytest.mark.parametrize(("values", "ordered"), [("12", True), ("1", False)])
-def test_structure_covers_the_cases_of_a_choice_together(values, ordered):
-    """No constraint leads from a to b in every scenario, but one in each."""
-    network = handmade("a b", *(("a", "b", value, None, {"x": value}) for value in values), choices=[("x", "12", None)])
-    assert StructuralPrecedence(network).precedes("a", "b", 0) == ordered
+    # No constraint leads from a to b in every scenario, but one in each.
+    for values, ordered in ("12", True), ("1", False):
+        bounds = (("a", "b", value, None, {"x": value}) for value in values)
+        network = handmade("a b", *bounds, choices=[("x", "12", None)])
+        assert StructuralPrecedence(network).precedes("a", "b", 0) == ordered
 
 
 @pytest.mark.parametrize("kind", [LabeledDistances, StructuralPrecedence])
@@ -119,12 +117,21 @@ def test_deadlines_and_unknown_events(kind):
         kind(figure_23(1)).precedes("e1", "nowhere", 0)
 
 
-def test_the_earliest_schedule_and_the_most_general_environments():
+def test_the_earliest_schedule_and_single_environments():
     network = handmade("a b c", ("a", "b", "1/3", 2), ("b", "c", "1/2", None))
     assert schedule(network, frozenset()) == {"a": Fraction(0), "b": Fraction(1, 3), "c": Fraction(5, 6)}
     with pytest.raises(KeyError):
         schedule(network, guard({"x": "1"}))
     assert most_general([0b111, 0b011, 0b100, 0b110, 0b011]) == [0b011, 0b100]
+    coded = (VOCABULARY.assign(*each) for each in VOCABULARY.assignments)
+    assert list(map(VOCABULARY.decode, coded)) == [{each} for each in VOCABULARY.assignments]
+    assert [bin(VOCABULARY.field(variable)) for variable in DOMAINS] == ["0b1", "0b110", "0b111000", "0b11000000"]
+    with pytest.raises(KeyError):
+        VOCABULARY.assign("x", "3")
+    with pytest.raises(KeyError):
+        VOCABULARY.encode({Assignment("v", "1")})
+    for other, expected in ({"x": "2", "y": "1"}, True), ({"y": "1"}, False), ({}, False):
+        assert contradicts(guard({"x": "1"}), guard(other)) is expected
 
 
 @pytest.mark.parametrize("solver", ["z3", "cvc5"])
@@ -139,7 +146,7 @@ def test_what_a_theory_leaves_open_has_conflicts(solver):
 
 
 @given(networks, st.data())
-@settings(max_examples=60)
+@settings(max_examples=40)
 def test_models_that_resolve_the_conflicts_are_those_with_a_schedule(network, data):
     """The theory is about the network's choices and one more."""
     theory = data.draw(theories(of={**network.domains, "own": ("a", "b", "c")}))
@@ -163,12 +170,9 @@ def meaning(assignments):
     return {scenario for scenario in SCENARIOS if assignments <= scenario}
 
 
-def env(**assignments):
-    return VOCABULARY.encode(guard(assignments))
-
-
-@given(conjunctions, conjunctions)
-def test_environments_are_conjunctions(first, second):
+@given(conjunctions, conjunctions, st.integers(0, 2**70))
+def test_environments_are_conjunctions(first, second, mask):
+    assert list(bits(mask)) == [at for at in range(71) if mask >> at & 1]
     coded, other = VOCABULARY.encode(first), VOCABULARY.encode(second)
     assert VOCABULARY.decode(coded) == first
     assert VOCABULARY.consistent(coded) == is_consistent(first) == bool(meaning(first))
@@ -185,29 +189,12 @@ def test_environments_are_conjunctions(first, second):
         assert (said <= first) == (meaning(first) <= meaning(second))
 
 
-def test_single_assignments_and_contradictions():
-    coded = (VOCABULARY.assign(*each) for each in VOCABULARY.assignments)
-    assert list(map(VOCABULARY.decode, coded)) == [{each} for each in VOCABULARY.assignments]
-    assert [bin(VOCABULARY.field(variable)) for variable in DOMAINS] == ["0b1", "0b110", "0b111000", "0b11000000"]
-    with pytest.raises(KeyError):
-        VOCABULARY.assign("x", "3")
-    with pytest.raises(KeyError):
-        VOCABULARY.encode({Assignment("v", "1")})
-    for other, expected in ({"x": "2", "y": "1"}, True), ({"y": "1"}, False), ({}, False):
-        assert contradicts(guard({"x": "1"}), guard(other)) is expected
-
-
-@given(st.integers(0, 2**70))
-def test_bits(mask):
-    assert list(bits(mask)) == [at for at in range(71) if mask >> at & 1]
-
-
 def values(*pairs):
     return LabeledValueSet(VOCABULARY, pairs)
 
 
 optional = {variable: st.sampled_from(domain) for variable, domain in DOMAINS.items()}
-environments = st.fixed_dictionaries({}, optional=optional).map(lambda assignments: env(**assignments))
+environments = st.fixed_dictionaries({}, optional=optional).map(guard).map(VOCABULARY.encode)
 drawn_pairs = st.lists(st.tuples(st.integers(-4, 4), environments), max_size=10)
 
 

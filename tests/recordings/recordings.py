@@ -36,8 +36,6 @@ content.
 
 # ruff: noqa: T201 - a command that prints
 
-from __future__ import annotations
-
 import argparse
 import difflib
 import fnmatch
@@ -51,12 +49,11 @@ import sys
 import tempfile
 import time
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import chdir
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 from unittest.mock import patch
 
 HERE = Path(__file__).resolve().parent
@@ -83,7 +80,7 @@ class Case:
     lines: tuple[str, ...]
 
     @property
-    def needs_process(self) -> bool:
+    def needs_process(self):
         """Whether what it says depends on the process: on how long a start takes, on the memory of cvc5."""
         # What is wrong ends before anything is computed, but some commands change the process.
         words = ("bench", "batch") if self.name.startswith("bad-") else ("--timeout", "cvc5", "bench", "batch")
@@ -94,13 +91,13 @@ _LINE = re.compile(r"^\$ robust ?(.*)\n(?=exit |killed |\$ robust |\Z)", re.MULT
 """A command line that is run, not one that is printed."""
 
 
-def cases() -> list[Case]:
+def cases():
     """What is recorded, by name."""
     recordings = ((path.stem, path.read_text(encoding="utf-8")) for path in sorted(DATA.glob("*.txt")))
     return [Case(name, tuple(_LINE.findall(text))) for name, text in recordings]
 
 
-def _changed(folder: str, changes: Mapping[str, Sequence[str]], unreadable: bool = False) -> dict[str, bytes]:
+def _changed(folder, changes, unreadable=False):
     """A directory for each change of the files in a folder; if asked also for each file as no text and as no byte."""
     right = {path.name: path.read_bytes() for path in (CHECKOUT / folder).iterdir() if path.is_file()}
     made = {}
@@ -122,11 +119,11 @@ Runner = Callable[[Sequence[str], Path, bytes], Ended]
 """Runs words in a directory, with something on stdin: the exit code, and what was printed on stdout and stderr."""
 
 
-def processes(command: Sequence[str]) -> Runner:
+def processes(command):
     """Each command line as a process of its own."""
 
-    def run(words: Sequence[str], directory: Path, given: bytes) -> Ended:
-        options: dict[str, Any] = {"cwd": directory, "env": _environment(), "timeout": LIMIT}
+    def run(words, directory, given):
+        options = {"cwd": directory, "env": _environment(), "timeout": LIMIT}
         done = subprocess.run([*command, *words], input=given, capture_output=True, check=False, **options)
         out, err = (stream.decode("utf-8", errors="backslashreplace") for stream in (done.stdout, done.stderr))
         return done.returncode, out, err
@@ -134,7 +131,7 @@ def processes(command: Sequence[str]) -> Runner:
     return run
 
 
-def in_process(words: Sequence[str], directory: Path, given: bytes) -> Ended:
+def in_process(words, directory, given):
     """In this process and its main thread, without the seconds that a start takes."""
     from tests.cli.running import command  # noqa: PLC0415 - which imports the package, that of this checkout
 
@@ -154,7 +151,7 @@ class Place:
     checkout: Path
     run: Runner
 
-    def prepare(self, case: Case, directory: Path) -> None:
+    def prepare(self, case, directory):
         """Put into an empty directory what a case reads."""
         shutil.copytree(INPUTS, directory / "inputs")
         (directory / "examples").symlink_to(self.checkout / "robust" / "examples")
@@ -163,7 +160,7 @@ class Place:
             (directory / name).parent.mkdir(exist_ok=True)
             (directory / name).write_bytes(content)
 
-    def recorded(self, case: Case) -> str:
+    def recorded(self, case):
         """Run a case; everything that is compared of it."""
         with tempfile.TemporaryDirectory(prefix="recording-") as name:
             directory = Path(name).resolve()
@@ -175,7 +172,7 @@ class Place:
             parts += ["-- files", *(self._unplaced(text, directory) for text in made)] if made else []
         return "\n".join(parts) + "\n"
 
-    def _ran(self, line: str, directory: Path, case: Case) -> Iterator[str]:
+    def _ran(self, line, directory, case):
         command, _, source = line.partition(" < ")
         words = [word.replace("@work@", str(directory)) for word in shlex.split(command)]
         given = (directory / source.strip()).read_bytes() if source else b""
@@ -192,19 +189,19 @@ class Place:
                 yield f"-- {name}{kind}"
                 yield self._unplaced(text, directory).rstrip("\n")
 
-    def _unplaced(self, text: str, directory: Path) -> str:
+    def _unplaced(self, text, directory):
         text = text.replace(str(directory), "@work@").replace(str(self.checkout), "@checkout@")
         return re.sub(r"/\S*(?=/robust/examples\b)", "@checkout@", text)
 
 
-def _environment() -> dict[str, str]:
+def _environment():
     """Of commands: a terminal of fixed width without colours; nothing about hashes."""
     dropped = {"PYTHONHASHSEED", "NO_COLOR", "FORCE_COLOR", "TERM", "COLORTERM"}
     kept = {name: value for name, value in os.environ.items() if name not in dropped}
     return {**kept, "COLUMNS": str(COLUMNS), "LINES": "40", "LC_ALL": "C.UTF-8", "TERM": "dumb", "MPLBACKEND": "agg"}
 
 
-def _files(directory: Path) -> list[Path]:
+def _files(directory):
     """The files below a directory, but not below links."""
     return sorted(
         Path(top) / name for top, _, names in os.walk(directory) for name in names if not name.endswith(".pyc")
@@ -215,7 +212,7 @@ _KINDS = {b"<?xml": "svg", b"\x89PNG": "png", b"%PDF": "pdf", b"<!DOC": "html", 
 _NAMED = {".smt2", ".alethe", ".store"}
 
 
-def _kept(path: Path) -> str:
+def _kept(path):
     """What is compared of a file that a command made."""
     content = path.read_bytes()
     for head, kind in _KINDS.items():
@@ -237,7 +234,7 @@ _LAYOUT = re.compile(r"[┏┓┗┛┡┩┠┨┳┻╇┷┴┬┼├┤└�
 _NUMBER = re.compile(r"(?<![A-Za-z_])[+-]?\d[\d,]*(\.\d+)?(e[+-]?\d+)?")
 
 
-def _masked(text: str, everything: bool) -> tuple[str, str]:
+def _masked(text, everything):
     """Of what a command printed: a word about its layout, and it without what varies."""
     try:
         value = json.loads(text)
@@ -250,7 +247,7 @@ def _masked(text: str, everything: bool) -> tuple[str, str]:
     return written.get(text, " (JSON)"), _folded(_masked_value(value, measured=False))
 
 
-def _masked_text(text: str, everything: bool) -> str:
+def _masked_text(text, everything):
     text = _VERSION.sub("robust #", text)
     text = _UNIT.sub(r" # \1", text)
     if everything:
@@ -259,7 +256,7 @@ def _masked_text(text: str, everything: bool) -> str:
     return "\n".join(line.rstrip() for line in text.splitlines())
 
 
-def _masked_value(value: Any, *, measured: bool) -> Any:
+def _masked_value(value, *, measured):
     match value:
         case dict():
             below = {key: measured or MEASURED.search(key) is not None for key in value}
@@ -274,7 +271,7 @@ def _masked_value(value: Any, *, measured: bool) -> Any:
             return _UNIT.sub(r" # \1", value) if isinstance(value, str) else value
 
 
-def _folded(value: Any, depth: int = 0) -> str:
+def _folded(value, depth=0):
     """JSON in which what fits stands on one line."""
     line = json.dumps(value, ensure_ascii=False)
     if not isinstance(value, dict | list) or len(line) + depth <= 110:
@@ -288,7 +285,7 @@ def _folded(value: Any, depth: int = 0) -> str:
     return f"{line[0]}\n{inner}\n{' ' * depth}{line[-1]}"
 
 
-def difference(case: Case, place: Place, data: Path, *, loose: bool = False) -> str:
+def difference(case, place, data, *, loose=False):
     """A unified diff of what is recorded and what a case comes to now; empty if nothing differs."""
     path = data / f"{case.name}.txt"
     old = path.read_text(encoding="utf-8") if path.exists() else ""
@@ -306,14 +303,14 @@ _EFFORT = re.compile(
 _STEP = re.compile(r'\{"check": .*|"convergence": .*|queries/\d+-.*|[][{}]*')
 
 
-def _loosened(text: str) -> list[list[str]]:
+def _loosened(text):
     """Without what depends on which models a solver happens to find: counts of its work, and the order of lines."""
     answers = re.split(r"^(?=\$ robust)", text, flags=re.MULTILINE)
     lines = [[_EFFORT.sub("#", line).strip().rstrip(",") for line in answer.splitlines()] for answer in answers]
     return [sorted(line for line in answer if not _STEP.fullmatch(line)) for answer in lines]
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("action", choices=["record", "compare"])
     parser.add_argument("directory", nargs="?", type=Path, default=DATA)
@@ -328,7 +325,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options.directory.mkdir(parents=True, exist_ok=True)
     started = time.monotonic()
 
-    def work(case: Case) -> str:
+    def work(case):
         if options.action == "compare":
             return difference(case, place, options.directory, loose=options.loose)
         (options.directory / f"{case.name}.txt").write_text(place.recorded(case), encoding="utf-8")

@@ -19,7 +19,7 @@ QUICK = [case for case in cases() if not (SLOW.match(case.name) or case.needs_pr
 
 
 @pytest.fixture(scope="module")
-def place() -> Place:
+def place():
     def run(words, directory, given):
         code, out, err = in_process(words, directory, given)
         if "--json" in words:

@@ -22,7 +22,7 @@ from robust.errors import InputError
 from robust.show import presenting
 from robust.show.console import printing
 from robust.show.documents import documenting
-from tests.cli.running import EXAMPLES, Ended, command, environment, example, process, ran
+from tests.cli.running import EXAMPLES, command, environment, example, process, ran
 from tests.recordings.recordings import INPUTS
 
 FLEXIBLE = example("plan-flexible-wait.stn")
@@ -48,7 +48,7 @@ class Case(NamedTuple):
     """Whether both say the same to people."""
 
 
-def case(ask: Callable[..., Any], line: str, *given: Any, only: str = "", says: bool = True, **options: Any) -> Case:
+def case(ask, line, *given, only="", says=True, **options):
     """A function with arguments; a command line in which FILES stands for those that come first in the arguments."""
     files = given[0] if isinstance(given[0], list) else [str(given[0])]
     words = [part for word in line.split() for part in (files if word == "FILES" else [word])]
@@ -126,11 +126,11 @@ MEASURED = re.compile(r"seconds$|_s$|^statistics$|^queries$|^convergence$|^check
 
 
 @cache
-def result(name: str) -> Any:
+def result(name):
     return CASES[name].ask()
 
 
-def comparable(value: Any, omitted: frozenset[str]) -> Any:
+def comparable(value, omitted):
     """Without what is measured, and what only the command knows."""
     if isinstance(value, dict):
         kept = {key: item for key, item in value.items() if not MEASURED.search(key) and key not in omitted}
@@ -139,7 +139,7 @@ def comparable(value: Any, omitted: frozenset[str]) -> Any:
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_a_result_as_dictionary_is_what_its_command_prints_for_programs(name):
+def test_results_as_dictionaries_are_what_commands_print_for_programs_and_tables_have_the_same_columns(name):
     case = CASES[name]
     printed = json.loads(command(*case.words, "--json").out)
     found = result(name).as_dict()
@@ -147,10 +147,19 @@ def test_a_result_as_dictionary_is_what_its_command_prints_for_programs(name):
     assert found == json.loads(json.dumps(found))
     extra = {"notes", "controllability"} & case.only
     assert found.keys() == printed.keys() - extra
+    if name == "pike compile":
+        with pytest.raises(InputError, match="without a table"):
+            result(name).rows()
+        return
+    rows = result(name).rows()
+    assert isinstance(rows, list)
+    assert len({tuple(row) for row in rows}) <= 1 or name.startswith("pike")
+    for row in rows:
+        assert not any(isinstance(value, dict) for value in row.values())
 
 
 @cache
-def printed(name: str, columns: str) -> Ended:
+def printed(name, columns):
     """What a command prints for people where there is so much room, in a directory that all have."""
     words = MORE[name] if name in MORE else CASES[name].words
     with pytest.MonkeyPatch.context() as patch, chdir(DIRECTORY.name):
@@ -160,7 +169,7 @@ def printed(name: str, columns: str) -> Ended:
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_a_result_as_text_is_what_its_command_prints_for_people(name):
+def test_a_result_as_text_or_in_a_notebook_is_what_its_command_prints_for_people(name):
     text = str(result(name))
     lines, wanted = text.splitlines(), printed(name, "100").out.rstrip("\n").splitlines()
     assert len(lines) <= presenting.SCREEN
@@ -169,13 +178,17 @@ def test_a_result_as_text_is_what_its_command_prints_for_people(name):
         assert lines.pop().startswith(f"... and {len(wanted) - presenting.SCREEN + 1} more lines")
     if CASES[name].says and name != "validate":  # which says how options are called in Python
         assert [timeless(line) for line in lines] == [timeless(line) for line in wanted[: len(lines)]]
+    tags, text = parsed(result(name)._repr_html_())
+    assert tags <= PLAIN
+    assert str(result(name)).split(maxsplit=1)[0] in text
+    assert "table" in tags or name not in {"envelope", "compare", "check refuted", "risk"}
 
 
-def timeless(line: str) -> str:
+def timeless(line):
     return " ".join(re.sub(r"[0-9.]+ m?s\b|─+|[0-9]+ (?:checks?|polyhedr(?:a|on))", "#", line).split())
 
 
-def words_of(text: str) -> Counter[str]:
+def words_of(text):
     """Words as often as they occur, without rules, and without what varies: times, and what searches come across."""
     varies = r"─+|[0-9.]+ m?s\b[,.]?|[0-9]+ (?:checks?|cells?|plans?|polyhedra|points)\b[,.]?"
     return Counter(re.sub(varies, " ", " ".join(text.split())).split())
@@ -194,21 +207,13 @@ def test_nothing_is_cut_at_60_columns(name):
     assert not {word for word in lost if len(word) < 50}, lost
 
 
-def parsed(page: str) -> tuple[set[str], str]:
+def parsed(page):
     """The tags of a page, all of which are ended, and its text."""
     root = ElementTree.fromstring(f"<page>{page}</page>")  # noqa: S314 - our own
     return {element.tag for element in root.iter()} - {"page"}, "".join(root.itertext())
 
 
 PLAIN = {"div", "pre", "span", "table", "thead", "tbody", "tr", "th", "td", "br"}
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_a_result_in_a_notebook_is_well_formed_and_says_the_same(name):
-    tags, text = parsed(result(name)._repr_html_())
-    assert tags <= PLAIN
-    assert str(result(name)).split(maxsplit=1)[0] in text
-    assert "table" in tags or name not in {"envelope", "compare", "check refuted", "risk"}
 
 
 def test_texts_of_files_are_escaped():
@@ -222,19 +227,6 @@ def test_texts_of_files_are_escaped():
     assert "&lt;script&gt;" in page
     assert "\x07" not in page
     assert "<script>" not in replace(result("envelope invalid"), reason=nasty)._repr_html_()
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_tables_have_the_same_columns_in_each_row(name):
-    if name == "pike compile":
-        with pytest.raises(InputError, match="without a table"):
-            result(name).rows()
-        return
-    rows = result(name).rows()
-    assert isinstance(rows, list)
-    assert len({tuple(row) for row in rows}) <= 1 or name.startswith("pike")
-    for row in rows:
-        assert not any(isinstance(value, dict) for value in row.values())
 
 
 def test_tables_have_numbers_and_are_data_frames_in_one_call():
@@ -282,15 +274,12 @@ def test_wrong_pictures_are_refused(path, axes, says):
         result("region").plot(path, axes=axes)
 
 
-def test_every_kind_of_result_is_tried():
+def test_every_kind_of_result_is_tried_and_costs_nothing_but_itself():
+    """What shows a result is loaded when it is shown."""
     kinds = {type(result(name)) for name in CASES}
     for registry in (printing.registry, documenting.registry):
         assert kinds == registry.keys() - {object}
     assert {kind.__module__.removeprefix("robust.") for kind in kinds} == presenting._SHOWN_BY.keys()
-
-
-def test_results_cost_nothing_but_themselves():
-    """What shows a result is loaded when it is shown."""
     loaded = "[name for name in sys.modules if name[7:11] in ('show', 'draw')]"
     ended = ran(sys.executable, "-c", f"import robust, sys; robust.check({example()!r}); print({loaded})")
     assert ended.out == "[]\n"

@@ -5,14 +5,13 @@ from fractions import Fraction
 
 from benchmarks.generators.team_plans import Shape
 from benchmarks.generators.team_plans import random_plan as structured_plan
-from robust.pike_bridge.envelopes.parameters import TeamParameterKind, TeamParameterSpec, parametrize, specifications
+from robust.pike_bridge.envelopes.parameters import TeamParameterKind as Kind
+from robust.pike_bridge.envelopes.parameters import TeamParameterSpec, parametrize, specifications
 from robust.pike_bridge.model import guard
-from robust.pike_bridge.semantics import ExecutionExistence, Oracle
+from robust.pike_bridge.semantics import Oracle
+from tests.pike_bridge.online.examples import exists
 
 SMALL = Shape(top=3, squeeze=Fraction(0), threat_share=0.1, producer_share=0.8, inner_share=0.6)
-DURATION, AT_LEAST, AT_MOST, HESITATION = (
-    TeamParameterKind[name] for name in ("DURATION", "AT_LEAST", "AT_MOST", "HESITATION")
-)
 
 
 def seeded(seed):
@@ -28,19 +27,21 @@ def random_parameters(plan, seed):
     """A structured or any other plan with parameters for random bounds, of random kinds."""
     draw, network, specs = seeded(f"parameters/{seed}"), plan.network, []
     for at in draw.sample(range(len(network.activities)), min(2, len(network.activities))):
-        kind = draw.choice([DURATION, DURATION, AT_LEAST, AT_MOST])
-        attributes = {"default": network.activities[at].lower} if kind is AT_MOST else {}
+        kind = draw.choice([Kind.DURATION, Kind.DURATION, Kind.AT_LEAST, Kind.AT_MOST])
+        attributes = {"default": network.activities[at].lower} if kind is Kind.AT_MOST else {}
         specs.append(TeamParameterSpec(kind, network.activities[at].action, f"g{at}", attributes))
     bounded = [each for each in network.constraints if each.upper is not None]
     if bounded and draw.random() < 0.7:
         limit = draw.choice(bounded)
-        specs.append(TeamParameterSpec(AT_MOST, f"{limit.source}:{limit.target}", "limit", {"default": limit.upper}))
+        specs.append(
+            TeamParameterSpec(Kind.AT_MOST, f"{limit.source}:{limit.target}", "limit", {"default": limit.upper})
+        )
     choices = [each for each in network.choices if each.event is not None]
     if choices and draw.random() < 0.3:
         choice = draw.choice(choices)
         lowest = [each.lower for each in network.constraints if each.target == choice.event]
         if any(lower is not None and lower >= 0 for lower in lowest):
-            specs.append(TeamParameterSpec(HESITATION, choice.name, "late"))
+            specs.append(TeamParameterSpec(Kind.HESITATION, choice.name, "late"))
     return parametrize(plan, specs)
 
 
@@ -57,10 +58,6 @@ def random_values(plan, draw):
     return values
 
 
-def holds(oracle, assignment):
-    return oracle.decide(assignment).verdict is ExecutionExistence.EXISTS
-
-
 def compare_with_oracle(region, values, draw, most=8):
     """Held against the oracle, which is told the values: how many of the assignments asked about are possible.
 
@@ -72,7 +69,7 @@ def compare_with_oracle(region, values, draw, most=8):
     oracle, count = Oracle(region.plan.at(values)), 0
     for each in asked:
         assignment = guard({name: draw.choice(domains[name]) for name in region.key} | dict(each.choices))
-        exists = holds(oracle, assignment)
-        assert exists == (each.choices in possible), (assignment, values)
-        count += exists
+        answer = exists(oracle.decide(assignment))
+        assert answer == (each.choices in possible), (assignment, values)
+        count += answer
     return count

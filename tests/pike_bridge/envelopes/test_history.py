@@ -7,7 +7,6 @@ import subprocess
 import sys
 from dataclasses import replace
 from fractions import Fraction
-from hashlib import sha256
 from itertools import product
 from pathlib import Path
 
@@ -30,25 +29,15 @@ def plan_of(number):
 
 
 def answer(number, question):
-    """What a program reads of it, but for how long it took."""
+    """Print what a program reads of it, but for how long it took."""
     plan = plan_of(number)
-    theirs = [choice.name for choice in plan.plan.network.choices if not choice.controllable]
-    match question:
-        case "region":
-            result = pike.region(plan)
-        case "region of all choices":
-            result = pike.region(plan, choices=list(plan.plan.network.domains))
-        case "some choices":
-            result = pike.envelope(plan)
-        case _:
-            result = pike.envelope(plan, for_all=theirs, patience=bool(theirs) and question.endswith("waiting"))
-    return json.dumps({key: value for key, value in result.as_dict().items() if key != "seconds"})
-
-
-def say(number, question):
-    digest = sha256(answer(number, question).encode()).hexdigest()
-    sys.stdout.write(json.dumps([f"{number} {question}", digest]) + "\n")
-    sys.stdout.flush()
+    if question.startswith("region"):
+        result = pike.region(plan, choices=list(plan.plan.network.domains) if "all" in question else None)
+    else:
+        theirs = [each.name for each in plan.plan.network.choices if not each.controllable and "all" in question]
+        result = pike.envelope(plan, for_all=theirs, patience=bool(theirs) and question.endswith("waiting"))
+    document = {key: value for key, value in result.as_dict().items() if key != "seconds"}
+    print(json.dumps([f"{number} {question}", document]), flush=True)  # noqa: T201 - to whoever started this
 
 
 def answer_all(numbers, order):
@@ -59,11 +48,11 @@ def answer_all(numbers, order):
         seeded("order").shuffle(questions)
     for number, question in questions[::-1] if order == "backward" else questions:
         if order != "alone":
-            say(number, question)
+            answer(number, question)
             if number % 3 == 0:
                 pike.check(plan_of(number).plan, all_scenarios=True)
         elif (child := os.fork()) == 0:
-            say(number, question)
+            answer(number, question)
             os._exit(0)
         else:
             assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0

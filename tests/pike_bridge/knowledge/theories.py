@@ -1,15 +1,10 @@
 """Small random theories, and what is true of them by trying every assignment."""
 
-from collections.abc import Mapping
-
 from hypothesis import strategies as st
 
 from robust.pike_bridge.model import Assignment, guard
 from robust.pike_bridge.theory import All, Exclude, Is, Not, Require, Some, Theory
 from tests.pike_bridge.brute_force import scenarios
-
-Model = Mapping[str, str]
-Domains = Mapping[str, tuple[str, ...]]
 
 
 @st.composite
@@ -26,28 +21,24 @@ def environments(draw, of, most=3):
 
 def formulas(of):
     literals = st.sampled_from([Is(Assignment(name, value)) for name, values in of.items() for value in values])
-    return st.recursive(
-        literals,
-        lambda inner: st.one_of(
-            inner.map(Not),
-            st.lists(inner, max_size=3).map(lambda parts: All(tuple(parts))),
-            st.lists(inner, min_size=1, max_size=3).map(lambda parts: Some(tuple(parts))),
-        ),
-        max_leaves=6,
-    )
+
+    def deeper(inner):
+        several = st.lists(inner, min_size=1, max_size=3).map(tuple)
+        return inner.map(Not) | st.lists(inner, max_size=3).map(tuple).map(All) | several.map(Some)
+
+    return st.recursive(literals, deeper, max_leaves=6)
 
 
 @st.composite
 def theories(draw, most=5, of=None):
-    found = of or draw(domains(most))
-    constraints = draw(st.lists(formulas(found), max_size=3))
-    conflicts = draw(st.lists(environments(found).filter(bool), max_size=4))
-    return Theory(found, tuple(constraints), tuple(conflicts))
+    of = of or draw(domains(most))
+    constraints = draw(st.lists(formulas(of), max_size=3))
+    conflicts = draw(st.lists(environments(of).filter(bool), max_size=4))
+    return Theory(of, tuple(constraints), tuple(conflicts))
 
 
 def commitments(of):
-    one = st.one_of(environments(of).map(Require), environments(of).map(Exclude))
-    return st.lists(one, max_size=3)
+    return st.lists(environments(of).map(Require) | environments(of).map(Exclude), max_size=3)
 
 
 def satisfies(scenario, formula):

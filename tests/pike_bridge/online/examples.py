@@ -3,7 +3,6 @@
 from dataclasses import replace
 from fractions import Fraction
 from functools import cache
-from itertools import product
 from pathlib import Path
 from random import Random
 
@@ -19,6 +18,7 @@ from robust.pike_bridge.online.world import Disturbance, Pace, SimulatedTeam, St
 from robust.pike_bridge.semantics import Execution, ExecutionExistence, Oracle, Semantics, faults, holds
 from robust.plan.model import Atom
 from robust.smt.session import Satisfiability, Session
+from tests.pike_bridge.brute_force import scenarios
 from tests.pike_bridge.plans import random_plan as small_plan
 
 KITCHEN = Path(__file__).parents[3] / "robust" / "examples" / "kitchen" / "kitchen.tpnu.json"
@@ -56,8 +56,7 @@ def tale(*disturbances, **outcomes):
     return Story(outcomes={name: (value, None) for name, value in outcomes.items()}, disturbances=disturbances)
 
 
-ANY = tale()
-MUG = tale(xA1="mug")
+ANY, MUG = tale(), tale(xA1="mug")
 
 
 def working(*constraints, choices=(), most=5):
@@ -125,9 +124,7 @@ def possible(plan):
 
 def joint_values(plan):
     """What people may choose, all choices together."""
-    choices = [each for each in plan.network.choices if not each.controllable]
-    for values in product(*(each.domain for each in choices)):
-        yield dict(zip((each.name for each in choices), values, strict=True))
+    yield from scenarios({each.name: each.domain for each in plan.network.choices if not each.controllable})
 
 
 def confirming(plan, asked):
@@ -149,8 +146,7 @@ def is_correct(plan, progress):
     """By the referee, whatever choices that were never made may be."""
     chosen = progress.chosen
     domains = {each.name: (chosen[each.name],) if each.name in chosen else each.domain for each in plan.network.choices}
-    for values in product(*domains.values()):
-        scenario = dict(zip(domains, values, strict=True))
+    for scenario in scenarios(domains):
         activated = {name for name, label in plan.network.guards.items() if holds(label, scenario)}
         execution = Execution(scenario, progress.times)
         if activated == progress.times.keys() and not faults(plan, execution, reported=progress.reported):

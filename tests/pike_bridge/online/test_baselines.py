@@ -21,12 +21,6 @@ from tests.pike_bridge.online.examples import KITCHEN, exists, joint_values
 SMT = make_reasoner("smt")
 
 
-def intents(*arguments):
-    """A plan of the family, and how long it takes to recover from activities."""
-    problem = k_intents(*arguments)
-    return problem.instance.plan(), problem.recovery
-
-
 class Recorder:
     """An executive whose decisions are kept."""
 
@@ -49,6 +43,12 @@ class Recorder:
         return [each.action for each in self.of(said.Dispatched)]
 
 
+def intents(*arguments):
+    """A plan of the family, and how long it takes to recover from activities."""
+    problem = k_intents(*arguments)
+    return problem.instance.plan(), problem.recovery
+
+
 def run(plan, mode, script, *, recovery=None, notice=Fraction(0)):
     recorder = Recorder(baselines.make_executive(mode, plan, SMT, recovery=recovery or {}))
     run_in_world(recorder, ScriptedTeam(plan, recorder, script, notice=notice))
@@ -65,7 +65,7 @@ def least(plan):
     return {(each.target, each.action): each.lower for each in plan.network.activities}
 
 
-def test_what_a_wrong_guess_does():
+def test_draws_and_what_guesses_and_wrong_ones_do():
     plan, recoveries = intents([2])
     kirk = run(plan, Mode.KIRK, Script({"y1": "2"}, least(plan)), recovery=recoveries)
     assert kirk.recovered == -(-recoveries["(h-1-1)"] // EPSILON) * EPSILON  # on the grid
@@ -76,6 +76,25 @@ def test_what_a_wrong_guess_does():
     assert replanned.time == wrong.time == recovery.time
     assert right.time == recovery.time + recovery.lower
     assert dict(kirk.outcome.scenario) == {"y1": "2", "x1": "2"}
+    plan = plan_of("drawn", sequence(act("(a)", 1, 2), act("(b)", 3, None)), actions=(ActionText("a"), ActionText("b")))
+    for seed in range(20):
+        durations = draw_script(plan, seed).durations
+        for each in plan.network.activities:
+            duration = durations[each.target, each.action]
+            assert each.lower <= duration <= (each.upper or each.lower + 5)
+            assert duration % EPSILON == 0
+    plan = load_team_plan(KITCHEN)
+    guess, oracle = baselines.Guesser(plan).guess(baselines.Facts(), {}, Deadline()), Oracle(plan)
+    assert exists(oracle.decide(guard(guess)))
+    assert next(each for each in joint_values(plan) if exists(oracle.decide(guard(each)))).items() <= guess.items()
+    # Those that are preferred stay if they may.
+    guesser = baselines.Guesser(intents([2, 3])[0])
+    facts = baselines.Facts(known=guard({"y1": "2"}))
+    guess = guesser.guess(facts, {"y1": "1", "x1": "1", "y2": "3", "x2": "3"}, Deadline())
+    assert guess == {"y1": "2", "x1": "2", "y2": "3", "x2": "3"}
+    assert guesser.guess(baselines.Facts(known=guard({"y1": "2", "x1": "1"})), {}, Deadline()) is None
+    backwards = baselines.Guesser(k_intents([3]).instance.plan(), ranking=lambda values: list(reversed(values)))
+    assert backwards.guess(baselines.Facts(), {}, Deadline())["y1"] == "3"
 
 
 @pytest.mark.parametrize("structure", [(2,), (3,), (2, 2), (3, 2)])
@@ -107,28 +126,6 @@ def test_kirk_is_later_by_its_recoveries_in_the_same_world(seed):
                 assert times[each.target] - times[each.source] == script.durations[each.target, each.action]
 
 
-def test_draws_and_guesses():
-    plan = plan_of("drawn", sequence(act("(a)", 1, 2), act("(b)", 3, None)), actions=(ActionText("a"), ActionText("b")))
-    for seed in range(20):
-        durations = draw_script(plan, seed).durations
-        for each in plan.network.activities:
-            duration = durations[each.target, each.action]
-            assert each.lower <= duration <= (each.upper or each.lower + 5)
-            assert duration % EPSILON == 0
-    plan = load_team_plan(KITCHEN)
-    guess, oracle = baselines.Guesser(plan).guess(baselines.Facts(), {}, Deadline()), Oracle(plan)
-    assert exists(oracle.decide(guard(guess)))
-    assert next(each for each in joint_values(plan) if exists(oracle.decide(guard(each)))).items() <= guess.items()
-    # Those that are preferred stay if they may.
-    guesser = baselines.Guesser(intents([2, 3])[0])
-    facts = baselines.Facts(known=guard({"y1": "2"}))
-    guess = guesser.guess(facts, {"y1": "1", "x1": "1", "y2": "3", "x2": "3"}, Deadline())
-    assert guess == {"y1": "2", "x1": "2", "y2": "3", "x2": "3"}
-    assert guesser.guess(baselines.Facts(known=guard({"y1": "2", "x1": "1"})), {}, Deadline()) is None
-    backwards = baselines.Guesser(k_intents([3]).instance.plan(), ranking=lambda values: list(reversed(values)))
-    assert backwards.guess(baselines.Facts(), {}, Deadline())["y1"] == "3"
-
-
 def two_ways(*, limit=None):
     """The human walks one of two ways while the robot drives; then the robot opens one of two doors."""
     walk = choose("way", {way: act(f"(walk-{way})", 2, 3, agent="human") for way in "ab"}, controllable=False)
@@ -158,22 +155,17 @@ def test_what_runs_beside_a_wrong_activity_goes_on():
     assert execution_faults(plan, late) == ()
 
 
-@pytest.mark.parametrize(
-    ("mode", "recovery", "ending"),
-    [
-        (Mode.KIRK, 1, (said.Succeeded, 1)),
-        (Mode.KIRK, 3, (said.Failed, 0)),  # takes too long
-        (Mode.PIKE, 3, (said.Succeeded, 0)),
-    ],
-)
-def test_recovery_may_take_too_long(mode, recovery, ending):
-    plan = two_ways(limit=6)
-    record = run(plan, mode, Script({"way": "b"}, least(plan)), recovery={"(walk-a)": Fraction(recovery)})
-    assert (type(record.outcome), record.replans) == ending
-
-
-def test_what_was_done_for_a_guess_commits():
+def test_recovery_may_take_too_long_and_what_was_done_for_a_guess_commits():
     """The robot has fetched for the guess before the human chooses: nothing undoes it, and Kirk fails. PIKE waits."""
+    plan = two_ways(limit=6)
+    endings = {
+        (Mode.KIRK, 1): (said.Succeeded, 1),
+        (Mode.KIRK, 3): (said.Failed, 0),
+        (Mode.PIKE, 3): (said.Succeeded, 0),
+    }
+    for (mode, recovery), ending in endings.items():
+        record = run(plan, mode, Script({"way": "b"}, least(plan)), recovery={"(walk-a)": Fraction(recovery)})
+        assert (type(record.outcome), record.replans) == ending
     fetch = choose("fetched", {item: act(f"(fetch-{item})", 1, 2, agent="robot") for item in "ab"})
     use = choose("used", {item: act(f"(use-{item})", 1, 2, agent="human") for item in "ab"}, controllable=False)
     actions = (
@@ -220,7 +212,7 @@ def test_a_choice_that_changes_during_recovery_does_not_end_it():
     assert execution_faults(plan, kirk) == ()
 
 
-def test_no_correct_execution_and_events_that_come_too_early():
+def test_no_correct_execution_events_that_come_too_early_and_messages_that_make_no_sense():
     plan = two_ways(limit=3)
     for mode in (Mode.PIKE, Mode.KIRK):
         executive = baselines.make_executive(mode, plan, SMT)
@@ -236,13 +228,9 @@ def test_no_correct_execution_and_events_that_come_too_early():
     assert ends == {("(drive)", True), ("(open-a)", False), ("(walk-a)", False)}
     assert baselines.kept_events(plan, times, begun, {"way": "a"}) == times
 
+    def rejections(kirk, now, *messages):
+        return [each.reason for each in kirk.step(Fraction(now), messages) if isinstance(each, said.Rejected)]
 
-def rejections(kirk, now, *messages):
-    return [each.reason for each in kirk.step(Fraction(now), messages) if isinstance(each, said.Rejected)]
-
-
-def test_messages_that_make_no_sense_are_rejected():
-    """An outcome counts once, and nothing after the end."""
     plan = intents([2])[0]
     for message, reason in (
         (said.Outcome("x9", "1"), "there is no choice 'x9'"),

@@ -19,11 +19,7 @@ from tests.pike_bridge.online import examples
 from tests.pike_bridge.online.examples import SOLVABLE, drawn, hesitate, joint_values
 
 ZERO = Fraction(0)
-U, R, S = (
-    Choice("u", ("1", "2"), False, "ask"),
-    Choice("r", ("1", "2"), True, "act"),
-    Choice("s", ("1", "2"), True, "skip"),
-)
+U, R, S = (Choice(name, ("1", "2"), name != "u", event) for name, event in (("u", "ask"), ("r", "act"), ("s", "skip")))
 
 
 def bound(source, target, lower=0, upper=None, **given):
@@ -93,9 +89,11 @@ def test_those_who_wait_for_us_are_not_waited_for(least):
     assert excluded.reason == "nobody decides u while this is withheld"
 
 
-def test_what_lapses_by_itself_is_no_reason_to_act():
+def test_what_lapses_by_itself_is_no_reason_to_act_and_every_back_end_is_as_patient():
     """Whoever says u = 1 has said so by 5; then u = 2 excludes nothing."""
     assert left_alone(asking(bound("begin", "ask", upper=5, u="1"))) == (5, [])
+    for backend in ("bdd", "pitms"):
+        assert left_alone(asking(), reasoner=make_reasoner(backend)) == left_alone(asking())
 
 
 def alternatives():
@@ -127,12 +125,7 @@ def test_intents_miss_no_value_and_what_makes_a_choice_possible_is_preferred():
     assert excluded.lost == ("w = 1", "w = 2")
 
 
-@pytest.mark.parametrize("backend", ["bdd", "pitms"])
-def test_every_back_end_is_as_patient(backend):
-    assert left_alone(asking(), reasoner=make_reasoner(backend)) == left_alone(asking())
-
-
-def test_what_is_withheld_and_what_is_excluded_is_explained():
+def test_what_is_withheld_and_excluded_is_explained_and_until_when_people_can_choose():
     executive = PlanExecutive(asking(), SemanticReasoner)
     executive.step(ZERO)
     waits = why_not(executive, "act")
@@ -144,9 +137,6 @@ def test_what_is_withheld_and_what_is_excluded_is_explained():
     assert reason.reason == decision.reason
     assert reason.lines[0] == "not u = 2, as r = 1:"
     assert "at least 100 from the beginning (begin) to the end (end) (r = 1, u = 2)" in reason.text
-
-
-def test_until_when_people_can_choose():
     answer = LatestMoments(asking(bound("begin", "ask", upper=5, u="1"))).run()
     assert (answer.feasible, answer.status) == (True, "complete")
     assert answer.moments == [("u", "1", True, 5), ("u", "2", True, 20)]
@@ -256,12 +246,9 @@ def watched(plan, number):
     return watch
 
 
-@pytest.mark.parametrize("name", ["kitchen", "wing"])
-def test_the_stories_lose_nothing_without_a_word(name):
-    assert watched(story(name), 1).acts > 5
-
-
-def test_drawn_and_small_contested_plans_lose_nothing_without_a_word():
+def test_executions_lose_nothing_without_a_word():
+    """Of stories, of a drawn plan and of small contested ones."""
+    assert min(watched(plan, 1).acts for plan in (story("kitchen"), story("wing"))) > 5
     assert watched(drawn(SOLVABLE[3]), 1).acts > 10
     assert sum(watched(examples.contested(seed), seed).excluded for seed in range(25)) > 0
 
