@@ -13,16 +13,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import robust
-from robust import pike, stnu
+from robust import InputError, Interval, pike, stnu
 from robust.backends import KNOWLEDGE_BASES
 from robust.cli.build import Group, application, read
 from robust.cli.main import COMMANDS
-from robust.errors import InputError
 from robust.numbers import EXPECTED_NUMBER, approximate, duration, end, exact, exact_end, plural, readable
 from robust.options.declare import as_typed, declared, names_of
 from robust.options.verbs import CheckOptions, EnvelopeOptions, RegionOptions
 from robust.pike_bridge.knowledge import knowledge_bases
-from robust.qe.box import Interval
 from tests.cli import inputs
 from tests.cli.running import EXAMPLES, assert_one_line, command, example
 from tests.stnu.networks import network

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 from unittest.mock import patch
 
 from benchmarks.generators.team_plans import Shape, random_plan
-from robust.api import check, envelope, region
+from robust import Box, Interval, Region, RobustError, check, envelope, region
 from robust.certify import bad, hints, tape
 from robust.certify.checker import reader
 from robust.certify.checker.claims import SCHEDULED, Claim
@@ -33,11 +33,8 @@ from robust.certify.checker.proofs import RATIONAL
 from robust.certify.hints import KnownFacts, Line, NotRefutedError
 from robust.certify.tape import OrderLemmas, header
 from robust.encode import create_encoding
-from robust.errors import RobustError
 from robust.pike_bridge.files import tpnu_text
 from robust.plan.simulate import simulate
-from robust.qe.box import Box, Interval
-from robust.qe.region import Region
 from robust.smt.limits import Deadline
 from tests.certify import tools
 from tests.certify.texts import Texts, random_texts

@@ -14,13 +14,12 @@ from pathlib import Path
 import pytest
 
 from benchmarks.generators.team_plans import Shape, random_plan
-from robust.api import envelope
+from robust import RefutedError, envelope
 from robust.certify import bad
 from robust.certify.checker import proofs, reader
 from robust.certify.checker.formulas import Formulas
 from robust.certify.tape import header, write
 from robust.encode import create_encoding
-from robust.errors import RefutedError
 from robust.irr.widen import DiscoveredBadSet
 from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.semantics import Oracle

@@ -8,7 +8,7 @@ from random import Random
 import pytest
 
 from benchmarks.suite import read_deliveries, read_suite
-from robust.api import check, envelope, region
+from robust import Box, InputError, Interval, RefutedError, RobustError, UnsupportedError, check, envelope, region
 from robust.certify import tape
 from robust.certify.alethe import export
 from robust.certify.bad import declared_bounds, face_lines, lifted_lines, region_lines
@@ -19,10 +19,8 @@ from robust.certify.produce import PlanCertificate, knowledge
 from robust.certify.tape import header
 from robust.encode import create_encoding
 from robust.encode.encoding import RelationalEncoding
-from robust.errors import InputError, RefutedError, RobustError, UnsupportedError
 from robust.pike_bridge.action_model import load_team_plan
 from robust.plan.load import load_plan
-from robust.qe.box import Box, Interval
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.certify import networks, tools
 from tests.certify.adversary import BESIDE, PLAIN, TABLES, same_region

@@ -10,7 +10,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from robust.api import envelope, region
+from robust import Box, ParametrizedPlan, envelope, region
 from robust.certify.checker import __main__ as main
 from robust.certify.checker import choices, claims, formulas, proofs, reader
 from robust.certify.hints import Line
@@ -18,7 +18,6 @@ from robust.certify.produce import PlanCertificate
 from robust.certify.tape import write
 from robust.encode.encoding import RelationalEncoding
 from robust.plan.load import assemble, load_plan
-from robust.plan.model import ParametrizedPlan
 from robust.plan.parameters import parse_parameter_file, toml_document
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.stn import parse_stn

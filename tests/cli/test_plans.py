@@ -14,12 +14,10 @@ from hypothesis import strategies as st
 
 import robust
 from benchmarks.generators.sizes import write_instance
-from robust import stnu
+from robust import Box, Interval, Region, stnu
 from robust.irr.repair import RepairSearch
-from robust.qe.box import Box, Interval
 from robust.qe.inner import FactorSearch
 from robust.qe.polyhedron import Polyhedron
-from robust.qe.region import Region
 from robust.smt.limits import OutOfTimeError
 from tests.cli import inputs
 from tests.cli.running import EXAMPLES, NAVIGATION, answer_of, command, example

@@ -8,15 +8,13 @@ from typing import Any
 
 import z3
 
-from robust.api import check
+from robust import Answer, Box, CheckResult, check
 from robust.encode import create_encoding
 from robust.encode.encoding import RelationalEncoding
 from robust.encode.interface import EPSILON, Encoding, Facet, Grid, Obligation, Range
 from robust.encode.positions.encoding import PositionsEncoding
-from robust.irr.check import Answer, CheckResult
 from robust.irr.containment import Containment
 from robust.plan.model import ParametrizedPlan, TimePoint
-from robust.qe.box import Box
 from robust.smt.limits import NEVER
 from robust.smt.session import Satisfiability, Session
 from robust.smt.terms import Formula

@@ -13,19 +13,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robust.api import check, envelope
+from robust import Answer, CheckResult, InputError, Interval, Status, UnsupportedError, check, envelope
 from robust.backends import ENCODINGS
 from robust.encode.encoding import RelationalEncoding
 from robust.encode.interface import Stage
 from robust.encode.positions.encoding import PositionsEncoding
-from robust.errors import InputError, UnsupportedError
-from robust.irr.check import Answer, CheckResult
 from robust.plan import model
 from robust.plan.load import load_plan
 from robust.plan.model import ZERO, Holds, NumericCondition, ParametrizedPlan
 from robust.plan.simulate import simulate
-from robust.qe.box import Interval
-from robust.searching import Status
 from robust.smt.session import Satisfiability
 from tests.encode.asking import Point, both, difference, first_broken, refuted, where_broken
 from tests.plan import building

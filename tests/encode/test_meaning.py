@@ -12,18 +12,15 @@ from random import Random
 
 import pytest
 
-from robust.api import check, envelope, region
+from robust import Answer, InputError, Status, UnsupportedError, check, envelope, region
 from robust.backends import ENCODINGS
 from robust.encode import create_encoding
 from robust.encode.interface import Stage
 from robust.encode.positions.encoding import PositionsEncoding
-from robust.errors import InputError, UnsupportedError
-from robust.irr.check import Answer
 from robust.plan import model
 from robust.plan.model import ZERO, AssignmentKind, Holds, NumericEffect, Or, ParametrizedPlan, TimePoint
 from robust.plan.simulate import simulate
 from robust.probability.risk import METHODS
-from robust.searching import Status
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.children import interrupted_after
 from tests.encode.asking import first_broken, refuted

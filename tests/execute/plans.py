@@ -10,17 +10,15 @@ from pathlib import Path
 from random import Random
 from textwrap import dedent
 
-from robust.api import envelope
+from robust import Box, Interval, ParametrizedPlan, envelope
 from robust.execute.convert import Conversion, Mode, convert
 from robust.execute.dispatchable import Dispatchable, make_dispatchable
 from robust.execute.worlds import Rule, Rules, Subject
 from robust.plan.load import assemble, load_plan
-from robust.plan.model import ParametrizedPlan
 from robust.plan.parameters import parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.stn import parse_stn
 from robust.plan.timed import parse_timed_plan
-from robust.qe.box import Box, Interval
 
 EPSILON = Fraction(1, 1000)
 

@@ -7,8 +7,7 @@ from random import Random
 
 import pytest
 
-from robust.api import envelope
-from robust.errors import InputError, UnsupportedError
+from robust import InputError, UnsupportedError, envelope
 from robust.execute.controllability import Control, Controllability, ControlVerdict, Objective, shrink, widest
 from robust.execute.controllable_boxes import HORIZON, ends_of, loss, parametric_stnu
 from robust.plan import model

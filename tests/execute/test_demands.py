@@ -6,9 +6,8 @@ from pathlib import Path
 import pytest
 
 import robust
-from robust.errors import InputError, Location
+from robust import Answer, InputError, Location
 from robust.execute.demands import earliest_end, latest_end, with_deadline
-from robust.irr.check import Answer
 from robust.plan.stn import parse_stn, write_stn
 from tests.execute.plans import durative
 

@@ -8,8 +8,7 @@ from random import Random
 import pytest
 
 from benchmarks.irr.figure4 import recorded_instances
-from robust.api import envelope
-from robust.errors import InputError
+from robust import Box, InputError, envelope
 from robust.execute import dispatcher as told
 from robust.execute.controllable_boxes import Dynamically, ends_of, parametric_stnu
 from robust.execute.dispatchable import Blex, Dreex, Guarantee, Slice, make_dispatchable, parse_executor
@@ -21,7 +20,6 @@ from robust.execute.worlds import Luck, SimulatedWorld
 from robust.plan.load import load_plan
 from robust.plan.model import ZERO, Atom, Fluent, Parameter
 from robust.plan.simulate import simulate
-from robust.qe.box import Box
 from robust.qe.compute import RegionSearch
 from robust.smt.limits import NEVER
 from tests.execute import plans

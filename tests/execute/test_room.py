@@ -5,15 +5,12 @@ from random import Random
 
 import pytest
 
+from robust import Answer, Box, Interval, InvalidPlanError, Status
 from robust.encode import create_encoding
 from robust.execute.convert import ConversionEnd, Mode
-from robust.execute.distances import InvalidPlanError
 from robust.execute.room import RoomFirst
-from robust.irr.check import Answer
 from robust.irr.exact import ExactSearch
 from robust.plan.timed import parse_timed_plan
-from robust.qe.box import Box, Interval
-from robust.searching import Status
 from robust.smt.limits import NEVER
 from tests.execute.plans import EPSILON, converted, durative
 

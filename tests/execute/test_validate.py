@@ -13,9 +13,7 @@ import pytest
 from hypothesis import given
 
 import robust
-from robust.errors import InputError, UnsupportedError
-from robust.execute.convert import Mode
-from robust.irr.check import Answer
+from robust import Answer, InputError, Mode, UnsupportedError
 from robust.plan import model
 from robust.plan.simulate import mutex_pairs, simulate
 from robust.plan.timed import TimedPlan, TimedStep, parse_timed_plan

@@ -6,22 +6,18 @@ from typing import Any
 
 import pytest
 
-from robust.api import check, envelope, risk
+from robust import Answer, ParametrizedPlan, RiskStatus, Status, check, envelope, risk
 from robust.encode import create_encoding
 from robust.encode.interface import EPSILON
 from robust.execute.convert import convert
-from robust.irr.check import Answer
 from robust.irr.containment import Containment
 from robust.irr.exact import ExactSearch
 from robust.irr.proposals import Tolerance, propose, tolerance
 from robust.network.slack import FaceBound, OutsideFragmentError, SlackGraph, SlackRequirement
-from robust.plan.model import ParametrizedPlan
 from robust.plan.parameters import parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.timed import parse_timed_plan
-from robust.probability.risk import RiskStatus
 from robust.qe.box import Box, Interval, Side
-from robust.searching import Status
 from robust.smt.limits import NEVER
 from tests.execute.plans import durative
 

@@ -15,9 +15,7 @@ from hypothesis import given, settings
 from hypothesis import seed as hypothesis_seed
 
 import robust
-from robust.errors import InputError
-from robust.plan.model import ParametrizedPlan
-from robust.qe.region import Region
+from robust import InputError, ParametrizedPlan, Region
 from tests.irr.building import parametric
 from tests.plan.building import drawn
 

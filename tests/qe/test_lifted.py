@@ -7,20 +7,14 @@ from time import process_time
 
 import pytest
 
-from robust.api import check, region
+from robust import Answer, Box, InputError, Interval, ParametrizedPlan, Region, Status, UnsupportedError, check, region
 from robust.backends import ELIMINATORS
 from robust.encode.encoding import RelationalEncoding
-from robust.errors import InputError, UnsupportedError
-from robust.irr.check import Answer
-from robust.plan.model import ParametrizedPlan
 from robust.plan.simulate import simulate
-from robust.qe.box import Box, Interval
 from robust.qe.compute import RegionSearch
 from robust.qe.constraint import LinearConstraint
 from robust.qe.lifted import LiftedRegion, lifted_envelope
 from robust.qe.nnf import FormulaReader
-from robust.qe.region import Region
-from robust.searching import Status
 from robust.smt.limits import NEVER
 from tests.execute.plans import durative
 from tests.irr.test_proposals import drawn_plan, made

@@ -11,8 +11,7 @@ import z3
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from robust.errors import InputError, SolverError, UnsupportedError
-from robust.qe.box import Box, Interval
+from robust import Box, InputError, Interval, SolverError, UnsupportedError
 from robust.qe.conjunctions import project_at
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import OutOfWorkError, Region, outside, outside_by_solver, outside_by_splitting

@@ -16,9 +16,8 @@ import pandas
 import pytest
 
 import robust
-from robust import pike, stnu
+from robust import InputError, pike, stnu
 from robust.draw.pictures import picture
-from robust.errors import InputError
 from robust.show import presenting
 from robust.show.console import printing
 from robust.show.documents import documenting

@@ -8,10 +8,9 @@ import pytest
 from scipy.stats import kendalltau
 
 import robust
-from robust.errors import InputError
+from robust import InputError, load_plan
 from robust.network.differences import Distances
 from robust.plan.model import ZERO
-from robust.reading import load_plan
 from robust.sweeps.rank import Fitness
 from tests.cli.running import example
 

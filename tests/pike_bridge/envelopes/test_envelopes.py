@@ -8,22 +8,18 @@ from itertools import count, product
 
 import pytest
 
-from robust.errors import InputError, SolverError
-from robust.pike_bridge.action_model import Instance
-from robust.pike_bridge.builder import act, build, choose, parallel, sequence, within
+from robust import InputError, Region, SolverError, Status
+from robust.pike import Instance, Oracle, act, build, choose, parallel, sequence, within
 from robust.pike_bridge.envelopes.pieces import ParametricEdge, _CertainOrder, cycles
 from robust.pike_bridge.envelopes.search import LabeledRegionSearch, TeamEnvelopeSearch, uncontrollable
 from robust.pike_bridge.knowledge.sat import satisfiable
 from robust.pike_bridge.model import guard
 from robust.pike_bridge.online.world import Ending, Rehearsal, Story
-from robust.pike_bridge.semantics import Oracle
 from robust.plan.model import Parameter
 from robust.plan.pddl.write import ActionText, sketched_domain, sketched_problem
 from robust.qe.box import Side
 from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Polyhedron
-from robust.qe.region import Region
-from robust.searching import Status
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Satisfiability, Session
 from robust.smt.terms import Terms

@@ -8,10 +8,9 @@ from random import Random
 
 from benchmarks.generators.team_plans import random_plan
 from robust.errors import SolverError
-from robust.execute.drive import run_in_world
+from robust.pike import PlanExecutive, run_in_world
 from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.model import Activity, Event, Literal, TeamPlan, Tpnu, guard
-from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.progress import Failed, Outcome
 from robust.pike_bridge.online.semantic import Reasoner, SemanticReasoner
 from robust.pike_bridge.online.world import Disturbance, Pace, SimulatedTeam, Story

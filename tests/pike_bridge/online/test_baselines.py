@@ -6,13 +6,10 @@ import pytest
 
 from benchmarks.pike import baselines
 from benchmarks.pike.baselines import Kirk, Mode, Script, ScriptedTeam, draw_script, execution_faults
-from robust.execute.drive import run_in_world
+from robust.pike import Oracle, act, build, choose, k_intents, make_reasoner, parallel, run_in_world, sequence, within
 from robust.pike_bridge.action_model import Instance, load_team_plan
-from robust.pike_bridge.builder import act, build, choose, k_intents, parallel, sequence, within
 from robust.pike_bridge.model import EPSILON, guard
 from robust.pike_bridge.online import progress as said
-from robust.pike_bridge.online.reasoners import make_reasoner
-from robust.pike_bridge.semantics import Oracle
 from robust.plan.model import Atom
 from robust.plan.pddl.write import ActionText, sketched_domain, sketched_problem
 from robust.smt.limits import Deadline, OutOfTimeError

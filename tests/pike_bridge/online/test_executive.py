@@ -6,10 +6,9 @@ from itertools import combinations
 import pytest
 
 from robust.errors import InputError
-from robust.pike_bridge.builder import act, build, parallel, sequence, within
+from robust.pike import PlanExecutive, act, build, parallel, sequence, within
 from robust.pike_bridge.model import EPSILON, Assignment, Constraint, TeamPlan, guard
 from robust.pike_bridge.online import progress as said
-from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.explain import About, Situation, conflict
 from robust.pike_bridge.online.inquiry import Inquiry, Obstacle, WhyChosen, WhyNot, why, why_failed, why_not
 from robust.pike_bridge.online.semantic import SemanticReasoner

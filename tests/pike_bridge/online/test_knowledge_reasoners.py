@@ -6,14 +6,11 @@ from random import Random
 import pytest
 
 from robust.errors import InputError
-from robust.pike_bridge.builder import k_intents
+from robust.pike import Disturbance, Human, Pace, PlanExecutive, Story, k_intents, make_reasoner, reasoner_names
 from robust.pike_bridge.knowledge.tms import PiTms
 from robust.pike_bridge.model import Choice, Constraint, guard
-from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.progress import Completion, Executed, Progress
-from robust.pike_bridge.online.reasoners import make_reasoner, reasoner_names
 from robust.pike_bridge.online.semantic import SemanticReasoner
-from robust.pike_bridge.online.world import Disturbance, Human, Pace, Story
 from robust.pike_bridge.theory import Exclude, Require
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from tests.pike_bridge import stories as figures

@@ -5,14 +5,13 @@ from random import Random
 
 import pytest
 
+from robust.pike import Pace, make_reasoner
 from robust.pike_bridge.model import Assignment, Choice, Constraint, Event, TeamPlan, Tpnu, guard
 from robust.pike_bridge.online.executive import LatestMoments, PlanExecutive
 from robust.pike_bridge.online.inquiry import Inquiry, Obstacle, why_not
 from robust.pike_bridge.online.patience import JOINT, intents
 from robust.pike_bridge.online.progress import Chosen, Excluded, Executed, Failed, Outcome, Progress, Succeeded
-from robust.pike_bridge.online.reasoners import make_reasoner
 from robust.pike_bridge.online.semantic import SemanticReasoner
-from robust.pike_bridge.online.world import Pace
 from robust.pike_bridge.semantics import ExecutionExistence, Oracle
 from tests.pike_bridge import stories
 from tests.pike_bridge.online import examples

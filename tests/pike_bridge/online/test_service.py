@@ -17,17 +17,15 @@ import jsonschema
 import pytest
 
 from robust.errors import InputError
+from robust.pike import OutOfTimeError, PlanExecutive, make_reasoner, reasoner_names
 from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.model import Activity, Event
 from robust.pike_bridge.online import service
-from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.progress import JSON, Chosen, Decision, Estimate, Executed, Message
-from robust.pike_bridge.online.reasoners import make_reasoner, reasoner_names
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.online.service import Journal, JournalStep, read_journal, read_request, resume
 from robust.pike_bridge.online.world import Human, Pace, Rehearsal, Story
 from robust.show.schemas import schema
-from robust.smt.limits import OutOfTimeError
 from tests.pike_bridge import stories
 from tests.pike_bridge.online import examples
 from tests.pike_bridge.online.examples import MUG, SOLVABLE, contested, drawn, kitchen

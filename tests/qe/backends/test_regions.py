@@ -17,24 +17,19 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from benchmarks.generators.sizes import write_instance
-from robust import api, reading
-from robust.api import check
+from robust import Answer, Box, InputError, Interval, Region, RobustError, UnsupportedError, api, check, reading
 from robust.backends import ELIMINATORS
 from robust.encode.encoding import RelationalEncoding
-from robust.errors import InputError, RobustError, UnsupportedError
-from robust.irr.check import Answer
 from robust.plan.load import load_plan
 from robust.plan.model import ZERO, Atom, Condition, DurationConstraint, Parameter, ParametrizedPlan
 from robust.plan.polynomial import Polynomial
 from robust.qe import inner
-from robust.qe.box import Box, Interval
 from robust.qe.compute import ProblemBuilder, RegionResult, RegionSearch, RegionStatus, what_breaks
 from robust.qe.constraint import LinearConstraint
 from robust.qe.eliminate.interface import Solvers
 from robust.qe.estimate import POINTS, Samples, proportion_bounds
 from robust.qe.nnf import FormulaReader, conjunction
 from robust.qe.polyhedron import Polyhedron
-from robust.qe.region import Region
 from robust.qe.symmetry import Symmetry, find_symmetry
 from robust.smt.limits import NEVER, Deadline, one_question
 from robust.smt.session import Satisfiability, Session
