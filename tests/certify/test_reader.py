@@ -27,10 +27,8 @@ from robust.plan.pddl.reader import read_domain, read_problem
 from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import mutex_pairs, simulate
 from robust.smt.limits import NEVER
-from tests.certify import tools
-from tests.certify.adversary import BESIDE
+from tests.certify import adversary, tools
 from tests.certify.texts import Texts, changed, random_texts, tangled_texts
-from tests.certify.tools import CHECKER
 from tests.sampling import Network, sample_parameters, sample_schedules
 
 DATA = Path(__file__).with_name("data")
@@ -40,7 +38,7 @@ TEXTS = Texts(*((DATA / name).read_text(encoding="utf-8") for name in ("domain.p
 say it, and what is wrong."""
 
 
-def compare(plan, ground, by=CHECKER):
+def compare(plan, ground, by=tools.CHECKER):
     """Time points, parameters, network, initial state, effects and mutex pairs are the same."""
     assert [str(point) for point in plan.time_points] == ground.points
     parameters = {name: (p.nominal, p.lower, p.upper) for name, p in ground.parameters.items()}
@@ -112,7 +110,7 @@ def times_of(plan, schedule):
     return {f"@{number}": schedule[point] for number, point in enumerate(plan.time_points) if number}
 
 
-def broken(ground, plan, parameters, schedule, by=CHECKER):
+def broken(ground, plan, parameters, schedule, by=tools.CHECKER):
     """The obligations that one schedule breaks according to the checker."""
     given = {name: {"": value} if value else {} for name, value in {**parameters, **times_of(plan, schedule)}.items()}
     formulas = by.formulas.Formulas(ground, tools.EPSILON, given)
@@ -221,7 +219,7 @@ def free(first=0, count=250):
             known = [(schedule, simulated(plan, parameters, schedule)) for schedule in schedules]
             holds = partial(_evaluates, ground=ground, plan=plan, parameters=parameters, known=known, orders=seed % 2)
             if known and all(keys is not None for _, keys in known):
-                assert holds(CHECKER), seed
+                assert holds(tools.CHECKER), seed
                 yield f"free {seed}", holds
         except (RobustError, reader.Unsupported):
             continue
@@ -281,7 +279,7 @@ def meaningless(by, texts):
 
 def reads_beside(by):
     """A parameter that is an initial value, written beside a plan: the goal is broken at half of what is needed."""
-    texts, beside = BESIDE
+    texts, beside = adversary.BESIDE
     for value, breaks in ((Fraction(1), False), (Fraction(1, 2), True)):
         for given in (None, {"x": {"": value}}):
             ground = by.reader.ground(*texts, beside)

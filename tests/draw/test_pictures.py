@@ -14,9 +14,7 @@ from matplotlib.text import Text
 from robust import EnvelopeResult, InputError, Region, Status, Step, compare, load_plan, risk
 from robust.draw import gantt, pictures, plane, style, tpnu
 from robust.draw.gantt import Bar, Chart, Lane, Mark
-from robust.pike_bridge.action_model import load_team_plan
-from robust.pike_bridge.causal import augment
-from robust.pike_bridge.distance_graph import StructuralPrecedence
+from robust.pike_bridge import action_model, causal, distance_graph
 from robust.pike_bridge.model import Choice, Constraint, Event, Tpnu
 from robust.plan.model import Parameter
 from robust.qe.box import Box, Interval, Side
@@ -419,8 +417,8 @@ def test_layouts_do_not_overlap(sizes, data):
 
 @pytest.mark.parametrize("name", ["kitchen", "wing"])
 def test_plans_with_their_links(name):
-    plan = load_team_plan(EXAMPLES / name / f"{name}.tpnu.json")
-    links = augment(plan, StructuralPrecedence(plan.network, epsilon=plan.separation)).links
+    plan = action_model.load_team_plan(EXAMPLES / name / f"{name}.tpnu.json")
+    links = causal.augment(plan, distance_graph.StructuralPrecedence(plan.network, epsilon=plan.separation)).links
     arrows = [tpnu.DrawnLink(one.producer.event, one.consumer.first, str(one.consumer.literal)) for one in links]
     drawing = tpnu._NetworkDrawing(plan.network, plan.separation, arrows)
     figure = drawing.figure()

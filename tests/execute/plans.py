@@ -14,11 +14,8 @@ from robust import Box, Interval, ParametrizedPlan, envelope
 from robust.execute.convert import Conversion, Mode, convert
 from robust.execute.dispatchable import Dispatchable, make_dispatchable
 from robust.execute.worlds import Rule, Rules, Subject
-from robust.plan.load import assemble, load_plan
-from robust.plan.parameters import parse_specs
+from robust.plan import load, parameters, stn, timed
 from robust.plan.pddl.reader import parse_domain, parse_problem
-from robust.plan.stn import parse_stn
-from robust.plan.timed import parse_timed_plan
 
 EPSILON = Fraction(1, 1000)
 
@@ -73,7 +70,7 @@ TASKS, TWO_TASKS, PLAN = map(text_of, ("tasks.pddl", "two-tasks.pddl", "two-task
 def tasks(plan: str = PLAN, *specs: str, problem: str = TWO_TASKS) -> ParametrizedPlan:
     """The small plan: `work a` takes as long as nature wants, `work b` from 5 to 8 as the dispatcher wants."""
     domain = parse_domain(TASKS)
-    return assemble(domain, parse_problem(problem, domain), parse_stn(plan), parse_specs(specs))
+    return load.assemble(domain, parse_problem(problem, domain), stn.parse_stn(plan), parameters.parse_specs(specs))
 
 
 def working(*constraints: str, on: Sequence[str] = "ab") -> str:
@@ -100,7 +97,7 @@ def tasks_dispatchable(box: Mapping[str, tuple[int, int]] | None = None, plan: s
 def with_box(folder: str, domain: str, problem: str, plan: str) -> Dispatchable:
     """A benchmark plan with its box by exact widening."""
     base = DOMAINS / folder
-    loaded = load_plan(base / f"{domain}.pddl", base / f"{problem}.pddl", base / f"{plan}.stn")
+    loaded = load.load_plan(base / f"{domain}.pddl", base / f"{problem}.pddl", base / f"{plan}.stn")
     result = envelope(loaded)
     assert result.verified
     return make_dispatchable(loaded, result.box)
@@ -150,8 +147,8 @@ def drawn_with_box(random: Random) -> tuple[ParametrizedPlan, Box]:
 def converted(domain: str, problem: str, plan: str, *specs: str, **options: object) -> Conversion:
     """The conversion of three texts, if not said otherwise the least constrained one."""
     parsed = parse_domain(domain)
-    read, steps = parse_problem(problem, parsed), parse_timed_plan(plan, "plan.txt")
-    return convert(parsed, read, steps, specs=parse_specs(specs), **{"mode": Mode.CAUSAL, **options})  # type: ignore[arg-type]
+    read, steps = parse_problem(problem, parsed), timed.parse_timed_plan(plan, "plan.txt")
+    return convert(parsed, read, steps, specs=parameters.parse_specs(specs), **{"mode": Mode.CAUSAL, **options})  # type: ignore[arg-type]
 
 
 def durative(name: str, duration: str, conditions: str, effects: str) -> str:

@@ -13,11 +13,9 @@ from hypothesis import strategies as st
 
 from robust.errors import InputError, UnsupportedError
 from robust.json_text import Array, Constant, JsonText, Numeral, Object, parse_json
+from robust.pike_bridge import action_model, builder, model
 from robust.pike_bridge import files as documents
-from robust.pike_bridge.action_model import Instance, load_team_plan
-from robust.pike_bridge.builder import act, build
 from robust.pike_bridge.files import SCHEMA_FILE, parse_tpnu, read_tpnu, tpnu_text, write_tpnu
-from robust.pike_bridge.model import Activity, Choice, Constraint, Event, Tpnu, guard
 from tests.pike_bridge.kitchen import DOMAIN, PROBLEM, kitchen
 
 SCHEMA = jsonschema.Draft202012Validator(json.loads(SCHEMA_FILE.read_text(encoding="utf-8")))
@@ -27,7 +25,7 @@ exact = st.fractions(max_denominator=10**6)
 names = st.text(
     st.characters(exclude_categories=("Cc", "Cs"), exclude_characters="\u2028\u2029"), min_size=1, max_size=4
 )
-guards = st.dictionaries(names, names, max_size=2).map(guard)
+guards = st.dictionaries(names, names, max_size=2).map(model.guard)
 actions = st.lists(st.text("abc-?_1", min_size=1, max_size=4), min_size=1, max_size=3).map(
     lambda parts: f"({' '.join(parts)})"
 )
@@ -39,12 +37,12 @@ def several(kind, *parts, most):
 
 domains = st.lists(names, min_size=1, max_size=3, unique=True).map(tuple)
 networks = st.builds(
-    Tpnu,
+    model.Tpnu,
     names,
-    several(Choice, names, domains, st.booleans(), names, most=2),
-    several(Event, names, guards, most=3),
-    several(Constraint, names, names, st.none() | exact, st.none() | exact, guards, most=3),
-    several(Activity, actions, names, names, exact, st.none() | exact, st.none() | names, guards, most=2),
+    several(model.Choice, names, domains, st.booleans(), names, most=2),
+    several(model.Event, names, guards, most=3),
+    several(model.Constraint, names, names, st.none() | exact, st.none() | exact, guards, most=3),
+    several(model.Activity, actions, names, names, exact, st.none() | exact, st.none() | names, guards, most=2),
 )
 
 
@@ -69,7 +67,7 @@ BOUNDED = document_with(constraints=[{"from": "e1", "to": "e2", "lower": 987, "u
 )
 def test_numbers_are_exact(written, value):
     network = parse_tpnu(BOUNDED.replace("987", written)).network
-    assert network.constraints == (Constraint("e1", "e2", Fraction(value), None),)
+    assert network.constraints == (model.Constraint("e1", "e2", Fraction(value), None),)
 
 
 CHOICE = {"name": "x", "domain": ["a"], "controllable": True, "at": "e1"}
@@ -125,7 +123,7 @@ def test_actions_are_normalised_places_known_and_one_activity_reads_well():
     places = parse_tpnu(f'{{"format": "tpnu/1", "name": "n", "domain": "d", "problem": "p",\n {events}}}').places
     assert str(places.of("events", 0, "name")) == "<tpnu>:2:22"
     assert str(places.of("events", 0, "guard", "x")) == "<tpnu>:2:13"
-    text = tpnu_text(build("one", act("(wait)", "1/3", "2.5")), domain="d.pddl", problem="p.pddl")
+    text = tpnu_text(builder.build("one", builder.act("(wait)", "1/3", "2.5")), domain="d.pddl", problem="p.pddl")
     assert text == (
         '{\n  "format": "tpnu/1",\n  "name": "one",\n  "domain": "d.pddl",\n  "problem": "p.pddl",\n  "choices": [],\n'
         '  "events": [\n    {"name": "e1"},\n    {"name": "e2"}\n  ],\n  "constraints": [],\n  "activities": [\n'
@@ -136,10 +134,10 @@ def test_actions_are_normalised_places_known_and_one_activity_reads_well():
 @pytest.mark.parametrize(
     "network",
     [
-        Tpnu("n", (Choice("x", ("a",), True, None),), (), (), ()),
-        Tpnu("n", (), (Event("e", frozenset(guard({"x": "a"}) | guard({"x": "b"}))),), (), ()),
-        Tpnu("n", (), (), (), (Activity("(GET)", "a", "b", Fraction(1), None),)),
-        Tpnu("", (), (), (), ()),
+        model.Tpnu("n", (model.Choice("x", ("a",), True, None),), (), (), ()),
+        model.Tpnu("n", (), (model.Event("e", frozenset(model.guard({"x": "a"}) | model.guard({"x": "b"}))),), (), ()),
+        model.Tpnu("n", (), (), (), (model.Activity("(GET)", "a", "b", Fraction(1), None),)),
+        model.Tpnu("", (), (), (), ()),
     ],
 )
 def test_what_files_cannot_say_is_not_written(network):
@@ -251,7 +249,7 @@ def files(tmp_path):
 
 
 def test_a_plan_from_files_is_that_in_memory(files, tmp_path):
-    assert load_team_plan(files) == Instance(kitchen(), DOMAIN, PROBLEM).plan()
+    assert action_model.load_team_plan(files) == action_model.Instance(kitchen(), DOMAIN, PROBLEM).plan()
     document = read_tpnu(files)
     assert document.network == kitchen()
     assert document.beside(document.domain) == tmp_path / "pddl" / "domain.pddl"
@@ -261,7 +259,7 @@ def test_a_plan_from_files_is_that_in_memory(files, tmp_path):
         read_tpnu(tmp_path / "kitchn.tpnu.json")
     (tmp_path / "pddl" / "problem.pddl").unlink()
     with pytest.raises(InputError, match=r"pddl/problem.pddl: found no such file"):
-        load_team_plan(files)
+        action_model.load_team_plan(files)
 
 
 @pytest.mark.parametrize(
@@ -285,4 +283,4 @@ def test_mistakes_are_located(files, before, after, message):
     [path] = [path for path in documents if before in path.read_text(encoding="utf-8")]
     path.write_text(path.read_text(encoding="utf-8").replace(before, after, 1), encoding="utf-8")
     with pytest.raises((InputError, UnsupportedError), match=f"{path.name}:{message}"):
-        load_team_plan(files)
+        action_model.load_team_plan(files)

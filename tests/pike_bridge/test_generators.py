@@ -13,11 +13,7 @@ from hypothesis import strategies as st
 from benchmarks.generators.team_plans import random_plan
 from benchmarks.pike.figure17_18 import closest_factors, random_k_intents
 from robust.errors import InputError
-from robust.pike_bridge.action_model import load_team_plan
-from robust.pike_bridge.builder import k_intents
-from robust.pike_bridge.causal import augment
-from robust.pike_bridge.labeled_apsp import LabeledDistances
-from robust.pike_bridge.model import EPSILON, GOAL, INITIAL
+from robust.pike_bridge import action_model, builder, causal, labeled_apsp, model
 from robust.pike_bridge.semantics import ExecutionExistence, Oracle
 from tests.pike_bridge import stories
 
@@ -52,7 +48,7 @@ def test_the_kitchen_infers_what_the_story_tells_and_the_wing_adapts_to_what_the
 def test_figures_7_and_8_dominance(figure, producers):
     plan = stories.figure(figure).plan()
     ends = {activity.target: activity.action for activity in plan.network.activities}
-    links = augment(plan, LabeledDistances(plan.network)).links
+    links = causal.augment(plan, labeled_apsp.LabeledDistances(plan.network)).links
     assert sorted(ends[link.producer.event] for link in links) == producers
 
 
@@ -77,12 +73,12 @@ def test_orders_between_elements_must_be_strict(figure, dominated, further):
     strict = {
         each
         for each in network.constraints
-        if each.lower == EPSILON and not {each.source, each.target} & {INITIAL, GOAL}
+        if each.lower == model.EPSILON and not {each.source, each.target} & {model.INITIAL, model.GOAL}
     }
     loose = (replace(each, lower=Fraction(0)) if each in strict else each for each in network.constraints)
     counts = []
     for variant in (network, replace(network, constraints=tuple(loose))):
-        augmented = augment(replace(plan, network=variant), LabeledDistances(variant))
+        augmented = causal.augment(replace(plan, network=variant), labeled_apsp.LabeledDistances(variant))
         counts.append((len(augmented.links), len(augmented.network.constraints) - len(variant.constraints)))
     (strict_links, strict_orderings), (loose_links, loose_orderings) = counts
     assert (loose_links - strict_links, loose_orderings - strict_orderings) == (dominated, further)
@@ -108,7 +104,7 @@ def test_plans_are_correct_in_the_models_of_their_formula(clauses):
 
 
 def test_k_intents_and_random_plans_are_reproducible_and_of_the_described_shape(tmp_path):
-    problem = k_intents((3, 2), seed=4)
+    problem = builder.k_intents((3, 2), seed=4)
     assert problem.intents == 6
     activities = problem.instance.network.activities
     assert {each.upper - each.lower for each in activities} == {1}
@@ -117,9 +113,9 @@ def test_k_intents_and_random_plans_are_reproducible_and_of_the_described_shape(
     rows = scenarios(problem.instance)
     assert len(rows) == 6
     assert all(each["x1"] == each["y1"] and each["x2"] == each["y2"] for each in rows)
-    assert k_intents((3, 2), seed=4) == problem
+    assert builder.k_intents((3, 2), seed=4) == problem
     with pytest.raises(InputError):
-        k_intents(())
+        builder.k_intents(())
     problems = [random_k_intents(1, index) for index in range(200)]
     assert {count for problem in problems for count in problem.structure} == {2, 3}
     intents = sorted(problem.intents for problem in problems)
@@ -139,4 +135,4 @@ def test_k_intents_and_random_plans_are_reproducible_and_of_the_described_shape(
         team = plan.plan()
         owned = Counter(condition.activity for condition in team.conditions)
         assert all(1 <= owned[at] <= 4 for at in range(len(team.network.activities)))
-        assert load_team_plan(plan.write(tmp_path / plan.name)) == team
+        assert action_model.load_team_plan(plan.write(tmp_path / plan.name)) == team

@@ -13,11 +13,8 @@ from hypothesis import strategies as st
 
 from benchmarks.generators.team_plans import Shape, random_plan
 from robust.errors import InputError, SolverError
+from robust.pike_bridge import action_model, builder, compile, knowledge, theory
 from robust.pike_bridge import cross_check as crossing
-from robust.pike_bridge import knowledge
-from robust.pike_bridge.action_model import load_team_plan
-from robust.pike_bridge.builder import act, build, choose, k_intents, parallel, sequence
-from robust.pike_bridge.compile import Checking, Compiling, Measuring, PlanVerdict, Temporal
 from robust.pike_bridge.cross_check import BACKENDS, ExaminedBackend, cross_check
 from robust.pike_bridge.knowledge.sat import SatKnowledgeBase
 from robust.pike_bridge.knowledge.tms import PiTms
@@ -28,7 +25,6 @@ from robust.pike_bridge.online.reasoners import make_reasoner, reasoner_names
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.online.world import Human, Pace, Story
 from robust.pike_bridge.semantics import Execution, ExecutionExistence, Oracle, faults
-from robust.pike_bridge.theory import Require
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.pike_bridge.brute_force import broken_constraints, correct_scenarios, holds, is_correct, is_met, scenarios
 from tests.pike_bridge.online import examples
@@ -135,9 +131,9 @@ def test_cvc5_agrees(plan):
 
 def threatened_plan():
     """`make` produces p for `use`; a parallel `spoil` makes it false in one of two branches."""
-    made_and_used = sequence(act("(make)", 1, 1), act("(use)", 1, 2))
-    spoiled = choose("x", {"spoil": act("(spoil)", 1, 1), "wait": sequence()})
-    threatened = build("threatened", parallel(made_and_used, spoiled))
+    made_and_used = builder.sequence(builder.act("(make)", 1, 1), builder.act("(use)", 1, 2))
+    spoiled = builder.choose("x", {"spoil": builder.act("(spoil)", 1, 1), "wait": builder.sequence()})
+    threatened = builder.build("threatened", builder.parallel(made_and_used, spoiled))
     make, use, spoil = threatened.activities
     effects = (Effect(P, make.target, make.guard, 0), Effect(P.negation, spoil.target, spoil.guard, 2))
     return TeamPlan(threatened, (Condition(P, use.source, use.source, use.guard, 1),), effects)
@@ -176,14 +172,14 @@ SMALL = Shape(top=4, inner=2, inner_share=0.4)
 def test_random_plans_as_the_oracle_has_them(backend):
     verdicts = set()
     for plan in (random_plan(3, index, SMALL).plan() for index in range(12)):
-        answer = Checking(plan, backend, all_scenarios=True).run()
-        asked = cross_check(plan, [ExaminedBackend(backend, temporal) for temporal in Temporal], samples=2)
+        answer = compile.Checking(plan, backend, all_scenarios=True).run()
+        asked = cross_check(plan, [ExaminedBackend(backend, temporal) for temporal in compile.Temporal], samples=2)
         assert (asked.agree, asked.out_of_time) == (True, [])
         assert set(map(guard, answer.scenarios or ())) == scenarios_of(Oracle(plan))
-        assert (answer.execution is None) == (answer.verdict is PlanVerdict.REFUTED)
+        assert (answer.execution is None) == (answer.verdict is compile.PlanVerdict.REFUTED)
         assert answer.execution is None or faults(plan, answer.execution) == ()
         verdicts.add(answer.verdict)
-    assert verdicts == {PlanVerdict.PROVED, PlanVerdict.REFUTED}
+    assert verdicts == {compile.PlanVerdict.PROVED, compile.PlanVerdict.REFUTED}
 
 
 def raising(error, at=None):
@@ -198,10 +194,10 @@ def raising(error, at=None):
 
 @pytest.mark.parametrize("backend", ["oracle", *BACKENDS])
 def test_out_of_time_and_interrupted(backend):
-    late = Checking(kitchen(), backend, all_scenarios=True, deadline=Deadline.after(0)).run()
-    assert (late.verdict, late.complete, late.scenarios) == (PlanVerdict.UNKNOWN, False, [])
-    stopped = Checking(kitchen(), backend, on_stage=raising(KeyboardInterrupt, "search")).run()
-    assert (stopped.verdict, stopped.interrupted) == (PlanVerdict.UNKNOWN, True)
+    late = compile.Checking(kitchen(), backend, all_scenarios=True, deadline=Deadline.after(0)).run()
+    assert (late.verdict, late.complete, late.scenarios) == (compile.PlanVerdict.UNKNOWN, False, [])
+    stopped = compile.Checking(kitchen(), backend, on_stage=raising(KeyboardInterrupt, "search")).run()
+    assert (stopped.verdict, stopped.interrupted) == (compile.PlanVerdict.UNKNOWN, True)
 
 
 class Forgetful(SatKnowledgeBase):
@@ -209,7 +205,7 @@ class Forgetful(SatKnowledgeBase):
 
     def could_commit(self, commitments, deadline=Deadline()):  # noqa: B008
         refused = Assignment("y1", "2")
-        if any(isinstance(each, Require) and refused in each.environment for each in commitments):
+        if any(isinstance(each, theory.Require) and refused in each.environment for each in commitments):
             return False
         return super().could_commit(commitments, deadline)
 
@@ -217,9 +213,9 @@ class Forgetful(SatKnowledgeBase):
 def test_a_wrong_back_end_is_found_out_and_the_plan_shrunk(monkeypatch, tmp_path):
     home = knowledge.Registration(__name__, "Forgetful", frozenset({"network", "solver"}))
     monkeypatch.setitem(knowledge._REGISTRY, "forgetful", home)
-    liar = ExaminedBackend("forgetful", Temporal.LAZY)
-    plan = k_intents((2,)).instance.plan()
-    outcome = cross_check(plan, [ExaminedBackend("bdd", Temporal.LAZY), liar], samples=3)
+    liar = ExaminedBackend("forgetful", compile.Temporal.LAZY)
+    plan = builder.k_intents((2,)).instance.plan()
+    outcome = cross_check(plan, [ExaminedBackend("bdd", compile.Temporal.LAZY), liar], samples=3)
     assert {each.backend for each in outcome.disagreements} == {"forgetful (lazy)"}
 
     def shows(smaller):
@@ -229,23 +225,23 @@ def test_a_wrong_back_end_is_found_out_and_the_plan_shrunk(monkeypatch, tmp_path
     assert shows(smallest)
     assert [choice.name for choice in smallest.network.choices] == ["y1"]
     assert (smallest.network.activities, smallest.conditions) == ((), ())
-    assert shows(load_team_plan(crossing.propositional(smallest).write(tmp_path)))
+    assert shows(action_model.load_team_plan(crossing.propositional(smallest).write(tmp_path)))
 
 
 @pytest.mark.parametrize("index", range(8))
 def test_plans_written_from_memory_mean_the_same(index, tmp_path):
     plan = random_plan(5, index, SMALL).plan()
-    again = load_team_plan(crossing.propositional(plan).write(tmp_path))
+    again = action_model.load_team_plan(crossing.propositional(plan).write(tmp_path))
     assert scenarios_of(Oracle(again)) == scenarios_of(Oracle(plan))
 
 
 def test_what_is_known_when_cross_checks_and_compilations_end_early():
-    plan = k_intents((3, 3, 3)).instance.plan()
+    plan = builder.k_intents((3, 3, 3)).instance.plan()
     with pytest.raises(OutOfTimeError):
         cross_check(plan, [], deadline=Deadline.after(0))
-    late = cross_check(plan, [ExaminedBackend("pitms", Temporal.APSP)], limit=0)
+    late = cross_check(plan, [ExaminedBackend("pitms", compile.Temporal.APSP)], limit=0)
     assert (late.out_of_time, late.scenarios) == (["pitms (apsp)"], 27)
-    sizes = Measuring(kitchen(), "bdd", on_stage=raising(KeyboardInterrupt)).run()
+    sizes = compile.Measuring(kitchen(), "bdd", on_stage=raising(KeyboardInterrupt)).run()
     assert (sizes.status, sizes.cut_short, sizes.satisfiable) == ("interrupted", True, None)
     interrupted = crossing.Crossing(kitchen(), on_stage=raising(KeyboardInterrupt))
     with pytest.raises(KeyboardInterrupt):
@@ -253,14 +249,14 @@ def test_what_is_known_when_cross_checks_and_compilations_end_early():
     assert interrupted.so_far(timed_out=True) is None
     late = crossing.Crossing(kitchen(), deadline=Deadline.after(0)).run()
     assert (late.status, late.outcome) == ("timeout", None)
-    compiling = Compiling(kitchen(), "pitms", on_stage=raising(OutOfTimeError, "conflicts"))
+    compiling = compile.Compiling(kitchen(), "pitms", on_stage=raising(OutOfTimeError, "conflicts"))
     with pytest.raises(OutOfTimeError):
         compiling.compile()
     assert compiling.counts.keys() & {"links", "temporal_conflicts"} == {"links"}
     assert set(compiling.seconds) == {"precedence", "links"}
 
 
-@pytest.mark.parametrize("search", [Measuring, Checking])
+@pytest.mark.parametrize("search", [compile.Measuring, compile.Checking])
 def test_what_becomes_too_large_is_not_called_out_of_time(search, monkeypatch):
     monkeypatch.setattr(PiTms.__init__, "__kwdefaults__", {"largest_goal": 20})
     result = search(kitchen(), "pitms").run()
@@ -281,7 +277,7 @@ def agree(number, samples=2):
     """How many scenarios there are, for a back end as for the oracle."""
     # The size of ε changes with each number, so that the back end must change with the rounds.
     place = number // len(SIZES)
-    subject = ExaminedBackend(BACKENDS[place % len(BACKENDS)], list(Temporal)[place // len(BACKENDS) % 2])
+    subject = ExaminedBackend(BACKENDS[place % len(BACKENDS)], list(compile.Temporal)[place // len(BACKENDS) % 2])
     outcome = cross_check(small_with_epsilon(number), [subject], seed=number, samples=samples)
     assert outcome.disagreements == [], number
     return outcome.scenarios
@@ -365,13 +361,13 @@ def test_before_is_by_epsilon_or_strictly(bounds, epsilon, possible):
     effects = (Effect(P, "p", ALWAYS, None), Effect(P.negation, "t", ALWAYS, None))
     plan = TeamPlan(line, (Condition(P, "c", "c", ALWAYS, None),), effects, Fraction(epsilon))
     assert examples.possible(plan) == possible
-    subjects = [ExaminedBackend(backend, temporal) for backend in BACKENDS for temporal in Temporal]
+    subjects = [ExaminedBackend(backend, temporal) for backend in BACKENDS for temporal in compile.Temporal]
     outcome = cross_check(plan, subjects, samples=1)
     assert (outcome.scenarios, outcome.disagreements) == (possible, [])
     executive = PlanExecutive(plan, make_reasoner("smt"))
     carried_on(executive, Fraction(0))
     assert isinstance(executive.outcome, Succeeded) == possible
-    cooking = load_team_plan(examples.KITCHEN, epsilon=Fraction(epsilon) / 10)
+    cooking = action_model.load_team_plan(examples.KITCHEN, epsilon=Fraction(epsilon) / 10)
     assert faults(cooking, Oracle(cooking).decide().witness) == ()
 
 

@@ -7,11 +7,8 @@ from pathlib import Path
 import pytest
 
 from robust.errors import InputError
-from robust.plan import model
-from robust.plan.load import assemble, load_plan
-from robust.plan.parameters import parse_specs
+from robust.plan import load, model, parameters, stn
 from robust.plan.pddl.reader import parse_domain, parse_problem
-from robust.plan.stn import ParameterDeclaration, STNConstraint, parse_stn
 from tests.execute.plans import TASKS, TWO_TASKS
 from tests.plan.building import DURATION, EVERYTHING, TEXTS, TOUR, at, between, equal, number, reference, refused
 
@@ -28,8 +25,8 @@ SYNTH = {"domain": EVERYTHING, "problem": MEASURED, "plan": SYNTH_PLAN}
 def build(*specs: str, nominal_needed: bool = True, **texts: str) -> model.ParametrizedPlan:
     texts = FILES | texts
     domain = parse_domain(texts["domain"])
-    problem, plan = parse_problem(texts["problem"], domain), parse_stn(texts["plan"], "mission.stn")
-    return assemble(domain, problem, plan, parse_specs(specs), nominal_needed=nominal_needed)
+    problem, plan = parse_problem(texts["problem"], domain), stn.parse_stn(texts["plan"], "mission.stn")
+    return load.assemble(domain, problem, plan, parameters.parse_specs(specs), nominal_needed=nominal_needed)
 
 
 def test_parts() -> None:
@@ -119,21 +116,21 @@ def test_misfit(files: dict[str, str], old: str, new: str, parts: list[str]) -> 
 
 def test_plans_built_by_a_program_are_checked() -> None:
     domain = parse_domain(TASKS)
-    problem, plan = parse_problem(PROBLEM, domain), parse_stn(PLAN)
+    problem, plan = parse_problem(PROBLEM, domain), stn.parse_stn(PLAN)
     end = plan.instances[1].end
-    elsewhere = STNConstraint(model.TimePoint(model.TimePointKind.END, "n9"), model.ZERO, None, None)
-    undeclared = STNConstraint(end, model.ZERO, model.ParameterReference("paus"), None)
-    reversed_bounds = STNConstraint(end, model.ZERO, Fraction(3, 2), Fraction(1))
+    elsewhere = stn.STNConstraint(model.TimePoint(model.TimePointKind.END, "n9"), model.ZERO, None, None)
+    undeclared = stn.STNConstraint(end, model.ZERO, model.ParameterReference("paus"), None)
+    reversed_bounds = stn.STNConstraint(end, model.ZERO, Fraction(3, 2), Fraction(1))
     for change, message in (
         ({"constraints": (elsewhere,)}, "time point 'n9.end'"),
         ({"constraints": (undeclared,)}, "bound 'paus', expected a declared parameter; did you mean 'pause'"),
         ({"constraints": (reversed_bounds,)}, "lower bound 1.5 above upper bound 1"),
-        ({"parameters": (ParameterDeclaration("pause", Fraction(0)),)}, "weight 0 for parameter 'pause'"),
+        ({"parameters": (stn.ParameterDeclaration("pause", Fraction(0)),)}, "weight 0 for parameter 'pause'"),
         ({"instances": plan.instances * 2}, "2 declarations of instance 'n0'"),
         ({"parameters": plan.parameters * 2}, "2 declarations of parameter 'pause'"),
         ({"instances": (), "constraints": ()}, "empty plan"),
     ):
-        refused(lambda change=change: assemble(domain, problem, replace(plan, **change)), "", [message])
+        refused(lambda change=change: load.assemble(domain, problem, replace(plan, **change)), "", [message])
 
 
 def test_load_plan(tmp_path: Path) -> None:
@@ -142,10 +139,10 @@ def test_load_plan(tmp_path: Path) -> None:
     for path, text in zip(paths, (TASKS, PROBLEM, PLAN, options), strict=True):
         path.write_text(text, encoding="utf-8")
     domain, problem, mission, file = paths
-    plan = load_plan(domain, str(problem), mission, parameters=["start:n0"], parameter_file=file)
+    plan = load.load_plan(domain, str(problem), mission, parameters=["start:n0"], parameter_file=file)
     assert plan.name == "mission_3"
     assert plan.nominal == {"pause": 3, "endurance": 10, "start_n0": 0}
     assert plan.parameters[1].lower == Fraction(1, 10)
     file.write_text("[parameters.pause]\nweight = 3\n", encoding="utf-8")
     with pytest.raises(InputError, match="'pause' twice"):
-        load_plan(domain, problem, mission, parameters=["pause,lb=2"], parameter_file=file)
+        load.load_plan(domain, problem, mission, parameters=["pause,lb=2"], parameter_file=file)

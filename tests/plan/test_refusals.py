@@ -13,13 +13,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robust.errors import InputError, InputWarning, Location
-from robust.plan import parameters
-from robust.plan.model import Expression, Fluent
+from robust.plan import model, parameters, timed
 from robust.plan.parameters import ParameterSpec, Target, Wiring, parse_parameter_file, parse_spec, parse_specs, wire
 from robust.plan.pddl.forms import read_text
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.stn import parse_stn, write_stn
-from robust.plan.timed import parse_timed_plan
 from tests.plan.building import TEXTS, error_of, groups, number, reference, refused
 
 HEAD = """(define (domain d)
@@ -46,7 +44,7 @@ FRAMES = {
     "facts": (*PROBLEM, "(define (problem p) (:domain d) (:init (open hub)\n {}) (:goal ()))"),
     "structure of problems": (*PROBLEM, "{}"),
     "plans": (partial(parse_stn, file="bad.stn"), "bad.stn", STEPS),
-    "timed plans": (partial(parse_timed_plan, file="bad.plan"), "bad.plan", "0: (beep)\n{}\n"),
+    "timed plans": (partial(timed.parse_timed_plan, file="bad.plan"), "bad.plan", "0: (beep)\n{}\n"),
     "specifications": (parse_spec, "--parameter {!r}: found ", "{}"),
     "specifications of a plan": (lambda t: apply(*t.split(" & "), domain=("s",)), "--parameter {!r}: found ", "{}"),
     "files of parameters": (partial(parse_parameter_file, file="p.toml"), "p.toml", "{}"),
@@ -80,7 +78,7 @@ def test_what_is_too_long_too_deep_or_empty_is_refused():
         (parse_domain, "(define " * 120 + "((" + "(" * 30 + ")" * 151, "<domain>:1:961", "at most 120"),
         *((parse_domain, text * 20_000, "<domain>:1:", "found") for text in ("(", ")", "(not ")),
         *((parse_stn, text, "<plan>:", "empty plan") for text in ("", "\n\n", "# nothing\n", "parameter p default 1;")),
-        *((parse_timed_plan, text, "<plan>:", "empty plan") for text in ("", "\n\n", "; nothing\n")),
+        *((timed.parse_timed_plan, text, "<plan>:", "empty plan") for text in ("", "\n\n", "; nothing\n")),
     ):
         refused(partial(read, text), place, [part])
 
@@ -88,7 +86,7 @@ def test_what_is_too_long_too_deep_or_empty_is_refused():
 @given(st.text() | st.text(alphabet="0123456789.:()[]; \nab/-") | st.text(alphabet="[].=\"'\n0123456789 parmetslbu"))
 def test_random_text_is_refused_or_read(text: str) -> None:
     assert error_of(lambda: parse_stn(text)) is not None
-    for read in (parse_timed_plan, parse_spec):
+    for read in (timed.parse_timed_plan, parse_spec):
         error_of(lambda read=read: read(text))
     for content in (text, f"[parameters.d]\n{text}", f"[parameters.d]\nlb = {text}", f"[parameters]\n{text} = 1"):
         error_of(lambda content=content: parse_parameter_file(content))
@@ -127,7 +125,7 @@ def test_random_bytes_are_no_domain(tmp_path_factory, data: bytes) -> None:
     assert "a" in parse_domain(f"{HEAD}(:action a :precondition {nested}))").actions, "deep, but within the limit"
 
 
-CHARGE = Fluent("charge", ("auv",))
+CHARGE = model.Fluent("charge", ("auv",))
 DURATION, START, FLUENT, EXISTING = Target.DURATION, Target.START, Target.FLUENT, Target.EXISTING
 BOUNDS = {"weight": Fraction(1, 3), "lower": None, "upper": Fraction(1000), "default": Fraction(1, 10)}
 SPECS = {
@@ -162,7 +160,7 @@ def test_options_and_files_of_parameters(tmp_path: Path) -> None:
 
 
 PLAN = (TEXTS / "wired.stn").read_text(encoding="utf-8")
-FLUENTS: dict[Fluent, Expression] = {CHARGE: number(100), Fluent("level"): reference("s")}
+FLUENTS: dict[model.Fluent, model.Expression] = {CHARGE: number(100), model.Fluent("level"): reference("s")}
 
 
 def apply(*specs: str, plan: str = PLAN, domain: tuple[str, ...] = (), renamed: str = "spare") -> Wiring:

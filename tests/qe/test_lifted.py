@@ -11,10 +11,8 @@ from robust import Answer, Box, InputError, Interval, ParametrizedPlan, Region, 
 from robust.backends import ELIMINATORS
 from robust.encode.encoding import RelationalEncoding
 from robust.plan.simulate import simulate
-from robust.qe.compute import RegionSearch
-from robust.qe.constraint import LinearConstraint
+from robust.qe import compute, constraint, nnf
 from robust.qe.lifted import LiftedRegion, lifted_envelope
-from robust.qe.nnf import FormulaReader
 from robust.smt.limits import NEVER
 from tests.execute.plans import durative
 from tests.irr.test_proposals import drawn_plan, made
@@ -55,7 +53,7 @@ def job_shop(jobs: int, machines: int, seed: int = 0, deadline: str = "+10%") ->
 
 def lifted(plan: ParametrizedPlan) -> LiftedRegion:
     encoding = RelationalEncoding(plan)
-    known = lifted_envelope(encoding, FormulaReader(encoding.terms), NEVER)
+    known = lifted_envelope(encoding, nnf.FormulaReader(encoding.terms), NEVER)
     assert known is not None
     return known
 
@@ -76,7 +74,7 @@ def points(region: LiftedRegion, numerators: list[list[int]], unit: int = 100) -
 def hunt(plan: ParametrizedPlan, backend: str, seed: int) -> int:
     """Hold a region against an enumerated one: points, optima, intervals, slices, documents; how many points it has."""
     region = lifted(plan)
-    expected = RegionSearch(plan, backend=backend, lift=False).run()
+    expected = compute.RegionSearch(plan, backend=backend, lift=False).run()
     assert expected.status is Status.COMPLETE
     assert Region.difference(region.base, ()).equals(expected.region)
     whole = expected.region.as_difference().simplified()
@@ -132,7 +130,7 @@ def test_many_regions_with_times_are_those_that_are_enumerated():
 def test_job_shops_are_those_that_are_enumerated(shape):
     plan = job_shop(*shape)
     hunt(plan, "project", 1)
-    assert region(plan).region.equals(RegionSearch(plan, lift=False).run().region)
+    assert region(plan).region.equals(compute.RegionSearch(plan, lift=False).run().region)
 
 
 def test_a_shop_with_36_durations_is_complete_and_as_checked(monkeypatch):
@@ -151,7 +149,7 @@ def test_a_shop_with_36_durations_is_complete_and_as_checked(monkeypatch):
     assert most.attained
     assert most.point in known
     assert {name: value + Fraction(1, 10**6) for name, value in most.point.items()} not in known
-    sides = [LinearConstraint.of({name: 1}, "<=", known.extent(name).upper) for name in known.parameters]
+    sides = [constraint.LinearConstraint.of({name: 1}, "<=", known.extent(name).upper) for name in known.parameters]
     assert all(map(known.satisfies, sides[:3]))
     assert result.as_dict()["form"] == "lifted"
     monkeypatch.setattr("robust.qe.lifted.MOST", 100)
@@ -172,6 +170,6 @@ def test_large_numbers_are_exact():
 def test_what_is_no_difference_constraint_is_refused():
     for coefficients, relation in (({"x": 1, "y": 1}, "<="), ({"x": 2, "y": -1}, "<="), ({"x": 1}, "<")):
         with pytest.raises(InputError, match="no difference constraint"):
-            LiftedRegion(("a",), ("x", "y"), [LinearConstraint.of({**coefficients, "a": 1}, relation, 1)])
+            LiftedRegion(("a",), ("x", "y"), [constraint.LinearConstraint.of({**coefficients, "a": 1}, relation, 1)])
     with pytest.raises(InputError, match="cannot read a region"):
         LiftedRegion.from_dict({"parameters": ["a"]})

@@ -18,9 +18,7 @@ import pytest
 import robust
 from robust import InputError, pike, stnu
 from robust.draw.pictures import picture
-from robust.show import presenting
-from robust.show.console import printing
-from robust.show.documents import documenting
+from robust.show import console, documents, presenting
 from tests.cli.running import EXAMPLES, command, environment, example, process, ran
 from tests.recordings.recordings import INPUTS
 
@@ -276,7 +274,7 @@ def test_wrong_pictures_are_refused(path, axes, says):
 def test_every_kind_of_result_is_tried_and_costs_nothing_but_itself():
     """What shows a result is loaded when it is shown."""
     kinds = {type(result(name)) for name in CASES}
-    for registry in (printing.registry, documenting.registry):
+    for registry in (console.printing.registry, documents.documenting.registry):
         assert kinds == registry.keys() - {object}
     assert {kind.__module__.removeprefix("robust.") for kind in kinds} == presenting._SHOWN_BY.keys()
     loaded = "[name for name in sys.modules if name[7:11] in ('show', 'draw')]"

@@ -16,11 +16,7 @@ from robust.errors import InputError, SolverError
 from robust.pike_bridge import knowledge as back_ends
 from robust.pike_bridge import theory as shared
 from robust.pike_bridge.compile import Compiling
-from robust.pike_bridge.knowledge import create_knowledge_base, goal, labels
-from robust.pike_bridge.knowledge.bdd import BddKnowledgeBase
-from robust.pike_bridge.knowledge.labels import NodeKind, simplify
-from robust.pike_bridge.knowledge.sat import SatKnowledgeBase
-from robust.pike_bridge.knowledge.tms import Atms, PiTms
+from robust.pike_bridge.knowledge import bdd, create_knowledge_base, goal, labels, sat, tms
 from robust.pike_bridge.model import Assignment, AssignmentVocabulary, guard
 from robust.pike_bridge.theory import All, Exclude, Is, Not, Require, Some, Theory, conjunction, is_consistent
 from robust.smt.limits import Deadline, OutOfTimeError
@@ -160,7 +156,7 @@ def test_functions_are_those_of_brute_force(disjunctions, conflicts, data):
 
 def test_more_implicants_than_can_be_listed():
     knowledge = Compiling(random_plan(7, 0, FEASIBLE).plan(), "pitms").compile().knowledge
-    other = BddKnowledgeBase(knowledge.theory)
+    other = bdd.BddKnowledgeBase(knowledge.theory)
     sizes = {name: len(values) for name, values in knowledge.theory.domains.items()}
     assert knowledge.implicant_count() == other.implicant_count() == 177172312909223106183168
     assert other.count_models() == knowledge.count_models()
@@ -216,8 +212,8 @@ def test_orders_of_variables_and_their_space_in_turn_of_which_one_may_be_enough(
         for at in range(40)
     )
     theory = Theory(dict.fromkeys(names, ("1", "2", "3")), (), conflicts)
-    diagram = BddKnowledgeBase(theory)
-    for knowledge in (PiTms(theory), PiTms(theory, shortcut=False)):
+    diagram = bdd.BddKnowledgeBase(theory)
+    for knowledge in (tms.PiTms(theory), tms.PiTms(theory, shortcut=False)):
         assert knowledge.implicant_count() == diagram.implicant_count()
         assert knowledge.count_models() == diagram.count_models()
 
@@ -227,8 +223,8 @@ def test_simplification_puts_units_into_effect():
     x1, x2, y1 = (Is(Assignment(*each)) for each in (("x", "1"), ("x", "2"), ("y", "1")))
     theory = Theory(domains, (Not(Some((x1, Not(Some((y1, x2)))))),), (guard({"x": "2", "y": "1"}),))
     conflicts = (guard({"x": "1"}), guard({"x": "2", "y": "1"}))
-    assert simplify(theory, Deadline()) == Theory(domains, (Some((y1, x2)),), conflicts)
-    assert simplify(Theory(domains, (All((x1, x2)),)), Deadline()).constraints == (Some(()),)
+    assert labels.simplify(theory, Deadline()) == Theory(domains, (Some((y1, x2)),), conflicts)
+    assert labels.simplify(Theory(domains, (All((x1, x2)),)), Deadline()).constraints == (Some(()),)
 
 
 NOT_Z1, Z2 = Not(Is(Assignment("z", "1"))), Is(Assignment("z", "2"))
@@ -243,9 +239,9 @@ def guards(*environments):
 
 def test_labels_of_figure_14_and_of_the_consensus_example():
     """Assumptions of three variables and two derived nodes; [PIKE §5.4]: two of four environments have a consensus."""
-    knowledge = PiTms(EXAMPLE)
+    knowledge = tms.PiTms(EXAMPLE)
     kinds = [each.node.kind for each in knowledge.labels()]
-    derived = [set(each.environments) for each in knowledge.labels() if each.node.kind is NodeKind.DERIVED]
+    derived = [set(each.environments) for each in knowledge.labels() if each.node.kind is labels.NodeKind.DERIVED]
     both = guards({"y": "1", "s": "eP1"})
     n3 = both | guards({"s": "eP2"})
     n4 = n3 | guards({"z": "2"})
@@ -254,7 +250,7 @@ def test_labels_of_figure_14_and_of_the_consensus_example():
     assert n4 in derived
     assert both in derived
     assert set(knowledge.prime_implicants()) == n4
-    assert set(PiTms(Theory(EXAMPLE.domains, (Some((P2, All((P1, Y1)))),))).prime_implicants()) == n3
+    assert set(tms.PiTms(Theory(EXAMPLE.domains, (Some((P2, All((P1, Y1)))),))).prime_implicants()) == n3
     statistics, sizes = knowledge.statistics, knowledge.statistics.sizes
     assert (sizes["nodes"], sizes["justifications"]) == (len(kinds), 1 + 3)  # one for all conjuncts, one each disjunct
     assert (sizes["variables"], sizes["conflicts"], sizes["factors"]) == (3, 0, 1)
@@ -262,13 +258,13 @@ def test_labels_of_figure_14_and_of_the_consensus_example():
     assert min(statistics.propagations, statistics.environments_created, statistics.seconds) > 0
     label = ({"x": "1", "y": "1", "z": "1"}, {"x": "2", "y": "1", "z": "1"}, {"x": "2", "y": "3"}, {"x": "3"})
     theory = Theory(dict.fromkeys("xyz", ("1", "2", "3")), (Some(tuple(conjunction(guard(each)) for each in label)),))
-    assert set(PiTms(theory).prime_implicants()) == guards({"y": "1", "z": "1"}, {"x": "2", "y": "3"}, {"x": "3"})
-    assert set(Atms(theory).goal()) == guards(*label)
+    assert set(tms.PiTms(theory).prime_implicants()) == guards({"y": "1", "z": "1"}, {"x": "2", "y": "3"}, {"x": "3"})
+    assert set(tms.Atms(theory).goal()) == guards(*label)
     domains = {f"v{at}": ("1", "2", "3") for at in range(9)}
     names = ((Assignment("v0", "3"), Assignment(name, "1"), Assignment(name, "2")) for name in domains if name != "v0")
     wide = Theory(domains, tuple(Some(tuple(map(Is, each))) for each in names))
-    assert PiTms(wide).implicant_count() == 1 + 2**8
-    for kind, limit in (PiTms, "largest_goal"), (Atms, "largest_label"):
+    assert tms.PiTms(wide).implicant_count() == 1 + 2**8
+    for kind, limit in (tms.PiTms, "largest_goal"), (tms.Atms, "largest_label"):
         with pytest.raises(shared.OutOfSpaceError):
             kind(wide, **{limit: 20})
 
@@ -281,8 +277,8 @@ def test_goal_and_nodes_have_all_prime_implicants(count):
     @given(theories(), st.data())
     def drawn(theory, data):
         left = models(theory)
-        knowledge, diagram = PiTms(theory, shortcut=False), BddKnowledgeBase(theory)
-        assert set(PiTms(theory).prime_implicants()) == prime_implicants(theory.domains, left)
+        knowledge, diagram = tms.PiTms(theory, shortcut=False), bdd.BddKnowledgeBase(theory)
+        assert set(tms.PiTms(theory).prime_implicants()) == prime_implicants(theory.domains, left)
         assert knowledge.simplified.domains == theory.domains
         assert sorted(map(str, models(knowledge.simplified))) == sorted(map(str, left))
         without = models(Theory(theory.domains, (), knowledge.simplified.conflicts))
@@ -295,7 +291,7 @@ def test_goal_and_nodes_have_all_prime_implicants(count):
             assert len(answer) == knowledge.implicant_count() == diagram.implicant_count()
             assert sorted(map(sorted, diagram.prime_implicants())) == sorted(map(sorted, answer))
         for label in knowledge.labels():
-            if label.node.kind is not NodeKind.CONTRADICTION:
+            if label.node.kind is not labels.NodeKind.CONTRADICTION:
                 holding = [model for model in without if satisfies(model, label.node.formula)]
                 assert label.environments == prime_implicants(theory.domains, holding)
 
@@ -309,7 +305,7 @@ def either(*names):
 def test_factors_stay_apart():
     names = [f"v{at}" for at in range(400)]
     pairs = tuple(map(either, names[::2], names[1::2]))
-    knowledge = PiTms(Theory(dict.fromkeys(names, ("1", "2")), pairs))
+    knowledge = tms.PiTms(Theory(dict.fromkeys(names, ("1", "2")), pairs))
     assert (knowledge.implicant_count(), knowledge.count_models()) == (2**200, 3**200)
     assert len(next(knowledge.prime_implicants())) == knowledge.statistics.sizes["factors"] == 200
     across = guard({"v0": "1", "v2": "1"})
@@ -317,7 +313,7 @@ def test_factors_stay_apart():
     assert knowledge.statistics.sizes["factors"] == 199
     assert knowledge.count_models() == 3**200 // 9 * 5
     assert not knowledge.could_commit([Require(across)])
-    knowledge = PiTms(Theory(dict.fromkeys("abcd", ("1", "2")), (either("a", "b"), either("c", "d"))))
+    knowledge = tms.PiTms(Theory(dict.fromkeys("abcd", ("1", "2")), (either("a", "b"), either("c", "d"))))
     knowledge.commit([Require(guard({"a": "1"}))])
     knowledge.commit([Exclude(guard({"a": "1", "c": "1"}))])
     assert knowledge.statistics.sizes["factors"] == 2
@@ -460,10 +456,10 @@ def test_a_choice_may_be_too_slow(solver):
     slow, fast = (guard({"100% sure": value}) for value in ("slow", "fast"))
     bounds = (("a", "b", None, 5), ("a", "b", 6, None, slow))
     late = network("a b", *bounds, choices=[("100% sure", ("slow", "fast"), "a")])
-    knowledge = SatKnowledgeBase(Theory(late.domains), late, solver=solver)
+    knowledge = sat.SatKnowledgeBase(Theory(late.domains), late, solver=solver)
     asked = [Require(slow)], [Require(fast)], [Exclude(fast)]
     assert [knowledge.could_commit(each) for each in asked] == [False, True, False]
     knowledge.commit([Exclude(slow)])
     assert knowledge.count_models() == 1
     theory = Theory({"x": ("1", "2")}, (X1,))
-    assert not SatKnowledgeBase(theory, network("a b", ("a", "b", 2, 1)), solver=solver).satisfiable()
+    assert not sat.SatKnowledgeBase(theory, network("a b", ("a", "b", 2, 1)), solver=solver).satisfiable()

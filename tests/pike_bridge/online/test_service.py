@@ -20,11 +20,8 @@ from robust.errors import InputError
 from robust.pike import OutOfTimeError, PlanExecutive, make_reasoner, reasoner_names
 from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.model import Activity, Event
-from robust.pike_bridge.online import service
+from robust.pike_bridge.online import semantic, service, world
 from robust.pike_bridge.online.progress import JSON, Chosen, Decision, Estimate, Executed, Message
-from robust.pike_bridge.online.semantic import SemanticReasoner
-from robust.pike_bridge.online.service import Journal, JournalStep, read_journal, read_request, resume
-from robust.pike_bridge.online.world import Human, Pace, Rehearsal, Story
 from robust.show.schemas import schema
 from tests.pike_bridge import stories
 from tests.pike_bridge.online import examples
@@ -38,18 +35,18 @@ def steps():
 
 
 def steps_of(plan, story, seed=0):
-    rehearsed = Rehearsal(plan, story, seed=seed, infer=False).run().steps
-    return tuple(JournalStep(step.time, step.messages, step.decisions) for step in rehearsed)
+    rehearsed = world.Rehearsal(plan, story, seed=seed, infer=False).run().steps
+    return tuple(service.JournalStep(step.time, step.messages, step.decisions) for step in rehearsed)
 
 
 def written(path, all_steps):
-    with Journal(path, kitchen()) as journal:
+    with service.Journal(path, kitchen()) as journal:
         for step in all_steps:
             journal.write(step)
     return path.read_bytes()
 
 
-def new_executive(plan=None, reasoner=SemanticReasoner, **options):
+def new_executive(plan=None, reasoner=semantic.SemanticReasoner, **options):
     return PlanExecutive(plan or kitchen(), reasoner, **options)
 
 
@@ -65,19 +62,19 @@ def path(tmp_path):
 
 def test_what_is_read_is_what_was_written_and_time_does_not_go_back(path):
     content = written(path, steps())
-    assert read_journal(path, kitchen()) == steps()
-    with Journal(path, kitchen()) as journal:
+    assert service.read_journal(path, kitchen()) == steps()
+    with service.Journal(path, kitchen()) as journal:
         assert journal.steps == steps()
     assert path.read_bytes() == content
     path.write_bytes(content[:-2])
-    assert read_journal(path, kitchen()) == steps()[:-1]
+    assert service.read_journal(path, kitchen()) == steps()[:-1]
     path.write_bytes(content.replace(b'"mug"', b'"cup"', 1))
     with pytest.raises(InputError, match=r"journal:\d+"):
-        Journal(path, kitchen())
+        service.Journal(path, kitchen())
     path.unlink()
-    content = written(path, [JournalStep(time) for time in (Fraction(2), Fraction(2), Fraction(1, 3))])
+    content = written(path, [service.JournalStep(time) for time in (Fraction(2), Fraction(2), Fraction(1, 3))])
     with pytest.raises(InputError, match=r"journal:4:10: found time 1/3, expected 2 or later"):
-        read_journal(path, kitchen())
+        service.read_journal(path, kitchen())
     assert path.read_bytes() == content
 
 
@@ -90,7 +87,7 @@ def test_journals_of_other_plans_and_what_their_digest_is_of(path):
         (replace(plan, effects=plan.effects[1:]), "another version of plan 'kitchen'"),
     ):
         with pytest.raises(InputError, match=message):
-            Journal(path, other)
+            service.Journal(path, other)
     networks = [
         {"constraints": network.constraints[1:]},
         {"activities": (replace(network.activities[0], upper=None),)},
@@ -103,15 +100,15 @@ def test_journals_of_other_plans_and_what_their_digest_is_of(path):
     assert service.plan_digest(plan) == service.plan_digest(load_team_plan(examples.KITCHEN))
 
 
-@pytest.mark.parametrize(("index", "human"), list(zip(SOLVABLE, Human, strict=False)))
+@pytest.mark.parametrize(("index", "human"), list(zip(SOLVABLE, world.Human, strict=False)))
 def test_an_executive_that_resumes_anywhere_decides_the_same(index, human):
     plan = drawn(index)
-    told = steps_of(plan, Story(human=human, pace=Pace.RANDOM), seed=index)
+    told = steps_of(plan, world.Story(human=human, pace=world.Pace.RANDOM), seed=index)
     whole = new_executive(plan)
-    resume(whole, told)
+    service.resume(whole, told)
     for end in range(0, len(told), 12):
         resumed, undisturbed = new_executive(plan), new_executive(plan)
-        resume(resumed, told[:end])
+        service.resume(resumed, told[:end])
         for step in told[:end]:
             undisturbed.step(step.time, step.messages)
         assert state(resumed) == state(undisturbed)
@@ -120,23 +117,23 @@ def test_an_executive_that_resumes_anywhere_decides_the_same(index, human):
 
 
 def test_resuming_asks_and_chooses_nothing_and_steps_fit():
-    class Silent(SemanticReasoner):
+    class Silent(semantic.SemanticReasoner):
         def _never(self, *_arguments):
             raise AssertionError
 
         possible = executable = could = next_time = _never
 
     resumed = new_executive(None, Silent, ranking=lambda values: list(reversed(values)))
-    resume(resumed, steps())
+    service.resume(resumed, steps())
     choices = [(each.choice, each.value) for step in steps() for each in step.decisions if isinstance(each, Chosen)]
     assert resumed.progress.chosen == dict(choices)
     assert resumed.ended
     assert resumed.progress.void
     assert resumed.step(Fraction(99), [Estimate()])[0].reason == "the execution has ended"
     for events in (["e99"], ["e1", "e1"]):
-        wrong = JournalStep(Fraction(1), (), tuple(Executed(event, Fraction(1)) for event in events))
+        wrong = service.JournalStep(Fraction(1), (), tuple(Executed(event, Fraction(1)) for event in events))
         with pytest.raises(InputError, match=f"journal:2: found event '{events[0]}' executed"):
-            resume(new_executive(), [wrong])
+            service.resume(new_executive(), [wrong])
 
 
 OUTPUT = jsonschema.Draft202012Validator(schema("robust/pike-stdio/1"))
@@ -155,7 +152,7 @@ class Told:
     def __call__(self, kind, **fields):
         self.lines += 1
         text = json.dumps({"kind": kind, **fields}).encode()
-        return self.checked(self.service.answer(read_request(text, self.lines, kitchen(), timed=True)))
+        return self.checked(self.service.answer(service.read_request(text, self.lines, kitchen(), timed=True)))
 
     @staticmethod
     def checked(answers):
@@ -259,7 +256,7 @@ def test_lines_do_what_a_simulation_does_and_real_time_never_goes_back():
     assert answer[-1]["outcome"] == "succeeded"
     told = Told()
     list(told.service.due(Fraction(1, 1000)))
-    request = read_request(b'{"kind": "tick"}', 1, kitchen(), timed=False)
+    request = service.read_request(b'{"kind": "tick"}', 1, kitchen(), timed=False)
     answer = list(told.service.answer(request, Fraction(0)))
     assert (answer[-1]["kind"], told.service.time) == ("wake", Fraction(1, 1000))
 
@@ -270,36 +267,36 @@ def test_a_step_is_in_the_journal_before_it_is_announced_unless_it_was_given_up(
         yield
         raise KeyboardInterrupt
 
-    with Journal(path, kitchen()) as journal:
+    with service.Journal(path, kitchen()) as journal:
         told = Told(journal)
         usual, told.service.thinking = told.service.thinking, interrupted
         with pytest.raises(KeyboardInterrupt):
             told("tick", time=0)
         assert told.service.end("interrupted") == {"kind": "end", "outcome": "interrupted", "time": "0", "step": 0}
-        assert read_journal(path, kitchen()) == ()
+        assert service.read_journal(path, kitchen()) == ()
         told.service.thinking = usual
         for number in range(1, 4):
             answers = told.service.step(Fraction(number, 1000), ())
             next(answers)
-            assert len(read_journal(path, kitchen())) == number
+            assert len(service.read_journal(path, kitchen())) == number
             list(answers)
 
 
 def test_journals_lose_nothing_to_deadlines_or_other_back_ends(path):
     """The step has been taken: it is in the journal, and was announced."""
-    with Journal(path, kitchen()) as journal:
+    with service.Journal(path, kitchen()) as journal:
         told = Told(journal)
         told.executive.reasoner.next_time = Mock(side_effect=OutOfTimeError)
         answers = told.service.step(Fraction(0), ())
         assert next(answers)["event"] == "e_initial"
         with pytest.raises(OutOfTimeError):
             next(answers)
-    with Journal(path, kitchen()) as journal:
+    with service.Journal(path, kitchen()) as journal:
         assert said(Told(journal).greeting) == ["executed", "wake"]
     path.unlink()
-    with Journal(path, kitchen()) as journal:
+    with service.Journal(path, kitchen()) as journal:
         first = Told(journal).until_mug()
-    with Journal(path, kitchen()) as journal:
+    with service.Journal(path, kitchen()) as journal:
         again = Told(journal, solver="cvc5")
         assert again.service.steps == first.service.steps
         assert again("possible") == [{**first("possible")[0], "line": 1}]
@@ -329,7 +326,7 @@ class Misbehaved:
 
     def begin(self):
         executive = PlanExecutive(self.plan, self.reasoner, patience=self.patience)
-        self.service = service.Service(executive, Journal(self.path, self.plan))
+        self.service = service.Service(executive, service.Journal(self.path, self.plan))
         return self.service
 
     def run(self):
@@ -338,7 +335,7 @@ class Misbehaved:
                 self.die()
             text = self.random.choice(NOISE) if self.random.random() < 0.1 else json.dumps(self.request()).encode()
             self.line += 1
-            answers = list(self.service.answer(read_request(text, self.line, self.plan, timed=True)))
+            answers = list(self.service.answer(service.read_request(text, self.line, self.plan, timed=True)))
             assert answers[-1]["kind"] in service.CLOSING
             self.met.update(each["kind"] for each in answers)
             self.told += answers
@@ -431,7 +428,7 @@ def test_reports_that_are_close_are_ordered_by_arrival_for_all(tmp_path):
             make = backends[number % len(backends)]
 
             def reasoner(progress, make=make):
-                return examples.Compared(make(progress), SemanticReasoner(progress))
+                return examples.Compared(make(progress), semantic.SemanticReasoner(progress))
 
             ended = Misbehaved(plan, number, tmp_path / str(number), reasoner, unit=Fraction(1, 7)).run()
             progress = ended.service.executive.progress

@@ -11,19 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robust.errors import InputError, InputWarning, Location
-from robust.plan import model
-from robust.plan.load import assemble
+from robust.plan import load, model, stn
 from robust.plan.model import Atom, AtomEffect, Condition, Fluent, Holds, NumericEffect, TimedLiteral, Timing, Truth
-from robust.plan.pddl.forms import read_text
-from robust.plan.pddl.grounding import fluents_read, ground_action, ground_goal
-from robust.plan.pddl.reader import parse_domain, parse_problem, read_domain, read_problem
-from robust.plan.pddl.syntax import Comparator, Problem, Proposition
-from robust.plan.stn import parse_stn
+from robust.plan.pddl import forms, grounding, reader, syntax
 from tests.pddl_text import condition_text
 from tests.plan import building
 from tests.plan.building import EVERYTHING, TEXTS, TOUR, P, Q, at_least, error_of, number, reference, run
 
-DOMAIN = parse_domain(EVERYTHING, "d.pddl")
+DOMAIN = reader.parse_domain(EVERYTHING, "d.pddl")
 
 
 def problem_with(init: str, goal: str = "()") -> str:
@@ -43,11 +38,11 @@ def test_domain_and_problem_whatever_their_case_and_layout() -> None:
     assert (toggle.durative, toggle.synth_parameters) == (False, ())
     assert [parameter.name for parameter in move.parameters] == ["v", "from", "to"]
     bounds = [(bound.timing, bound.comparator) for bound in move.durations]
-    assert bounds == [(Timing.AT_START, Comparator.AT_LEAST), (Timing.AT_END, Comparator.AT_MOST)]
+    assert bounds == [(Timing.AT_START, syntax.Comparator.AT_LEAST), (Timing.AT_END, syntax.Comparator.AT_MOST)]
     timings = [timed.timing.value for timed in move.conditions]
     assert timings == ["at start", "over all", "at end", "at end", "over all"]
     assert {timed.timing for timed in toggle.conditions} == {Timing.AT_START}
-    problem = parse_problem(TOUR, DOMAIN)
+    problem = reader.parse_problem(TOUR, DOMAIN)
     assert (problem.name, problem.domain, list(problem.objects)) == ("tour", "everything", ["hub", "r1", "a", "b"])
     assert problem.atoms == {Atom("at", ("r1", "a")), Atom("linked", ("a", "b"))}
     assert problem.fluents[Fluent("total")] == Fraction(-1, 1000)
@@ -58,70 +53,70 @@ def test_domain_and_problem_whatever_their_case_and_layout() -> None:
     squeezed = " ".join(line.partition(";")[0] for line in EVERYTHING.splitlines()).replace(" (", "(")
     spread = EVERYTHING.replace("(", " ( ").replace(")", " )\n")
     for variant in (EVERYTHING.upper(), EVERYTHING.replace("\n", "\r\n"), spread, squeezed):
-        assert parse_domain(variant) == DOMAIN
-    assert parse_problem(TOUR.upper(), DOMAIN) == parse_problem(TOUR, DOMAIN)
-    assert parse_domain(EVERYTHING.replace("1e2", "1e3")) != DOMAIN
+        assert reader.parse_domain(variant) == DOMAIN
+    assert reader.parse_problem(TOUR.upper(), DOMAIN) == reader.parse_problem(TOUR, DOMAIN)
+    assert reader.parse_domain(EVERYTHING.replace("1e2", "1e3")) != DOMAIN
 
 
 @pytest.mark.parametrize("section", (TEXTS / "accepted.txt").read_text(encoding="utf-8").splitlines())
 def test_accepted(section: str) -> None:
     before = "(:types t t u) (:predicates (p) (q ?x)) (:functions (f) (g ?x))"
-    domain = parse_domain(f"(define (domain d) {before} {section} (:constants x - t))")
+    domain = reader.parse_domain(f"(define (domain d) {before} {section} (:constants x - t))")
     assert list(domain.actions) == (["a"] if "action" in section else [])
 
 
 def test_numbers_are_exact_and_a_predicate_called_at_is_no_time() -> None:
     for text in ("5", "5.", ".5", "-0.1", "+3", "1e-3", "1.5E+2", "0.1000000000000000000001", "(- 7)"):
-        problem = parse_problem(problem_with(f"(= (total) {text})"), DOMAIN)
+        problem = reader.parse_problem(problem_with(f"(= (total) {text})"), DOMAIN)
         assert problem.fluents == {Fluent("total"): Fraction(text.strip("()").replace("- ", "-"))}
-    problem = parse_problem(problem_with("(at r1 a) (at 3 (at r1 a))", "(at r1 a)"), DOMAIN)
+    problem = reader.parse_problem(problem_with("(at r1 a) (at 3 (at r1 a))", "(at r1 a)"), DOMAIN)
     place = Atom("at", ("r1", "a"))
     assert (problem.atoms, [literal.target for literal in problem.timed_literals]) == ({place}, [place])
     condition = "(:constants start end) (:predicates (at ?a ?b)) (:action a :precondition (at start end))"
-    (timed,) = parse_domain(f"(define (domain d) {condition})").actions["a"].conditions
-    assert isinstance(problem.goal, Proposition)
-    assert isinstance(timed.condition, Proposition)
+    (timed,) = reader.parse_domain(f"(define (domain d) {condition})").actions["a"].conditions
+    assert isinstance(problem.goal, syntax.Proposition)
+    assert isinstance(timed.condition, syntax.Proposition)
 
 
 def test_harmless_repetitions_orders_and_types_that_only_appear_above_others() -> None:
-    types = parse_domain("(define (domain d) (:types car - vehicle bus - (either vehicle place)))").types
+    types = reader.parse_domain("(define (domain d) (:types car - vehicle bus - (either vehicle place)))").types
     assert (types["vehicle"], types["bus"]) == ({"vehicle", "object"}, {"bus", "vehicle", "place", "object"})
-    domain = parse_domain("(define (domain d) (:types t t) (:constants a - t) (:predicates (p)))")
+    domain = reader.parse_domain("(define (domain d) (:types t t) (:constants a - t) (:predicates (p)))")
     text = "(define (problem p) (:domain d) (:objects a - t) (:init (p) (p)) (:goal (p)) (:length (:serial 5)))"
-    problem = parse_problem(text, domain)
+    problem = reader.parse_problem(text, domain)
     assert (list(problem.objects), problem.atoms) == (["a"], {Atom("p")})
     backwards = "(:action a :precondition (p x)) (:predicates (p ?x - t)) (:constants x - t) (:types t)"
-    assert "a" in parse_domain(f"(define (domain d) {backwards})").actions
+    assert "a" in reader.parse_domain(f"(define (domain d) {backwards})").actions
     for metric in ("total-time", "(total-time)", "(+ (total) (* 2 total-time))"):
         text = problem_with("")[:-1] + f"(:requirements :fluents) (:metric maximize {metric}))"
-        assert parse_problem(text, DOMAIN).name == "p"
+        assert reader.parse_problem(text, DOMAIN).name == "p"
 
 
 def test_text_of_files_is_normalised_and_without_comments_valid(tmp_path: Path) -> None:
-    domain = parse_domain(" ".join(words(EVERYTHING)))
-    problem = parse_problem(" ".join(words(TOUR)), domain)
-    assert ground_action(domain, problem, "n0", "move", ["r1", "a", "b"], True, None).conditions
-    assert ground_goal(domain, problem)
+    domain = reader.parse_domain(" ".join(words(EVERYTHING)))
+    problem = reader.parse_problem(" ".join(words(TOUR)), domain)
+    assert grounding.ground_action(domain, problem, "n0", "move", ["r1", "a", "b"], True, None).conditions
+    assert grounding.ground_goal(domain, problem)
     path = tmp_path / "d.pddl"
     path.write_bytes("\ufeffa\r\nb\rc\né".encode())
-    assert read_text(path) == read_text(str(path)) == "a\nb\nc\né"
+    assert forms.read_text(path) == forms.read_text(str(path)) == "a\nb\nc\né"
     path.write_text(EVERYTHING)
-    domain = read_domain(path)
+    domain = reader.read_domain(path)
     assert (domain, domain.location.file) == (DOMAIN, str(path))
     path.write_text(TOUR)
-    assert read_problem(str(path), domain) == parse_problem(TOUR, domain)
+    assert reader.read_problem(str(path), domain) == reader.parse_problem(TOUR, domain)
 
 
 def read(domain_text: str, problem_text: str) -> None:
     """Read and ground; an error of the package, in one line, is an answer too."""
 
     def ground() -> None:
-        domain = parse_domain(domain_text)
-        problem = parse_problem(problem_text, domain)
+        domain = reader.parse_domain(domain_text)
+        problem = reader.parse_problem(problem_text, domain)
         for name, schema in domain.actions.items():
             arguments = ["r1", "a", "b"] if name == "move" else ["a"]
-            ground_action(domain, problem, "n0", name, arguments, schema.durative, None)
-        ground_goal(domain, problem)
+            grounding.ground_action(domain, problem, "n0", name, arguments, schema.durative, None)
+        grounding.ground_goal(domain, problem)
 
     error = error_of(ground)
     assert error is None or "expected" in str(error)
@@ -164,10 +159,10 @@ def test_random_text(text: str, tokens: list[str]) -> None:
 
 
 def test_objects_of_two_types_predicates_split_by_type_and_types_below_two_others() -> None:
-    def parsed(domain: str, problem: str, warning: str) -> Problem:
+    def parsed(domain: str, problem: str, warning: str) -> syntax.Problem:
         text = f"(define (problem p) (:domain d) {problem})"
         with pytest.warns(InputWarning, match=warning):
-            return parse_problem(text, parse_domain(f"(define (domain d) {domain})", "d.pddl"), "p.pddl")
+            return reader.parse_problem(text, reader.parse_domain(f"(define (domain d) {domain})", "d.pddl"), "p.pddl")
 
     trucks = "(:types truck ship place crate) (:predicates (idle ?t - truck) (in ?x - (either crate place)))"
     both = r"p\.pddl:1:43: found object 'a' with another type, took both; .*d\.pddl:1:"
@@ -188,7 +183,7 @@ def test_a_type_need_not_have_a_blank_before_it(word: str) -> None:
     declared = "(:types goods place - object) (:predicates (at ?g - goods ?p - place)) (:functions (f) - number)"
     text = f"(define (domain d) {declared} (:constants g - goods p - place))".replace(f"- {word[1:]}", word, 1)
     with pytest.warns(InputWarning, match=rf"d\.pddl:1:\d+: found '{word}', took it for '- {word[1:]}'"):
-        domain = parse_domain(text, "d.pddl")
+        domain = reader.parse_domain(text, "d.pddl")
     assert [parameter.types for parameter in domain.predicates["at"].parameters] == [("goods",), ("place",)]
 
 
@@ -196,15 +191,15 @@ SHADOWED = (TEXTS / "shadowed.pddl").read_text(encoding="utf-8")
 
 
 def test_names_of_an_action_hide_synthesis_parameters_of_the_domain() -> None:
-    domain = parse_domain(SHADOWED, "d.pddl")
+    domain = reader.parse_domain(SHADOWED, "d.pddl")
     text = "(define (problem p) (:domain d) (:objects l - lamp) (:init (= (level) 0)) (:goal (lit l)))"
     steps = "".join(f"action instance {step};" for step in ("a : (outer)", "b : (lamp l)", "c : (own)"))
-    plan = parse_stn("parameter s default 1; parameter c.s default 2;" + steps)
-    outer, lamp, own = assemble(domain, parse_problem(text, domain, "p.pddl"), plan).instances
+    plan = stn.parse_stn("parameter s default 1; parameter c.s default 2;" + steps)
+    outer, lamp, own = load.assemble(domain, reader.parse_problem(text, domain, "p.pddl"), plan).instances
     assert [str(instance.numeric_effects[0].expression) for instance in (outer, own)] == ["s", "c.s"]
     assert str(lamp.atom_effects[0].atom) == "(lit l)"
     with pytest.raises(InputError, match=r"found '\?s', expected a number; it is a variable for objects"):
-        parse_domain(SHADOWED.replace("(lit ?s)", "(assign (level) ?s)"), "d.pddl")
+        reader.parse_domain(SHADOWED.replace("(lit ?s)", "(assign (level) ?s)"), "d.pddl")
 
 
 # `=` between names that objects, constants and functions without arguments share: objects come first.
@@ -225,9 +220,9 @@ AS_OBJECTS = {"(= f g)": False, "(= f f)": True, "(not (= f g))": True, **AS_NUM
 
 
 def named(condition="()", effect="", goal="", objects="f g", constants="", f=1):
-    domain = parse_domain(NAMED.format(constants, condition, effect))
-    problem = parse_problem(OBJECTS.format(objects, f, goal), domain)
-    return assemble(domain, problem, parse_stn("action instance n : (a o);"))
+    domain = reader.parse_domain(NAMED.format(constants, condition, effect))
+    problem = reader.parse_problem(OBJECTS.format(objects, f, goal), domain)
+    return load.assemble(domain, problem, stn.parse_stn("action instance n : (a o);"))
 
 
 @pytest.mark.parametrize(
@@ -259,8 +254,8 @@ def test_other_comparisons_and_effects_are_about_numbers_and_goals_are_named_as_
     assert [goal.label for goal in goals] == ["goal: (= f g)", "goal: (= (f) (g))"]
 
 
-GIVEN = parse_domain(EVERYTHING)
-TO_SOLVE = parse_problem(TOUR, GIVEN)
+GIVEN = reader.parse_domain(EVERYTHING)
+TO_SOLVE = reader.parse_problem(TOUR, GIVEN)
 PLACE = Location("plan.stn", 3, 1)
 GROUPS = building.groups(building.TEXTS / "grounding.txt")
 INCREASE = model.AssignmentKind.INCREASE
@@ -270,14 +265,14 @@ TOTAL, CHARGE = Fluent("total"), Fluent("charge", ("r1",))
 def ground(body: str, *, durative: bool = False, init: str = "", **options: object) -> model.ActionInstance:
     """The only instance of an action with that body; objects are a, b of type t and c of type u."""
     kind = ":durative-action" if durative else ":action"
-    domain = parse_domain(
+    domain = reader.parse_domain(
         "(define (domain d) (:types t u) (:constants a b - t c - u) (:predicates (p) (q) (r ?x))"
         "(:functions (f) (g) (h ?x) (k))"
         f"(:synth-parameters ?s) (:action other :effect (increase (k) 1)) ({kind} act {body}))"
     )
-    problem = parse_problem(f"(define (problem x) (:domain d) (:init (= (g) 4) {init}) (:goal ()))", domain)
+    problem = reader.parse_problem(f"(define (problem x) (:domain d) (:init (= (g) 4) {init}) (:goal ()))", domain)
     arguments = ["a"] if ":parameters (?x" in body else []
-    return ground_action(domain, problem, "n1", "act", arguments, durative, PLACE, **options)
+    return grounding.ground_action(domain, problem, "n1", "act", arguments, durative, PLACE, **options)
 
 
 def precondition(text: str) -> list[tuple[Condition, str]]:
@@ -300,7 +295,7 @@ def test_conjuncts_are_apart_and_have_their_text() -> None:
 
 
 def test_durative_action() -> None:
-    move = ground_action(GIVEN, TO_SOLVE, "n0", "MOVE", ["R1", "A", "b"], True, PLACE)
+    move = grounding.ground_action(GIVEN, TO_SOLVE, "n0", "MOVE", ["R1", "A", "b"], True, PLACE)
     assert (str(move), move.identifier, move.durative, move.location) == ("(move r1 a b)", "n0", True, PLACE)
     least = at_least(building.DURATION, building.value(Fluent("distance", ("a", "b"))).scaled(Fraction(1, 2)))
     most = at_least(reference("speed") + 100, building.DURATION)
@@ -343,7 +338,7 @@ READINGS = {
     "conditions": lambda text: " and ".join(condition_text(part) for part, _ in precondition(text)) or "nothing",
     "numeric effects": numeric,
     "rates": rate,
-    "fluents read": lambda body: fluents_read(ground(body, durative=True)),
+    "fluents read": lambda body: grounding.fluents_read(ground(body, durative=True)),
 }
 
 
@@ -382,12 +377,12 @@ def test_what_is_refused(action: str, message: str) -> None:
         building.refused(lambda: ground(f":effect {action}"), "<domain>:1:", [message])
         return
     name, *arguments, kind = action.split()
-    call = partial(ground_action, GIVEN, TO_SOLVE, "n0", name, arguments, kind == "durative", PLACE)
+    call = partial(grounding.ground_action, GIVEN, TO_SOLVE, "n0", name, arguments, kind == "durative", PLACE)
     building.refused(call, "plan.stn:3:1: found ", [message])
 
 
 def test_goal() -> None:
-    goal = ground_goal(GIVEN, TO_SOLVE)
+    goal = grounding.ground_goal(GIVEN, TO_SOLVE)
     assert [(part.condition, part.text) for part in goal] == [
         (Holds(Atom("at", ("r1", "b"))), "(at r1 b)"),
         (at_least(building.value(CHARGE), reference("speed")), "(>= (charge r1) ?speed)"),

@@ -23,13 +23,8 @@ from robust.encode.encoding import RelationalEncoding
 from robust.plan.load import load_plan
 from robust.plan.model import ZERO, Atom, Condition, DurationConstraint, Parameter, ParametrizedPlan
 from robust.plan.polynomial import Polynomial
-from robust.qe import inner
-from robust.qe.compute import ProblemBuilder, RegionResult, RegionSearch, RegionStatus, what_breaks
-from robust.qe.constraint import LinearConstraint
+from robust.qe import compute, constraint, estimate, inner, nnf, polyhedron
 from robust.qe.eliminate.interface import Solvers
-from robust.qe.estimate import POINTS, Samples, proportion_bounds
-from robust.qe.nnf import FormulaReader, conjunction
-from robust.qe.polyhedron import Polyhedron
 from robust.qe.symmetry import Symmetry, find_symmetry
 from robust.smt.limits import NEVER, Deadline, one_question
 from robust.smt.session import Satisfiability, Session
@@ -48,12 +43,12 @@ OTHERS = tuple(name for name in ELIMINATORS if name != "project")
 DURATION, flow = building.DURATION, building.flow
 
 
-def region(plan: ParametrizedPlan, **options: Any) -> RegionResult:
+def region(plan: ParametrizedPlan, **options: Any) -> compute.RegionResult:
     """As :func:`robust.region`, also with back ends that users cannot choose."""
     if options.get("backend") not in REFEREES:
         return api.region(plan, **options)
     with one_question():
-        return RegionSearch(plan, **options).run()
+        return compute.RegionSearch(plan, **options).run()
 
 
 SPLITTINGS = ("monolithic", "partial", "full")
@@ -77,7 +72,7 @@ def is_valid_at(plan: ParametrizedPlan, point: dict[str, Fraction]) -> bool:
     return answer is Answer.PROVED
 
 
-def supported(plan: ParametrizedPlan, **options: object) -> RegionResult:
+def supported(plan: ParametrizedPlan, **options: object) -> compute.RegionResult:
     try:
         return region(plan, **options)
     except UnsupportedError:
@@ -85,9 +80,9 @@ def supported(plan: ParametrizedPlan, **options: object) -> RegionResult:
         raise
 
 
-def complete(plan: ParametrizedPlan, **options: object) -> RegionResult:
+def complete(plan: ParametrizedPlan, **options: object) -> compute.RegionResult:
     result = supported(plan, **options)
-    assert (result.status, result.is_exact) == (RegionStatus.COMPLETE, True)
+    assert (result.status, result.is_exact) == (compute.RegionStatus.COMPLETE, True)
     return result
 
 
@@ -111,7 +106,7 @@ def test_points_are_inside_if_and_only_if_the_plan_is_valid_there(count: int, op
 def same_region(plan: ParametrizedPlan, **options: object) -> None:
     """Another back end, or the same one in another way, finds the region, or an outer bound if it runs out of time."""
     reference, other = complete(plan), supported(plan, **options)
-    assert other.status is RegionStatus.COMPLETE or "timeout" in options
+    assert other.status is compute.RegionStatus.COMPLETE or "timeout" in options
     shared = other.region if other.is_exact else reference.region.intersection(other.region)
     assert not differ(reference.region, shared)
 
@@ -142,8 +137,8 @@ SUM = k + reference("m")
 NAVIGATION = shipped("two_sample_navigation")
 
 
-def constrained(names: Iterable[str], *sides: LinearConstraint) -> Region:
-    return Region.union_of(tuple(names), [Polyhedron(tuple(names), sides)])
+def constrained(names: Iterable[str], *sides: constraint.LinearConstraint) -> Region:
+    return Region.union_of(tuple(names), [polyhedron.Polyhedron(tuple(names), sides)])
 
 
 @pytest.mark.parametrize("backend", ["project", *OTHERS])
@@ -154,7 +149,7 @@ def test_two_sample_navigation(backend: str, splitting: str) -> None:
     sides += [side(relation, number, **{r: 1, c: 1}) for relation, number in ((">=", 60), ("<=", 85))]
     sides.append(side("<=", 128, **{r: 1, c: 2}))
     result = region(NAVIGATION, backend=backend, splitting=splitting)
-    assert result.status is RegionStatus.COMPLETE
+    assert result.status is compute.RegionStatus.COMPLETE
     assert not differ(result.region, constrained((r, c), *sides))
 
 
@@ -174,7 +169,7 @@ def flexible_plan() -> ParametrizedPlan:
     return plan_of(i, parameters=(K,), constraints=(between(ZERO, i.start, k, 3), between(ZERO, i.end, 3, 5)))
 
 
-NOTHING, LINE = LinearConstraint.false(), (side("=", 3, k=1, m=1), side(">=", 0, m=1), side("<=", 4, m=1))
+NOTHING, LINE = constraint.LinearConstraint.false(), (side("=", 3, k=1, m=1), side(">=", 0, m=1), side("<=", 4, m=1))
 HOLES = constrained("k", side("<=", 9, k=1)).minus(constrained("k", side("=", 3, k=1)))
 
 
@@ -218,10 +213,10 @@ def test_queries_are_named_timed_and_counted(monkeypatch: pytest.MonkeyPatch, ba
 
 def test_the_problem_as_a_whole() -> None:
     encoding = RelationalEncoding(fixed_plan(BELOW, condition=at_least(k, 3)))
-    builder = ProblemBuilder(encoding, Solvers(encoding.terms, FormulaReader(encoding.terms)))
+    builder = compute.ProblemBuilder(encoding, Solvers(encoding.terms, nnf.FormulaReader(encoding.terms)))
     existence = builder.existence()
     assert (existence.name, existence.kept, existence.definitions) == ("some schedule exists", ("k",), ())
-    assert existence.formula == conjunction((*existence.network, existence.remainder))
+    assert existence.formula == nnf.conjunction((*existence.network, existence.remainder))
     with pytest.raises(InputError, match="unknown back end 'projekt'; did you mean 'project'"):
         region(fixed_plan(), backend="projekt")
     with pytest.raises(RobustError, match="unknown solver"):
@@ -232,13 +227,13 @@ def test_interruption_keeps_what_was_found() -> None:
     """Each piece takes something away; the region of an interrupted run contains the envelope."""
     for backend in ELIMINATORS:
         result = region(NAVIGATION, backend=backend, timeout=0)
-        assert (result.status, result.is_exact, result.pieces) == (RegionStatus.TIMEOUT, False, 0)
+        assert (result.status, result.is_exact, result.pieces) == (compute.RegionStatus.TIMEOUT, False, 0)
         assert "outer bound" in result.meaning
         assert NAVIGATION.nominal in result.region
-    pieces: list[Polyhedron] = []
+    pieces: list[polyhedron.Polyhedron] = []
     result, envelope = cut(NAVIGATION, 2, shapes=pieces), region(NAVIGATION)
-    assert (result.status, result.pieces, len(pieces)) == (RegionStatus.INTERRUPTED, 2, 2)
-    assert (envelope.status, envelope.meaning) == (RegionStatus.COMPLETE, "the robustness envelope")
+    assert (result.status, result.pieces, len(pieces)) == (compute.RegionStatus.INTERRUPTED, 2, 2)
+    assert (envelope.status, envelope.meaning) == (compute.RegionStatus.COMPLETE, "the robustness envelope")
     assert envelope.region.is_subset_of(result.region)
     assert not result.region.is_subset_of(envelope.region)
     assert all(piece.some_point() not in result.region for piece in pieces)
@@ -254,21 +249,21 @@ def test_time_limits_and_ctrl_c_are_kept(dataset: Path, backend: str) -> None:
         started = time.monotonic()
         with nullcontext() if limited else interrupted_after(0.4):
             result = region(plan, backend=backend, splitting="partial", timeout=0.4 if limited else None)
-        assert result.status is (RegionStatus.TIMEOUT if limited else RegionStatus.INTERRUPTED)
+        assert result.status is (compute.RegionStatus.TIMEOUT if limited else compute.RegionStatus.INTERRUPTED)
         assert time.monotonic() - started < 10
 
 
 QUICK = ("auv_mission_10_0_0", "auv_mission_10_0_4", "auv_mission_10_0_9", "solar_rover_01_4", "generator_linear_05_2")
 
 
-def computed(dataset: Path, name: str = "", **options: Any) -> Iterator[tuple[dict[str, Any], RegionResult]]:
+def computed(dataset: Path, name: str = "", **options: Any) -> Iterator[tuple[dict[str, Any], compute.RegionResult]]:
     """The records of that name, or all, with the complete regions of their plans."""
     for record in json.loads((dataset / "recorded-results.json").read_text()):
         brief = record["instance"].startswith(("auv", "solar")) or record["instance"].endswith("_1")
         if name == record["instance"] or (not name and (brief or options.get("backend", "project") in OURS)):
             plan = load_plan(dataset / record["domain"], dataset / record["problem"], dataset / record["plan"])
             result = region(plan, timeout=300, **options)
-            assert result.status is RegionStatus.COMPLETE, record["instance"]
+            assert result.status is compute.RegionStatus.COMPLETE, record["instance"]
             yield record, result
 
 
@@ -323,11 +318,11 @@ def exact(plan: ParametrizedPlan) -> Region:
     return complete(plan, splitting="partial").region
 
 
-def cut(plan: ParametrizedPlan, steps: int, *, cells_only: bool = False, shapes: Any = None) -> RegionResult:
+def cut(plan: ParametrizedPlan, steps: int, *, cells_only: bool = False, shapes: Any = None) -> compute.RegionResult:
     """The region, interrupted when so many pieces and cells have been found, or so many cells."""
     shapes = [] if shapes is None else shapes
 
-    def count(shape: Polyhedron) -> None:
+    def count(shape: polyhedron.Polyhedron) -> None:
         shapes.append(shape)
         if len(shapes) >= steps:
             raise KeyboardInterrupt
@@ -347,7 +342,7 @@ def by_kind(**counts: int) -> pytest.MarkDecorator:
 
 @by_kind(any=24, alike=14)
 def test_the_envelope_lies_between_both_bounds_wherever_the_search_is_cut(kind, count, monkeypatch):
-    met: Counter[tuple[RegionStatus, bool]] = Counter()
+    met: Counter[tuple[compute.RegionStatus, bool]] = Counter()
 
     @settings(drawn(count), derandomize=count < 100)
     @given(KINDS[kind], st.integers(1, 10), st.sampled_from([CELLS_FIRST, IN_TURN]), RANDOM)
@@ -371,14 +366,14 @@ def test_the_envelope_lies_between_both_bounds_wherever_the_search_is_cut(kind, 
             assert 0 <= result.open_share.lower <= result.open_share.value <= result.open_share.upper <= 1
 
     run()
-    assert met.keys() >= {(RegionStatus.INTERRUPTED, True), (RegionStatus.INTERRUPTED, False)}
-    assert met[RegionStatus.COMPLETE, True]
+    assert met.keys() >= {(compute.RegionStatus.INTERRUPTED, True), (compute.RegionStatus.INTERRUPTED, False)}
+    assert met[compute.RegionStatus.COMPLETE, True]
 
 
 @by_kind(any=10, alike=6)
 def test_cells_alone_and_symmetry_come_to_the_same_envelope(kind, count, monkeypatch):
     """Bad pieces and good cells cover everything in the end, and share nothing."""
-    cells: list[Polyhedron] = []
+    cells: list[polyhedron.Polyhedron] = []
 
     @settings(drawn(count), derandomize=count < 100)
     @given(KINDS[kind])
@@ -411,8 +406,8 @@ def test_exchanges_leave_the_envelope_what_it_is(plan: ParametrizedPlan, random:
 
             def image(piece, exchange=exchange):
                 forms = (({exchange.get(n, n): f for n, f in c.coefficients}, c) for c in piece.constraints)
-                sides = (LinearConstraint.of(form, c.relation, c.constant) for form, c in forms)
-                return Polyhedron(piece.parameters, tuple(sides))
+                sides = (constraint.LinearConstraint.of(form, c.relation, c.constant) for form, c in forms)
+                return polyhedron.Polyhedron(piece.parameters, tuple(sides))
 
             assert envelope.base is not None
             mapped = Region.difference(image(envelope.base), map(image, envelope.pieces))
@@ -425,7 +420,7 @@ def test_exchanges_leave_the_envelope_what_it_is(plan: ParametrizedPlan, random:
 
 
 def test_images_are_all_images() -> None:
-    def piece(a: str, b: str, c: str, d: str) -> frozenset[LinearConstraint]:
+    def piece(a: str, b: str, c: str, d: str) -> frozenset[constraint.LinearConstraint]:
         return frozenset((le(1, **{a: 1}), le(1, **{b: 1}), le(2, **{c: 2, d: -1})))
 
     symmetry = Symmetry((tuple("abcd"),), (tuple((("a", other),) for other in "bcd"),))
@@ -514,7 +509,7 @@ def test_the_inner_bound_is_a_product(monkeypatch: pytest.MonkeyPatch) -> None:
     plan = apart()
     steps = next(n for n in range(1, 60) if cut(plan, n).inner().pieces)
     result = cut(plan, steps)
-    assert result.status is RegionStatus.INTERRUPTED
+    assert result.status is compute.RegionStatus.INTERRUPTED
     proved = result.inner()
     assert proved.is_subset_of(exact(plan))
     name = plan.parameters[0].name
@@ -550,7 +545,7 @@ def test_intervals_of_proportions(count: int, points: int) -> None:
         p = Fraction(chance)
         return float(sum(comb(points, n) * p**n * (1 - p) ** (points - n) for n in range(low, high + 1)))
 
-    lower, upper = proportion_bounds(count, points, 0.95)
+    lower, upper = estimate.proportion_bounds(count, points, 0.95)
     assert lower <= count / points <= upper
     assert lower == 0 if count == 0 else seen(count, points, lower) == pytest.approx(0.025)
     assert upper == 1 if count == points else seen(0, count, upper) == pytest.approx(0.025)
@@ -558,7 +553,7 @@ def test_intervals_of_proportions(count: int, points: int) -> None:
 
 def test_samples_know_what_they_are_told() -> None:
     box = Box({"x": Interval(Fraction(-1, 3), Fraction(1)), "y": Interval(Fraction(0), Fraction(7, 5))})
-    samples = Samples(box, Symmetry())
+    samples = estimate.Samples(box, Symmetry())
     assert all(samples.point(index) in box for index in samples.undecided)
     left, low = rectangle(-1, 0, -9, 9), polygon(le(0, x=1, y=1))
     samples.exclude(left.constraints)
@@ -568,7 +563,7 @@ def test_samples_know_what_they_are_told() -> None:
     assert not any(point in left or point in low for point in undecided)
     assert all(samples.point(index) in low and samples.point(index) not in left for index in samples.good)
     assert len(samples.good) + len(samples.undecided) == sum(
-        point not in left for point in map(Samples(box, Symmetry()).point, range(POINTS))
+        point not in left for point in map(estimate.Samples(box, Symmetry()).point, range(estimate.POINTS))
     )
 
 
@@ -576,9 +571,9 @@ def test_samples_know_what_they_are_told() -> None:
 def test_what_breaks_is_what_checks_refute(name):
     """Where each obligation breaks, against checks of single points, which share none of the elimination."""
     plan = reading.load_plan(*example(directory=EXAMPLES / name))
-    breaks, exact = what_breaks(plan), region(plan).region
+    breaks, exact = compute.what_breaks(plan), region(plan).region
     assert breaks.complete
-    assert not what_breaks(plan, timeout=0.0).complete
+    assert not compute.what_breaks(plan, timeout=0.0).complete
     random, met = Random(5), Counter()  # noqa: S311 - reproducible
     for _ in range(40):
         point = {name: nominal + random.randint(-60, 60) for name, nominal in plan.nominal.items()}
