@@ -1,7 +1,12 @@
-"""Small data sets made of the shipped examples, and a stand-in for the command line."""
+"""Stand-ins for what experiments run."""
 
 import json
+import os
+import signal
+import time
+from collections import Counter
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -14,6 +19,7 @@ import benchmarks
 from benchmarks.catalogue import EXPERIMENTS
 from benchmarks.engine.experiment import Report
 from benchmarks.engine.show import Table
+from robust.sweeps.sweep import Task, run_sweep
 
 EXAMPLES = Path(__file__).parents[2] / "robust" / "examples"
 SCHEMAS = Path(benchmarks.__file__).parent / "schemas"
@@ -116,3 +122,39 @@ def trial(make_suite: MakeSuite, stand: Stand) -> Trial:
         return report
 
     return run_it
+
+
+@dataclass(frozen=True)
+class Squared:
+    square: int
+
+
+def square(number, log, seconds=0.0, *_):
+    """Leaves a line in a file for each attempt."""
+    with log.open("a") as file:
+        file.write(f"{number} {os.getpid()}\n")
+    time.sleep(seconds)
+    if number < 0:
+        raise ValueError("negative\nsecond line")
+    return Squared(number**2)
+
+
+def deadly(number, log, seconds=0.0):
+    """Kills its own process for some numbers: always for 3, the first time for 5."""
+    made = attempts(log) if log.exists() else Counter()
+    result = square(number, log, seconds)
+    if number == 3 or (number == 5 and not made[5]):
+        os.kill(os.getpid(), signal.SIGKILL)
+    return result
+
+
+def task(number, log, *more):
+    return Task(f"square {number}", (number, log, *more))
+
+
+def attempts(log):
+    return Counter(int(line.split()[0]) for line in log.read_text().splitlines())
+
+
+def sweep_of(some, work=square, **options):
+    return run_sweep(some, work, record=Squared, **options)

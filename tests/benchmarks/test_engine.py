@@ -21,8 +21,7 @@ from benchmarks.engine.stats import LineFit, Mean, Pairing, Proportion
 from robust.errors import InputError, UnsupportedError
 from robust.sweeps import sweep as pool
 from robust.sweeps.sweep import ATTEMPTS, SCHEMA, Store, Task, key_of
-from tests.benchmarks.conftest import navigation
-from tests.benchmarks.squares import Squared, attempts, deadly, square, sweep_of, task
+from tests.benchmarks.conftest import Squared, attempts, deadly, navigation, square, sweep_of, task
 from tests.children import eventually, is_running
 
 ROOT = Path(__file__).parents[2]
@@ -126,7 +125,7 @@ def test_killed_processes(files):
 DRIVER = """
 import json, sys
 from pathlib import Path
-from tests.benchmarks.squares import sweep_of, task
+from tests.benchmarks.conftest import sweep_of, task
 log, store, jobs = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])
 some = [task(number, log, 0 if number < 2 else 60) for number in range(6)]
 sweep = sweep_of(some, store=store, jobs=jobs)

@@ -22,7 +22,7 @@ from robust.qe.polyhedron import Polyhedron
 from robust.show.text import Words, named
 from tests.cli.running import EXAMPLES, command, example
 from tests.draw.pictures import DAY
-from tests.pike_bridge.kitchen import kitchen
+from tests.pike_bridge.plans import kitchen
 from tests.qe.polyhedra import NAMES, cube, eq, le, lt, polygon, rectangle
 
 LONG = "transport the very long-named container_number_17 from warehouse_north_west_2 to warehouse_south_east_4"

@@ -183,7 +183,7 @@ import sys
 from contextlib import suppress
 from random import Random
 from robust import InputError, Status, check, envelope
-from tests.qe.test_history import drawn_plans
+from tests.qe.test_lifted import drawn_plans
 
 order = int(sys.argv[1])
 plans = drawn_plans(int(sys.argv[2]), int(sys.argv[3]))

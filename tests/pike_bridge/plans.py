@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
 from itertools import combinations, permutations
+from pathlib import Path
 
 from hypothesis import strategies as st
 
@@ -201,3 +202,22 @@ def _refined(random, label, choices, share):
     if random.random() > share or any(choice.name == each.variable for each in label):
         return label
     return label | {Assignment(choice.name, random.choice(choice.domain))}
+
+
+DOMAIN, PROBLEM = (
+    (Path(__file__).parent / "data" / "kitchen" / f"{name}.pddl").read_text(encoding="utf-8")
+    for name in ("domain", "problem")
+)
+
+
+def kitchen():
+    taking = {vessel: act(f"(get human {vessel})", "0.5", 2, agent="human") for vessel in ("mug", "glass")}
+    pouring = {vessel: act(f"(pour robot {vessel})", 1, 3, agent="robot") for vessel in ("mug", "glass")}
+    making = {food: act(f"(make human {food})", 2, 4, agent="human") for food in ("bagel", "cereal")}
+    return build(
+        "kitchen",
+        sequence(
+            choose("xA1", taking, controllable=False),
+            parallel(choose("xR1", pouring), choose("xA2", making, controllable=False)),
+        ),
+    )

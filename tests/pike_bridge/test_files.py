@@ -16,7 +16,7 @@ from robust.json_text import Array, Constant, JsonText, Numeral, Object, parse_j
 from robust.pike_bridge import action_model, builder, model
 from robust.pike_bridge import files as documents
 from robust.pike_bridge.files import SCHEMA_FILE, parse_tpnu, read_tpnu, tpnu_text, write_tpnu
-from tests.pike_bridge.kitchen import DOMAIN, PROBLEM, kitchen
+from tests.pike_bridge.plans import DOMAIN, PROBLEM, kitchen
 
 SCHEMA = jsonschema.Draft202012Validator(json.loads(SCHEMA_FILE.read_text(encoding="utf-8")))
 BASE = json.loads(tpnu_text(kitchen(), domain="kitchen.pddl", problem="problem.pddl"))

@@ -19,9 +19,8 @@ from robust.pike_bridge.model import EPSILON, GOAL, INITIAL, Activity, Assignmen
 from robust.pike_bridge.semantics import restrict, team_scenarios
 from robust.plan.model import Atom
 from tests.pike_bridge.brute_force import admits_correct_execution, candidate_subplan, holds, scenarios
-from tests.pike_bridge.kitchen import DOMAIN, PROBLEM, kitchen
 from tests.pike_bridge.knowledge.theories import environments
-from tests.pike_bridge.plans import elements, programs, tiny_plans
+from tests.pike_bridge.plans import DOMAIN, PROBLEM, elements, kitchen, programs, tiny_plans
 from tests.pike_bridge.plans import network as handmade
 
 
