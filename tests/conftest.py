@@ -22,6 +22,12 @@ os.environ.pop("COLUMNS", None)
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
+def pytest_configure(config):
+    """Where slow tests run as well, the others draw more examples: see `tests.sampling.often`."""
+    if config.option.markexpr != "not slow":
+        os.environ["ROBUST_THOROUGH"] = "yes"
+
+
 def pytest_collection_finish():
     """All tests and what they import stay until the end: garbage collection need not look at them again and again."""
     gc.collect()

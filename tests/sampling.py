@@ -4,6 +4,7 @@ The temporal network is solved here by shortest paths of its own, so that what i
 under test. Every function is deterministic in its `random`.
 """
 
+import os
 from fractions import Fraction
 from itertools import product
 from math import lcm
@@ -13,6 +14,11 @@ from robust.plan.model import ZERO, ParameterReference
 QUANTUM = Fraction(1, 8)
 HORIZON = Fraction(6)
 """How far beyond its earliest time an unbounded time point is put at most."""
+
+
+def often(quick, thorough):
+    """How many examples to draw: more where slow tests run as well."""
+    return thorough if "ROBUST_THOROUGH" in os.environ else quick
 
 
 def sample_parameters(plan, random, *, spread=Fraction(2)):

@@ -19,6 +19,10 @@ import benchmarks
 from benchmarks.catalogue import EXPERIMENTS
 from benchmarks.engine.experiment import Report
 from benchmarks.engine.show import Table
+from benchmarks.generators.sizes import envelope_sum
+from robust import Region
+from robust.qe.constraint import LinearConstraint
+from robust.qe.polyhedron import Polyhedron
 from robust.sweeps.sweep import Task, run_sweep
 
 EXAMPLES = Path(__file__).parents[2] / "robust" / "examples"
@@ -59,6 +63,14 @@ def navigation(name: str = "navigation", **fields: Any) -> dict[str, Any]:
         "ccmmz": {"status": "out of time", "wall_s": 3600.5, "memory_mb": 9000},
         **fields,
     }
+
+
+def promised_region(parameters: int) -> Region:
+    """The envelope that the generator of unordered jobs promises."""
+    names = tuple(f"d{i}" for i in range(1, parameters + 1))
+    sides = [LinearConstraint.of({name: -1}, "<=", 0) for name in names]
+    total = LinearConstraint.of(dict.fromkeys(names, 1), "<=", envelope_sum(parameters))
+    return Region(names, (Polyhedron(names, (*sides, total)),))
 
 
 def rendered(tables: Iterable[Table]) -> str:

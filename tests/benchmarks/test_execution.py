@@ -22,6 +22,7 @@ from robust.sweeps.sweep import TaskFailure
 from tests.benchmarks.conftest import checked, rendered, run
 from tests.execute.plans import EPSILON, converted
 from tests.execute.test_convert import DOMAIN, problem
+from tests.sampling import often
 
 STEPS = "1: (switch-on)\n2: (read) [5]\n9: (switch-off)"
 
@@ -30,8 +31,8 @@ def test_plans_are_those_of_their_seed_and_valid():
     for draw in (delivery_plan, delivery_order, drawn_plan):
         assert draw(3) == draw(3) != draw(4)
     parse_problem(delivery_order(5)[1], parse_domain(delivery_order(5)[0]))
-    plans = [drawn_plan(seed) for seed in range(12)]
-    assert len({one.domain for one in plans}) == 12
+    plans = [drawn_plan(seed) for seed in range(often(8, 12))]
+    assert len({one.domain for one in plans}) == len(plans)
     texts = "".join(one.domain + one.problem for one in plans)
     features = ("#t", "(or ", "(over all", "(at end", "(>= ?duration", ":action ", "(at 1", "decrease")
     assert [feature for feature in features if feature not in texts] == []
@@ -87,7 +88,7 @@ def test_what_is_implied_not_needed_or_not_known():
         judged(problem(), STEPS, "duration:read")
 
 
-@pytest.mark.parametrize("seeds", [range(4), pytest.param(range(6, 60), marks=pytest.mark.slow)], ids=len)
+@pytest.mark.parametrize("seeds", [range(2), pytest.param(range(2, 60), marks=pytest.mark.slow)], ids=len)
 def test_judgements_by_brute_force(seeds):
     """Of drawn plans: without each bound that is needed the plan is refuted, and it is proved with all of them."""
     kinds = set()

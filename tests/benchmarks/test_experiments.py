@@ -18,24 +18,24 @@ from benchmarks.engine.show import Table
 from benchmarks.irr.contenders import IRR, OPTIMAL, RECORDED_BOX, REGIONS, WIDEN
 from benchmarks.irr.growth import ALL_REFUELS, DELIVERIES, MORE_PARAMETERS, MORE_REFUELS, PARAMETERS, POINTS
 from benchmarks.pike.hesitation import STORIES
-from robust.errors import InputError
-from tests.benchmarks.conftest import checked, example, navigation, rendered, run
+from robust import InputError, Region
+from tests.benchmarks.conftest import checked, example, navigation, promised_region, rendered, run
 from tests.cli.running import command, environment
 from tests.val import BINARY
 
 ROOT = Path(__file__).parents[2]
-SMALL = (replace(MORE_REFUELS, sizes=(2, 3)), replace(MORE_PARAMETERS, sizes=(1, 2)))
+SMALL = (replace(MORE_REFUELS, sizes=(2,)), replace(MORE_PARAMETERS, sizes=(1,)))
 ALL_INSIDE = (
     "`robust check`: 1 of 1; recorded IRR boxes inside the exact region: 1 of 1; our IRR boxes inside it: 1 of 1; "
     "boxes of exact widening inside it: 1 of 1; optimal boxes inside it: 1 of 1"
 )
 TINY: dict[str, tuple[dict[str, Any], int, str]] = {
     "recorded": ({"suite": ...}, 1, "1 of 1 with a recorded box"),
-    "scaling": ({"series": SMALL, "jobs": 2}, 4, "More parameters"),
+    "scaling": ({"series": SMALL, "jobs": 2}, 2, "More parameters"),
     "figure3": ({"suite": ..., "contenders": (IRR, WIDEN, OPTIMAL, REGIONS[0], RECORDED_BOX)}, 5, ALL_INSIDE),
     "figure5": ({"suite": ...}, 2, "poorest"),
     "backends": ({"series": (replace(PARAMETERS, sizes=(1, 2)),), "contenders": REGIONS[:2]}, 4, "project"),
-    "encodings": ({"series": (replace(POINTS, sizes=(2, 4)),)}, 4, "relational"),
+    "encodings": ({"series": (replace(POINTS, sizes=(2,)),)}, 2, "relational"),
     "widening": ({"series": (replace(DELIVERIES, sizes=(2,)), replace(ALL_REFUELS, sizes=(2,)))}, 4, "widen, solver"),
     "figure4": ({"suite": ..., "sizes": (1,), "baseline_limit": 120, "contenders": (WIDEN, OPTIMAL)}, 6, "0 + 0 of 4"),
     "conversions": ({"drawn": 2, "delivery": 1, "planned": 0}, 3, "over-all condition"),
@@ -44,7 +44,7 @@ TINY: dict[str, tuple[dict[str, Any], int, str]] = {
     "envelopes": ({"plans": 2, "points": 2, "every": 6}, 5, "Random plans with up to three parameters"),
     "logs": ({"suite": ..., "validator": BINARY}, 2, "1 of 1 that VAL calls valid, 1 of 1 that VAL calls invalid"),
     "table1": ({"problems": 1, "columns": (1,), "executors": ("dreex", "blex:0")}, 1, "BLEX(0)"),
-    "figure20a": ({"instances": 2, "backends": ("oracle", "pitms")}, 4, "2 plans of seed 0"),
+    "figure20a": ({"instances": 1, "backends": ("pitms",)}, 1, "1 plans of seed 0"),
     "hesitation": ({"problems": 1, "stories": ("kitchen",)}, 6, "kitchen"),
     "figure21": ({"instances": 2}, 2, "more implicants than models"),
     "figure17": ({"problems": 3, "largest": 20}, 3, "3 problems of seed 0"),
@@ -100,6 +100,9 @@ def test_a_small_run(name, make_suite, tmp_path):
     disturbed = "2 processes ran at a time and disturbed each other's timings"
     assert (disturbed in report.notes) == (given.get("jobs") == 2)
     assert text in " ".join(rendered(report.tables).split())
+    if name == "backends":  # the envelope that the generator of unordered jobs promises
+        for row in report.rows:
+            assert Region.from_dict(row.run.region).equals(promised_region(row.size))
     report.plot()
     assert "plot" not in given or given["plot"].read_text(encoding="utf-8").startswith("<?xml")
     if name in READ:

@@ -14,11 +14,9 @@ from benchmarks.irr.contenders import IRR, OPTIMAL, RECORDED_BOX, REGIONS, WIDEN
 from benchmarks.irr.figure3 import CONTENDERS
 from benchmarks.irr.figure4 import DeliveryInstance, Origin
 from benchmarks.irr.figure5 import SCHEDULES
-from robust import Answer, Box, InputError, Interval, Region, check, envelope
+from robust import Answer, Box, InputError, Interval, check, envelope
 from robust.plan.load import load_plan
-from robust.qe.constraint import LinearConstraint
-from robust.qe.polyhedron import Polyhedron
-from tests.benchmarks.conftest import example, navigation, rendered, run
+from tests.benchmarks.conftest import example, navigation, promised_region, rendered, run
 
 
 def recorded(**fields: Any) -> dict[str, Any]:
@@ -75,7 +73,7 @@ def test_failures_are_rows(trial, tmp_path, name, script, options, status, said)
     """What fails is wrong; what is late is not, except for exact widening in figure 4. A figure of nothing is drawn."""
     instances = (navigation(),) if name in {"recorded", "figure3", "figure5"} else ()
     report = trial(name, script, *instances, **options, plot=tmp_path / "plot.png")
-    report.plot()
+    plotted = status != "error" or "broken" in script
     printed = json.dumps(report.as_dict(), ensure_ascii=False)
     assert f'"status": "{status}"' in printed
     assert said in printed
@@ -83,7 +81,9 @@ def test_failures_are_rows(trial, tmp_path, name, script, options, status, said)
     late_widening = options.get("contenders") == (WIDEN,) and status == "timeout"
     assert report.agrees == (status in {"complete", "timeout", "unsupported"} and not late_widening)
     assert name != "recorded" or said[:8] in rendered(report.tables)
-    assert (tmp_path / "plot.png").read_bytes().startswith(b"\x89PNG")
+    if plotted:
+        report.plot()
+        assert (tmp_path / "plot.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_domains_and_curves(trial, tmp_path):
@@ -120,10 +120,22 @@ BOXES = (IRR, WIDEN, OPTIMAL, REGIONS[0])
         (ASKED + "'refuted'", PROMISED, (RECORDED_BOX,), {"recorded_box_proved": False}, False),
         (ASKED + "'unknown'", PROMISED, (RECORDED_BOX,), {"recorded_box_proved": None}, True),
         ("", {"irr_box": {"a": ["0", "4"]}}, BOXES, {"recorded_box_in_region": False}, False),
-        ("", {"irr_box": {"b": ["0", "1"]}}, BOXES, {"recorded_box_in_region": False}, False),
-        ("BOX['upper'] = '4' if NAME == 'irr' else '2'", {}, BOXES, {"irr_in_region": False}, False),
-        ("BOX['upper'] = 'inf' if NAME == 'widen' else '2'", {}, BOXES, {"widening_in_region": False}, False),
-        ("BOX['upper'] = '7/2' if NAME == 'optimal' else '2'", {}, BOXES, {"optimal_in_region": False}, False),
+        ("", {"irr_box": {"b": ["0", "1"]}}, REGIONS[:1], {"recorded_box_in_region": False}, False),
+        ("BOX['upper'] = '4' if NAME == 'irr' else '2'", {}, (IRR, *REGIONS[:1]), {"irr_in_region": False}, False),
+        (
+            "BOX['upper'] = 'inf' if NAME == 'widen' else '2'",
+            {},
+            (WIDEN, *REGIONS[:1]),
+            {"widening_in_region": False},
+            False,
+        ),
+        (
+            "BOX['upper'] = '7/2' if NAME == 'optimal' else '2'",
+            {},
+            (OPTIMAL, *REGIONS[:1]),
+            {"optimal_in_region": False},
+            False,
+        ),
         ("", {"ccmmz_box": {"a": ["0", "2"]}}, (OPTIMAL,), {"widths": "equal"}, True),
         ("", {"ccmmz_box": {"a": ["0", "3/2"]}}, (OPTIMAL,), {"widths": "recorded not optimal"}, True),
         ("", {"ccmmz_box": {"a": ["0", "5/2"]}}, (OPTIMAL,), {"widths": "recorded wider"}, False),
@@ -152,22 +164,7 @@ def test_poorest_best_and_the_claim(trial, tmp_path):
     assert "does not hold for 2 runs; the poorest is x_1 with 25.0%" in report.notes[0]
 
 
-def expected_region(parameters: int) -> Region:
-    """The envelope that the generator of unordered jobs promises."""
-    names = tuple(f"d{i}" for i in range(1, parameters + 1))
-    sides = [LinearConstraint.of({name: -1}, "<=", 0) for name in names]
-    total = LinearConstraint.of(dict.fromkeys(names, 1), "<=", envelope_sum(parameters))
-    return Region(names, (Polyhedron(names, (*sides, total)),))
-
-
-def test_backends_find_the_known_envelope():
-    report = run("backends", limit=300, series=(replace(growth.PARAMETERS, sizes=(1, 2)),), contenders=REGIONS[:2])
-    assert [(row.contender, row.size) for row in report.rows] == [("project", 1), ("z3", 1), ("project", 2), ("z3", 2)]
-    for row in report.rows:
-        assert Region.from_dict(row.run.region).equals(expected_region(row.size))
-
-
-@pytest.mark.parametrize("jobs", [1, 2])
+@pytest.mark.parametrize("jobs", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_what_is_too_late_is_not_tried_any_larger(trial, tmp_path, jobs):
     ladders = [
         replace(growth.POINTS, name=name, sizes=sizes) for name, sizes in (("first", (2, 4, 6)), ("second", (2,)))
@@ -203,7 +200,7 @@ def test_all_sizes_can_be_generated_and_read(tmp_path):
         assert result.status.value == "complete"
         lowers, uppers = zip(*result.box.ranges.values(), strict=True)
         assert (set(lowers), sum(uppers)) == ({0}, envelope_sum(parameters))
-        assert expected_region(parameters).contains_box(result.box)
+        assert promised_region(parameters).contains_box(result.box)
 
 
 @pytest.mark.parametrize("parameters", [1, 4, 7])

@@ -110,9 +110,9 @@ def test_all_contenders_decide_the_same():
 
 
 def test_plans_that_are_feasible_in_many_ways():
-    report = run("figure20a", instances=1, seed=7, feasible=True, limit=120, backends=("pitms", "bdd"))
+    report = run("figure20a", instances=1, seed=7, feasible=True, limit=120, backends=("pitms",))
     assert report.agrees
-    assert [each.instance for each in report.rows] == ["feasible_7_000"] * 2
+    assert [each.instance for each in report.rows] == ["feasible_7_000"]
     assert {each.prime_implicants for each in report.rows} == {177172312909223106183168}
     assert report.facts.plans[0].activities == 76
 

@@ -158,7 +158,7 @@ def test_what_was_accepted_once_is_rejected(ground):
 
 @pytest.mark.parametrize(
     ("kind", "every"),
-    [("box", 7), ("region", 23), *(pytest.param(kind, 1, marks=pytest.mark.slow) for kind in ("box", "region"))],
+    [("box", 7), ("region", 46), *(pytest.param(kind, 1, marks=pytest.mark.slow) for kind in ("box", "region"))],
 )
 def test_true_is_not_one(kind, every, ground, request):
     lines = request.getfixturevalue(kind)

@@ -385,7 +385,7 @@ def judged(plan, ground, random, schedules=4):
 
 @pytest.mark.parametrize(
     ("seeds", "broken", "valid"),
-    [(range(150), 100, 20), pytest.param(range(1000, 4000), 2500, 800, marks=pytest.mark.slow)],
+    [(range(75), 50, 10), pytest.param(range(1000, 4000), 2500, 800, marks=pytest.mark.slow)],
 )
 def test_random_texts(seeds, broken, valid):
     total = Counter()
@@ -403,11 +403,12 @@ def test_examples():
         judged(load_plan(*files), tools.grounded(files), Random(1), 2)
 
 
-def test_recorded_plans(dataset):
+@pytest.mark.parametrize("every", [4, pytest.param(1, marks=pytest.mark.slow)])
+def test_recorded_plans(dataset, every):
     plans = [one.files for one in read_suite(dataset)] + [files for _, files in read_deliveries(dataset)]
-    total = sum((judged(load_plan(*files), tools.grounded(files), Random(2), 1) for files in plans), Counter())
+    total = sum((judged(load_plan(*files), tools.grounded(files), Random(2), 1) for files in plans[::every]), Counter())
     assert len(plans) == 61
-    assert sum(total.values()) > 50
+    assert sum(total.values()) > 50 // every
 
 
 @pytest.mark.skipif(not PLANNERS.is_dir(), reason=f"no logs of planners at {PLANNERS}")
@@ -509,12 +510,12 @@ def judged_change(seed):
 
 @pytest.mark.parametrize(
     ("first", "count"),
-    [(0, 150), *(pytest.param(first, 2_500, marks=pytest.mark.slow) for first in range(10_000, 30_000, 2_500))],
+    [(0, 100), *(pytest.param(first, 2_500, marks=pytest.mark.slow) for first in range(10_000, 30_000, 2_500))],
 )
 def test_what_is_refused_or_repaired_here_proves_nothing(first, count):
     changes = [judged_change(seed) for seed in range(first, first + count)]
     states = Counter(state for _, state in changes)
-    assert states["refused by both"] > 80
+    assert states["refused by both"] > 50
     assert states["read by both"] > 10
     assert states["repaired, read by both"] > 0
     assert len({name for name, state in changes if state == "refused by both"}) == 8

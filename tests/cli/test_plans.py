@@ -21,6 +21,7 @@ from robust.qe.polyhedron import Polyhedron
 from robust.smt.limits import OutOfTimeError
 from tests.cli import inputs
 from tests.cli.running import EXAMPLES, NAVIGATION, answer_of, command, example
+from tests.sampling import often
 
 FINE, LATE = (inputs.INPUTS / "networks" / f"{name}.json" for name in ("fine", "late"))
 FLEXIBLE = example("plan-flexible-wait.stn")
@@ -277,7 +278,7 @@ def damaged(draw, text):
 
 @pytest.mark.parametrize("which", [0, 1, 2])
 @given(data=st.data())
-@settings(max_examples=120, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=often(60, 120), suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_damaged_files(tmp_path, which, data):
     texts = data.draw(st.sampled_from(TEXTS))
     paths = inputs.write(tmp_path, *texts)

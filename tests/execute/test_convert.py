@@ -29,7 +29,7 @@ from tests.execute.plans import EPSILON, converted, text_of
 from tests.network.oracles import has_schedule, longest_paths, point
 from tests.pddl_text import pddl_text
 from tests.plan.building import drawn
-from tests.sampling import Network, bound_value, sample_schedules
+from tests.sampling import Network, bound_value, often, sample_schedules
 from tests.strategies import plans
 
 DOMAIN = text_of("house.pddl")
@@ -169,7 +169,7 @@ def allows(outer, inner):
     ],
     ids=["atoms", "discrete", "continuous"],
 )
-@pytest.mark.parametrize("count", [30, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [16, pytest.param(200, marks=pytest.mark.slow)])
 def test_drawn_plans(options, count):
     seen: Counter[str] = Counter()
 
@@ -245,7 +245,7 @@ def networks(draw):
     return printed, [(a, b, times[b] - times[a] - less) for a, b, less in drawn if a != b]
 
 
-@settings(max_examples=200, deadline=None, derandomize=True)
+@settings(max_examples=often(100, 200), deadline=None, derandomize=True)
 @given(networks())
 def test_the_least_shift_is_feasible_and_nothing_below_it_is(drawn):
     printed, bounds = drawn
@@ -341,7 +341,7 @@ def rounded_plan(seed):
 
 
 @pytest.mark.parametrize(
-    ("seeds", "least"), [(range(60), 12), pytest.param(range(100, 600), 100, marks=pytest.mark.slow)]
+    ("seeds", "least"), [(range(30), 5), pytest.param(range(100, 600), 100, marks=pytest.mark.slow)]
 )
 def test_roundings(seeds, least):
     assert Counter(map(rounded_plan, seeds))["moved"] >= least
@@ -368,7 +368,7 @@ def follows(bound, edges):
     return least is not None and least >= bound.weight
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=often(50, 100), deadline=None, derandomize=True)
 @given(edge_lists(), st.integers(0, 4), st.integers(-2, 3))
 def test_implied_and_irredundant_edges_and_earliest_schedules(edges, split, slack):
     network, given_edges, others = EdgeNetwork(POINTS, edges), edges[:split], edges[split:]

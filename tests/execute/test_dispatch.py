@@ -25,7 +25,7 @@ from robust.smt.limits import NEVER
 from tests.execute import plans
 from tests.execute.plans import EPSILON, PLAN, PLANS, box_of, interval, tasks, tasks_dispatchable, with_box, working
 from tests.plan.building import at, between, reference
-from tests.sampling import Network
+from tests.sampling import Network, often
 
 F = Fraction
 
@@ -259,7 +259,7 @@ def succeeds(dispatchable, runs, random):
         assert judged.valid, (seed, values, judged.violations, judged.network_violations)
 
 
-@pytest.mark.parametrize("runs", [15, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("runs", [8, pytest.param(1000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("plan", PLANS, ids=lambda plan: plan[3])
 def test_inside_a_controllable_box_every_execution_succeeds(plan, runs):
     succeeds(with_box(*plan), runs, Random(runs))  # noqa: S311 - reproducible
@@ -274,7 +274,7 @@ def test_inside_the_box_of_a_recorded_plan_every_execution_succeeds(dataset, ind
     succeeds(make_dispatchable(plan, envelope(plan).box), 150, Random(index))  # noqa: S311 - reproducible
 
 
-@pytest.mark.parametrize("seed", range(25))
+@pytest.mark.parametrize("seed", range(often(14, 25)))
 def test_inside_the_box_of_a_drawn_plan_every_execution_succeeds(seed):
     random = Random(f"plans {seed}")  # noqa: S311 - reproducible
     plan = plans.drawn_plan(random, tasks_at_most=6, loose=True)
@@ -422,7 +422,7 @@ def around(box, random):
     return values
 
 
-@pytest.mark.parametrize("runs", [3, pytest.param(100, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("runs", [2, pytest.param(100, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("plan", PLANS, ids=lambda plan: plan[3])
 def test_what_is_promised_is_kept(plan, runs):
     dispatchable, random = sliced(with_box(*plan), timeout=3), Random(f"slices {runs}")  # noqa: S311 - reproducible
@@ -431,7 +431,7 @@ def test_what_is_promised_is_kept(plan, runs):
 
 
 @pytest.mark.parametrize("runs", [4, pytest.param(500, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(often(12, 20)))
 def test_what_is_promised_in_drawn_plans_is_kept(seed, runs):
     random = Random(f"sliced plans {seed}")  # noqa: S311 - reproducible
     plan, box = plans.drawn_with_box(random)
@@ -440,7 +440,7 @@ def test_what_is_promised_in_drawn_plans_is_kept(seed, runs):
         executed(dispatchable, around(box, random), run)
 
 
-@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("seed", range(often(15, 30)))
 def test_the_network_with_what_has_happened_is_the_plans(seed):
     """At random points, a schedule that was begun at random can be continued if the plan's own statements allow it."""
     random = Random(f"continued {seed}")  # noqa: S311 - reproducible

@@ -160,7 +160,7 @@ def check_remedies(texts, verdict):
         assert greatest is not None
 
 
-@pytest.mark.parametrize(("examples", "least"), [(60, 50), pytest.param(2250, 2000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("examples", "least"), [(30, 25), pytest.param(2250, 2000, marks=pytest.mark.slow)])
 def test_verdicts_and_separations_are_those_of_the_simulator_and_remedies_help(examples, least):
     seen = Counter()
 
@@ -234,7 +234,7 @@ def hunt(seed):
                     assert all(times[a] != times[b] for a, b in mutex_pairs(conversion.plan))
 
 
-@pytest.mark.parametrize("count", [25, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [15, pytest.param(1000, marks=pytest.mark.slow)])
 def test_verdicts_and_networks_are_strict(count):
     seen = Counter(outcome for seed in range(count) for outcome in hunt(seed))
     kinds = ("valid", "invalid", "effects", "separation:", "causal, proved", "esterel, proved")

@@ -24,7 +24,7 @@ from tests.encode.asking import Judge, sampled
 from tests.irr.building import ask_solvers, fail_at_query, lasts, parameter, parametric, shipped, timed, weighted
 from tests.plan import building as b
 from tests.plan.building import DURATION, END, START, F, action, at, at_least, at_most, between, drawn, number, plan_of
-from tests.sampling import Network, sample_schedules
+from tests.sampling import Network, often, sample_schedules
 
 BETA = Fraction(1, 2)
 TINY = Fraction(1, 10**6)
@@ -140,7 +140,7 @@ def test_boxes_of_irr_are_inside_and_reach_the_border(count, options) -> None:
     assert count > 100 or "interrupted" not in outcomes, "a run on a small plan needs too many checks"
 
 
-@drawn(10)
+@drawn(often(6, 10))
 @given(parametric(instances=2))
 def test_solvers_take_the_same_steps(plan) -> None:
     """Answers do not depend on which counterexample a solver finds, so neither does the search."""
@@ -161,7 +161,7 @@ def test_refutations_are_in_the_box_and_real() -> None:
         ends = nominal - Fraction(random.randint(0, 4), 2), nominal + Fraction(random.randint(0, 4), 2)
         return Interval(*(None if random.random() < 0.1 else end for end in ends))
 
-    @drawn(20)
+    @drawn(often(12, 20))
     @given(parametric(), b.RANDOM)
     def run(plan, random) -> None:
         containment = Containment(RelationalEncoding(plan))
@@ -215,7 +215,7 @@ def assert_maximal(plan: ParametrizedPlan, box: Box) -> None:
 
 
 @pytest.mark.parametrize(
-    ("count", "ordered"), [(25, False), (10, True), pytest.param(300, False, marks=pytest.mark.slow)]
+    ("count", "ordered"), [(14, False), (6, True), pytest.param(300, False, marks=pytest.mark.slow)]
 )
 def test_the_box_is_inside_and_maximal(count, ordered) -> None:
     @settings(drawn(count))
@@ -229,7 +229,7 @@ def test_the_box_is_inside_and_maximal(count, ordered) -> None:
     run()
 
 
-@drawn(12)
+@drawn(often(8, 12))
 @given(parametric())
 def test_no_other_box_is_wider(plan) -> None:
     best = searched(plan, "optimal")

@@ -21,7 +21,7 @@ from robust.smt.limits import OutOfTimeError
 from tests.cli.running import EXAMPLES, example
 from tests.irr.building import assembled, fail_at_query, loose, parameter, parametric, shipped, timed
 from tests.plan.building import drawn
-from tests.sampling import Network
+from tests.sampling import Network, often
 
 DATA = Path(__file__).with_name("data")
 BETA = Fraction(1, 2)
@@ -169,7 +169,7 @@ def judge(plan: ParametrizedPlan, method: str) -> Iterator[str]:
 def test_what_ends_a_side_breaks_just_beyond(method) -> None:
     outcomes: Counter[str] = Counter()
 
-    @settings(drawn(15), derandomize=True)
+    @settings(drawn(often(9, 15)), derandomize=True)
     @given(parametric())
     def run(plan) -> None:
         outcomes.update(judge(plan, method))
@@ -204,7 +204,7 @@ for key in sorted(answers):
 """
 
 
-@pytest.mark.parametrize(("seed", "count"), [(1, 8), pytest.param(2, 400, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("seed", "count"), [(1, 5), pytest.param(2, 400, marks=pytest.mark.slow)])
 def test_what_ends_a_side_does_not_depend_on_what_was_asked_before(seed, count) -> None:
     """Of fresh processes that ask in different orders, about other things as well, and hash in other ways."""
     answers = set()

@@ -17,6 +17,7 @@ from robust.pike_bridge import action_model, builder, model
 from robust.pike_bridge import files as documents
 from robust.pike_bridge.files import SCHEMA_FILE, parse_tpnu, read_tpnu, tpnu_text, write_tpnu
 from tests.pike_bridge.plans import DOMAIN, PROBLEM, kitchen
+from tests.sampling import often
 
 SCHEMA = jsonschema.Draft202012Validator(json.loads(SCHEMA_FILE.read_text(encoding="utf-8")))
 BASE = json.loads(tpnu_text(kitchen(), domain="kitchen.pddl", problem="problem.pddl"))
@@ -215,7 +216,7 @@ any_json = st.recursive(
 )
 
 
-@settings(max_examples=40)
+@settings(max_examples=often(20, 40))
 @given(any_json)
 def test_json_is_read_as_the_standard_library_does(value):
     for indent, ascii_only in product((None, 1), (True, False)):

@@ -16,6 +16,7 @@ from robust.errors import InputError
 from robust.pike_bridge import action_model, builder, causal, labeled_apsp, model
 from robust.pike_bridge.semantics import ExecutionExistence, Oracle
 from tests.pike_bridge import stories
+from tests.sampling import often
 
 
 def scenarios(instance):
@@ -87,7 +88,7 @@ def test_orders_between_elements_must_be_strict(figure, dominated, further):
 literals = st.sampled_from([sign * variable for variable in (1, 2, 3) for sign in (1, -1)])
 
 
-@settings(max_examples=35)
+@settings(max_examples=often(18, 35))
 @given(st.lists(st.lists(literals, max_size=4), max_size=6))
 def test_plans_are_correct_in_the_models_of_their_formula(clauses):
     """[PIKE, Appendix B]: empty and repeated clauses, tautologies and repeated literals included."""

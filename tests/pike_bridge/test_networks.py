@@ -22,6 +22,7 @@ from tests.pike_bridge.brute_force import admits_correct_execution, candidate_su
 from tests.pike_bridge.knowledge.theories import environments
 from tests.pike_bridge.plans import DOMAIN, PROBLEM, elements, kitchen, programs, tiny_plans
 from tests.pike_bridge.plans import network as handmade
+from tests.sampling import often
 
 
 def least(element, scenario):
@@ -42,7 +43,7 @@ def least(element, scenario):
             return max(EPSILON, *(length + 2 * EPSILON for length in lengths[1:]), 0), sum(counts)
 
 
-@settings(max_examples=60)
+@settings(max_examples=often(30, 60))
 @given(elements())
 def test_every_candidate_subplan_means_the_program(element):
     moment = isinstance(element, builder.Within) and least(element.element, dict.fromkeys("xyz", "1"))[0] == 0
@@ -259,7 +260,7 @@ def test_going_through_scenarios(network, environment):
 
 
 @given(st.one_of(tiny_plans, programs().map(lambda network: model.TeamPlan(network, (), ()))), st.data())
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=often(30, 60))
 def test_restricted_plans_have_the_same_subplans_and_executions(plan, data):
     network = plan.network
     environment = data.draw(environments(network.domains))

@@ -31,9 +31,10 @@ from tests.pike_bridge.online import examples
 from tests.pike_bridge.online.examples import kitchen
 from tests.pike_bridge.plans import STEP, P, network, plans, tiny_plans
 from tests.pike_bridge.plans import random_plan as small_plan
+from tests.sampling import often
 
 
-@settings(max_examples=130)
+@settings(max_examples=often(60, 130))
 @given(plans, st.data())
 def test_unmet_conditions_are_those_of_the_definition(plan, data):
     scenario = {choice.name: data.draw(st.sampled_from(choice.domain)) for choice in plan.network.choices}
@@ -112,7 +113,7 @@ def scenarios_of(oracle, environment=ALWAYS):
     return scenarios
 
 
-@settings(max_examples=40)
+@settings(max_examples=often(20, 40))
 @given(plans)
 def test_scenarios_and_verdicts_are_those_of_brute_force(plan):
     oracle, correct = Oracle(plan), correct_scenarios(plan)
@@ -123,7 +124,7 @@ def test_scenarios_and_verdicts_are_those_of_brute_force(plan):
         assert scenarios_of(oracle, environment) == with_value
 
 
-@settings(max_examples=12)
+@settings(max_examples=often(6, 12))
 @given(tiny_plans)
 def test_cvc5_agrees(plan):
     assert Oracle(plan, solver="cvc5").decide().verdict is Oracle(plan).decide().verdict
@@ -171,7 +172,7 @@ SMALL = Shape(top=4, inner=2, inner_share=0.4)
 @pytest.mark.parametrize("backend", BACKENDS)
 def test_random_plans_as_the_oracle_has_them(backend):
     verdicts = set()
-    for plan in (random_plan(3, index, SMALL).plan() for index in range(12)):
+    for plan in (random_plan(3, index, SMALL).plan() for index in range(often(7, 12))):
         answer = compile.Checking(plan, backend, all_scenarios=True).run()
         asked = cross_check(plan, [ExaminedBackend(backend, temporal) for temporal in compile.Temporal], samples=2)
         assert (asked.agree, asked.out_of_time) == (True, [])
@@ -228,7 +229,7 @@ def test_a_wrong_back_end_is_found_out_and_the_plan_shrunk(monkeypatch, tmp_path
     assert shows(action_model.load_team_plan(crossing.propositional(smallest).write(tmp_path)))
 
 
-@pytest.mark.parametrize("index", range(8))
+@pytest.mark.parametrize("index", range(often(5, 8)))
 def test_plans_written_from_memory_mean_the_same(index, tmp_path):
     plan = random_plan(5, index, SMALL).plan()
     again = action_model.load_team_plan(crossing.propositional(plan).write(tmp_path))
@@ -329,15 +330,15 @@ def carried_out(number):
 
 
 def test_all_mean_the_same_by_before():
-    assert sum(agree(number) for number in range(48)) > 12
-    seen = sum((refereed(number, 2) for number in range(30)), Counter())
-    assert seen[False] > 80
-    assert seen[True] > 25
-    assert Counter(map(carried_out, range(36)))[Succeeded] > 7
+    assert sum(agree(number) for number in range(24)) > 6
+    seen = sum((refereed(number, 2) for number in range(15)), Counter())
+    assert seen[False] > 40
+    assert seen[True] > 12
+    assert Counter(map(carried_out, range(18)))[Succeeded] > 3
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("first", range(48, 2048, 250))
+@pytest.mark.parametrize("first", range(0, 2000, 250))
 def test_many_plans_mean_the_same_by_before(first):
     numbers = range(first, first + 250)
     seen = sum(map(refereed, numbers), Counter())

@@ -24,6 +24,7 @@ from tests.pike_bridge.brute_force import distances, extending
 from tests.pike_bridge.knowledge.theories import is_model, theories
 from tests.pike_bridge.plans import network as handmade
 from tests.pike_bridge.plans import networks
+from tests.sampling import often
 
 
 def figure_23(count):
@@ -81,7 +82,7 @@ def test_distances_conflicts_and_schedules_are_exact_in_each_scenario(network, c
             assert table.query(*pair, encoded) == (None if None in lengths else max(lengths))
 
 
-@settings(max_examples=35)
+@settings(max_examples=often(18, 35))
 @given(networks)
 def test_precedence_is_sound_and_with_completions_complete(network):
     brute.check_precedence(network, LabeledDistances(network), complete=True)
@@ -146,7 +147,7 @@ def test_what_a_theory_leaves_open_has_conflicts(solver):
 
 
 @given(networks, st.data())
-@settings(max_examples=40)
+@settings(max_examples=often(20, 40))
 def test_models_that_resolve_the_conflicts_are_those_with_a_schedule(network, data):
     """The theory is about the network's choices and one more."""
     theory = data.draw(theories(of={**network.domains, "own": ("a", "b", "c")}))

@@ -132,7 +132,7 @@ CONTINUOUS = {"instances": 3, "atoms": 1, "fluents": 1, "durative_only": True, "
 EPSILON = Fraction(1, 8)
 
 
-@pytest.mark.parametrize("count", [60, pytest.param(600, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [30, pytest.param(600, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("options", [{}, {"tame": False, "instances": 3, "atoms": 2}, CONTINUOUS])
 def test_simulator_agrees_with_val(options, count):
     agreed: Counter[bool] = Counter()
@@ -167,7 +167,7 @@ def test_delicate_over_all_conditions(case):
         assert validate(plan, {}, schedule).valid == simulation.valid
 
 
-@pytest.mark.parametrize("count", [100, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [50, pytest.param(1000, marks=pytest.mark.slow)])
 def test_drawn_plans_and_schedules(count):
     """Schedules satisfy the network and repeat; many plans are valid at nominal values, some have no schedule."""
     kinds: Counter[str] = Counter()

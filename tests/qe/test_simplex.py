@@ -24,9 +24,10 @@ from robust.smt.terms import Terms
 from tests.plan.building import drawn, groups
 from tests.qe import polyhedra
 from tests.qe.polyhedra import NAMES, constraints, eq, grid, le, lt, number, polygon
+from tests.sampling import often
 
 
-@drawn(60)
+@drawn(often(40, 60))
 @given(polyhedra.polyhedra(NAMES), st.tuples(*(st.fractions(-2, 2, max_denominator=3) for _ in NAMES)))
 def test_optima_agree_with_z3(polyhedron, weights):
     objective = dict(zip(NAMES, weights, strict=True))
@@ -161,7 +162,7 @@ def by_simplex(piece: Polyhedron, box: Box, moving: dict[Face, tuple[Fraction, F
     return None if best is None else Least(-best.value, best.attained)
 
 
-@pytest.mark.parametrize("count", [150, pytest.param(3000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [80, pytest.param(3000, marks=pytest.mark.slow)])
 def test_boxes_meet_pieces_and_stretch_as_linear_programs_say(count) -> None:
     kinds: Counter[tuple[bool, object]] = Counter()
 
@@ -220,7 +221,7 @@ def test_equal_half_spaces_are_equal_objects_of_coprime_integers():
         LinearConstraint((("x", Fraction(1)), ("x", Fraction(2))), Sense.LESS, Fraction(1))
 
 
-@drawn(80)
+@drawn(often(40, 80))
 @given(constraints(NAMES), st.fractions(-3, 3, max_denominator=4))
 def test_negation_substitution_and_documents(constraint, value):
     reduced = constraint.substitute({"y": value})

@@ -30,6 +30,7 @@ from robust.smt.terms import Terms
 from tests.pike_bridge import plans, stories
 from tests.pike_bridge.envelopes import examples
 from tests.pike_bridge.envelopes.examples import parametric, random_parameters, seeded, structured
+from tests.sampling import often
 
 COFFEE, LIMIT, LATE = "coffee=duration:make-coffee", "limit=at-most:e1:e44", "late=hesitation:xA1"
 PICK = "pick=duration:(pick human *)"
@@ -60,11 +61,12 @@ def compare(plan, draw, points):
     return sum(examples.compare_with_oracle(region, examples.random_values(plan, draw), draw) for _ in range(points))
 
 
-QUICK, SLOW = range(8), pytest.param("structured", range(8, 40), marks=pytest.mark.slow)
+QUICK, SLOW = range(4), pytest.param("structured", range(4, 40), marks=pytest.mark.slow)
 
 
 @pytest.mark.parametrize(
-    ("kind", "seeds"), [("structured", QUICK), SLOW, *((Fraction(each), range(25)) for each in ("0", "1/4", "1/1000"))]
+    ("kind", "seeds"),
+    [("structured", QUICK), SLOW, *((Fraction(each), range(often(12, 25))) for each in ("0", "1/4", "1/1000"))],
 )
 def test_plans_agree_with_the_oracle_at_random_values(kind, seeds):
     """Structured ones, and those of all kinds by their ε."""
@@ -186,10 +188,10 @@ def check_box(plan, for_all, seed, **assumed):
 
 def test_boxes_of_structured_plans_the_wing_and_the_kitchen_are_inside_and_tight():
     tight = 0
-    for seed in (1, 3, 7, 12):
+    for seed in (1, 3, 7, 12)[: often(2, 4)]:
         plan = random_parameters(structured(seed), seed)
         tight += check_box(plan, (), seed) + check_box(plan, uncontrollable(plan)[:1], seed)
-    assert tight > 2
+    assert tight > 1
     assert check_box(wing(PICK, "limit=at-most:e1:e58"), ("h1", "h2"), 1) == 2
 
     for assumed in {}, {"xA1": "mug"}, {"xA1": "glass", "xR2": "milk"}:
@@ -242,7 +244,7 @@ def test_who_waits_needs_the_time_that_the_choice_takes(epsilon):
 def test_what_copies_share_makes_no_difference(monkeypatch):
     asked = [(kitchen(COFFEE, LATE), ["xA1"]), (kitchen(COFFEE, LATE), ["xA1", "xA3"])]
     asked += [(parametric(race(9, robot_first=first), "late=hesitation:x"), ["x"]) for first in (True, False)]
-    drawn = [random_parameters(structured(seed), seed) for seed in range(2)]
+    drawn = [random_parameters(structured(seed), seed) for seed in range(often(1, 2))]
     asked += [(plan, uncontrollable(plan)[:2]) for plan in drawn]
     together = [envelope(plan, *for_all, waiting=True) for plan, for_all in asked]
     monkeypatch.setattr(_CertainOrder, "no_later", lambda *_: False)
@@ -310,7 +312,7 @@ def by_fourier_motzkin(edges, parameters, bounds):
 def test_cycles_are_the_projection_within_the_bounds(count):
     """And each follows from the edges that it names."""
     draw, names, empty = seeded(f"differences/{count}"), tuple(f"p{at}" for at in range(count)), 0
-    for _ in range(120):
+    for _ in range(60):
         ends = [(draw.choice((None, Fraction(0))), draw.choice((None, Fraction(4)))) for _ in names]
         parameters = [
             Parameter(name, Fraction(1), lower=lower, upper=upper)
@@ -326,7 +328,7 @@ def test_cycles_are_the_projection_within_the_bounds(count):
             behind = [each for each in edges if each.origin in cycle.origins]
             assert by_fourier_motzkin(behind, parameters, ()).satisfies(cycle.constraint)
         empty += expected.is_empty
-    assert 5 < empty < 115
+    assert 2 < empty < 58
 
 
 def test_events_at_the_same_time_are_one():

@@ -23,6 +23,7 @@ from robust.smt.limits import Deadline, OutOfTimeError
 from tests.pike_bridge.brute_force import candidate_subplan, scenarios
 from tests.pike_bridge.knowledge.theories import allowed, commitments, models, prime_implicants, satisfies, theories
 from tests.pike_bridge.plans import differences, network
+from tests.sampling import often
 
 VOCABULARY = AssignmentVocabulary({"x": ("1", "2", "3"), "y": ("1", "2", "3"), "z": ("1", "2")})
 FIELDS = [VOCABULARY.field(variable) for variable in VOCABULARY.variables]
@@ -128,7 +129,7 @@ def holds(environment, world):
     return all(world[variable] == number for variable, number in environment)
 
 
-@settings(max_examples=200)
+@settings(max_examples=often(100, 200))
 @given(st.lists(st.lists(numbered, max_size=4), max_size=3), st.lists(numbered, max_size=3), st.data())
 def test_functions_are_those_of_brute_force(disjunctions, conflicts, data):
     functions = goal.Functions(SIZES)
@@ -269,7 +270,7 @@ def test_labels_of_figure_14_and_of_the_consensus_example():
             kind(wide, **{limit: 20})
 
 
-@pytest.mark.parametrize("count", [50, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [25, pytest.param(1000, marks=pytest.mark.slow)])
 def test_goal_and_nodes_have_all_prime_implicants(count):
     """Invariant 5.2."""
 
@@ -336,7 +337,7 @@ def possible(knowledge):
     return [each for each in scenarios(knowledge.theory.domains) if knowledge.could_commit([Require(guard(each))])]
 
 
-@pytest.mark.parametrize("count", [30, pytest.param(500, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [15, pytest.param(500, marks=pytest.mark.slow)])
 @for_each
 def test_answers_are_those_of_brute_force(name, count):
     @settings(max_examples=count)
@@ -442,7 +443,7 @@ def test_registry():
         create_knowledge_base("sat", ROOMS, solver="z4")
 
 
-@settings(max_examples=60)
+@settings(max_examples=often(30, 60))
 @given(differences)
 def test_models_are_the_temporally_consistent_scenarios(drawn):
     knowledge = create_knowledge_base("sat", Theory(drawn.domains), network=drawn)

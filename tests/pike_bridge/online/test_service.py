@@ -26,6 +26,7 @@ from robust.show.schemas import schema
 from tests.pike_bridge import stories
 from tests.pike_bridge.online import examples
 from tests.pike_bridge.online.examples import MUG, SOLVABLE, contested, drawn, kitchen
+from tests.sampling import often
 
 
 @cache
@@ -106,7 +107,7 @@ def test_an_executive_that_resumes_anywhere_decides_the_same(index, human):
     told = steps_of(plan, world.Story(human=human, pace=world.Pace.RANDOM), seed=index)
     whole = new_executive(plan)
     service.resume(whole, told)
-    for end in range(0, len(told), 12):
+    for end in range(0, len(told), 20):
         resumed, undisturbed = new_executive(plan), new_executive(plan)
         service.resume(resumed, told[:end])
         for step in told[:end]:
@@ -413,17 +414,17 @@ def total(plans, directory, **options):
 
 
 def test_nothing_wrong_is_done_whatever_is_reported(tmp_path):
-    met = total(((number, contested(number)) for number in range(35)), tmp_path)
-    assert min(met[each] for each in ("error", "rejected", "executed", "died", "Failed", "Succeeded")) > 2
+    met = total(((number, contested(number)) for number in range(often(18, 35))), tmp_path)
+    assert min(met[each] for each in ("error", "rejected", "executed", "died", "Failed", "Succeeded")) > 1
     for name in ("kitchen", "wing"):
         told = getattr(stories, name)().plan()
-        assert total(((number, told) for number in range(2)), tmp_path)["executed"] > 3
+        assert total(((number, told) for number in range(often(1, 2))), tmp_path)["executed"] > 3
 
 
 def test_reports_that_are_close_are_ordered_by_arrival_for_all(tmp_path):
     """Less than ε apart, and off the grid as well; windows answer as the semantic reasoner does."""
     met, backends = 0, [make_reasoner(name) for name in reasoner_names() if name != "smt"]
-    for number in range(30, 54):
+    for number in range(30, often(42, 54)):
         if examples.possible(plan := close(number)):
             make = backends[number % len(backends)]
 
@@ -433,7 +434,7 @@ def test_reports_that_are_close_are_ordered_by_arrival_for_all(tmp_path):
             ended = Misbehaved(plan, number, tmp_path / str(number), reasoner, unit=Fraction(1, 7)).run()
             progress = ended.service.executive.progress
             met += progress.close(progress.times)
-    assert met > 1
+    assert met > 0
 
 
 @pytest.mark.slow

@@ -26,6 +26,7 @@ from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Satisfiability, Session
 from robust.smt.terms import Terms
 from tests.plan.building import drawn
+from tests.sampling import often
 
 KEPT, REALS = ("a", "b"), ("x", "y", "z")
 SYMBOLS = (*KEPT, *REALS)
@@ -93,8 +94,8 @@ NOTHING = st.just(())
 @pytest.mark.parametrize(
     ("name", "count", "network", "known"),
     [
-        *((name, 25, *rest) for name in OURS for rest in ((NOTHING, NOTHING), (NETWORKS, KNOWN))),
-        *((name, 12, NOTHING, NOTHING) for name in FORKED),
+        *((name, 15, *rest) for name in OURS for rest in ((NOTHING, NOTHING), (NETWORKS, KNOWN))),
+        *((name, 8, NOTHING, NOTHING) for name in FORKED),
         *(pytest.param(name, 1000, NETWORKS, KNOWN, marks=pytest.mark.slow) for name in OURS),
         *(pytest.param(name, 200, NOTHING, KNOWN, marks=pytest.mark.slow) for name in FORKED),
     ],
@@ -109,7 +110,7 @@ def test_back_ends_eliminate_exactly(name: str, count: int, network: Any, known:
 
 
 @pytest.mark.parametrize("name", OURS)
-@drawn(20)
+@drawn(often(12, 20))
 @given(formulas(), formulas())
 def test_definitions_are_what_they_stand_for(name: str, violation: Nnf, condition: Nnf) -> None:
     """`w` is x + 1 or y; a back end may use that it always is one of them."""
@@ -181,7 +182,7 @@ def holds(formula: Nnf, model: dict[str, Fraction | bool]) -> bool:
     return nnf.layout(formula).truths(model)[-1]
 
 
-@drawn(60)
+@drawn(often(40, 60))
 @given(formulas(), MODELS)
 def test_formulas_are_read_negated_simplified_and_implied(formula: Nnf, model: dict[str, Fraction | bool]) -> None:
     truth = holds(formula, model)
@@ -198,7 +199,7 @@ def test_formulas_are_read_negated_simplified_and_implied(formula: Nnf, model: d
         assert_valid(context, context.reader.write(disjunction((negation(conjunction(chosen)), formula))))
 
 
-@drawn(80)
+@drawn(often(40, 80))
 @given(st.lists(constraints(), min_size=1, max_size=7).map(tuple))
 def test_projection_at_a_point_is_inside_the_exact_one(conjuncts: tuple[LinearConstraint, ...]) -> None:
     point = feasible_point(SYMBOLS, conjuncts)
@@ -340,7 +341,7 @@ NESTED = [name for name in ELIMINATORS if name.startswith("z3")]
 
 
 @pytest.mark.parametrize(("name", "nested"), [*product(ELIMINATORS, [False]), *product(NESTED, [True])])
-@pytest.mark.parametrize("count", [15, pytest.param(500, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [9, pytest.param(500, marks=pytest.mark.slow)])
 def test_pieces_hold_where_brute_force_finds_values(name: str, nested: bool, count: int) -> None:
     """`∃x, y. one`, or of back ends that take it as one formula: `∃x, y. one, or no x, y with the other`."""
     random, seen = Random(count), set()  # noqa: S311 - reproducible, not secret
