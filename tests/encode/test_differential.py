@@ -26,7 +26,7 @@ from robust.smt.session import Satisfiability
 from tests.encode.asking import Point, both, difference, first_broken, refuted, where_broken
 from tests.plan import building
 from tests.plan.building import ALL, END, RANDOM, START, TRUE, F, G, P, action, between, drawn, flow, pinned, value
-from tests.sampling import Network, often, sample_parameters, sample_schedules
+from tests.sampling import Network, sample_parameters, sample_schedules
 from tests.strategies import plans
 
 SLOW = pytest.mark.slow
@@ -166,7 +166,7 @@ def test_fixed_schedules_break_exactly_what_the_simulator_says(count) -> None:
     assert outcomes[True] >= 8, outcomes
 
 
-@drawn(often(5, 10))
+@drawn(5, 10)
 @given(plans(linear=True), RANDOM)
 def test_a_box_is_proved_only_if_its_points_are(plan, random) -> None:
     a, b = sample_parameters(plan, random), sample_parameters(plan, random)

@@ -43,7 +43,7 @@ from tests.plan.building import (
     plan_of,
     reference,
 )
-from tests.sampling import Network, bound_value, often, sample_parameters, sample_schedules
+from tests.sampling import Network, bound_value, sample_parameters, sample_schedules
 from tests.strategies import plans
 
 K = (Parameter("k", Fraction(3)),)
@@ -103,7 +103,7 @@ def test_the_network_has_the_schedules_that_shortest_paths_find() -> None:
     """Sampled ones satisfy it and its places, and its formulas have a model exactly if there is one."""
     verdicts: Counter[Satisfiability] = Counter()
 
-    @drawn(often(20, 30))
+    @drawn(20, 30)
     @given(plans(linear=True), RANDOM)
     def run(plan, random) -> None:
         tied, terms = TemporalNetwork(plan), Terms()
@@ -178,7 +178,7 @@ def test_parts_join_what_shares_an_unknown() -> None:
 ROW = st.tuples(*[st.integers(-1, 1)] * 5)
 
 
-@drawn(often(40, 80))
+@drawn(40, 80)
 @given(st.lists(ROW, max_size=6), ROW)
 def test_what_a_part_leaves_out_shares_nothing_with_it(rows, question) -> None:
     def expression(row) -> interface.Linear:
@@ -218,7 +218,7 @@ def assert_same(orders: Orders, known: Known) -> None:
         assert orders.surely_not_after(a, b) == (known.get((a, b), Fraction(-1)) >= 0)
 
 
-@drawn(often(25, 50))
+@drawn(25, 50)
 @given(st.lists(EDGE, max_size=12), st.lists(EDGE, min_size=1, max_size=5))
 def test_bounds_are_longest_paths_and_learning_is_the_same_as_having_known(edges, lessons) -> None:
     known = longest(edges)

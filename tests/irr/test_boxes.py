@@ -24,7 +24,7 @@ from tests.encode.asking import Judge, sampled
 from tests.irr.building import ask_solvers, fail_at_query, lasts, parameter, parametric, shipped, timed, weighted
 from tests.plan import building as b
 from tests.plan.building import DURATION, END, START, F, action, at, at_least, at_most, between, drawn, number, plan_of
-from tests.sampling import Network, often, sample_schedules
+from tests.sampling import Network, sample_schedules
 
 BETA = Fraction(1, 2)
 TINY = Fraction(1, 10**6)
@@ -140,7 +140,7 @@ def test_boxes_of_irr_are_inside_and_reach_the_border(count, options) -> None:
     assert count > 100 or "interrupted" not in outcomes, "a run on a small plan needs too many checks"
 
 
-@drawn(often(6, 10))
+@drawn(6, 10)
 @given(parametric(instances=2))
 def test_solvers_take_the_same_steps(plan) -> None:
     """Answers do not depend on which counterexample a solver finds, so neither does the search."""
@@ -161,7 +161,7 @@ def test_refutations_are_in_the_box_and_real() -> None:
         ends = nominal - Fraction(random.randint(0, 4), 2), nominal + Fraction(random.randint(0, 4), 2)
         return Interval(*(None if random.random() < 0.1 else end for end in ends))
 
-    @drawn(often(12, 20))
+    @drawn(12, 20)
     @given(parametric(), b.RANDOM)
     def run(plan, random) -> None:
         containment = Containment(RelationalEncoding(plan))
@@ -214,22 +214,17 @@ def assert_maximal(plan: ParametrizedPlan, box: Box) -> None:
         assert not judge.contains(more), f"{box} is not maximal: {more}"
 
 
-@pytest.mark.parametrize(
-    ("count", "ordered"), [(14, False), (6, True), pytest.param(300, False, marks=pytest.mark.slow)]
-)
-def test_the_box_is_inside_and_maximal(count, ordered) -> None:
-    @settings(drawn(count))
-    @given(parametric())
-    def run(plan) -> None:
-        result = searched(plan, "widen", order=[one.name for one in reversed(plan.parameters)] if ordered else ())
-        if result is not None:
-            assert plan.nominal in result.box
-            assert_maximal(plan, result.box)
-
-    run()
+@pytest.mark.parametrize("ordered", [False, True])
+@drawn(10, 300)
+@given(parametric())
+def test_the_box_is_inside_and_maximal(ordered, plan) -> None:
+    result = searched(plan, "widen", order=[one.name for one in reversed(plan.parameters)] if ordered else ())
+    if result is not None:
+        assert plan.nominal in result.box
+        assert_maximal(plan, result.box)
 
 
-@drawn(often(8, 12))
+@drawn(8, 12)
 @given(parametric())
 def test_no_other_box_is_wider(plan) -> None:
     best = searched(plan, "optimal")

@@ -20,6 +20,7 @@ from robust.plan.timed import parse_timed_plan
 from robust.qe.box import Box, Interval, Side
 from robust.smt.limits import NEVER
 from tests.execute.plans import durative
+from tests.sampling import often
 
 STEP = Fraction(1, 10_000)
 
@@ -115,12 +116,8 @@ def compared(seeds: range, monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
 
 
 def test_boxes_are_those_that_solvers_find(monkeypatch) -> None:
-    assert compared(range(25), monkeypatch)["decided"] >= 20
-
-
-@pytest.mark.slow
-def test_many_boxes_are_those_that_solvers_find(monkeypatch) -> None:
-    assert compared(range(1000, 1500), monkeypatch)["decided"] >= 400
+    seeds = range(often(16, 500))
+    assert compared(seeds, monkeypatch)["decided"] >= 0.8 * len(seeds)
 
 
 def test_boxes_are_inside_and_end_where_plans_break() -> None:

@@ -18,6 +18,7 @@ from robust.plan.pddl.grounding import ground_action, ground_goal
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import Simulation, Violation, simulate
+from tests.sampling import often
 
 P, Q = model.Atom("p"), model.Atom("q")
 F, G = model.Fluent("f"), model.Fluent("g")
@@ -30,9 +31,11 @@ value, number = Polynomial.variable, Polynomial.constant
 Amount = model.Expression | Fraction | int
 
 
-def drawn(examples: int) -> settings:
-    """Repeatable examples, however long it takes to draw them."""
-    return settings(max_examples=examples, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+def drawn(quick: int, thorough: int | None = None) -> settings:
+    """Repeatable examples, however long it takes to draw them; others and more of them where slow tests run as well."""
+    count = quick if thorough is None else often(quick, thorough)
+    repeatable = count == quick
+    return settings(max_examples=count, deadline=None, derandomize=repeatable, suppress_health_check=list(HealthCheck))
 
 
 def reference(name: str) -> model.Expression:

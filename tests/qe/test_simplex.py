@@ -24,10 +24,9 @@ from robust.smt.terms import Terms
 from tests.plan.building import drawn, groups
 from tests.qe import polyhedra
 from tests.qe.polyhedra import NAMES, constraints, eq, grid, le, lt, number, polygon
-from tests.sampling import often
 
 
-@drawn(often(40, 60))
+@drawn(40, 60)
 @given(polyhedra.polyhedra(NAMES), st.tuples(*(st.fractions(-2, 2, max_denominator=3) for _ in NAMES)))
 def test_optima_agree_with_z3(polyhedron, weights):
     objective = dict(zip(NAMES, weights, strict=True))
@@ -221,7 +220,7 @@ def test_equal_half_spaces_are_equal_objects_of_coprime_integers():
         LinearConstraint((("x", Fraction(1)), ("x", Fraction(2))), Sense.LESS, Fraction(1))
 
 
-@drawn(often(40, 80))
+@drawn(40, 80)
 @given(constraints(NAMES), st.fractions(-3, 3, max_denominator=4))
 def test_negation_substitution_and_documents(constraint, value):
     reduced = constraint.substitute({"y": value})

@@ -270,33 +270,28 @@ def test_labels_of_figure_14_and_of_the_consensus_example():
             kind(wide, **{limit: 20})
 
 
-@pytest.mark.parametrize("count", [25, pytest.param(1000, marks=pytest.mark.slow)])
-def test_goal_and_nodes_have_all_prime_implicants(count):
+@settings(max_examples=often(25, 1000))
+@given(theories(), st.data())
+def test_goal_and_nodes_have_all_prime_implicants(theory, data):
     """Invariant 5.2."""
-
-    @settings(max_examples=count)
-    @given(theories(), st.data())
-    def drawn(theory, data):
-        left = models(theory)
-        knowledge, diagram = tms.PiTms(theory, shortcut=False), bdd.BddKnowledgeBase(theory)
-        assert set(tms.PiTms(theory).prime_implicants()) == prime_implicants(theory.domains, left)
-        assert knowledge.simplified.domains == theory.domains
-        assert sorted(map(str, models(knowledge.simplified))) == sorted(map(str, left))
-        without = models(Theory(theory.domains, (), knowledge.simplified.conflicts))
-        for step in ([], *(data.draw(commitments(theory.domains)) for _ in range(2))):
-            knowledge.commit(step)
-            diagram.commit(step)
-            left, without = ([model for model in worlds if allowed(model, step)] for worlds in (left, without))
-            answer = list(knowledge.prime_implicants())
-            assert set(answer) == prime_implicants(theory.domains, left)
-            assert len(answer) == knowledge.implicant_count() == diagram.implicant_count()
-            assert sorted(map(sorted, diagram.prime_implicants())) == sorted(map(sorted, answer))
-        for label in knowledge.labels():
-            if label.node.kind is not labels.NodeKind.CONTRADICTION:
-                holding = [model for model in without if satisfies(model, label.node.formula)]
-                assert label.environments == prime_implicants(theory.domains, holding)
-
-    drawn()
+    left = models(theory)
+    knowledge, diagram = tms.PiTms(theory, shortcut=False), bdd.BddKnowledgeBase(theory)
+    assert set(tms.PiTms(theory).prime_implicants()) == prime_implicants(theory.domains, left)
+    assert knowledge.simplified.domains == theory.domains
+    assert sorted(map(str, models(knowledge.simplified))) == sorted(map(str, left))
+    without = models(Theory(theory.domains, (), knowledge.simplified.conflicts))
+    for step in ([], *(data.draw(commitments(theory.domains)) for _ in range(2))):
+        knowledge.commit(step)
+        diagram.commit(step)
+        left, without = ([model for model in worlds if allowed(model, step)] for worlds in (left, without))
+        answer = list(knowledge.prime_implicants())
+        assert set(answer) == prime_implicants(theory.domains, left)
+        assert len(answer) == knowledge.implicant_count() == diagram.implicant_count()
+        assert sorted(map(sorted, diagram.prime_implicants())) == sorted(map(sorted, answer))
+    for label in knowledge.labels():
+        if label.node.kind is not labels.NodeKind.CONTRADICTION:
+            holding = [model for model in without if satisfies(model, label.node.formula)]
+            assert label.environments == prime_implicants(theory.domains, holding)
 
 
 def either(*names):
@@ -337,23 +332,19 @@ def possible(knowledge):
     return [each for each in scenarios(knowledge.theory.domains) if knowledge.could_commit([Require(guard(each))])]
 
 
-@pytest.mark.parametrize("count", [15, pytest.param(500, marks=pytest.mark.slow)])
 @for_each
-def test_answers_are_those_of_brute_force(name, count):
-    @settings(max_examples=count)
-    @given(theories(), st.booleans(), st.data())
-    def drawn(theory, shortcut, data):
-        left = models(theory)
-        knowledge = create_knowledge_base(name, theory, shortcut=shortcut)
-        for _ in range(3):
-            assert (knowledge.satisfiable(), knowledge.count_models()) == (bool(left), len(left))
-            step = data.draw(commitments(theory.domains))
-            assert knowledge.could_commit(step) == any(allowed(model, step) for model in left)
-            knowledge.commit(step)
-            left = [model for model in left if allowed(model, step)]
-        assert possible(knowledge) == left
-
-    drawn()
+@settings(max_examples=often(15, 500))
+@given(theories(), st.booleans(), st.data())
+def test_answers_are_those_of_brute_force(name, theory, shortcut, data):
+    left = models(theory)
+    knowledge = create_knowledge_base(name, theory, shortcut=shortcut)
+    for _ in range(3):
+        assert (knowledge.satisfiable(), knowledge.count_models()) == (bool(left), len(left))
+        step = data.draw(commitments(theory.domains))
+        assert knowledge.could_commit(step) == any(allowed(model, step) for model in left)
+        knowledge.commit(step)
+        left = [model for model in left if allowed(model, step)]
+    assert possible(knowledge) == left
 
 
 @for_each

@@ -247,15 +247,10 @@ def watched(plan, number):
 
 
 def test_executions_lose_nothing_without_a_word():
-    """Of stories, of a drawn plan and of small contested ones."""
-    assert min(watched(story(name), 1).acts for name in ("kitchen", "wing")[: often(1, 2)]) > 5
+    """Of stories, of drawn plans and of small contested ones."""
+    assert watched(story("kitchen"), 1).acts > 5
     assert watched(drawn(SOLVABLE[3]), 1).acts > 10
-    assert sum(watched(examples.contested(seed), seed).excluded for seed in range(often(15, 25))) > 0
-
-
-@pytest.mark.slow
-def test_many_executions_lose_nothing_without_a_word():
-    executions = [watched(examples.contested(seed), seed) for seed in range(25, 900)]
-    executions += [watched(drawn(each), place) for each in SOLVABLE for place in range(5)]
-    executions += [watched(story(name), seed) for name in ("kitchen", "wing") for seed in range(15)]
-    assert sum(each.excluded for each in executions) > 20
+    assert sum(watched(examples.contested(seed), seed).excluded for seed in range(often(15, 900))) > 0
+    for seed in range(often(0, 15)):
+        for plan in (story("kitchen"), story("wing"), drawn(SOLVABLE[seed])):
+            watched(plan, seed)

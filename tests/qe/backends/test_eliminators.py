@@ -26,7 +26,6 @@ from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Satisfiability, Session
 from robust.smt.terms import Terms
 from tests.plan.building import drawn
-from tests.sampling import often
 
 KEPT, REALS = ("a", "b"), ("x", "y", "z")
 SYMBOLS = (*KEPT, *REALS)
@@ -110,7 +109,7 @@ def test_back_ends_eliminate_exactly(name: str, count: int, network: Any, known:
 
 
 @pytest.mark.parametrize("name", OURS)
-@drawn(often(12, 20))
+@drawn(12, 20)
 @given(formulas(), formulas())
 def test_definitions_are_what_they_stand_for(name: str, violation: Nnf, condition: Nnf) -> None:
     """`w` is x + 1 or y; a back end may use that it always is one of them."""
@@ -182,7 +181,7 @@ def holds(formula: Nnf, model: dict[str, Fraction | bool]) -> bool:
     return nnf.layout(formula).truths(model)[-1]
 
 
-@drawn(often(40, 60))
+@drawn(40, 60)
 @given(formulas(), MODELS)
 def test_formulas_are_read_negated_simplified_and_implied(formula: Nnf, model: dict[str, Fraction | bool]) -> None:
     truth = holds(formula, model)
@@ -199,7 +198,7 @@ def test_formulas_are_read_negated_simplified_and_implied(formula: Nnf, model: d
         assert_valid(context, context.reader.write(disjunction((negation(conjunction(chosen)), formula))))
 
 
-@drawn(often(40, 80))
+@drawn(40, 80)
 @given(st.lists(constraints(), min_size=1, max_size=7).map(tuple))
 def test_projection_at_a_point_is_inside_the_exact_one(conjuncts: tuple[LinearConstraint, ...]) -> None:
     point = feasible_point(SYMBOLS, conjuncts)

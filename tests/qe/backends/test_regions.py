@@ -87,20 +87,18 @@ def complete(plan: ParametrizedPlan, **options: object) -> compute.RegionResult:
 
 
 LARGE = {"linear": True, "instances": 5, "fluents": 0, "timed_literals": True}
-MANY = [(8, SMALL), *(pytest.param(*pair, marks=SLOW) for pair in ((600, {"linear": True}), (300, LARGE)))]
+MANY = [SMALL, *(pytest.param(options, marks=SLOW) for options in ({"linear": True}, LARGE))]
 
 
-@pytest.mark.parametrize(("count", "options"), MANY)
-def test_points_are_inside_if_and_only_if_the_plan_is_valid_there(count: int, options: dict[str, int]) -> None:
-    @settings(drawn(count), derandomize=count < 100)
-    @given(plans(**options), RANDOM)
-    def run(plan: ParametrizedPlan, random: Random) -> None:
-        region = complete(plan).region
-        inside = [shape.some_point() for shape in (region, region.base, *region.pieces[:3])]
-        for point in [*inside, *(sample_parameters(plan, random) for _ in range(3 if count < 100 else 6))]:
-            assert point is None or (point in region) == is_valid_at(plan, point), point
-
-    run()
+@pytest.mark.parametrize("options", MANY)
+@drawn(8, 400)
+@given(st.data(), RANDOM)
+def test_points_are_inside_if_and_only_if_the_plan_is_valid_there(options, data, random: Random) -> None:
+    plan = data.draw(plans(**options))
+    region = complete(plan).region
+    inside = [shape.some_point() for shape in (region, region.base, *region.pieces[:3])]
+    for point in [*inside, *(sample_parameters(plan, random) for _ in range(often(3, 6)))]:
+        assert point is None or (point in region) == is_valid_at(plan, point), point
 
 
 def same_region(plan: ParametrizedPlan, **options: object) -> None:
@@ -112,24 +110,17 @@ def same_region(plan: ParametrizedPlan, **options: object) -> None:
 
 
 @pytest.mark.parametrize("backend", OTHERS)
-@pytest.mark.parametrize(("count", "options"), [(4, TINY), pytest.param(150, SMALL, marks=SLOW)])
-def test_back_ends_agree(backend: str, count: int, options: dict[str, int]) -> None:
-    @settings(drawn(count), derandomize=count < 100)
-    @given(plans(**options), st.sampled_from(SPLITTINGS), st.booleans())
-    def run(plan: ParametrizedPlan, splitting: str, learning: bool) -> None:
-        same_region(plan, backend=backend, splitting=splitting, learning=learning, timeout=20)
-
-    run()
+@drawn(4, 150)
+@given(plans(**often(TINY, SMALL)), st.sampled_from(SPLITTINGS), st.booleans())
+def test_back_ends_agree(backend: str, plan: ParametrizedPlan, splitting: str, learning: bool) -> None:
+    same_region(plan, backend=backend, splitting=splitting, learning=learning, timeout=20)
 
 
-@pytest.mark.parametrize(("encoding", "count"), [("relational", 5), pytest.param("positions", 60, marks=SLOW)])
-def test_project_is_the_same_however_it_runs(encoding: str, count: int) -> None:
-    @drawn(count)
-    @given(plans(**TINY), st.sampled_from(SPLITTINGS), st.booleans(), st.sampled_from(["z3", "cvc5"]))
-    def run(plan: ParametrizedPlan, splitting: str, learning: bool, solver: str) -> None:
-        same_region(plan, splitting=splitting, learning=learning, solver=solver, encoding=encoding)
-
-    run()
+@pytest.mark.parametrize("encoding", ["relational", pytest.param("positions", marks=SLOW)])
+@drawn(5, 60)
+@given(plans(**TINY), st.sampled_from(SPLITTINGS), st.booleans(), st.sampled_from(["z3", "cvc5"]))
+def test_project_is_the_same_however_it_runs(encoding: str, plan, splitting: str, learning: bool, solver: str) -> None:
+    same_region(plan, splitting=splitting, learning=learning, solver=solver, encoding=encoding)
 
 
 k = reference("k")
@@ -393,7 +384,7 @@ def test_cells_alone_and_symmetry_come_to_the_same_envelope(kind, count, monkeyp
     assert len(cells) > 1
 
 
-@drawn(often(4, 6))
+@drawn(4, 6)
 @given(alike_plans(), RANDOM)
 def test_exchanges_leave_the_envelope_what_it_is(plan: ParametrizedPlan, random: Random) -> None:
     """As a set, and by the checker at points; and every point has an image that ascends."""
