@@ -29,6 +29,7 @@ from robust.smt.limits import NEVER, Deadline
 from robust.smt.session import Satisfiability, Session
 from robust.smt.terms import Terms
 from tests.encode.asking import follows, sampled, unless_hidden
+from tests.network import oracles
 from tests.plan import building
 from tests.plan.building import (
     DURATION,
@@ -201,13 +202,7 @@ Known = dict[tuple[model.TimePoint, model.TimePoint], Fraction]
 
 def longest(edges: list[tuple[model.TimePoint, model.TimePoint, Fraction]]) -> Known | None:
     """Longest paths; None if there is a positive cycle."""
-    known: Known = {(point, point): Fraction(0) for point in POINTS}
-    for a, b, weight in edges:
-        known[a, b] = max(weight, known.get((a, b), weight))
-    for middle, a, b in product(POINTS, POINTS, POINTS):
-        if (a, middle) in known and (middle, b) in known:
-            through = known[a, middle] + known[middle, b]
-            known[a, b] = max(through, known.get((a, b), through))
+    known: Known = oracles.closure(POINTS, edges)
     return None if any(known[point, point] > 0 for point in POINTS) else known
 
 

@@ -20,6 +20,7 @@ from tests.execute import plans
 from tests.execute.plans import EPSILON, box_of, interval, text_of
 from tests.network import oracles
 from tests.plan.building import expression_of, reference
+from tests.sampling import often
 
 NOMINAL = Fraction(4)
 
@@ -251,7 +252,7 @@ def by_oracle(kind, plan, box):
 @pytest.mark.parametrize("kind", [Control.DYNAMIC, Control.STRONG])
 def test_parts_are_controllable_and_no_face_can_move(kind):
     kept, tiny = list[bool](), Fraction(1, 10**6)
-    for seed in range(110):
+    for seed in range(often(70, 110)):
         plan = random_plan(Random(seed))  # noqa: S311
         box = box_of(**{p.name: (1, Random(seed).choice([6, 9])) for p in plan.parameters})  # noqa: S311
         if not by_oracle(Control.DYNAMIC, plan, Box.nominal(plan.parameters)):
@@ -268,10 +269,10 @@ def test_parts_are_controllable_and_no_face_can_move(kind):
             end = part[name].end(side)
             wider = part.moved((name, side), end + side.sign * tiny)
             assert end == box[name].end(side) or not by_oracle(kind, plan, wider), (seed, name, side)
-    assert 5 < sum(kept) < len(kept) - 30
+    assert 3 < sum(kept) < len(kept) - 15
 
 
-@pytest.mark.parametrize(("seeds", "most"), [(110, 2), (80, 1)])
+@pytest.mark.parametrize(("seeds", "most"), [(often(70, 110), 2), (often(50, 80), 1)])
 def test_verdicts_agree_with_slow_ways_and_imply_each_other_and_a_strong_schedule_suits_all_values(seeds, most):
     seen, suited = set(), 0
     for seed in range(seeds):
@@ -290,7 +291,7 @@ def test_verdicts_agree_with_slow_ways_and_imply_each_other_and_a_strong_schedul
             assert all(oracles.satisfies(link, times) for link in stnu.links if not link.is_contingent), seed
             suited += 1
     assert len(seen) == 4
-    assert suited > 200
+    assert suited > 100
 
 
 # -- what `robust envelope` says; more is in tests/recordings ----------------------------------------------------------
@@ -376,7 +377,7 @@ def stands(judge, box, kind):
 
 
 @KINDS
-@pytest.mark.parametrize("seed", [*range(4), *(pytest.param(n, marks=pytest.mark.slow) for n in range(4, 60))])
+@pytest.mark.parametrize("seed", [*range(3), *(pytest.param(n, marks=pytest.mark.slow) for n in range(3, 60))])
 def test_no_face_can_move_outwards(seed, kind):
     plan, valid = plans.drawn_with_box(Random(f"widest {seed}"))  # noqa: S311 - reproducible
     shrunk = shrink(plan, valid, kind)

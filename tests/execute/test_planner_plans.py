@@ -43,7 +43,7 @@ STEPS |= {"trucks": 4, "umts": 4, "untyped": 4, "zeno": 3}
 FOLDER = Path(os.environ.get("ROBUST_PLANNER_LOGS") or ROOT.parent / "shared" / "planner-logs")
 LISTED = json.loads((FOLDER / "plans.json").read_text()) if (FOLDER / "plans.json").is_file() else []
 LOGS = {entry["name"]: entry for entry in LISTED}
-LONG = 140
+LONG = 100
 REFUSED = {
     "map-analyzer-2014-3": ("separation: n4.start, n16.end", Fraction(0)),
     "map-analyzer-2014-5": ("n14 move_vehicle_road: at start (at_jun car3 junction0-1)", None),

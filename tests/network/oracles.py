@@ -63,6 +63,19 @@ def longest_paths(points, bounds, *sources):
     return None
 
 
+def closure(points, bounds):
+    """The greatest lower bound of each pair that has one, by the textbook; a positive cycle shows at its points."""
+    points = list(points)
+    known = {(one, one): Fraction(0) for one in points}
+    for source, target, weight in bounds:
+        known[source, target] = max(weight, known.get((source, target), weight))
+    for middle, source, target in product(points, repeat=3):
+        if (source, middle) in known and (middle, target) in known:
+            length = known[source, middle] + known[middle, target]
+            known[source, target] = max(length, known.get((source, target), length))
+    return known
+
+
 def has_schedule(points, bounds):
     """Whether some times satisfy all bounds."""
     return longest_paths(points, bounds, *points) is not None
