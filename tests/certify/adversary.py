@@ -153,9 +153,6 @@ def nothing_is_good(ground, random):
             yield [header("region"), ["bad", []], ["cycle", steps, []], *rest]
 
 
-# -- what is false -----------------------------------------------------------------------------------------------------
-
-
 @dataclass
 class Case:
     """One thing to lie about: honest tapes, first lines of false claims, and how a claim that is accepted is judged."""
@@ -301,8 +298,6 @@ def _choices(instance, by=CHECKER):
     document = by.choices.network_of(tpnu_text(instance.network, domain="domain", problem="problem"))
     return by.choices.Choices((document, instance.domain, instance.problem), tools.EPSILON)
 
-
-# -- tapes -------------------------------------------------------------------------------------------------------------
 
 NUMBERS = [
     0, 1, -1, 2, 3, 7, -2, 10**20, "0", "1", "-1", "1/2", "1000", "2/4", True, False, None, 1.5, [], {},

@@ -179,9 +179,6 @@ def tangled_texts(seed):
     )
 
 
-# -- changes that make texts wrong, or mean something else -------------------------------------------------------------
-
-
 def forms(text):
     """The forms of a text without comments."""
     stack = [[]]

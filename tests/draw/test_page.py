@@ -41,9 +41,6 @@ MILLI = Fraction(1, 1000)
 NAMES = ("x", "y", "z")
 
 
-# -- node --------------------------------------------------------------------------------------------------------------
-
-
 def node(expression, **values):
     """What an expression of JavaScript is, of values and of `Exact`; fractions come back as texts."""
     if shutil.which("node") is None:
@@ -85,9 +82,6 @@ def contradictory(statements, point):
         for bound in both_ways((one["lower"], one["upper"]), one["source"], one["target"], value)
     ]
     return earliest(bounds, {end: Fraction(0) for one in bounds for end in one[:2]}, 0) is None
-
-
-# -- decisions ---------------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module", params=["two_sample_navigation", "generator", "delivery"])
@@ -232,9 +226,6 @@ def test_contradictions_of_random_networks_are_contradictions():
     assert min(met[True], met[False]) > 50
 
 
-# -- what is written into a page ---------------------------------------------------------------------------------------
-
-
 def test_what_is_written_into_a_page(compared):
     """Sliders hold the plan's values and all ends; nothing is asked of a network."""
     for slider, parameter in zip(compared.data["parameters"], compared.plan.parameters, strict=True):
@@ -262,8 +253,6 @@ def test_nothing_in_a_name_ends_the_script_or_becomes_an_element():
     assert "<!--" not in page
     assert json.loads(page.split('id="data">')[1].split("</script>")[0]) == {"name": name}
 
-
-# -- sentences ---------------------------------------------------------------------------------------------------------
 
 VERDICTS, OTHER = (
     set(Path(__file__).with_name("data").joinpath(name).read_text(encoding="utf-8").splitlines())
@@ -581,9 +570,6 @@ def test_a_closed_face_on_which_the_plans_own_values_lie_holds():
     assert outside["mark"].startswith("✗")
     holds = "At the plan’s own values it holds; in this direction it breaks with any change."
     assert [content for name, content in outside["reason"] if name == "p"][:2] == ["Breaks first:", holds]
-
-
-# -- in a browser ------------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")

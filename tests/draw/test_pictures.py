@@ -70,9 +70,6 @@ def test_what_cannot_be_read_is_noticed(place):
         assert_readable(figure)
 
 
-# -- boxes -------------------------------------------------------------------------------------------------------------
-
-
 def envelope_of(intervals, status=Status.COMPLETE):
     """A result of (lower, upper) or (lower, upper, nominal value), which is 1 otherwise."""
     parameters = tuple(Parameter(name, Fraction(*ends[2:] or (1,))) for name, ends in intervals.items())
@@ -128,8 +125,6 @@ def test_no_plot_of_an_invalid_plan(tmp_path):
     assert command("envelope", *example("plan-flexible-wait.stn"), "--plot", tmp_path / "box.svg").code == 1
     assert not (tmp_path / "box.svg").exists()
 
-
-# -- regions -----------------------------------------------------------------------------------------------------------
 
 PLANE = ("x", "y")
 SQUARE = Region.union_of(PLANE, [rectangle(0, 10, 0, 10)])
@@ -272,9 +267,6 @@ def test_a_slice_says_which_boxes_do_not_hold_its_values():
     assert [len(line.get_xydata()) for line in strokes] == [0]
 
 
-# -- of plans ----------------------------------------------------------------------------------------------------------
-
-
 def test_names_are_words_of_actions(tmp_path):
     words = Words(load_plan(*example(directory=EXAMPLES / "delivery"))).parameters
     assert words["dur_n3"] == "prepare_step1 robot1 spindle1_1 base_station"
@@ -294,9 +286,6 @@ def test_names_are_words_of_actions(tmp_path):
 def test_probabilities(crater, needed):
     result = risk(load_plan(*example()), ["to_ridge=normal::5", f"to_crater={crater}"], within="0.01")
     assert_readable(pictures._risk_figure(result), *needed)
-
-
-# -- executions --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("seed", "count"), [(0, 3), (1, 20), (2, 60)])
@@ -360,8 +349,6 @@ def test_an_execution_shows_what_is_left_of_each_parameter(tmp_path, monkeypatch
     assert not [bar for bar in blind.bars if bar.kind.startswith("values")]
     assert_readable(gantt._ChartDrawing(left).figure(), "values with which the plan succeeds", "observed", "to_crater")
 
-
-# -- plans with choices ------------------------------------------------------------------------------------------------
 
 ONE = Choice("x", ("a",), False, "e")
 

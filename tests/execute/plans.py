@@ -62,8 +62,6 @@ def drawn(box: Box, random: Random, *, width: Fraction = Fraction(50)) -> dict[s
     return values
 
 
-# -- plans of tasks ----------------------------------------------------------------------------------------------------
-
 TASKS, TWO_TASKS, PLAN = map(text_of, ("tasks.pddl", "two-tasks.pddl", "two-tasks.stn"))
 
 

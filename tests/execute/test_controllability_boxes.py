@@ -294,9 +294,6 @@ def test_verdicts_agree_with_slow_ways_and_imply_each_other_and_a_strong_schedul
     assert suited > 100
 
 
-# -- what `robust envelope` says; more is in tests/recordings ----------------------------------------------------------
-
-
 def said(tmp_path, low, *options):
     """The lines about a plan for tea, which is to be ready when the guest comes, but not long before."""
     texts = map(text_of, ("visit.pddl", "visit-problem.pddl", "visit.stn"))

@@ -221,9 +221,6 @@ def test_recorded_networks_are_those_of_the_transformer(dataset, step):
         assert late == {edge.source for edge in edges if edge.target == ZERO}
 
 
-# -- rounded times made exact, against feasibility of difference constraints -------------------------------------------
-
-
 def within(printed, shifts):
     """Every point within its distance of where it was printed: (a, b, w) is t_b − t_a ≥ w, and point 0 time zero."""
     near = list(enumerate(zip(printed[1:], shifts, strict=True), start=1))
@@ -346,8 +343,6 @@ def rounded_plan(seed):
 def test_roundings(seeds, least):
     assert Counter(map(rounded_plan, seeds))["moved"] >= least
 
-
-# -- longest paths and irredundant edges, against brute force ----------------------------------------------------------
 
 A, B, C, D = map(point, "abcd")
 POINTS = (ZERO, A, B, C, D)

@@ -283,9 +283,6 @@ def test_inside_the_box_of_a_drawn_plan_every_execution_succeeds(seed):
     succeeds(make_dispatchable(plan, box), 5, random)
 
 
-# -- what is left of the envelope: small cases by hand, and the promise put to the test in simulated worlds ------------
-
-
 def sliced(dispatchable, *, seconds=None, timeout=None):
     """With the region of its plan."""
     result = RegionSearch(dispatchable.plan, timeout=timeout).run()

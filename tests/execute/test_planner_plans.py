@@ -133,8 +133,6 @@ def test_no_bound_can_be_left_out():
             assert broken.obligation in {violation.obligation for violation in broken.simulation.violations}
 
 
-# -- the robot delivery domain: problems as in the paper, plans that are valid, envelopes that mean something ----------
-
 DURATIONS, BATTERY = DeliveryVariant.DURATIONS, DeliveryVariant.BATTERY
 
 

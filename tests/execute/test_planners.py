@@ -225,9 +225,6 @@ def test_what_aries_does_not_solve_is_known_beforehand(old, new, message):
         solve(aries.aries_planner(), ERRANDS.replace(old, new), ERRAND)
 
 
-# -- proofs that there is no plan --------------------------------------------------------------------------------------
-
-
 class Silent:
     """A planner that notes what it is asked, and when it has to be done."""
 

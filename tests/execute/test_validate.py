@@ -184,8 +184,6 @@ def test_verdicts_and_separations_are_those_of_the_simulator_and_remedies_help(e
     assert min(seen[True], seen[False]) > least / 10
 
 
-# -- ε = 0, and effects that disagree, where plans are judged, moved, converted and executed ---------------------------
-
 NEVER = Fraction(0)
 
 

@@ -210,8 +210,6 @@ def test_real_time_wakes_the_executive_and_hands_over_messages():
     assert [messages for _, messages in endless.steps] == [(), ("a",)]
 
 
-# -- runs with re-planning ---------------------------------------------------------------------------------------------
-
 # One thing at a time.
 SERIAL = (
     plans.TASKS.replace("(at start (ready ?t))", "(at start (ready ?t)) (at start (free))")

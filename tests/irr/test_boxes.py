@@ -37,9 +37,6 @@ both_solvers = pytest.mark.parametrize("solver", ["z3", "cvc5"])
 either_way = pytest.mark.parametrize("doubling", [False, True])
 
 
-# -- boxes of IRR on drawn plans ---------------------------------------------------------------------------------------
-
-
 def run_irr(plan: ParametrizedPlan, **options) -> EnvelopeResult | None:
     """The result; None if no parameter values leave a schedule."""
     try:
@@ -185,9 +182,6 @@ def test_refutations_are_in_the_box_and_real() -> None:
     assert min(outcomes[True], outcomes[False]) >= 3, outcomes
 
 
-# -- exact boxes on drawn plans ----------------------------------------------------------------------------------------
-
-
 def searched(plan: ParametrizedPlan, method: str, **options: object) -> EnvelopeResult | None:
     """A complete result; None if the plan is invalid."""
     try:
@@ -241,9 +235,6 @@ def test_no_other_box_is_wider(plan) -> None:
             # An optimum that is only approached is given up to a millionth.
             assert width is None or width >= own - max(own, Fraction(1)) / 10**6
             assert width is None or best.bound is None or best.bound >= own
-
-
-# -- shipped plans -----------------------------------------------------------------------------------------------------
 
 
 # With weights, both upper ends move until to_ridge + 2 to_crater ≤ 128 stops them at 30 + 2λ and 40 + λ: λ = 9/2;
@@ -325,9 +316,6 @@ def test_navigation_boxes_have_their_corners_in_the_pentagon(doubling, order) ->
         beyond = result.box[name].end(side) + side.sign * (2 * beta if doubling else beta)
         grown = result.box.moved((name, side), beyond)
         assert not all(in_pentagon(*corner) for corner in product(*grown.ranges.values()))
-
-
-# -- hand-made plans ---------------------------------------------------------------------------------------------------
 
 
 @either_way
@@ -428,9 +416,6 @@ def test_values_without_a_schedule_are_refuted_with_a_reason(every) -> None:
     result = check(plan, at={"k": Fraction(-1)}, every=every)
     assert (result.answer, result.counterexamples) == (Answer.REFUTED, {})
     assert "k = -1" in result.reason
-
-
-# -- stopping early, options -------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("method", METHODS)

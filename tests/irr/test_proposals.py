@@ -182,9 +182,6 @@ def test_risk_asks_first_whether_all_values_are_inside(monkeypatch) -> None:
     assert (result.probability.lower, result.probability.upper, result.status) == (1, 1, RiskStatus.COMPLETE)
 
 
-# -- the slack graph by itself -----------------------------------------------------------------------------------------
-
-
 def graph(*faces: int, requirement: int, more: tuple[FaceBound, ...] = ()) -> SlackGraph:
     """Two ways from 0 to 2: over a distance with faces, and over others."""
     bounds = (FaceBound(0, 1, 5, faces[0], "first"), FaceBound(1, 2, 5, faces[1], "second"), *more)

@@ -19,14 +19,15 @@ from tests.cli.running import EXAMPLES, example
 from tests.irr.building import assembled, fail_at_query, loose, parameter, parametric, shipped, timed
 from tests.plan.building import drawn
 from tests.sampling import Network
+from tests.tables import tables
+
+TABLES = tables(__file__)
 
 DATA = Path(__file__).with_name("data")
 BETA = Fraction(1, 2)
 LOWER, UPPER = Side.LOWER, Side.UPPER
 every_method = pytest.mark.parametrize("method", ["widen", "irr", "optimal"])
 
-
-# -- what ends a side --------------------------------------------------------------------------------------------------
 
 CRATER = "sample_2 take-sample: over all (lit crater)"
 RIDGE = "sample_1 take-sample: over all (lit ridge)"
@@ -175,8 +176,6 @@ def test_what_ends_a_side_breaks_just_beyond(method) -> None:
     assert outcomes["obligation"] > 3, outcomes
 
 
-# -- durations that plan and domain both fix ---------------------------------------------------------------------------
-
 TRIPS = (DATA / "trips-domain.pddl").read_text(encoding="utf-8")
 TRIP = (DATA / "trips-problem.pddl").read_text(encoding="utf-8")
 STEPS = (DATA / "trips.stn").read_text(encoding="utf-8")
@@ -195,15 +194,7 @@ def with_room(result: EnvelopeResult) -> list[str]:
 
 
 @every_method
-@pytest.mark.parametrize(
-    ("lengths", "nominal", "options"),
-    [
-        ("u 5 2 3", {"u": 5}, ["duration:m1"]),
-        ("u v 2 3", {"u": 5, "v": 5}, ["duration:move"]),
-        ("u 5 w x", {"u": 5, "w": 2, "x": 3}, ["duration:m1", "duration:p", "duration:look"]),
-        ("u u 2 3", {"u": 5}, ["duration:move"]),
-    ],
-)
+@pytest.mark.parametrize(("lengths", "nominal", "options"), TABLES["what is to be typed gives room"])
 def test_what_is_to_be_typed_gives_room(method, lengths, nominal, options) -> None:
     """Parameters of the plan that the domain's durations hold at one value; `look` is an instance and an action."""
     result = envelope(trips(lengths, **nominal), method=method)
@@ -239,8 +230,6 @@ def test_the_shipped_delivery_says_what_to_type() -> None:
     assert with_room(typed) == list(typed.box.intervals)
 
 
-# -- overruns ----------------------------------------------------------------------------------------------------------
-
 DOMAIN = (DATA / "overruns-domain.pddl").read_text(encoding="utf-8")
 PROBLEM = (DATA / "overruns-problem.pddl").read_text(encoding="utf-8")
 
@@ -264,14 +253,7 @@ def box(**ends):
     })  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("name", "specs"),
-    [
-        ("two_sample_navigation", ["duration:drive_3", "duration:take-sample"]),
-        ("delivery", ["duration:move"]),
-        ("delivery", []),
-    ],
-)
+@pytest.mark.parametrize(("name", "specs"), TABLES["durations within the percentages are valid and more is not"])
 def test_durations_within_the_percentages_are_valid_and_more_is_not(name, specs):
     plan = load_plan(*example(directory=EXAMPLES / name), parameters=specs)
     widest = envelope(plan).box
@@ -318,27 +300,13 @@ def test_the_least_of_several_instances():
     assert load.percent == 0
 
 
-@pytest.mark.parametrize(
-    ("bound", "ends", "percent"),
-    [
-        ("[a, a]", (5, None), None),  # any longer one
-        ("[a, a]", (10, 10), 0),
-        ("[0, a]", (5, 12), 20),  # at most as planned
-    ],
-)
+@pytest.mark.parametrize(("bound", "ends", "percent"), TABLES["bounds of durations"])
 def test_bounds_of_durations(bound, ends, percent):
     (move, load) = action_overruns(acting("move load", f"m0 in {bound}; l1 in [3, 3]", a=10), box(a=ends))
     assert (move.percent, load.percent, load.decisive.reason) == (percent, 0, FIXED)
 
 
-@pytest.mark.parametrize(
-    ("constraints", "reason"),
-    [
-        # The same parameter for two durations: only that both are as long is proved.
-        ("m0 in [a, a]; m1 in [a, a]", "the duration of m1"),
-        ("m0 in [a, a]; m1 in [5, 5]; l2.start - .zero in [a, a]", "l2.start"),
-    ],
-)
+@pytest.mark.parametrize(("constraints", "reason"), TABLES["parameters that stand for more than one duration"])
 def test_parameters_that_stand_for_more_than_one_duration(constraints, reason):
     (move, _) = action_overruns(acting("move move load", f"{constraints}; l2 in [3, 3]", a=10), box(a=(5, 20)))
     assert (move.percent, move.overruns[0].planned, move.overruns[0].proved) == (0, 10, 10)

@@ -136,9 +136,6 @@ def test_long_plans_do_not_exhaust_the_stack():
         dynamic(chain, Deadline.after(0))
 
 
-# -- execution: whatever nature does, all requirements hold in the end -------------------------------------------------
-
-
 class Executing:
     """The strategy of a controllable network as the dispatcher follows it."""
 
@@ -232,9 +229,6 @@ def test_a_wait_ends_with_the_observation_or_by_itself():
     # It is not implied by that of an end that comes at the same time.
     together = network([("x", "c", None, 1)], [("x", "d", 0, 0), ("Z", "c", 5, 10)])
     assert [str(wait) for wait in waits(dynamic(together))] == ["x waits for c, at most 9 after .zero"]
-
-
-# -- MinMaxDispatchTime: windows of all time points after any history --------------------------------------------------
 
 
 def windows_after(count, edges, *times, waits=()):

@@ -18,6 +18,9 @@ from robust.pike_bridge import files as documents
 from robust.pike_bridge.files import SCHEMA_FILE, parse_tpnu, read_tpnu, tpnu_text, write_tpnu
 from tests.pike_bridge.plans import DOMAIN, PROBLEM, kitchen
 from tests.sampling import often
+from tests.tables import tables
+
+TABLES = tables(__file__)
 
 SCHEMA = jsonschema.Draft202012Validator(json.loads(SCHEMA_FILE.read_text(encoding="utf-8")))
 BASE = json.loads(tpnu_text(kitchen(), domain="kitchen.pddl", problem="problem.pddl"))
@@ -263,22 +266,7 @@ def test_a_plan_from_files_is_that_in_memory(files, tmp_path):
         action_model.load_team_plan(files)
 
 
-@pytest.mark.parametrize(
-    ("before", "after", "message"),
-    [
-        ("(get human glass)", "(grab human glass)", r"\d+:16: found action 'grab', expected one of domain"),
-        ("(get human glass)", "(get human bagel)", r"\d+:16: found 'bagel' of type food"),
-        ('"lower": 0.5, "upper": 2', '"lower": 11, "upper": 12', r"\d+:5: found activity .* with bounds \[11, 12\]"),
-        ('"at": "e1"', '"at": "e99"', r"\d+:\d+: found event 'e99'"),
-        ('"lower": 1, "upper": 3', '"lower": 1, "upper": "2/3"', r"\d+:5: found bounds \[1, 2/3\] of activity \(pour"),
-        ('"e3", "guard": {"xA1"', '"e3", "guard": {"xA"', r"\d+:36: found choice 'xA' .* did you mean 'xA2' or 'xA1'"),
-        (
-            "(over all (taken ?v))",
-            "(over all (or (taken ?v) (filled ?v)))",
-            r"\d+:\d+: found a disjunction .* of \(pour",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("before", "after", "message"), TABLES["mistakes are located"])
 def test_mistakes_are_located(files, before, after, message):
     documents = (files, files.parent / "pddl" / "domain.pddl")
     [path] = [path for path in documents if before in path.read_text(encoding="utf-8")]

@@ -20,6 +20,9 @@ from robust.smt.terms import Terms
 from tests.plan.building import drawn
 from tests.qe import polyhedra as shapes
 from tests.qe.polyhedra import NAMES, SYMBOLS, as_z3, cube, eq, is_valid, le, lt, polygon, polyhedra, rectangle, same
+from tests.tables import tables
+
+TABLES = tables(__file__)
 
 QUICK, region_z3, regions, spaces = drawn(30), shapes.region_z3, shapes.regions, shapes.spaces
 PLANE = ("x", "y")
@@ -256,18 +259,7 @@ def test_text_and_latex():
     )
 
 
-@pytest.mark.parametrize(
-    "document",
-    [
-        [],
-        {},
-        {"parameters": ["x"], "polyhedra": [{}]},
-        {"parameters": ["x"], "polyhedra": {}},
-        {"parameters": ["x"], "form": "difference", "minus": []},
-        {"parameters": ["x"], "form": "intersection", "polyhedra": []},
-        {"schema": "robust/region/2", "parameters": ["x"], "polyhedra": []},
-    ],
-)
+@pytest.mark.parametrize("document", TABLES["documents have one layout and others are refused"])
 def test_documents_have_one_layout_and_others_are_refused(document):
     with pytest.raises(InputError, match="cannot read a region"):
         Region.from_dict(document)

@@ -30,6 +30,9 @@ from robust.sweeps.suites import SuitePlan
 from tests.children import eventually, is_running
 from tests.cli.running import command
 from tests.draw.browser import browser
+from tests.tables import tables
+
+TABLES = tables(__file__)
 
 ROOT = Path(__file__).parents[2]
 NAVIGATION = ROOT / "robust" / "examples" / "two_sample_navigation"
@@ -65,9 +68,6 @@ def only_run(verb, folder, **options):
     """The run of a batch of one plan."""
     ((run,),) = (row.runs.values() for row in robust.batch(verb, folder, **options).plans)
     return run
-
-
-# -- what is asked of each is what is asked of one ---------------------------------------------------------------------
 
 
 def test_check_of_plans_some_of_which_are_wrong(tmp_path):
@@ -106,9 +106,6 @@ def test_answers_and_options_are_those_of_single_plans(tmp_path, monkeypatch):
     assert only_run("envelope", tmp_path).box["d1"][1] == "11"
     wrong = only_run("check", tmp_path, parameter=["duration:none"])
     assert (wrong.exit_code, "'none'" in wrong.message) == (2, True)
-
-
-# -- CCMMZ against IRR -------------------------------------------------------------------------------------------------
 
 
 def test_comparison(tmp_path):
@@ -151,9 +148,6 @@ def test_shares_of_volumes(box, other, expected):
 
 def test_a_refutation_counts_more_than_what_is_not_known():
     assert [worst(codes) for codes in ([], [0, 0], [0, 3], [3, 4], [3, 4, 2], [3, 4, 2, 1, 0])] == [0, 0, 3, 4, 2, 1]
-
-
-# -- stores, limits, Ctrl-C --------------------------------------------------------------------------------------------
 
 
 def test_a_store_keeps_what_is_known_until_a_plan_changes(tmp_path, monkeypatch):
@@ -270,18 +264,7 @@ def test_two_workers_one_of_which_is_killed(tmp_path, count):
     assert costless(again) == costless(serial) == costless(batch)
 
 
-@pytest.mark.parametrize(
-    ("verb", "given", "message"),
-    [
-        ("chekc", {}, "unknown verb 'chekc'; did you mean 'check'"),
-        ("check", {"jobs": 0}, "jobs: found '0', expected a whole number from 1"),
-        ("check", {"jobs": 2, "cluster": "x"}, "jobs: cannot be combined with cluster; choose one"),
-        ("check", {"limit": "x"}, "limit: found 'x', expected a number"),
-        ("envelope", {"method": "best"}, "unknown method 'best'"),
-        ("envelope", {"beta": 1}, "beta: found it with method='widen', expected method='irr', or no beta"),
-        ("compare", {"region": "none"}, "unknown region 'none'"),
-    ],
-)
+@pytest.mark.parametrize(("verb", "given", "message"), TABLES["wrong options"])
 def test_wrong_options(tmp_path, verb, given, message):
     with pytest.raises(InputError) as caught:
         robust.batch(verb, tmp_path, **given)
@@ -297,8 +280,6 @@ def test_files_that_cannot_be_used_are_noticed_before_anything_runs(tmp_path):
     with pytest.raises(InputError, match="store"):
         run_batch("check", [("check", "check", ())], deliveries(tmp_path / "plans", 1), store=tmp_path / "store")
 
-
-# -- tables ------------------------------------------------------------------------------------------------------------
 
 HOSTILE = "<script>alert('1')</script>&\"x\" ]]>\n=cmd"
 RUNS = (

@@ -7,6 +7,9 @@ import pytest
 
 from robust.errors import InputError
 from robust.sweeps.suites import SuitePlan, read_suite
+from tests.tables import tables
+
+TABLES = tables(__file__)
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT.parent / "shared"
@@ -22,26 +25,7 @@ def folder(tmp_path, files):
     return tmp_path
 
 
-@pytest.mark.parametrize(
-    ("files", "domain", "problem"),
-    [
-        ("domain.pddl problem.pddl plan.stn", "domain.pddl", "problem.pddl"),
-        ("domain.pddl problem.pddl steps.PLAN", "domain.pddl", "problem.pddl"),
-        ("domain.pddl a/problem.pddl a/plan.log", "domain.pddl", "a/problem.pddl"),
-        ("domain.pddl problem.pddl a/b/x.sol", "domain.pddl", "problem.pddl"),
-        ("domain.pddl p01.pddl p02.pddl p02.plan", "domain.pddl", "p02.pddl"),
-        ("domain.pddl problem_05.pddl problem_06.pddl plan_06_1.stn", "domain.pddl", "problem_06.pddl"),
-        ("domain-1.pddl domain-2.pddl problem-1.pddl problem-2.pddl plan-2.log", "domain-2.pddl", "problem-2.pddl"),
-        (
-            "domain.pddl domain-battery.pddl problem.pddl problem-battery.pddl small-battery-3.stn",
-            "domain-battery.pddl",
-            "problem-battery.pddl",
-        ),
-        # nearer folders come first
-        ("domain.pddl problem.pddl a/domain.pddl a/problem.pddl a/plan.stn", "a/domain.pddl", "a/problem.pddl"),
-        ("domain.pddl problem_1.pddl problem_3.pddl plan_3_1.stn", "domain.pddl", "problem_3.pddl"),
-    ],
-)
+@pytest.mark.parametrize(("files", "domain", "problem"), TABLES["files that belong together"])
 def test_files_that_belong_together(tmp_path, files, domain, problem):
     (one,) = read_suite(folder(tmp_path, files)).instances
     assert (one.name, one.domain, one.problem, one.trouble) == (files.split()[-1], domain, problem, None)
@@ -52,16 +36,7 @@ def test_plans_in_hidden_folders_and_other_files_are_none(tmp_path):
     assert [(one.name, one.trouble) for one in read_suite(path).instances] == [("a.stn", None), ("b.stn", None)]
 
 
-@pytest.mark.parametrize(
-    ("files", "trouble"),
-    [
-        ("domain.pddl plan.stn", "found none, expected one problem"),
-        ("problem.pddl plan.stn", "found none, expected one domain"),
-        ("domain.pddl problem_1.pddl p1.pddl plan_1.stn", "found p1.pddl, problem_1.pddl, expected one problem"),
-        ("domain.pddl problem-one-order.pddl problem-battery.pddl one-order-battery.stn", "problem-one-order"),
-        ("domain.pddl problem_2.pddl plan_1.stn", "found none, expected one problem"),
-    ],
-)
+@pytest.mark.parametrize(("files", "trouble"), TABLES["what is not clear is said of that plan"])
 def test_what_is_not_clear_is_said_of_that_plan(tmp_path, files, trouble):
     (one,) = read_suite(folder(tmp_path, files)).instances
     assert trouble in one.trouble
