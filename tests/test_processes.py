@@ -18,6 +18,7 @@ from robust.smt.limits import Deadline, OutOfTimeError, from_copy, stream_from_c
 from robust.watcher import CANNOT_START
 from tests.children import WAIT, Told, eventually, interrupted_after, is_running
 from tests.cli.running import environment, ran
+from tests.tables import text_in_data
 
 
 def python(code):
@@ -154,15 +155,7 @@ def test_copies_end_with_their_parent(told):
     assert told.gone()
 
 
-FORKING_AWAY = """
-import os, sys
-if os.fork() == 0:
-    os.setsid()
-    if os.fork() == 0:
-        {told}
-    os._exit(0)
-import time; time.sleep(60)
-"""
+FORKING_AWAY = text_in_data(__file__, "forking-away.txt")
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP])

@@ -13,25 +13,13 @@ from robust.plan import load
 from robust.plan.model import ZERO, TimePoint
 from robust.plan.simulate import Simulation, simulate
 from tests.irr.building import schedule_of
+from tests.tables import text_in_data
 from tests.val import validate
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "robust" / "examples"
 DOMAINS = ROOT / "benchmarks" / "domains"
-SHIPPED = """
-robust/examples/two_sample_navigation  domain  problem     plan
-robust/examples/generator              domain  problem     plan
-robust/examples/delivery               domain  problem     plan
-benchmarks/domains/generator       domain          problem-5             plan-5-2 plan-5-4 plan-5-pauses-3
-benchmarks/domains/generator       domain          problem-8             plan-8-3
-benchmarks/domains/solar_rover     domain          problem               plan-2 plan-3 plan-4
-benchmarks/domains/solar_rover     domain-yield    problem-yield         plan-yield
-benchmarks/domains/auv_survey      domain          problem-one-vehicle   one-vehicle-2 one-vehicle-4 one-vehicle-6
-benchmarks/domains/auv_survey      domain          problem-two-vehicles  two-vehicles-5
-benchmarks/domains/robot_delivery  domain          problem-one-order     one-order-2 one-order-5 one-order-preparation-3
-benchmarks/domains/robot_delivery  domain          problem-two-orders    two-orders-10
-benchmarks/domains/robot_delivery  domain-battery  problem-battery       one-order-battery-6
-"""
+SHIPPED = text_in_data(__file__, "shipped.txt")
 
 
 class Example(NamedTuple):

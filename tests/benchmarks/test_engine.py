@@ -23,6 +23,7 @@ from robust.sweeps import sweep as pool
 from robust.sweeps.sweep import ATTEMPTS, SCHEMA, Store, Task, key_of
 from tests.benchmarks.conftest import Squared, attempts, deadly, navigation, square, sweep_of, task
 from tests.children import eventually, is_running
+from tests.tables import text_in_data
 
 ROOT = Path(__file__).parents[2]
 HEADER = json.dumps({"schema": SCHEMA, "robust": robust.__version__})
@@ -122,20 +123,8 @@ def test_killed_processes(files):
     assert len(Store(store).results) == 7
 
 
-DRIVER = """
-import json, sys
-from pathlib import Path
-from tests.benchmarks.conftest import sweep_of, task
-log, store, jobs = Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])
-some = [task(number, log, 0 if number < 2 else 60) for number in range(6)]
-sweep = sweep_of(some, store=store, jobs=jobs)
-print(json.dumps([[task.given[0] for task, _ in sweep.results], sweep.complete, sweep.notes]))
-"""
-RECORDED = """
-import json, sys
-from benchmarks.irr.recorded import RECORDED
-print(json.dumps(RECORDED.run(suite=sys.argv[1], jobs=int(sys.argv[2])).as_dict()))
-"""
+DRIVER = text_in_data(__file__, "driver.txt")
+RECORDED = text_in_data(__file__, "recorded.txt")
 
 
 def driver(script, *words):

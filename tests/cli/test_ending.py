@@ -21,6 +21,7 @@ from robust.stnu.files import network_json
 from tests.children import eventually, is_running
 from tests.cli import inputs
 from tests.cli.running import COMMAND, LOAD, answer_of, command, environment, example, process, ran, started, stopped
+from tests.tables import text_in_data
 
 SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
 WITHIN = STARTED = 3 * LOAD
@@ -217,20 +218,7 @@ def test_progress_on_a_terminal_only(long):
     assert on_terminal("check", *long, "--quiet")[2] == ""
 
 
-PLANNER = """
-import os, sys, time
-if os.fork() == 0:
-    os.setsid()
-    if os.fork() == 0:
-        with open(sys.argv[1] + ".part", "w") as file:
-            file.write(str(os.getpid()))
-        os.rename(sys.argv[1] + ".part", sys.argv[1])
-        time.sleep(300)
-    os._exit(0)
-while True:
-    print("thinking " * 1000)
-    time.sleep(0.001)
-"""
+PLANNER = text_in_data(__file__, "planner.txt")
 """A planner whose work goes on in a process that has left it, while it prints without end (some MB a second)."""
 
 
@@ -418,19 +406,7 @@ def test_ends_work_at_the_limit_and_remembers_a_signal_before_work():
             pytest.fail("work began")
 
 
-STUCK = """
-import os, signal, threading, time
-from robust.cli.guard import Guard
-with Guard() as guard, guard.working({limit}, lambda: print("best so far", flush=True) is None):
-    if not {limit}:
-        os.kill(os.getpid(), signal.SIGINT)
-    end = time.monotonic() + 20
-    while time.monotonic() < end:
-        try:
-            time.sleep(20)
-        except KeyboardInterrupt:
-            pass
-"""
+STUCK = text_in_data(__file__, "stuck.txt")
 
 
 @pytest.mark.parametrize("limit", [None, 0.1])

@@ -147,7 +147,7 @@ def test_check_agrees_with_simulations(kind, solver, count) -> None:
     assert "there is a schedule" not in outcomes
 
 
-@pytest.mark.parametrize("count", [24, pytest.param(4000, marks=SLOW)])
+@pytest.mark.parametrize("count", [30, pytest.param(4000, marks=SLOW)])
 def test_fixed_schedules_break_exactly_what_the_simulator_says(count) -> None:
     outcomes: Counter[bool] = Counter()
 
@@ -163,7 +163,7 @@ def test_fixed_schedules_break_exactly_what_the_simulator_says(count) -> None:
 
     run()
     assert outcomes[False] >= 3, outcomes
-    assert outcomes[True] >= 8, outcomes
+    assert outcomes[True] >= 6, outcomes
 
 
 @drawn(5, 10)

@@ -17,27 +17,9 @@ from robust.plan.stn import parse_stn, write_stn
 from robust.plan.timed import parse_timed_plan
 from robust.smt.limits import NEVER
 from tests.execute.plans import EPSILON, converted, durative
+from tests.tables import text_in_data
 
-BATTERY = f"""(define (domain battery)
-(:requirements :durative-actions :numeric-fluents :continuous-effects :duration-inequalities)
-(:predicates (idle) (docked) (there))
-(:functions (battery))
-{
-    durative(
-        "charge",
-        ">= 1",
-        "(at start (idle)) (over all (docked))",
-        "(at start (not (idle))) (at end (idle)) (increase (battery) #t)",
-    )
-}
-{
-    durative(
-        "drive",
-        ">= 1",
-        "(at start (idle)) (over all (>= (battery) 0))",
-        "(at start (not (idle))) (at end (idle)) (at end (there)) (decrease (battery) #t)",
-    )
-})"""
+BATTERY = text_in_data(__file__, "battery.pddl")
 EMPTY = "(define (problem p) (:domain battery) (:init (docked) (idle) (= (battery) 20)) (:goal (there)))"
 CHARGED = "0.001: (charge) [20]\n20.002: (drive) [30]"
 

@@ -30,7 +30,7 @@ from robust.sweeps.suites import SuitePlan
 from tests.children import eventually, is_running
 from tests.cli.running import command
 from tests.draw.browser import browser
-from tests.tables import tables
+from tests.tables import tables, text_in_data
 
 TABLES = tables(__file__)
 
@@ -179,14 +179,7 @@ def test_limits_of_single_plans_give_sound_answers_or_none(tmp_path, verb, jobs)
     assert all((name[0], one.lower >= 0) == ("d", True) for name, one in box_of(run.box or {}).intervals.items())
 
 
-SLEEPER = """
-import os, sys, time
-sys.argv[2].endswith("domain.pddl") or sys.exit(5)
-if "quick" in open(sys.argv[4]).read():
-    print('{"verdict": "proved", "counterexample": null, "reason": null, "seconds": 0.1}'); sys.exit(0)
-open(os.environ["PIDS"] + f"/{os.getpid()}", "w").close()
-time.sleep(60)
-"""
+SLEEPER = text_in_data(__file__, "sleeper.txt")
 
 
 @pytest.fixture
@@ -213,14 +206,7 @@ def test_out_of_time(tmp_path, monkeypatch, sleeping):
     assert note.startswith("incomplete: 1 of 4 tasks done; run the same command again, with --store ")
 
 
-INTERRUPTED = """
-import sys
-from robust.sweeps import batch
-batch.COMMAND = (sys.executable, sys.argv[1])
-from robust.cli import main
-sys.argv[1:2] = ["batch", "check"]
-main()
-"""
+INTERRUPTED = text_in_data(__file__, "interrupted.txt")
 
 
 def test_interrupted(tmp_path, sleeping):

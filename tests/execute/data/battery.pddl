@@ -1,0 +1,6 @@
+(define (domain battery)
+(:requirements :durative-actions :numeric-fluents :continuous-effects :duration-inequalities)
+(:predicates (idle) (docked) (there))
+(:functions (battery))
+(:durative-action charge :parameters () :duration (>= ?duration 1) :condition (and (at start (idle)) (over all (docked))) :effect (and (at start (not (idle))) (at end (idle)) (increase (battery) #t)))
+(:durative-action drive :parameters () :duration (>= ?duration 1) :condition (and (at start (idle)) (over all (>= (battery) 0))) :effect (and (at start (not (idle))) (at end (idle)) (at end (there)) (decrease (battery) #t))))
