@@ -361,7 +361,7 @@ def test_the_envelope_lies_between_both_bounds_wherever_the_search_is_cut(kind, 
     assert met[compute.RegionStatus.COMPLETE, True]
 
 
-@by_kind(any=6, alike=4)
+@by_kind(any=6, alike=6)
 def test_cells_alone_and_symmetry_come_to_the_same_envelope(kind, count, monkeypatch):
     """Bad pieces and good cells cover everything in the end, and share nothing."""
     cells: list[polyhedron.Polyhedron] = []
