@@ -188,10 +188,10 @@ def check_box(plan, for_all, seed, **assumed):
 
 def test_boxes_of_structured_plans_the_wing_and_the_kitchen_are_inside_and_tight():
     tight = 0
-    for seed in (1, 3, 7, 12)[: often(3, 4)]:
+    for seed in (1, 3, 7, 12):
         plan = random_parameters(structured(seed), seed)
         tight += check_box(plan, (), seed) + check_box(plan, uncontrollable(plan)[:1], seed)
-    assert tight > 1
+    assert tight > 2
     assert check_box(wing(PICK, "limit=at-most:e1:e58"), ("h1", "h2"), 1) == 2
 
     for assumed in {}, {"xA1": "mug"}, {"xA1": "glass", "xR2": "milk"}:
