@@ -21,7 +21,6 @@ from robust.plan.load import assemble, load_plan
 from robust.plan.parameters import parse_parameter_file, toml_document
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.stn import parse_stn
-from robust.qe.box import Box
 from robust.qe.lifted import LiftedRegion, lifted_envelope
 from robust.qe.nnf import FormulaReader
 from robust.smt.limits import NEVER
