@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 
 from robust.errors import InputError, Location, did_you_mean
-from robust.execute.worlds import Rule, Rules
+from robust.execute.worlds import Rule, Rules, normal_name
 from robust.numbers import shorten
-from robust.plan.model import Parameter, ParametrizedPlan
+from robust.plan.model import ActionInstance, Parameter, ParametrizedPlan
 from robust.probability.distributions import Distribution, parse_distribution, require_possible
 
 Given = Mapping[str, str | Distribution] | Sequence[str]
@@ -24,70 +24,109 @@ def _plainly(name: str, text: str | None) -> Location:
 def distributions_of(
     plan: ParametrizedPlan, given: Given, world: Rules | None = None, place_of: Places = _plainly
 ) -> dict[str, Distribution]:
-    """The distribution of each parameter: what is given, else what the first rule that fits says.
+    """The distribution of each parameter: what is given, else what the first rule of the world that fits says.
 
-    A rule fits that is about the parameter, or about the duration of an instance that the parameter is. With a world,
-    a parameter without a rule is as planned.
+    What is given names a parameter, or durations as `duration:drive`, `drive`, `(drive r1 a b)`, the identifier of a
+    step, `duration:*` or, for all parameters, `*`; of several that fit, the one that says most precisely what it is
+    about counts. A rule of a world fits that is about the parameter, or about the duration of an instance that the
+    parameter is. A parameter without either is as planned.
 
     Raises:
-        InputError: wrong distributions, of unknown parameters, or none of a parameter.
+        InputError: wrong distributions, or names that fit nothing; or nothing is said about any parameter.
     """
-    parameters = {parameter.name: parameter for parameter in plan.parameters}
-    known = _given(given, parameters, place_of)
-    lasting, ruled = _lengths(plan), bool(known)
-    for name, parameter in parameters.items():
+    lasting = _lengths(plan)
+    known = _given(given, plan, lasting, place_of)
+    rules = world or Rules()
+    ruled = bool(known)
+    for parameter in plan.parameters:
+        name = parameter.name
         if name in known:
             continue
-        if world is None:
-            message = f"found no distribution of parameter {shorten(name)}, expected one of each"
-            raise InputError(f"{message}; {name}=constant:VALUE fixes it", place_of("distribution", None))
-        rule = world.parameter(name)
+        rule = rules.parameter(name)
         if rule is None and name in lasting:
-            rule = world.duration(plan.instance[lasting[name]])
+            rule = rules.duration(plan.instance[lasting[name]])
         ruled = ruled or rule is not None
-        known[name] = _ruled(rule, parameter, place_of)
-    if world is not None and not ruled:
-        message = f"found no rule about a parameter, expected one; known are {', '.join(parameters) or 'none'}"
-        raise InputError(message, place_of("world", None))
-    return {name: known[name] for name in parameters}
+        known[name] = _ruled(rule, parameter, place_of, "distribution" if world is None else "world")
+    if not ruled and (plan.parameters or world is not None):
+        names = ", ".join(parameter.name for parameter in plan.parameters) or "none"
+        message = f"found no distribution of a parameter, expected one; known are {names}"
+        raise InputError(message, place_of("distribution" if world is None else "world", None))
+    return {parameter.name: known[parameter.name] for parameter in plan.parameters}
 
 
-def _given(given: Given, parameters: Mapping[str, Parameter], place_of: Places) -> dict[str, Distribution]:
-    """The distributions that were given, at most one for each parameter."""
-    distributions: dict[str, Distribution] = {}
+def _given(
+    given: Given, plan: ParametrizedPlan, lasting: Mapping[str, str], place_of: Places
+) -> dict[str, Distribution]:
+    """The distributions of the parameters that what was given is about."""
+    parameters = {parameter.name: parameter for parameter in plan.parameters}
+    said: dict[str, tuple[int, str | Distribution, Location]] = {}
+    subjects: set[str] = set()
     for text, value in given.items() if isinstance(given, Mapping) else ((text, "") for text in given):
         name, kind, place = text, value, place_of("distribution", str(text))
         if not isinstance(given, Mapping):
             name, equals, kind = (part.strip() for part in text.partition("="))
             if not equals or not name:
                 raise InputError(f"found {shorten(text)}, expected NAME=DISTRIBUTION such as a=normal:30:5", place)
-        if name not in parameters:
-            none = "; the plan has none, and --parameter makes some"
-            remedy = did_you_mean(str(name), parameters) if parameters else none
-            raise InputError(f"found unknown parameter {shorten(str(name))}{remedy}", place)
-        if name in distributions:
-            raise InputError(f"found a second distribution of {shorten(name)}, expected one", place)
         if not isinstance(kind, str | Distribution):
             raise InputError(f"found {shorten(repr(kind))}, expected a distribution such as 'normal:30:5'", place)
+        if name in subjects:
+            raise InputError(f"found a second distribution of {shorten(name)}, expected one", place)
+        subjects.add(name)
+        for width, parameter in _subjects(str(name), plan, lasting, place):
+            if parameter not in said or width < said[parameter][0]:
+                said[parameter] = width, kind, place
+    distributions = {}
+    for name, (_, kind, place) in said.items():
         planned = _planned(parameters[name])
         distributions[name] = kind if isinstance(kind, Distribution) else parse_distribution(kind, planned, place)
     return distributions
+
+
+def _subjects(
+    name: str, plan: ParametrizedPlan, lasting: Mapping[str, str], place: Location
+) -> Iterator[tuple[int, str]]:
+    """The parameters that a name is about, and how little it says about which.
+
+    Raises:
+        InputError: if there is none.
+    """
+    names = [parameter.name for parameter in plan.parameters]
+    subject = normal_name(name.removeprefix("duration:"))
+    if name in names:
+        yield 0, name
+        return
+    fits = {name: plan.instance[identifier] for name, identifier in lasting.items()}
+    ways: tuple[Callable[[ActionInstance], bool], ...] = (
+        lambda step: step.identifier == subject,
+        lambda step: str(step) == subject,
+        lambda step: step.action == subject,
+        lambda _: name == "duration:*",
+    )
+    found = [(width, one) for width, way in enumerate(ways) for one, step in fits.items() if way(step)]
+    found = found or ([(len(ways), one) for one in names] if name == "*" else [])
+    if not found:
+        steps = {name for step in plan.instances for name in (step.identifier, step.action, str(step), "*")}
+        remedy = did_you_mean(name, names) if names else "; the plan has none, and --parameter makes some"
+        if subject in steps and name != "*":
+            raise InputError(f"found no parameter that is a duration of {shorten(subject)}, expected one", place)
+        raise InputError(f"found unknown parameter {shorten(name)}{remedy}", place)
+    yield from found
 
 
 def _planned(parameter: Parameter) -> Fraction | None:
     return parameter.nominal if parameter.has_nominal else None
 
 
-def _ruled(rule: Rule | None, parameter: Parameter, place_of: Places) -> Distribution:
+def _ruled(rule: Rule | None, parameter: Parameter, place_of: Places, option: str) -> Distribution:
     """The distribution of a parameter by a rule; without a rule, it has its planned value."""
     planned = _planned(parameter)
     if planned is None:
-        message = f"found no nominal value of parameter {shorten(parameter.name)}, expected one: worlds are about plans"
-        raise InputError(message, place_of("world", None))
+        message = f"found neither a distribution nor a nominal value of parameter {shorten(parameter.name)}"
+        raise InputError(f"{message}, expected one of them", place_of(option, None))
     if rule is None:
         return Distribution("constant", {"value": planned})
     distribution = rule.about(planned)
-    require_possible(distribution.kind, distribution.numbers, place_of("world", parameter.name))
+    require_possible(distribution.kind, distribution.numbers, place_of(option, parameter.name))
     return distribution
 
 

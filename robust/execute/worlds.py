@@ -11,10 +11,10 @@ several rules that fit, the first counts. Numbers are exact, and may be written 
 nature does what the plan expects::
 
     [[draw]]
-    duration = "prepare"          # an action, a ground action "(prepare first cap)", or an instance of the plan
+    duration = "prepare"          # an action, a ground action "(prepare first cap)", an instance of the plan, or "*"
     distribution = "normal"       # or constant, uniform, half-normal, truncated-normal, triangular, exponential
     mean = 150                    # the planned value if left out
-    deviation = 70
+    deviation = 70                # or "15%" of the planned value
     minimum = 20                  # none if left out
     below = "fold"                # what becomes of draws below the minimum; or "clip"
 
@@ -26,14 +26,20 @@ nature does what the plan expects::
     relative = true               # numbers are multiples of the planned value
 
     [[draw]]
-    parameter = "handling"        # a parameter of the plan: once for each run
+    parameter = "handling"        # a parameter of the plan, or "*": once for each run
     distribution = "half-normal"
     origin = 5                    # the planned value if left out
     deviation = 1
 
-Draws are multiples of 1/1000, constants excepted. Every draw has a random number of its own, made of the run's seed,
-what is drawn, and how often that has been drawn before. So two executors that meet in the same world with the same seed
-have the same luck, whatever order they do things in: results can be compared pair by pair.
+    [[draw]]
+    duration = "carry"
+    distribution = "empirical"    # what was observed
+    values = [41, 43.5, 60]
+    weights = [7, 2, 1]           # how often; once each if left out
+
+Draws are multiples of 1/1000, except for constants and observed values. Every draw has a random number of its own, made
+of the run's seed, what is drawn, and how often that has been drawn before. So two executors that meet in the same world
+with the same seed have the same luck, whatever order they do things in: results can be compared pair by pair.
 """
 
 from __future__ import annotations
@@ -52,14 +58,24 @@ from typing import Final
 from robust.errors import InputError, Location, did_you_mean
 from robust.execute import dispatcher
 from robust.execute.dispatchable import Dispatchable, Means, NaturalLink
-from robust.numbers import parse_number, shorten
+from robust.numbers import shorten
 from robust.plan import model
 from robust.plan.parameters import DecimalText, toml_document
 from robust.plan.pddl.forms import read_text
 from robust.plan.timeline import Reading, State
 from robust.plan.variants import with_values
 from robust.presented import VerdictEnum
-from robust.probability.distributions import KEYS, OPTIONAL, PLANNED, Below, Distribution, require_possible
+from robust.probability.distributions import (
+    KEYS,
+    LISTS,
+    OPTIONAL,
+    Amount,
+    Below,
+    Distribution,
+    DistributionForm,
+    parse_amount,
+    require_possible,
+)
 
 
 class Luck:
@@ -107,30 +123,15 @@ class Subject(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """`numbers` are those of the file; `of` puts in the planned value."""
+    """A distribution as the file says it, and of which quantities."""
 
     subject: Subject
     name: str
-    distribution: str
-    numbers: Mapping[str, Fraction]
-    below: Below = Below.FOLD
-    relative: bool = False
-
-    def of(self, planned: Fraction) -> Mapping[str, Fraction]:
-        """The numbers of the distribution for a quantity with this planned value."""
-        unit = planned if self.relative else Fraction(1)
-        numbers = dict.fromkeys(PLANNED.intersection(KEYS[self.distribution]), planned)
-        numbers |= {key: value * unit for key, value in self.numbers.items()}
-        for lower, upper in (("lower", "upper"), ("minimum", "maximum")):  # a negative unit turns the ends round
-            if unit < 0 and lower in numbers and upper in numbers:
-                numbers[lower], numbers[upper] = numbers[upper], numbers[lower]
-        if "deviation" in numbers:
-            numbers["deviation"] = abs(numbers["deviation"])
-        return numbers
+    form: DistributionForm
 
     def about(self, planned: Fraction) -> Distribution:
         """The distribution of a quantity with this planned value."""
-        return Distribution(self.distribution, self.of(planned), self.below)
+        return self.form.at(planned, Location(self.name))
 
 
 @dataclass(frozen=True)
@@ -141,14 +142,14 @@ class Rules:
 
     def duration(self, instance: model.ActionInstance) -> Rule | None:
         """The rule for the duration of an instance."""
-        return self._first(Subject.DURATION, {instance.identifier, instance.action, str(instance)})
+        return self._first(Subject.DURATION, {instance.identifier, instance.action, str(instance), "*"})
 
     def consumption(self, fluent: model.Fluent) -> Rule | None:
         """The rule for the value of a fluent that nothing changes."""
         return self._first(Subject.CONSUMPTION, {fluent.function, str(fluent)})
 
     def parameter(self, name: str) -> Rule | None:
-        return self._first(Subject.PARAMETER, {name})
+        return self._first(Subject.PARAMETER, {name, "*"})
 
     def _first(self, subject: Subject, names: set[str]) -> Rule | None:
         return next((rule for rule in self.rules if rule.subject is subject and rule.name in names), None)
@@ -193,25 +194,35 @@ def _rule(table: Mapping[str, object], place: str) -> Rule:
         raise InputError(f"found {shorten(str(relative))} for 'relative', expected true or false", location)
     if below not in {"fold", "clip"}:
         raise InputError(f"found {shorten(str(below))} for 'below', expected fold or clip", location)
-    numbers = {key: _number(table[key], key, location) for key in KEYS[kind] if key != "below" and key in table}
-    rule = Rule(subject, _normal_name(subject, name), kind, numbers, Below(below), relative)
+    amounts: dict[str, tuple[Amount, ...]] = {}
+    for key in (key for key in KEYS[kind] if key != "below" and key in table):
+        given = table[key] if key in LISTS else [table[key]]
+        if not isinstance(given, list):
+            raise InputError(f"found {shorten(str(given))} for {key!r}, expected a list of numbers", location)
+        amounts[key] = tuple(_amount(one, key, location, relative=relative and key != "weights") for one in given)
+    rule = Rule(subject, _normal_name(subject, name), DistributionForm(kind, amounts, Below(below)))
     _check_numbers(rule, location)
     return rule
 
 
 def _normal_name(subject: Subject, name: str) -> str:
     """Ground actions and fluents as they are written elsewhere; identifiers keep their case."""
-    text = name.strip()
-    if text.startswith("(") and text.endswith(")"):
-        return f"({' '.join(text[1:-1].lower().split())})"
+    text = normal_name(name)
     return text.lower() if subject is Subject.CONSUMPTION else text
 
 
-def _number(value: object, key: str, location: Location) -> Fraction:
+def normal_name(name: str) -> str:
+    """`( Drive  r1 A )` as `(drive r1 a)`; other names as they are."""
+    text = name.strip()
+    return f"({' '.join(text[1:-1].lower().split())})" if text.startswith("(") and text.endswith(")") else text
+
+
+def _amount(value: object, key: str, location: Location, *, relative: bool) -> Amount:
     if isinstance(value, int) and not isinstance(value, bool):
-        return Fraction(value)
+        return Amount(Fraction(value), relative)
     if isinstance(value, str | DecimalText):
-        return parse_number(str(value).strip(), location)
+        amount = parse_amount(str(value), location)
+        return Amount(amount.value, amount.relative or relative)
     raise InputError(f"found {shorten(str(value))} for {key!r}, expected a number", location)
 
 
@@ -226,16 +237,21 @@ _LEAST: Final = {
 
 
 def _check_numbers(rule: Rule, location: Location) -> None:
-    for key in KEYS[rule.distribution]:
-        if key not in rule.numbers and key not in OPTIONAL:
-            raise InputError(f"found no {key!r}, expected a number for a {rule.distribution} distribution", location)
-    numbers = rule.numbers
-    require_possible(rule.distribution, numbers, location)
+    kind, amounts = rule.form.kind, rule.form.amounts
+    for key in KEYS[kind]:
+        if key not in amounts and key not in OPTIONAL:
+            raise InputError(f"found no {key!r}, expected a number for a {kind} distribution", location)
+    numbers = {key: given.value for key, (given, *_) in amounts.items() if key not in LISTS}
+    if kind == "empirical":
+        rule.form.at(Fraction(1), location)
+    if len({given.relative for (given, *_) in amounts.values()}) == 1:  # others can be compared with a planned value
+        require_possible(kind, numbers, location)
     if rule.subject is Subject.DURATION:
-        least = _LEAST.get(rule.distribution)
-        if least is not None and numbers.get(least, Fraction(0)) < 0:
-            raise InputError(f"found {least} {numbers[least]} of a duration, expected at least 0", location)
-        if rule.distribution in {"normal", "truncated-normal"} and numbers.get("minimum", Fraction(-1)) < 0:
+        least = numbers.get(_LEAST.get(kind, ""), Fraction(0))
+        least = min((least, *(given.value for given in amounts.get("values", ()))))
+        if least < 0:
+            raise InputError(f"found {_LEAST.get(kind, 'value')} {least} of a duration, expected at least 0", location)
+        if kind in {"normal", "truncated-normal"} and numbers.get("minimum", Fraction(-1)) < 0:
             minimum = "no minimum" if "minimum" not in numbers else f"minimum {numbers['minimum']}"
             raise InputError(f"found {minimum} of a duration, expected one of at least 0", location)
 

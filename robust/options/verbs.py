@@ -44,9 +44,11 @@ def distributions_option(needs: tuple[str, tuple[str, ...]] | None = None) -> An
     """The option for the distributions of parameters."""
     return declare.option(
         (),
-        "how a parameter is distributed: NAME=normal:MEAN:DEVIATION, truncated-normal:MEAN:DEVIATION:MINIMUM:MAXIMUM, "
-        "half-normal:ORIGIN:DEVIATION, uniform:LOWER:UPPER, triangular:LOWER:MODE:UPPER, exponential:MEAN or "
-        "constant:VALUE; an empty mean, mode, origin or value is the planned one; may be repeated",
+        "how parameters are distributed; NAME is a parameter, an action, a ground action, a step or * for all, "
+        "the most precise one counts, and parameters without a rule are as planned. KIND:... is normal:MEAN:DEVIATION, "
+        "truncated-normal:MEAN:DEVIATION:MINIMUM:MAXIMUM, half-normal:ORIGIN:DEVIATION, uniform:LOWER:UPPER, "
+        "triangular:LOWER:MODE:UPPER, exponential:MEAN, empirical:VALUE,VALUE,... or constant:VALUE; an empty mean, "
+        "mode, origin or value is the planned one, and 15% is a share of it; may be repeated",
         "--distribution",
         metavar="NAME=KIND:...",
         many=True,

@@ -1,8 +1,9 @@
 """What a random quantity may be: how it is written, drawn from, and how probable its values are, exactly enclosed.
 
-A distribution is a part that has a density, and values that have a probability of their own (`atoms`): a constant is
-nothing else, and a normal distribution that is clipped to its minimum has one there. On the command line it is
-`normal:30:5`, the numbers of :data:`KEYS` in their order; an empty or missing one is left out, where it may be.
+A distribution is a part that has a density, and values that have a probability of their own (`atoms`): a constant and
+an empirical distribution are nothing else, and a normal distribution that is clipped to its minimum has one there. On
+the command line it is `normal:30:5`, the numbers of :data:`KEYS` in their order; an empty or missing one is left out,
+where it may be. An empirical one is `empirical:12,13.5,20:3,1,1`, values and how often each of them occurs.
 
 A probability is enclosed by two integers, in units of 2⁻²⁵⁶. Everything is integer arithmetic rounded outwards, with
 the remainders of the series for exp and the normal distribution bounded where they are computed.
@@ -10,7 +11,8 @@ the remainders of the series for exp and the normal distribution bounded where t
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
@@ -134,12 +136,17 @@ KEYS: Final[Mapping[str, tuple[str, ...]]] = {
     "truncated-normal": ("mean", "deviation", "minimum", "maximum"),
     "triangular": ("lower", "mode", "upper"),
     "exponential": ("mean", "minimum"),
+    "empirical": ("values", "weights"),
 }
 """The distributions with the numbers that each takes."""
 PLANNED: Final = frozenset({"value", "mean", "origin", "mode"})
 """Keys that mean the planned value if they are left out."""
-OPTIONAL: Final = PLANNED | {"minimum", "maximum", "below"}
+OPTIONAL: Final = PLANNED | {"minimum", "maximum", "below", "weights"}
 """Keys that may be left out."""
+LISTS: Final = frozenset({"values", "weights"})
+"""Keys of lists of numbers."""
+DISCRETE: Final = frozenset({"constant", "empirical"})
+"""Distributions without a density."""
 GRID = 1000
 """How many values there are from one integer to the next in simulated worlds."""
 LEAST_SHARE = 10**9
@@ -164,13 +171,37 @@ between two numbers whose ratio is the third."""
 _FINE: Final = 1 << 40
 
 
+Shares = tuple[tuple[Fraction, Fraction], ...]
+"""Different values in ascending order, and how probable each is."""
+
+
+def shares_of(values: Sequence[Fraction], weights: Sequence[Fraction] | None, place: Location) -> Shares:
+    """Values that were observed, with how often each was, or once each; they may occur in any order and repeatedly.
+
+    Raises:
+        InputError: no value, a weight that is not positive, or another number of weights than of values.
+    """
+    if not values:
+        raise InputError("found no value of an empirical distribution, expected at least one", place)
+    if weights is not None and len(weights) != len(values):
+        raise InputError(f"found {len(weights)} weights, expected {len(values)}, one for each value", place)
+    total: dict[Fraction, Fraction] = defaultdict(Fraction)
+    for value, weight in zip(values, weights or [Fraction(1)] * len(values), strict=True):
+        if weight <= 0:
+            raise InputError(f"found weight {weight}, expected a number above 0", place)
+        total[value] += weight
+    whole = sum(total.values())
+    return tuple((value, total[value] / whole) for value in sorted(total))
+
+
 @dataclass(frozen=True)
 class Distribution:
-    """One of :data:`KEYS` with all its numbers."""
+    """One of :data:`KEYS` with all its numbers; an empirical one has `shares` instead."""
 
     kind: str
     numbers: Mapping[str, Fraction] = field(hash=False)
     below: Below = Below.FOLD
+    shares: Shares = ()
 
     # -- drawing -------------------------------------------------------------------------------------------------------
 
@@ -196,6 +227,9 @@ class Distribution:
                 drawn = self._start + on_grid(random.expovariate(1 / float(self.scale)), grid)
             case "truncated-normal":
                 drawn = on_grid(self._truncated(random), grid)
+            case "empirical":
+                values, weights = zip(*self.shares, strict=True)
+                (drawn,) = random.choices(values, [float(weight) for weight in weights])
             case _:
                 return self._reflected(on_grid(random.gauss(float(numbers["mean"]), float(numbers["deviation"])), grid))
         return self._within(drawn)
@@ -230,6 +264,8 @@ class Distribution:
             value = numbers["origin"] if self.kind == "half-normal" else self._within(self._reflected(numbers["mean"]))
         elif self.kind == "exponential" and numbers["mean"] == self._start:
             value = numbers["mean"]
+        elif len(self.shares) == 1:
+            value = self.shares[0][0]
         return self if value is None else Distribution("constant", {"value": value})
 
     @cached_property
@@ -242,7 +278,14 @@ class Distribution:
                 return self.numbers["upper"] - self.numbers["lower"]
             case "exponential":
                 return self.numbers["mean"] - self._start
+            case "empirical":
+                return self.shares[-1][0] - self.shares[0][0]
         return self.numbers["deviation"]
+
+    @property
+    def exact_values(self) -> Iterable[Fraction]:
+        """The numbers of which it is made, except for probabilities."""
+        return (*self.numbers.values(), *(value for value, _ in self.shares))
 
     @property
     def _start(self) -> Fraction:
@@ -258,6 +301,8 @@ class Distribution:
                 return self.numbers["origin"] + self.scale * Fraction(2, 3)
             case "exponential":
                 return self._start + self.scale * Fraction(2, 3)
+            case "empirical":
+                return self.shares[len(self.shares) // 2][0]
         return self._within(next(self.numbers[key] for key in ("value", "mode", "mean") if key in self.numbers))
 
     @cached_property
@@ -273,6 +318,8 @@ class Distribution:
                 return numbers["origin"], None
             case "exponential":
                 return self._start, None
+            case "empirical":
+                return self.shares[0][0], self.shares[-1][0]
         return numbers.get("minimum"), numbers.get("maximum")
 
     @cached_property
@@ -289,11 +336,11 @@ class Distribution:
             return ((self.numbers["value"], ONE),)
         if self.kind == "normal" and self.below is Below.CLIP and "minimum" in self.numbers:
             return ((self.numbers["minimum"], self._normal(self.numbers["minimum"])),)
-        return ()
+        return tuple((value, of(share)) for value, share in self.shares)
 
     def between(self, lower: Fraction | None, upper: Fraction | None) -> Enclosure:
         """The probability of the part with a density between two values; None is infinitely far."""
-        if self.kind == "constant":
+        if self.kind in DISCRETE:
             return ZERO
         least = self.support[0] if lower is None else lower
         return difference(ONE if upper is None else self._up_to(upper), ZERO if least is None else self._up_to(least))
@@ -387,6 +434,11 @@ class Distribution:
 
     def __str__(self) -> str:
         parts = [self.kind]
+        if self.shares:
+            scale = lcm(*(share.denominator for _, share in self.shares))
+            columns = zip(*((value, share * scale) for value, share in self.shares), strict=True)
+            values, weights = (",".join(map(format_number, column)) for column in columns)
+            return ":".join((self.kind, values) if len(set(weights.split(","))) == 1 else (self.kind, values, weights))
         for key in KEYS[self.kind]:
             if key in self.numbers:
                 parts.append(format_number(self.numbers[key]))
@@ -436,39 +488,96 @@ def _rounded_up(value: Fraction) -> Fraction:
 # -- as they are written -----------------------------------------------------------------------------------------------
 
 
+@dataclass(frozen=True, slots=True)
+class Amount:
+    """A number as it is written; a relative one is a share of the planned value, such as `15%`."""
+
+    value: Fraction
+    relative: bool = False
+
+    def at(self, planned: Fraction) -> Fraction:
+        """The number for a quantity with this planned value."""
+        return self.value * planned if self.relative else self.value
+
+
+def parse_amount(text: str, place: Location) -> Amount:
+    """`3`, `1/3` or `15%`; InputError for anything else."""
+    share, percent, rest = text.strip().partition("%")
+    return Amount(parse_number(share, place) / 100, True) if percent and not rest else Amount(parse_number(text, place))
+
+
+@dataclass(frozen=True, slots=True)
+class DistributionForm:
+    """A distribution as it is written: the amounts of its keys, one each except for values and weights."""
+
+    kind: str
+    amounts: Mapping[str, tuple[Amount, ...]]
+    below: Below = Below.FOLD
+
+    def at(self, planned: Fraction | None, place: Location) -> Distribution:
+        """The distribution of a quantity with this planned value, which is what is left out of :data:`PLANNED`.
+
+        Raises:
+            InputError: the planned value is needed and there is none, or an empirical distribution is wrong.
+        """
+        if planned is None:
+            missing = [key for key in KEYS[self.kind] if key in PLANNED and key not in self.amounts]
+            missing += [key for key, amounts in self.amounts.items() if any(amount.relative for amount in amounts)]
+            if missing:
+                expected = ":".join((self.kind, *map(str.upper, KEYS[self.kind])))
+                raise InputError(f"found no {missing[0]!r}, expected {expected}", place)
+        unit = planned or Fraction(0)
+        known = {key: [amount.at(unit) for amount in amounts] for key, amounts in self.amounts.items()}
+        if self.kind == "empirical":
+            return Distribution(self.kind, {}, shares=shares_of(known.get("values", ()), known.get("weights"), place))
+        numbers = dict.fromkeys(PLANNED.intersection(KEYS[self.kind]), unit) | {key: n for key, (n,) in known.items()}
+        for ends in (("lower", "upper"), ("minimum", "maximum")):  # a negative unit turns the ends round
+            if unit < 0 and all(end in known and self.amounts[end][0].relative for end in ends):
+                numbers |= {ends[0]: numbers[ends[1]], ends[1]: numbers[ends[0]]}
+        if unit < 0 and "deviation" in numbers:
+            numbers["deviation"] = abs(numbers["deviation"])
+        return Distribution(self.kind, numbers, self.below)
+
+
 def parse_distribution(text: str, planned: Fraction | None, place: Location) -> Distribution:
-    """`normal:30:5` and the like; InputError says what is wrong.
+    """`normal:30:5`, `normal::15%` and the like; InputError says what is wrong.
 
     Args:
-        text: the name and the numbers of :data:`KEYS`.
+        text: the name and the numbers of :data:`KEYS`, or shares of the planned value.
         planned: stands for numbers that are left out and mean the planned value; None if there is none.
         place: what an error message is about.
     """
+    distribution = parse_form(text, place).at(planned, place)
+    if distribution.numbers.get("deviation", 1) <= 0:
+        raise InputError(f"found deviation {distribution.numbers['deviation']}, expected a number above 0", place)
+    require_possible(distribution.kind, distribution.numbers, place)
+    return distribution
+
+
+def parse_form(text: str, place: Location) -> DistributionForm:
+    """A distribution of which shares of a planned value are left open; InputError says what is wrong."""
     kind, *given = (part.strip() for part in text.split(":"))
     if kind not in KEYS:
         hint = did_you_mean(kind, KEYS)
         raise InputError(f"found distribution {shorten(kind)}, expected one of {', '.join(KEYS)}{hint}", place)
     keys = KEYS[kind]
+    expected = ":".join((kind, *map(str.upper, keys)))
     if len(given) > len(keys):
-        raise InputError(f"found {len(given)} numbers, expected {':'.join((kind, *map(str.upper, keys)))}", place)
+        raise InputError(f"found {len(given)} numbers, expected {expected}", place)
     below = Below.FOLD
-    numbers: dict[str, Fraction] = {}
+    amounts: dict[str, tuple[Amount, ...]] = {}
     for key, part in zip(keys, given, strict=False):
         if key == "below" and part:
             if part not in {"fold", "clip"}:
                 raise InputError(f"found {shorten(part)} for 'below', expected fold or clip", place)
             below = Below(part)
         elif part:
-            numbers[key] = parse_number(part, place)
-    for key in keys:
-        if key in PLANNED and key not in numbers and planned is not None:
-            numbers[key] = planned
-        if key not in numbers and (key in PLANNED or key not in OPTIONAL):
-            raise InputError(f"found no {key!r}, expected {':'.join((kind, *map(str.upper, keys)))}", place)
-    if "deviation" in numbers and numbers["deviation"] <= 0:
-        raise InputError(f"found deviation {numbers['deviation']}, expected a number above 0", place)
-    require_possible(kind, numbers, place)
-    return Distribution(kind, numbers, below)
+            texts = part.split(",") if key in LISTS else [part]
+            amounts[key] = tuple(parse_amount(one, place) for one in texts)
+    missing = [key for key in keys if key not in amounts and key not in OPTIONAL | LISTS]
+    if missing:
+        raise InputError(f"found no {missing[0]!r}, expected {expected}", place)
+    return DistributionForm(kind, amounts, below)
 
 
 def require_possible(kind: str, numbers: Mapping[str, Fraction], place: Location) -> None:

@@ -73,7 +73,7 @@ class ProbableEnds:
         self._distributions = [distributions[name].settled for name in self._names]
         fine = max(-(-(1 << FINENESS) // distribution.scale) for distribution in self._distributions)
         bounds = [end for parameter in parameters for end in (parameter.lower, parameter.upper) if end is not None]
-        values = [value for distribution in self._distributions for value in distribution.numbers.values()]
+        values = [value for distribution in self._distributions for value in distribution.exact_values]
         self._unit = lcm(*(value.denominator for value in (*bounds, *values))) << max(0, int(fine).bit_length())
         self._index = {
             end_of((name, side)): 2 * number + (side is Side.UPPER)

@@ -19,7 +19,7 @@ from heapq import heappop, heappush
 from itertools import product as every
 from math import factorial, floor, lcm, prod
 
-from robust.probability.distributions import ONE, UNIT, Distribution, Enclosure, Weights, product
+from robust.probability.distributions import DISCRETE, ONE, UNIT, Distribution, Enclosure, Weights, product
 from robust.qe.box import Box, Interval
 from robust.qe.conjunctions import linked
 from robust.qe.constraint import LinearConstraint
@@ -71,7 +71,10 @@ class AxisSpan:
 
 
 class Axis:
-    """One random parameter: its spans, and how they are split."""
+    """One random parameter: its spans, and how they are split.
+
+    Without a density a span has the probability of the values that are in it.
+    """
 
     def __init__(self, distribution: Distribution, unit: int) -> None:
         self._distribution = distribution
@@ -80,17 +83,20 @@ class Axis:
         self._centre = floor(distribution.centre * unit)
         self._step = floor(2 * distribution.scale * unit)
         self._breaks = [int(value * unit) for value in distribution.breaks]
+        self._atoms = [(int(value * unit), mass) for value, mass in distribution.atoms]
 
     def roots(self) -> list[AxisSpan]:
         """The values with a probability of their own, and all others."""
-        spans = []
-        for value, mass in self._distribution.atoms:
-            place = int(value * self._unit)
-            spans.append(AxisSpan(place, place, mass))
-        if self._distribution.kind != "constant":
-            ends = (None if end is None else int(end * self._unit) for end in self._distribution.support)
-            spans.append(self._span(*ends))
-        return spans
+        if self._distribution.kind in DISCRETE:
+            return [self._among(self._atoms)]
+        ends = (None if end is None else int(end * self._unit) for end in self._distribution.support)
+        return [*(AxisSpan(place, place, mass) for place, mass in self._atoms), self._span(*ends)]
+
+    def _among(self, atoms: Sequence[tuple[int, Enclosure]]) -> AxisSpan:
+        """One value; of several, the open interval that just holds them, and no others."""
+        apart = len(atoms) > 1
+        mass = sum(least for _, (least, _) in atoms), sum(most for _, (_, most) in atoms)
+        return AxisSpan(atoms[0][0] - apart, atoms[-1][0] + apart, mass)
 
     def _span(self, lower: int | None, upper: int | None) -> AxisSpan:
         low, high = (None if end is None else Fraction(end, self._unit) for end in (lower, upper))
@@ -102,6 +108,10 @@ class Axis:
 
     def split(self, span: AxisSpan) -> tuple[AxisSpan, ...]:
         """Two spans that it consists of, but for the value in between; itself if it is too small."""
+        if span not in self._parts and self._distribution.kind in DISCRETE:
+            inside = [atom for atom in self._atoms if span.is_point or _is_between(atom[0], span)]
+            halves = inside[: len(inside) // 2], inside[len(inside) // 2 :]
+            self._parts[span] = (span,) if span.is_point else tuple(self._among(half) for half in halves)
         if span not in self._parts:
             place = self._place(span)
             ends = (span.lower, place), (place, span.upper)
@@ -397,7 +407,7 @@ def _unit(parts: Iterable[Part], distributions: Iterable[Distribution]) -> int:
     exact = [c.constant for base, removed in parts for piece in (base, *removed) for c in piece.constraints]
     fine = 1
     for distribution in distributions:
-        exact += [value for value in distribution.numbers.values() if value is not None]
+        exact += distribution.exact_values
         fine = max(fine, -(-(1 << FINENESS) // distribution.scale))
     shared = lcm(*(value.denominator for value in exact))
     return shared << max(0, (fine // shared).bit_length())

@@ -11,11 +11,13 @@ from random import Random
 from textwrap import dedent
 
 from robust import Box, Interval, ParametrizedPlan, envelope
+from robust.errors import Location
 from robust.execute.convert import Conversion, Mode, convert
 from robust.execute.dispatchable import Dispatchable, make_dispatchable
 from robust.execute.worlds import Rule, Rules, Subject
 from robust.plan import load, parameters, stn, timed
 from robust.plan.pddl.reader import parse_domain, parse_problem
+from robust.probability.distributions import parse_form
 
 EPSILON = Fraction(1, 1000)
 
@@ -103,7 +105,7 @@ def with_box(folder: str, domain: str, problem: str, plan: str) -> Dispatchable:
 
 def constant(subject: Subject, name: str, value: Fraction | int | str) -> Rule:
     """The rule that something always has this value."""
-    return Rule(subject, name, "constant", {"value": Fraction(value)})
+    return Rule(subject, name, parse_form(f"constant:{value}", Location(name)))
 
 
 def fixed(values: Mapping[str, Fraction]) -> Rules:

@@ -21,6 +21,7 @@ from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.polynomial import Polynomial
 from robust.plan.timed import parse_timed_plan
 from robust.plan.timeline import State
+from robust.probability.distributions import Amount, DistributionForm
 from tests.execute import plans
 from tests.execute.plans import EPSILON, box_of, constant, tasks, tasks_dispatchable, text_of, working
 
@@ -30,7 +31,8 @@ DONE, FAILED, STOPPED = InstanceOutcome.DONE, InstanceOutcome.FAILED, InstanceOu
 
 
 def drawn(distribution, below=Below.FOLD, count=4000, **numbers):
-    rule = Rule(Subject.PARAMETER, "p", distribution, {key: F(value) for key, value in numbers.items()}, below)
+    amounts = {key: (Amount(F(value)),) for key, value in numbers.items()}
+    rule = Rule(Subject.PARAMETER, "p", DistributionForm(distribution, amounts, below))
     random = Random(7)  # noqa: S311 - reproducible
     return [rule.about(F(0)).draw(random) for _ in range(count)]
 
@@ -48,16 +50,23 @@ def test_draws_are_exact_and_fill_their_distributions():
 def test_a_world_file_is_read_exactly():
     rules, instances = parse_rules(FILE), tasks_dispatchable().plan.instance
     w1, f = rules.duration(instances["w1"]), rules.duration(instances["f"])
-    assert (w1.of(F(10)), w1.below) == ({"mean": 10, "deviation": F(5, 2), "minimum": 4}, Below.CLIP)
-    assert f.of(F(2)) == {"lower": 1, "upper": F(7, 3)}
+    assert (w1.about(F(10)).numbers, w1.form.below) == ({"mean": 10, "deviation": F(5, 2), "minimum": 4}, Below.CLIP)
+    assert f.about(F(2)).numbers == {"lower": 1, "upper": F(7, 3)}
     need = rules.consumption(Fluent("need", ("b",)))
-    assert (need.of(F(4)), need.of(F(-4))) == ({"lower": 2, "upper": 6}, {"lower": -6, "upper": -2})
-    assert rules.parameter("first").of(F(10)) == {"origin": 10, "deviation": 3}
+    assert (need.about(F(4)).numbers, need.about(F(-4)).numbers) == (
+        {"lower": 2, "upper": 6},
+        {"lower": -6, "upper": -2},
+    )
+    assert rules.parameter("first").about(F(10)).numbers == {"origin": 10, "deviation": 3}
     assert rules.duration(instances["w2"]) is rules.parameter("second") is None
+    observed = parse_rules(
+        '[[draw]]\nduration = "work"\ndistribution = "empirical"\nvalues = [3, 2.5, 3]\nweights = [1, 2, 1]\n'
+    )
+    assert str(observed.duration(instances["w1"]).about(F(10))) == "empirical:2.5,3"
     # The first rule that fits counts.
     table = '[[draw]]\nduration = "{}"\ndistribution = "constant"\nvalue = {}\n'
     both = parse_rules(table.format("w1", 3) + table.format("work", 5))
-    assert [both.duration(instances[name]).of(F(1)) for name in ("w1", "w2")] == [{"value": 3}, {"value": 5}]
+    assert [both.duration(instances[name]).about(F(1)).numbers for name in ("w1", "w2")] == [{"value": 3}, {"value": 5}]
 
 
 @pytest.mark.parametrize("case", text_of("wrong-worlds.txt").split("== ")[1:])

@@ -1,7 +1,8 @@
 """Enclosures against mpmath with 90 digits; probabilities of polyhedra: known ones, volumes, and what has no width."""
 
 from fractions import Fraction
-from itertools import pairwise
+from itertools import pairwise, product
+from math import prod
 from random import Random
 
 import mpmath
@@ -62,6 +63,7 @@ CUMULATIVE = {
     "triangular:1:2:6": lambda x: mpmath.mpf(0) if x < 1 else (x - 1) ** 2 / 5 if x < 2 else
         1 - (6 - x) ** 2 / 20 if x < 6 else mpmath.mpf(1),
     "exponential:3:1": lambda x: 1 - mpmath.exp(-(x - 1) / 2) if x > 1 else mpmath.mpf(0),
+    "empirical:2,2.5,4:1,2,5": lambda x: mpmath.mpf((x > 2) + 2 * (x > 2.5) + 5 * (x > 4)) / 8,
     "constant:3": lambda x: mpmath.mpf(x > 3),
 }  # fmt: skip
 """The probability of less than x, by formulas of mpmath."""
@@ -92,7 +94,7 @@ def test_probabilities_of_intervals_hold_the_true_value(kind):
     assert total[0] <= UNIT <= total[1]
 
 
-@pytest.mark.parametrize("kind", KINDS[:-1])
+@pytest.mark.parametrize("kind", KINDS[:-2])
 def test_densities_are_lines_up_to_the_factor_that_is_said(kind):
     """Ratios of probabilities of small intervals to those of the weights differ by no more than the factor."""
     one = parse_distribution(kind, None, PLACE)
@@ -149,6 +151,10 @@ def test_draws_follow_the_distribution(kind):
         ("exponential:1:2", "found mean below minimum"),
         ("truncated-normal:0:1:50:60", "found almost nothing between minimum and maximum"),
         ("truncated-normal:0:1:5:4", "found minimum above maximum"),
+        ("empirical", "found no value of an empirical distribution, expected at least one"),
+        ("empirical:1,2:3", "found 1 weights, expected 2, one for each value"),
+        ("empirical:1,2:3,0", "found weight 0, expected a number above 0"),
+        ("empirical:1,x", "found 'x', expected a number"),
     ],
 )
 def test_wrong_distributions_are_named(text, message):
@@ -239,6 +245,26 @@ def test_one_side_of_a_uniform_box_is_exact_at_once():
 def test_constants_respect_strict_sides(relation, expected):
     base = polyhedron("ab", ({"a": 1}, relation, 3))
     assert probability(base, (), of(a="constant:3", b="normal:0:1")) == Bounds(F(expected), F(expected))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_what_was_observed_has_exact_probabilities(seed):
+    """Against all combinations of values, with sides that go through some of them."""
+    random = Random(f"observed {seed}")  # noqa: S311 - reproducible
+    names = "abc"[: random.randint(1, 3)]
+    kinds = {}
+    for name in names:
+        values = [str(random.randint(-4, 8)) for _ in range(random.randint(1, 7))]
+        kinds[name] = f"empirical:{','.join(values)}:{','.join(str(random.randint(1, 4)) for _ in values)}"
+    distributions = of(**kinds)
+    base, removed = drawn_polyhedron(random, names), [drawn_polyhedron(random, names)]
+    expected = F(0)
+    for chosen in product(*(distributions[name].shares for name in names)):
+        point = {name: value for name, (value, _) in zip(names, chosen, strict=True)}
+        if point in base and point not in removed[0]:
+            expected += prod(share for _, share in chosen)
+    found = probability(base, removed, distributions, F(1, 10**9))
+    assert found.lower <= expected <= found.upper
 
 
 def test_a_hyperplane_has_no_probability_and_an_atom_has():

@@ -248,14 +248,31 @@ def test_a_world_says_how_durations_and_parameters_are_distributed():
         known = distributions_of(NAVIGATION, given_, world)
         assert {name: str(one) for name, one in known.items()} == dict(zip(NORMAL, expected, strict=True))
     flights = parse_rules('[[draw]]\nduration = "fly"\ndistribution = "uniform"\nlower = 1\nupper = 2\n')
-    with pytest.raises(InputError, match="found no rule about a parameter"):
+    with pytest.raises(InputError, match="found no distribution of a parameter"):
         distributions_of(NAVIGATION, (), flights)
+
+
+def test_the_most_precise_name_counts_and_shares_are_of_the_planned_value():
+    for given_, expected in (
+        (["*=truncated-normal::15%:50%"], ("truncated-normal:30:4.5:15", "truncated-normal:40:6:20")),
+        (["drive=constant:3", "*=constant:1", "duration:*=constant:2"], ("constant:3", "constant:3")),
+        (["duration:*=constant:2", "*=constant:1"], ("constant:2", "constant:2")),
+        ({"(drive  scout Base ridge)": "constant:4", "drive": "constant:3"}, ("constant:4", "constant:3")),
+        (["to_crater=empirical:90%,50:1,3"], ("constant:30", "empirical:36,50:1,3")),
+    ):
+        assert tuple(map(str, distributions_of(NAVIGATION, given_).values())) == expected
+    rules = parse_rules('[[draw]]\nduration = "*"\ndistribution = "normal"\ndeviation = "15%"\nminimum = 1\n')
+    known = distributions_of(NAVIGATION, {"to_ridge": "constant:1"}, rules)
+    assert tuple(map(str, known.values())) == ("constant:1", "normal:40:6:1")
 
 
 @pytest.mark.parametrize(
     ("given_", "message"),
     [
-        (["to_ridge=normal:30:5"], "found no distribution of parameter 'to_crater'"),
+        ([], "found no distribution of a parameter, expected one; known are to_ridge, to_crater"),
+        (["fly=normal:30:5"], "found unknown parameter 'fly'"),
+        (["duration:(drive ridge base)=normal:30:5"], "found unknown parameter 'duration:(drive ridge base)'"),
+        (["*=normal::5", "*=normal::15%"], "found a second distribution of '*'"),
         (["to_ridge"], "found 'to_ridge', expected NAME=DISTRIBUTION"),
         (["to_rigde=normal:30:5"], "did you mean 'to_ridge'?"),
         (["to_ridge=normal:30:5", "to_ridge=normal:30:5"], "found a second distribution of 'to_ridge'"),
