@@ -117,8 +117,10 @@ class Questions(ABC, Generic[Found]):
         facet = self.encoding.validity.broken_facet(box.grid, self.open_session, deadline)
         if isinstance(facet, Satisfiability):
             raise OutOfTimeError(self.statistics.failure)
-        if facet is not None:
-            return self._of_facet(facet, box)
+        return self._of_facet(facet, box) if facet is not None else self._broken_in(box, deadline)
+
+    def _broken_in(self, box: Box, deadline: Deadline) -> Found | None:
+        """What some schedule breaks for values in the box, where there is one."""
         # What breaks is found soon, what holds is proved late: so all questions get a little time before any gets more.
         questions = list(self._questions)
         for effort in EFFORTS:
@@ -311,6 +313,14 @@ class Containment(Questions[Callable[[], Refutation]]):
         return (
             not any(known.values in box for known in reversed(self._refuted)) and self._look_in(box, deadline) is None
         )
+
+    def keeps(self, box: Box, deadline: Deadline) -> bool:
+        """Whether all schedules keep all obligations for values in the box; some values may leave no schedule.
+
+        Raises:
+            OutOfTimeError: if the deadline passes first.
+        """
+        return self._broken_in(box, deadline) is None
 
     def refute(self, box: Box, deadline: Deadline) -> Refutation | None:
         """Why the box is not inside the envelope; None if it is.

@@ -229,8 +229,8 @@ class SlackPlan:
         known.names.append(name)
         known.exact |= exact
 
-    def _open_requirements(self) -> list[SlackRequirement]:
-        """Those that some movement may break; of all between the same points the one that says most."""
+    def open_requirements(self) -> list[SlackRequirement]:
+        """Requirements that some movement may break; of all between the same points the one that says most."""
         strongest: dict[tuple[int, int], SlackRequirement] = {}
         for requirement in self._requirements.values():
             pair = (requirement.source, requirement.target)
@@ -406,7 +406,7 @@ class SlackPlan:
         """The slack graph in which faces move as fast as these weights say, and not where there is none."""
         speeds = [weights.get(parameter.name, Fraction(0)) * self.scale for parameter in self.plan.parameters]
         moving = [speed for speed in speeds for _ in Side]
-        return SlackGraph(len(self.times), self.times, self.bounds, self._open_requirements(), self.forms, moving)
+        return SlackGraph(len(self.times), self.times, self.bounds, self.open_requirements(), self.forms, moving)
 
     def box(self, graph: SlackGraph) -> Box:
         """Where the faces are."""

@@ -52,6 +52,17 @@ class Bounds:
         return Bounds(Fraction(max(0, enclosure[0]), UNIT), Fraction(min(UNIT, enclosure[1]), UNIT))
 
 
+@dataclass(frozen=True)
+class SuccessProbabilities:
+    """Weak: a schedule exists. Dynamic: an executor is in time that sees what has ended, and starts each action as soon
+    as all that it waits for has happened. Strong: one fixed schedule is, the best that was found, with these starts."""
+
+    weak: Bounds
+    dynamic: Bounds
+    strong: Bounds
+    starts: Mapping[str, Fraction]
+
+
 @dataclass(eq=False)
 class AxisSpan:
     """A value, or an open interval of values, of one parameter, in units; None is an infinite end."""

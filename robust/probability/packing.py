@@ -191,6 +191,32 @@ class SampledEstimate:
         return SampledEstimate(draws, successes, *proportion_bounds(successes, draws, float(CONFIDENCE)))
 
 
+@dataclass(frozen=True, slots=True)
+class LateShare:
+    """How probably the plan is late along a chain that ends where a point is due, or that has a duration on it.
+
+    `estimate` is the share of draws; of a duration, `at_most` is a certified bound.
+    """
+
+    name: str
+    estimate: float
+    at_most: Fraction | None = None
+
+
+@dataclass(frozen=True)
+class LatenessDraws:
+    """Random draws of all durations, and how late each of them ends: statistics, no proof.
+
+    `gain` is the share of draws that one unit of time more would save.
+    """
+
+    draws: int
+    successes: int
+    gain: float
+    points: tuple[LateShare, ...]
+    durations: tuple[LateShare, ...]
+
+
 class Points:
     """Random points and what the plan makes of them: the envelope says so where it is known, else the solver.
 

@@ -2,8 +2,9 @@
 
 A run with parameter values in the envelope succeeds, whatever schedule its network allows; any other counts as failed,
 also if only some schedules fail, and if a parameter is outside of its declared bounds. With few parameters the
-envelope is computed, or bounds of it, and its probability by subdivision. With many, boxes found by widening bound the
-probability from below as well, and random points estimate it.
+envelope is computed, or bounds of it, and its probability by subdivision. With many that are all durations, laws of
+longest paths bound the probability, and random draws say what is late. Where there is more to the plan than that, boxes
+found by widening bound the probability from below, and random points estimate it.
 
 Each failing value is counted for the first thing that goes wrong with it. First come declared bounds, then demands on
 durations, then whether there is a schedule at all, then every other obligation in the order in which they are examined:
@@ -25,11 +26,12 @@ from robust.irr.exact import BoxMethod
 from robust.irr.proposals import is_inside
 from robust.irr.search import EnvelopeResult
 from robust.irr.widen import DiscoveredBadSet
+from robust.network.slack import OutsideFragmentError
 from robust.plan.model import ParametrizedPlan
 from robust.presented import Presented, VerdictEnum
 from robust.probability.distributions import Distribution
-from robust.probability.measure import Bounds, Measure, RegionMeasure, box_probability
-from robust.probability.packing import Packing, Points, SampledEstimate
+from robust.probability.measure import Bounds, Measure, RegionMeasure, SuccessProbabilities, box_probability
+from robust.probability.packing import LatenessDraws, Packing, Points, SampledEstimate
 from robust.qe.box import Box, Interval
 from robust.qe.compute import Causes, RegionResult, RegionSearch, declared_bounds
 from robust.qe.conjunctions import Conjunction
@@ -90,6 +92,7 @@ class RiskResult(Presented, ask="probability"):
     `shares` are of failing values, by what breaks first; None before that is known. `disjoint` are boxes that together
     bound the probability from below, `estimate` is one by random points: both only where bounds were not close
     without. `region` is what was measured. `reason` says which failure of a solver ended a search that is UNKNOWN.
+    `probabilities` and `late` are known where longest paths decide about the plan.
     """
 
     status: RiskStatus
@@ -105,6 +108,8 @@ class RiskResult(Presented, ask="probability"):
     cells: int
     seconds: float
     reason: str | None = None
+    probabilities: SuccessProbabilities | None = None
+    late: LatenessDraws | None = None
 
     @property
     def cut_short(self) -> bool:
@@ -166,6 +171,8 @@ class Risk(Searching[RiskResult]):
         self._attribution: Attribution | None = None
         self._packing: Packing | None = None
         self._points: Points | None = None
+        self._probabilities: SuccessProbabilities | None = None
+        self._late: LatenessDraws | None = None
 
     def _result(self, status: Status, reason: str | None = None) -> RiskResult:
         ended = RiskStatus(status.value)
@@ -183,11 +190,19 @@ class Risk(Searching[RiskResult]):
             tuple(self._kept),
             None if self._attribution is None else self._attribution.shares(failing),
             () if self._packing is None else tuple(self._packing.boxes),
-            None if self._points is None else self._points.estimate,
+            self._estimate,
             self._cells,
             self._seconds(),
             reason,
+            self._probabilities,
+            self._late,
         )
+
+    @property
+    def _estimate(self) -> SampledEstimate | None:
+        if self._late is not None:
+            return SampledEstimate.of(self._late.successes, self._late.draws)
+        return None if self._points is None else self._points.estimate
 
     # -- stages --------------------------------------------------------------------------------------------------------
 
@@ -200,6 +215,8 @@ class Risk(Searching[RiskResult]):
         """
         if self._many and self._is_certain():
             self._know(Fraction(1), Fraction(1))
+            return
+        if self._many and self._by_longest_paths():
             return
         self._on_stage("envelope")
         search = RegionSearch(
@@ -234,6 +251,27 @@ class Risk(Searching[RiskResult]):
             return is_inside(self.plan, supports, self.epsilon, deadline, solver=self.solver)
         except OutOfTimeError:
             return False
+
+    def _by_longest_paths(self) -> bool:
+        """Whether longest paths decide about the plan, and how probably all of them are in time."""
+        try:
+            from robust.probability.success import Lateness  # noqa: PLC0415 - numpy takes a tenth of a second, if it is there
+        except ImportError:
+            return False
+        self._on_stage("longest paths")
+        try:
+            search = Lateness(self.plan, self._distributions, self.epsilon, self._deadline, solver=self.solver)
+        except OutsideFragmentError:
+            return False
+        self._late = search.draw(self.draws or DRAWS)
+
+        def tell(bounds: Bounds) -> None:
+            self._cells, self._probabilities = search.cells, search.probabilities
+            self._know(bounds.lower, bounds.upper)
+
+        search.run(self.within, tell)
+        self._late = search.draw(self.draws or DRAWS)
+        return True
 
     def _share(self, part: Fraction) -> float | None:
         """The seconds that a stage may take."""

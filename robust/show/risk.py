@@ -10,7 +10,7 @@ from msgspec import UNSET, UnsetType
 from robust.json_text import Count, JsonObject, Rational, Seconds, like, on_wire, one_of, wire
 from robust.numbers import duration, plural
 from robust.probability.measure import Bounds
-from robust.probability.packing import SampledEstimate
+from robust.probability.packing import LatenessDraws, SampledEstimate
 from robust.probability.risk import METHODS, BlameShare, RiskResult, RiskStatus
 from robust.qe.box import Box
 from robust.searching import Status
@@ -47,6 +47,58 @@ class Disjoint(JsonObject):
     boxes: Count
 
 
+class ThreeProbabilities(JsonObject):
+    """
+    Attributes:
+        weak: a schedule exists
+        dynamic: an executor succeeds that sees what has ended, and starts each action as soon as it may
+        strong: the fixed schedule succeeds that is the best of those that were tried
+        starts: that schedule
+    """
+
+    weak: Bounds
+    dynamic: Bounds
+    strong: Bounds
+    starts: dict[str, Rational]
+
+
+class LateAt(JsonObject):
+    """
+    Attributes:
+        obligation: what is broken
+        estimate: share of draws
+    """
+
+    obligation: str
+    estimate: float
+
+
+class LateAlong(JsonObject):
+    """
+    Attributes:
+        parameter: a duration
+        estimate: share of draws in which a chain of actions is late that it belongs to
+        at_most: certified bound of that probability; null if not known
+    """
+
+    parameter: str
+    estimate: float
+    at_most: Rational | None
+
+
+class LateDocument(JsonObject):
+    """what is late in random draws: statistics, no proof
+
+    Attributes:
+        gain: share of draws that would succeed with one unit of time more
+    """
+
+    draws: Count
+    gain: float
+    by_obligation: list[LateAt]
+    by_duration: list[LateAlong]
+
+
 class RiskAnswer(documents.Noted, tag_field="schema", tag="robust/risk/1", kw_only=True):
     """robust risk --json: the probability that a plan succeeds when its parameters are random and independent
 
@@ -63,6 +115,8 @@ class RiskAnswer(documents.Noted, tag_field="schema", tag="robust/risk/1", kw_on
         cells: parts of parameter space that were looked at
         disjoint: only with many parameters
         estimate: only with many parameters, or --draws
+        probabilities: only where longest paths decide about the plan
+        late: likewise
         reason: only if unknown: how a solver failed
     """
 
@@ -76,6 +130,8 @@ class RiskAnswer(documents.Noted, tag_field="schema", tag="robust/risk/1", kw_on
     cells: Count
     disjoint: Disjoint | UnsetType = UNSET
     estimate: SampledEstimate | UnsetType = UNSET
+    probabilities: ThreeProbabilities | UnsetType = UNSET
+    late: LateDocument | UnsetType = UNSET
     reason: str | UnsetType = UNSET
     seconds: Seconds
 
@@ -104,8 +160,21 @@ def _(result: RiskResult) -> documents.Document:
             by_obligation=result.shares,
             disjoint=Disjoint(boxes=len(result.disjoint)) if result.disjoint else UNSET,
             estimate=UNSET if result.estimate is None else result.estimate,
+            probabilities=UNSET if result.probabilities is None else like(ThreeProbabilities, result.probabilities),
+            late=UNSET if result.late is None else _late_document(result.late),
             reason=UNSET if result.reason is None else result.reason,
         )
+    )
+
+
+def _late_document(late: LatenessDraws) -> LateDocument:
+    return LateDocument(
+        draws=late.draws,
+        gain=late.gain,
+        by_obligation=[LateAt(obligation=share.name, estimate=share.estimate) for share in late.points],
+        by_duration=[
+            LateAlong(parameter=share.name, estimate=share.estimate, at_most=share.at_most) for share in late.durations
+        ],
     )
 
 
@@ -125,8 +194,17 @@ def print_risk(out: Console, result: RiskResult, *, quiet: bool) -> None:
     out.print(Text.assemble("probability of success: ", (bounds_text(result.probability, places), "bold")))
     if result.estimate is not None:
         out.print(_estimate(result.estimate, places), soft_wrap=True)
+    if result.probabilities is not None:
+        known = result.probabilities
+        for name, bounds in (
+            ("an executor that sees durations as they end", known.dynamic),
+            ("one fixed schedule", known.strong),
+        ):
+            out.print(f"{name}: {bounds_text(bounds, places)}")
     if quiet:
         return
+    if result.late is not None:
+        _print_late(out, result, result.late, places)
     if result.shares:
         out.print()
         out.print("What fails, each value counted for the first that breaks:")
@@ -145,6 +223,31 @@ def print_risk(out: Console, result: RiskResult, *, quiet: bool) -> None:
         show_table(out, table(("box", "probability", "of success"), rows))
     out.print()
     out.print(_summary(result), soft_wrap=True)
+
+
+SHOWN = 8
+"""Rows of what is late."""
+
+
+def _print_late(out: Console, result: RiskResult, late: LatenessDraws, places: int) -> None:
+    """What is late in draws, and on whose account."""
+    if not late.durations:
+        return
+    words = words_of(result.plan)
+    out.print()
+    out.print(
+        f"What is late in {late.draws} random draws; one unit of time more would save {late.gain:.{places}f} of them:"
+    )
+    rows = [(words.told(share.name), f"{share.estimate:.{places}f}", "") for share in late.points[:SHOWN]]
+    rows += [
+        (
+            words.parameters.get(share.name, share.name),
+            f"{share.estimate:.{places}f}",
+            "" if share.at_most is None else decimal(share.at_most, places, up=True),
+        )
+        for share in late.durations[:SHOWN]
+    ]
+    show_table(out, table(("broken, or on a chain that is late", "share of draws", "certified: at most"), rows))
 
 
 def _estimate(estimate: SampledEstimate, places: int) -> Text:
