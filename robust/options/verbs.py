@@ -196,7 +196,8 @@ class RiskOptions(shared.SearchOptions):
     )
     draws: int | None = declare.option(
         None,
-        "also estimate from N random samples; default with more than 6 parameters: 10000 if the bounds are not close",
+        "also estimate from N random samples; default: 10000 where longest paths decide about the plan, and with more "
+        "than 6 parameters if the bounds are not close",
         metavar="N",
         read=declare.ordinal,
     )

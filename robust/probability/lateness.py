@@ -309,34 +309,34 @@ class PathBounds:
             lower = lattice.reduced(_reversed(self._laws(edges, size, upper=False), backwards), upper=False)
             return CellSearch(*_with_cells(core, LongestPath(lower), self.passing), cells, check)
 
-        work = WORK
+        work, enough = WORK, within * 0.97
         for _ in range(ROUNDS):
             search = start(self._sizes[0], None)
             rounding = search.upper - search.lower - search.open
             tell(search)
-            stages = [(search.open, search.current)]
-            while not search.is_done and search.open > within / 4:
-                if len(stages[-1][1]) * self._sizes[0] * search.width > work:
+            chosen: tuple[float, int, list[tuple[lattice.Ends, ...]]] | None = None
+            while True:
+                # On a finer lattice: what is close enough with the least work; or else what is closest.
+                cells = search.current
+                affordable = [size for size in self._sizes[1:] if len(cells) * size * search.width <= work]
+                for size in affordable:
+                    gap = search.open + rounding * self._sizes[0] / size
+                    if chosen is None or (gap < chosen[0] and chosen[0] > enough):
+                        chosen = gap, size, cells
+                explored = search.cells * self._sizes[0] * search.width
+                if search.is_done or explored > work or search.open <= within / 8:
+                    break
+                if chosen is not None and chosen[0] <= enough:
                     break
                 check()
                 search.step()
                 tell(search)
-                stages.append((search.open, search.current))
             self.cells += search.cells
-            ways = [
-                (open_ + rounding * self._sizes[0] / size, size, cells)
-                for size in self._sizes[1:]
-                for open_, cells in stages
-                if len(cells) * size * search.width <= work
-            ]
-            # What is close enough with the least work; or else what is closest.
-            good = [way for way in ways if way[0] <= within * 0.97]
-            chosen = min(good, key=lambda way: len(way[2]) * way[1]) if good else min(ways, default=None)
             if chosen is not None and self.upper - self.lower > within:
                 finer = start(chosen[1], search.on_finer(chosen[2], chosen[1] // self._sizes[0]))
                 self.cells += finer.cells
                 tell(finer)
-            if self.upper - self.lower <= within or deadline.moment is None or not ways:
+            if self.upper - self.lower <= within or deadline.moment is None or chosen is None:
                 return
             work *= 4
 

@@ -213,6 +213,7 @@ class LongestPath:
         self.shared: set[Hashable] = set()
         """Variables that branches which meet have in common."""
         self._families: dict[Node, list[list[int]]] = {}
+        self._sums: dict[tuple[Node, Node], _Laws] = {}
         now = np.ones((1, self.size))
         self._start = _Laws(now, now, now, now, frozenset())
         self._find_dominators()
@@ -286,6 +287,7 @@ class LongestPath:
             low, high = (np.array([cell[number][end] for cell in cells]) for end in (0, 1))
             given[name] = self._conditional(number, cells), low, high
         laws: dict[Node, _Laws] = {}
+        self._sums.clear()
         last = self.order[-1]
         for node in self.order[1:]:
             branches = [self._branch(number, laws, given, only_lower) for number in self._entering[node]]
@@ -294,6 +296,7 @@ class LongestPath:
         before = self._since(self._dominator[last], self.order[0], laws, only_lower)
         if before is not None:  # of the sum only what is in time
             ends.append((before.lower, before.upper))
+        self._sums.clear()
         sums = [
             np.einsum("...k,...k->...", sides[0][..., ::-1], differences(sides[1])) if before else sides[0][..., -1]
             for sides in zip(*ends, strict=True)
@@ -304,11 +307,12 @@ class LongestPath:
 
     def _since(self, node: Node, dominator: Node, laws: dict[Node, _Laws], only_lower: bool) -> _Laws | None:
         """Laws of the time from a dominator to a node; None if they are the same."""
-        total = None
-        while node != dominator:
-            total = laws[node] if total is None else _sum(total, laws[node], only_lower)
-            node = self._dominator[node]
-        return total
+        if node == dominator:
+            return None
+        if (node, dominator) not in self._sums:
+            before = self._since(self._dominator[node], dominator, laws, only_lower)
+            self._sums[node, dominator] = laws[node] if before is None else _sum(before, laws[node], only_lower)
+        return self._sums[node, dominator]
 
     def _branch(
         self, number: int, laws: dict[Node, _Laws], given: dict[Hashable, tuple[Array, Array, Array]], only_lower: bool
@@ -446,7 +450,8 @@ class CellSearch:
             check()
             self._add(begin[first : first + BATCH])
         self._gain = [1.0] * len(self._whole)
-        self._learn()
+        if cells is None:
+            self._learn()
 
     @property
     def cells(self) -> int:

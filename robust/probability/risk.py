@@ -44,6 +44,8 @@ METHODS = ("irr", "widen", "optimal")
 """The methods whose boxes are compared by their probability."""
 MANY = 6
 """Parameters from which on no stage may take longer than `EFFORT`, and random points are drawn."""
+FEW = 4
+"""Parameters up to which the envelope is computed first, whatever the plan is like."""
 EFFORT = 30.0
 """Seconds of a stage, with many parameters."""
 FINER = 10
@@ -213,11 +215,12 @@ class Risk(Searching[RiskResult]):
             UnsupportedError: an expression that is not linear.
             SolverError: a solver is not installed.
         """
-        if self._many and self._is_certain():
-            self._know(Fraction(1), Fraction(1))
-            return
-        if self._many and self._by_longest_paths():
-            return
+        if len(self._distributions) > FEW:
+            if self._is_certain():
+                self._know(Fraction(1), Fraction(1))
+                return
+            if self._by_longest_paths():
+                return
         self._on_stage("envelope")
         search = RegionSearch(
             self.plan,

@@ -76,7 +76,7 @@ class Lateness:
         self.passing: Mapping[str, float] = {}
         self.cells = 0
 
-    # -- what is demanded of single durations, and of orders --------------------------------------------------------------
+    # -- what is demanded of single durations, and of orders ----------------------------------------------------------
 
     def _demands(self) -> tuple[dict[str, Interval], list[SlackRequirement]]:
         """Where each parameter has to be, and orders of points that have to follow."""
