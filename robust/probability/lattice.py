@@ -429,23 +429,21 @@ class CellSearch:
         self,
         upper: LongestPath,
         lower: LongestPath,
-        cells: Iterable[Sequence[Ends]] | None = None,
+        cells: Iterable[tuple[Ends, ...]] | None = None,
         check: Callable[[], None] = lambda: None,
     ) -> None:
         self._upper, self._lower = upper, lower
-        self._whole = [self._support(number, (0, upper.size - 1)) for number in range(len(upper.cut))]
+        self._whole = [(0, upper.size - 1)] * len(upper.cut)
         self._moves = [
             round(float((upper.law[name] - lower.law[name]).sum()) / max(float(upper.law[name][-1]), 0.5))
             for name in upper.cut
         ]
+        supports = (self._support(number, ends) for number, ends in enumerate(self._whole))
+        self._widths = [max(1, last - first) for first, last in supports]
         self._made = 0
         self._heap: list[tuple[float, int, tuple[Ends, ...], float, float]] = []
         self.lower = self.upper = 0.0
-        whole = (0, upper.size - 1)
-        begin = []
-        for cell in [[whole] * len(upper.cut)] if cells is None else cells:
-            inner = [self._support(number, ends) for number, ends in enumerate(cell)]
-            begin += [tuple(ends for ends in inner if ends is not None)] if None not in inner else []
+        begin = [tuple(self._whole)] if cells is None else list(cells)
         for first in range(0, len(begin), BATCH):
             check()
             self._add(begin[first : first + BATCH])
@@ -481,33 +479,27 @@ class CellSearch:
     def on_finer(self, cells: Iterable[tuple[Ends, ...]], factor: int) -> Iterator[tuple[Ends, ...]]:
         """Cells of this search, on a lattice that is finer by a factor."""
         for cell in cells:
-            finer = []
-            for (low, high), whole in zip(cell, self._whole, strict=True):
-                first, last = whole or (low, high)
-                finer.append(
-                    (0 if low <= first else low * factor, (self._upper.size if high >= last else high + 1) * factor - 1)
-                )
-            yield tuple(finer)
+            yield tuple((low * factor, (high + 1) * factor - 1) for low, high in cell)
 
-    def _support(self, number: int, ends: Ends) -> Ends | None:
-        """The part of an interval outside of which the variable has no probability; None if there is none."""
+    def _support(self, number: int, ends: Ends) -> Ends:
+        """The part of an interval outside of which the variable has no probability; its first value if it has none."""
         law = self._upper.law[self._upper.cut[number]]
         rising = np.flatnonzero(differences(law)[ends[0] : ends[1] + 1] > 0)
-        return (ends[0] + int(rising[0]), ends[0] + int(rising[-1])) if len(rising) else None
+        return (ends[0] + int(rising[0]), ends[0] + int(rising[-1])) if len(rising) else (ends[0], ends[0])
 
     def _moved(self, cell: Sequence[Ends]) -> tuple[Ends, ...]:
         """A cell for the lower laws: all values are in one, as they are for the upper laws."""
         moved = []
-        for ends, whole, move in zip(cell, self._whole, self._moves, strict=True):
-            first, last = whole or ends
-            low = 0 if ends[0] <= first else ends[0] + move
-            moved.append((low, self._upper.size - 1 if ends[1] >= last else ends[1] + move))
+        for (low, high), move in zip(cell, self._moves, strict=True):
+            last = self._upper.size - 1
+            moved.append((low + move if low else 0, last if high == last else high + move))
         return tuple(moved)
 
     def _add(self, cells: Sequence[tuple[Ends, ...]]) -> list[tuple[float, float]]:
         """Look at cells; their parts of the bounds."""
-        least, most = self._upper.bounds(cells, only_lower=False)
-        weights = self._upper.weights(cells)
+        inner = [tuple(self._support(number, ends) for number, ends in enumerate(cell)) for cell in cells]
+        least, most = self._upper.bounds(inner, only_lower=False)
+        weights = self._upper.weights(inner)
         moved = [self._moved(cell) for cell in cells]
         certain, _ = self._lower.bounds(moved, only_lower=True)
         parts = []
@@ -526,16 +518,16 @@ class CellSearch:
         law = self._upper.law[self._upper.cut[number]]
         before = float(law[low - 1]) if low else 0.0
         middle = min(int(np.searchsorted(law, (before + float(law[high])) / 2)), high - 1)
-        halves = [self._support(number, ends) for ends in ((low, max(low, middle)), (max(low, middle) + 1, high))]
-        return [(*cell[:number], ends, *cell[number + 1 :]) for ends in halves if ends is not None]
+        middle = max(low, middle)
+        return [(*cell[:number], ends, *cell[number + 1 :]) for ends in ((low, middle), (middle + 1, high))]
 
     def _learn(self) -> None:
         """How much each variable's halves would bring, seen from the whole."""
         if len(self._whole) < 2 or len(self._heap) != 1:
             return
         cell, gap = self._heap[0][2], -self._heap[0][0]
-        for number, ends in enumerate(cell):
-            if ends[0] < ends[1]:
+        for number in range(len(cell)):
+            if self._widths[number] > 1:
                 halves = self._halves(cell, number)
                 least, most = self._upper.bounds(halves, only_lower=False)
                 weights = self._upper.weights(halves)
@@ -549,14 +541,15 @@ class CellSearch:
         kept = []
         while self._heap and len(cells) < 2 * BATCH and self._heap[0][0] < 0:
             entry = heappop(self._heap)
-            _, number, cell, lower, upper = entry
+            _, made, cell, lower, upper = entry
+            inner = [self._support(number, ends) for number, ends in enumerate(cell)]
             reach = [
-                gain * ((ends[1] - ends[0]) / max(1, whole[1] - whole[0])) ** 2
-                for gain, ends, whole in zip(self._gain, cell, (w or (0, 1) for w in self._whole), strict=True)
+                gain * ((last - first) / width) ** 2
+                for gain, (first, last), width in zip(self._gain, inner, self._widths, strict=True)
             ]
             axis = max(range(len(cell)), key=reach.__getitem__)
             if not reach[axis]:
-                kept.append((0.0, number, cell, lower, upper))
+                kept.append((0.0, made, cell, lower, upper))
                 continue
             cells += self._halves(cell, axis)
             gone = [gone[0] + lower, gone[1] + upper]
