@@ -168,7 +168,7 @@ def test_damage_and_lines_that_are_missing_or_twice_are_named(path):
         assert str(caught.value).startswith(f"{path}:{line}:"), at
         assert "\n" not in str(caught.value)
         assert path.read_bytes() == damaged
-    first, second, third, fourth, *rest = written(path, CHAINED).splitlines(keepends=True)
+    first, second, third, fourth, *rest = content.splitlines(keepends=True)
     for lines in ((first, second, fourth), (first, second, third, third, fourth), (first, second, fourth, third)):
         path.write_bytes(b"".join([*lines, *rest]))
         with pytest.raises(InputError, match=r"found checksum .*, expected .*: the journal was changed here") as caught:

@@ -679,7 +679,7 @@ def test_a_page_of_one_parameter_or_none(tmp_path, parameters):
     """What is drawn holds together for one parameter, and for none."""
     _, *statements = inputs.PLAN.splitlines(keepends=True)
     plan = inputs.PLAN if parameters else "".join(statements).replace("leave", "2")
-    files = inputs.write(tmp_path, plan=plan).files
+    files = inputs.write(tmp_path, plan=plan)
     assert command("compare", *files, "--quiet", "--html", tmp_path / "page.html").code == 0
     with browser(width=360) as window:
         window.get((tmp_path / "page.html").as_uri())

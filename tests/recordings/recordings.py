@@ -15,11 +15,11 @@ right is tested by oracles, and that back ends, solvers and encodings agree by t
 Each case runs in a new directory with `examples` and `domains` (links to robust/examples and benchmarks/domains of
 `--checkout`) and `inputs` (a copy of the directory beside this file), and with what `changes.toml` says of it.
 
-Numbers of checks, queries and polyhedra, and the order in which parts of a region are found, follow from the models
-that a solver happens to find. They are the same in each process, but a change of the order in which formulas are made
-changes them, and so do commands that ran before in the same process. `compare --loose` lets these differ. Where even
-the answer differs from run to run, there is no case. What help says of options is compared with the manual instead, see
-`tests/test_documentation.py`.
+Numbers of checks, queries, boxes and polyhedra, and the order in which parts of a region are found, follow from the
+models that a solver happens to find. They are the same in each process, but a change of the order in which formulas are
+made changes them, and so do commands that ran before in the same process. `compare --loose` lets these differ. Where
+even the answer differs from run to run, there is no case. What help says of options is compared with the manual
+instead, see `tests/test_documentation.py`.
 
 What varies from run to run is masked by `#`:
 
@@ -298,7 +298,7 @@ def difference(case, place, data, *, loose=False):
 
 _EFFORT = re.compile(
     r'(?<="checks": )\d+|(?<="pieces": )\d+|(?<="queries": )\d+|(?<="satisfiable": )\d+|(?<="unsatisfiable": )\d+'
-    r'|(?<="unknown": )\d+|(?<="nodes": )\d+|\b\d+(?= checks\b| polyhedra of bad values)'
+    r'|(?<="boxes": )\d+|(?<="unknown": )\d+|(?<="nodes": )\d+|\b\d+(?= checks\b| polyhedra of bad values)'
 )
 _STEP = re.compile(r'\{"check": .*|"convergence": .*|queries/\d+-.*|[][{}]*')
 
