@@ -17,9 +17,8 @@ from typing import TYPE_CHECKING, Any, Generic, ParamSpec, Protocol, TypeVar
 
 from robust.errors import InputError, UnsupportedError, did_you_mean
 from robust.numbers import Number
-from robust.options import verbs
+from robust.options import declare, verbs
 from robust.options.batch import BATCHES, AnyBatchOptions, BatchOptions
-from robust.options.declare import Options, Settings, Verb, place_of, settings, texts
 from robust.reading import Plan, plan_of
 from robust.smt.limits import Deadline, OutOfTimeError, one_question
 
@@ -69,11 +68,11 @@ class AnytimeSearch(Protocol[Found_co]):
         """The result so far if the search is given up now, out of time or interrupted; None if there is none."""
 
 
-def _read(plan: Plan, options: Options) -> ParametrizedPlan:
+def _read(plan: Plan, options: declare.Options) -> ParametrizedPlan:
     return plan_of(plan, getattr(options, "separation", "1/1000"))
 
 
-verb = Verb(_read, "what :func:`load_plan` returns, or the paths of a domain, a problem and a plan")
+verb = declare.Verb(_read, "what :func:`load_plan` returns, or the paths of a domain, a problem and a plan")
 
 
 class _Encoded(Generic[Result]):
@@ -147,13 +146,15 @@ def _tolerant(result: Judged, tolerance: Tolerance) -> Judged:
     return replace(result, tolerance=tolerance)
 
 
-def _intervals(plan: ParametrizedPlan, given: Settings | Box | EnvelopeResult, option: str) -> dict[str, Interval]:
+def _intervals(
+    plan: ParametrizedPlan, given: declare.Settings | Box | EnvelopeResult, option: str
+) -> dict[str, Interval]:
     """Intervals that an option gives; of several for a parameter, that for the fewest parameters counts."""
     from robust.execute.randomness import parameters_by_action
 
     groups = parameters_by_action(plan)
     intervals: dict[str, Interval] = {}
-    said = settings(given, [parameter.name for parameter in plan.parameters], option, groups)
+    said = declare.settings(given, [parameter.name for parameter in plan.parameters], option, groups)
     for name in sorted(said, key=lambda name: -len(groups.get(name, ()))):
         intervals |= dict.fromkeys(groups.get(name, (name,)), said[name])
     return intervals
@@ -378,8 +379,8 @@ def distributions_of(
 
     rules = None if options.world is None else read_rules(options.world)
     given = options.distributions if isinstance(options, verbs.RiskOptions) else options.distribution
-    known = given if isinstance(given, Mapping) else texts(given, place_of("distribution"))
-    return randomness.distributions_of(plan, known, rules, place_of)
+    known = given if isinstance(given, Mapping) else declare.texts(given, declare.place_of("distribution"))
+    return randomness.distributions_of(plan, known, rules, declare.place_of)
 
 
 def searching_risk(plan: ParametrizedPlan, options: verbs.RiskOptions) -> AnytimeSearch[RiskResult]:

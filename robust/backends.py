@@ -3,8 +3,6 @@
 Whoever adds one writes it here; the registries beside the interfaces import what is chosen.
 """
 
-from __future__ import annotations
-
 SOLVERS = ("z3", "cvc5")
 
 ENCODINGS = ("relational", "positions")

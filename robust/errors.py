@@ -13,8 +13,6 @@ returns. What there is to catch::
     └── SolverError           3  a solver failed, or is not installed
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

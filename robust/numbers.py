@@ -4,8 +4,6 @@ A number is an integer, a decimal (`0.25`, `-3`, `1e-3`) or a fraction `a/b`. Nu
 number have at most 300 digits: far more than any plan needs, and few enough that no input can exhaust memory.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from decimal import Decimal

@@ -14,8 +14,6 @@ in the plan's own unit. Ctrl-C and time limits end a question with what is known
 nothing is, Ctrl-C raises KeyboardInterrupt.
 """
 
-from __future__ import annotations
-
 import inspect
 import os
 import re

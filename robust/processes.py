@@ -5,8 +5,6 @@ ends, at the deadline, on Ctrl-C, and when this process dies, however that happe
 while it runs; only the end of it is kept.
 """
 
-from __future__ import annotations
-
 import os
 import select
 import signal

@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from robust.errors import InputError
 from robust.numbers import Number, shorten
-from robust.options.declare import place_of, texts
-from robust.options.shared import Demands, FromSteps, Separation, Solving
-from robust.options.verbs import ValidateOptions
+from robust.options import declare, shared, verbs
 
 if TYPE_CHECKING:
     from robust.execute.convert import Conversion, Mode, Settings
@@ -98,12 +96,12 @@ def load_plan(
         _require_path(name, file)
     parsed_domain = read_domain(domain)
     parsed_problem = read_problem(problem, parsed_domain)
-    specs, beside = specifications(texts(parameters, place_of("parameters")), parameter_file, plan)
+    specs, beside = specifications(declare.texts(parameters, declare.place_of("parameters")), parameter_file, plan)
     if beside is not None:
         say(f"took the parameters of {beside}")
     text, name = read_plan_text(plan)
     if is_network(text, name):
-        network = with_deadline(parse_stn(text, name), deadline, place_of("deadline"))
+        network = with_deadline(parse_stn(text, name), deadline, declare.place_of("deadline"))
         made = assemble(parsed_domain, parsed_problem, network, specs, nominal_needed=nominal_needed)
         return with_relative_widths(made) if reading.relative else made
 
@@ -120,7 +118,7 @@ def load_plan(
     return conversion.plan
 
 
-class _Reading(Demands, FromSteps, Separation, Solving):
+class _Reading(shared.Demands, shared.FromSteps, shared.Separation, shared.Solving):
     """Options for reading a plan."""
 
     def conversion(self, specs: Sequence[ParameterSpec], on_progress: Callable[[str], None] | None) -> Settings:
@@ -147,7 +145,7 @@ def _name_of(mode: str | Mode) -> str:
 
 def _require_path(name: str, path: object) -> None:
     if not isinstance(path, str | os.PathLike):
-        raise InputError(f"found {shorten(repr(path))}, expected a path", place_of(name))
+        raise InputError(f"found {shorten(repr(path))}, expected a path", declare.place_of(name))
 
 
 def plan_of(plan: Plan, epsilon: Number = "1/1000") -> ParametrizedPlan:
@@ -162,7 +160,7 @@ def plan_of(plan: Plan, epsilon: Number = "1/1000") -> ParametrizedPlan:
         return plan
     if isinstance(plan, str | bytes) or not isinstance(plan, Sequence) or len(plan) != 3:
         expected = "a plan of load_plan(), or the paths of a domain, a problem and a plan"
-        raise InputError(f"found {shorten(repr(plan))}, expected {expected}", place_of("plan"))
+        raise InputError(f"found {shorten(repr(plan))}, expected {expected}", declare.place_of("plan"))
     domain, problem, steps = plan
     return load_plan(domain, problem, steps, nominal_needed=False, epsilon=epsilon)
 
@@ -204,8 +202,8 @@ def validate(
     from robust.plan.pddl.forms import read_source
     from robust.plan.timed import TimedPlan
 
-    separation = ValidateOptions.declarations["epsilon"].default if epsilon is None else epsilon
-    options = ValidateOptions(epsilon=separation, tolerance=tolerance, plan_number=plan_number)
+    separation = verbs.ValidateOptions.declarations["epsilon"].default if epsilon is None else epsilon
+    options = verbs.ValidateOptions(epsilon=separation, tolerance=tolerance, plan_number=plan_number)
     parsed = _parsed(domain, problem)
     if not isinstance(plan, TimedPlan):
         _require_path("plan", plan)
@@ -297,7 +295,7 @@ def convert(
         solver=solver,
         timeout=timeout,
     )
-    specs, _ = specifications(texts(parameters, place_of("parameters")), parameter_file)
+    specs, _ = specifications(declare.texts(parameters, declare.place_of("parameters")), parameter_file)
     parsed = _parsed(domain, problem)
     if not isinstance(plan, TimedPlan):
         _require_path("plan", plan)

@@ -10,8 +10,6 @@ is dropped. One process at a time writes; readers may look at any time. Where re
 checksum of all lines up to it, so that no other damage goes unnoticed.
 """
 
-from __future__ import annotations
-
 import fcntl
 import json
 import os

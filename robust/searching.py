@@ -1,7 +1,5 @@
 """Searches that know at any moment what they have found, and how they end."""
 
-from __future__ import annotations
-
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable

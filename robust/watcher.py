@@ -10,8 +10,6 @@ A separate small process, because Linux counts the memory of the parent at the t
 the child: started from a process of 400 MB, every command would seem to need that much.
 """
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import os

@@ -1,25 +1,21 @@
 """Proofs of another solver: those of cvc5, obligation by obligation, in the Alethe format."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
 import cvc5
 
+from robust import errors, records
 from robust.encode.interface import Encoding
-from robust.errors import RefutedError, SolverError
 from robust.irr.containment import within
 from robust.qe.box import Box
-from robust.records import Folder
-from robust.smt.limits import Deadline, OutOfTimeError
-from robust.smt.session import smtlib
+from robust.smt import limits, session
 
 _OPTIONS = {"produce-proofs": "true", "proof-format-mode": "alethe", "proof-granularity": "dsl-rewrite"}
 _HOLE = re.compile(r":rule (?:hole|trust)\b")
 
 
-def export(encoding: Encoding, box: Box, directory: Path, deadline: Deadline) -> int:
+def export(encoding: Encoding, box: Box, directory: Path, deadline: limits.Deadline) -> int:
     """Write a problem and a proof for each obligation whose formula is not constant; the number of holes in all.
 
     Args:
@@ -34,12 +30,12 @@ def export(encoding: Encoding, box: Box, directory: Path, deadline: Deadline) ->
         SolverError: if cvc5 has no proof in this format.
         OutOfTimeError: if the deadline passes.
     """
-    holes, folder = 0, Folder(directory, "proofs")
+    holes, folder = 0, records.Folder(directory, "proofs")
     for index, obligation in enumerate(encoding.obligations):
         if obligation.violation is encoding.terms.false:
             continue
         formulas = [*encoding.query(obligation), *within(encoding, box.intervals)]
-        problem = smtlib(encoding.terms, formulas, obligation.name, "unsat")
+        problem = session.smtlib(encoding.terms, formulas, obligation.name, "unsat")
         proof = prove(problem, obligation.name, deadline)
         holes += len(_HOLE.findall(proof))
         folder.write(f"{index:04d}.smt2", problem)
@@ -47,7 +43,7 @@ def export(encoding: Encoding, box: Box, directory: Path, deadline: Deadline) ->
     return holes
 
 
-def prove(problem: str, name: str, deadline: Deadline) -> str:
+def prove(problem: str, name: str, deadline: limits.Deadline) -> str:
     """The Alethe proof that an SMT-LIB problem is unsatisfiable.
 
     Raises:
@@ -69,10 +65,10 @@ def prove(problem: str, name: str, deadline: Deadline) -> str:
         command.invoke(solver, symbols)
     result = solver.checkSat()
     if result.isUnknown():
-        raise OutOfTimeError
+        raise limits.OutOfTimeError
     if result.isSat():
-        raise RefutedError(f"found a schedule that breaks {name!r}, expected none; `robust check` shows one")
+        raise errors.RefutedError(f"found a schedule that breaks {name!r}, expected none; `robust check` shows one")
     text = solver.proofToString(solver.getProof()[0], cvc5.ProofFormat.ALETHE).decode()
     if not text.lstrip().startswith("("):
-        raise SolverError(f"cvc5 has no Alethe proof of {name!r}: {text[:200]}")
+        raise errors.SolverError(f"cvc5 has no Alethe proof of {name!r}: {text[:200]}")
     return str(text)

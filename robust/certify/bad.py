@@ -5,8 +5,6 @@ all times as functions of the parameters, and the polyhedron is where these func
 critical region of a parametric linear program [Gal and Nedoma 1972]).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -20,13 +18,12 @@ from robust.certify.hints import Fact, KnownFacts, Line, LinearSide, Model, impl
 from robust.encode.interface import Encoding, Range
 from robust.errors import UnsupportedError
 from robust.irr.widen import DiscoveredBadSet
+from robust.qe import lifted, simplex
 from robust.qe.box import Box, Interval
 from robust.qe.box import Side as End
 from robust.qe.constraint import LinearConstraint, Sense
-from robust.qe.lifted import LiftedRegion
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region, outside
-from robust.qe.simplex import Tableau, feasible_point
 from robust.smt.limits import Deadline
 
 SEGMENT = "~"
@@ -224,7 +221,7 @@ def _pins(point: tape.Point) -> list[LinearSide]:
 def _vertex(wanted: Sequence[Fact], unknowns: Sequence[str], point: tape.Point) -> dict[str, Linear]:
     """The unknowns, over the parameters, at a vertex with the greatest margin of strict constraints."""
     place = {name: index for index, name in enumerate(unknowns)}
-    tableau = Tableau(len(unknowns) + 1)
+    tableau = simplex.Tableau(len(unknowns) + 1)
 
     for form, strict in wanted:
         row, level = [Fraction(0)] * (len(unknowns) + 1), Fraction(0)
@@ -315,7 +312,7 @@ def region_lines(ground: Ground, epsilon: Fraction, region: Region, *, deadline:
     return [*lines, ["rest"], refutation(formulas, KnownFacts(good), formulas.circuit.all(outside_of), deadline)]
 
 
-def lifted_lines(ground: Ground, epsilon: Fraction, region: LiftedRegion, *, deadline: Deadline) -> list[Line]:
+def lifted_lines(ground: Ground, epsilon: Fraction, region: lifted.LiftedRegion, *, deadline: Deadline) -> list[Line]:
     """The same of a region with times: all is good that the network leaves a schedule, but for demands on parameters.
 
     No schedules are written down: linear ones would take a piece for each vertex of the network's polyhedron.
@@ -330,7 +327,7 @@ def lifted_lines(ground: Ground, epsilon: Fraction, region: LiftedRegion, *, dea
         kept.remove(demand)
         for beyond in demand.negation():
             deadline.enforce()
-            point = feasible_point((*names, *region.times), (*kept, beyond))
+            point = simplex.feasible_point((*names, *region.times), (*kept, beyond))
             if point is not None:
                 piece = Polyhedron(names, (beyond,))
                 why = reasons.always(piece, point, limits, origins[0] if origins else "")

@@ -19,8 +19,7 @@ from typing import Any
 from robust.certify.checker.formulas import Formulas
 from robust.certify.checker.reader import Linear
 from robust.errors import RobustError
-from robust.qe.constraint import Sense
-from robust.qe.simplex import Tableau
+from robust.qe import constraint, simplex
 from robust.smt.limits import Deadline
 
 Clause = tuple[int, ...]
@@ -302,12 +301,12 @@ def contradiction(sides: Sequence[LinearSide]) -> Conflict | dict[str, Fraction]
     """A minimal contradictory subset with its multiples [Farkas 1902], or a point that satisfies all."""
     names = list(dict.fromkeys(name for side in sides for name, _ in side.factors))
     place = {name: index for index, name in enumerate(names)}
-    tableau = Tableau(len(names))
+    tableau = simplex.Tableau(len(names))
     for side in sides:
         form = [0] * len(names)
         for name, factor in side.factors:
             form[place[name]] = -factor
-        tableau.add(form, Sense.LESS if side.strict else Sense.AT_MOST, side.constant)
+        tableau.add(form, constraint.Sense.LESS if side.strict else constraint.Sense.AT_MOST, side.constant)
     if tableau.restore():
         return dict(zip(names, tableau.point(), strict=True))
     divisor = gcd(*tableau.weights.values())

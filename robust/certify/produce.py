@@ -1,7 +1,5 @@
 """Certificates of each kind, made: all that the checker asks for, in its order."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -9,12 +7,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeVar
 
-from robust.certify.bad import face_lines, lifted_lines, region_lines
+from robust.certify import bad, tape
 from robust.certify.checker import choices, reader
 from robust.certify.hints import KnownFacts, Line, NotRefutedError, refutation
-from robust.certify.tape import FORMAT, Progress, good_lines, header
-from robust.encode import create_encoding
-from robust.encode.interface import EPSILON
+from robust.encode import create_encoding, interface
 from robust.errors import Location, RefutedError, UnsupportedError
 from robust.plan.model import ParametrizedPlan
 from robust.plan.pddl.forms import read_text
@@ -59,11 +55,11 @@ class PlanCertificate:
 
     files: tuple[Path, ...]
     plan: ParametrizedPlan
-    epsilon: Fraction = EPSILON
+    epsilon: Fraction = interface.EPSILON
     encoding: str = field(default="relational", kw_only=True)
     solver: str = field(default="z3", kw_only=True)
     deadline: Deadline = field(default=NEVER, kw_only=True)
-    on_obligation: Progress | None = field(default=None, kw_only=True)
+    on_obligation: tape.Progress | None = field(default=None, kw_only=True)
     ground: reader.Ground = field(init=False)
 
     def __post_init__(self) -> None:
@@ -73,7 +69,7 @@ class PlanCertificate:
 
     def of_plan(self) -> list[Line]:
         """That the plan is valid at the nominal values; errors as of :meth:`of_box`."""
-        return [header("plan"), *self._good(Box.nominal(self.plan.parameters))]
+        return [tape.header("plan"), *self._good(Box.nominal(self.plan.parameters))]
 
     def of_box(self, box: Box, *, maximal: bool = False) -> list[Line]:
         """That the plan is valid all over a box, and perhaps that no other valid box contains it.
@@ -83,10 +79,10 @@ class PlanCertificate:
             UnsupportedError: if the box is not maximal, or schedules or witnesses cannot be written down.
             OutOfTimeError: if the deadline passes.
         """
-        lines = [header("maximal" if maximal else "box", box), *self._good(box)]
+        lines = [tape.header("maximal" if maximal else "box", box), *self._good(box)]
         if maximal:
             encoding = create_encoding(self.encoding, self.plan, self.epsilon, self.deadline)
-            faces = face_lines(self.ground, encoding, box, solver=self.solver, deadline=self.deadline)
+            faces = bad.face_lines(self.ground, encoding, box, solver=self.solver, deadline=self.deadline)
             lines += supported(lambda: [*faces])
         return lines
 
@@ -94,14 +90,14 @@ class PlanCertificate:
         """That a region is the whole envelope; errors as of :meth:`of_box`."""
         ground, epsilon, deadline = self.ground, self.epsilon, self.deadline
         if isinstance(region, LiftedRegion) and not region.is_empty:
-            lines = supported(lambda: lifted_lines(ground, epsilon, region, deadline=deadline))
+            lines = supported(lambda: bad.lifted_lines(ground, epsilon, region, deadline=deadline))
         else:
-            lines = supported(lambda: region_lines(ground, epsilon, region, deadline=deadline))
-        return [header("region"), *lines]
+            lines = supported(lambda: bad.region_lines(ground, epsilon, region, deadline=deadline))
+        return [tape.header("region"), *lines]
 
     def _good(self, box: Box) -> list[Line]:
         options: dict[str, Any] = {"deadline": self.deadline, "on_obligation": self.on_obligation}
-        return supported(lambda: good_lines(self.ground, self.epsilon, box, solver=self.solver, **options))
+        return supported(lambda: tape.good_lines(self.ground, self.epsilon, box, solver=self.solver, **options))
 
 
 def knowledge(
@@ -124,7 +120,7 @@ def knowledge(
             "the plan has a correct execution, so that its knowledge base is not empty; expected a plan without any",
             Location(str(network)),
         ) from None
-    return [[FORMAT, "knowledge", [list(choice) for choice in assumed.items()]], line]
+    return [[tape.FORMAT, "knowledge", [list(choice) for choice in assumed.items()]], line]
 
 
 def execution(
@@ -135,7 +131,7 @@ def execution(
     stated = stated_choices(network, epsilon)
     values = [values.index(scenario[name]) for name, values in stated.domains.items()]
     times = [str(schedule[event]) if event in schedule else None for event in stated.guards]
-    return [header("execution"), ["execution", values, times]]
+    return [tape.header("execution"), ["execution", values, times]]
 
 
 def stated_choices(network: Path, epsilon: Fraction) -> choices.Choices:

@@ -4,8 +4,6 @@ The first hints are orders of time points that a network implies for all paramet
 that are functions of the parameters.
 """
 
-from __future__ import annotations
-
 import gzip
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -15,15 +13,14 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
+from robust import errors, records
 from robust.certify.checker.formulas import FALSE, Formulas, plus, replaced
 from robust.certify.checker.reader import Ground, Linear, constant
 from robust.certify.hints import Fact, KnownFacts, Line, NotRefutedError, implied, refutation
 from robust.encode.interface import Auxiliary, Range, variable
 from robust.encode.interface import constant as term_of
-from robust.errors import RefutedError, UnsupportedError
 from robust.network.differences import Distances
 from robust.qe.box import Box
-from robust.records import atomic_write
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Satisfiability, Session
 from robust.smt.terms import Formula, Terms
@@ -58,7 +55,7 @@ class OrderLemmas:
         bounds = ((a, b, floor) for _, a, b, floor in floors if floor is not None)
         self._distances = Distances(range(len(ground.points)), bounds)
         if self._distances.network.schedule is None:
-            raise RefutedError("the network allows no schedule for any of these values; expected some")
+            raise errors.RefutedError("the network allows no schedule for any of these values; expected some")
         self._times = self._distances.network.schedule
         self._used: dict[tuple[int, int], Fraction] = {}
 
@@ -235,7 +232,7 @@ def box_facts(box: Box) -> list[Fact]:
 def write(lines: Sequence[Line], path: Path) -> int:
     """Write a certificate; its size in bytes."""
     data = packed(lines)
-    atomic_write(path, data, None)
+    records.atomic_write(path, data, None)
     return len(data)
 
 
@@ -264,7 +261,9 @@ def good_lines(
     times = constant_times(formulas, box.ranges) or affine_times(formulas, region, solver=solver, deadline=deadline)
     if times is None:
         _require_schedules(ground, box)
-        raise UnsupportedError("no schedule that is linear in the parameters suits all of these values; try fewer")
+        raise errors.UnsupportedError(
+            "no schedule that is linear in the parameters suits all of these values; try fewer"
+        )
     orders, *refutations = obligation_lines(
         formulas, region, box.ranges, (), deadline=deadline, on_obligation=on_obligation
     )
@@ -281,7 +280,7 @@ def _require_schedules(ground: Ground, box: Box) -> None:
         values = dict(zip(box.intervals, corner, strict=True))
         if positive_circle(ground, values) is not None:
             shown = ", ".join(f"{name} = {value}" for name, value in values.items())
-            raise RefutedError(f"the network allows no schedule for {shown}; expected values for which it does")
+            raise errors.RefutedError(f"the network allows no schedule for {shown}; expected values for which it does")
 
 
 def schedule_lines(formulas: Formulas, region: Sequence[Fact], times: Mapping[str, Linear]) -> list[Line]:
@@ -319,7 +318,7 @@ def obligation_lines(
                 refutations.append(refutation(formulas, known, literal, deadline, also))
             except NotRefutedError:
                 message = f"found a schedule that breaks {label!r}, expected none; `robust check` shows one"
-                raise RefutedError(message) from None
+                raise errors.RefutedError(message) from None
         if on_obligation is not None:
             on_obligation(number + 1, len(obligations), label)
     formulas.evaluate()

@@ -1,7 +1,5 @@
 """Runs the checker of certificates: a process of its own, with limits of time and memory."""
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Mapping, Sequence
@@ -11,9 +9,8 @@ from math import ceil
 from pathlib import Path
 from typing import Any
 
+from robust import errors, presented
 from robust.certify import checker
-from robust.errors import RobustError
-from robust.presented import NoTruthValue, VerdictEnum
 from robust.processes import Processes
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
@@ -26,11 +23,11 @@ OUT_OF_TIME = 3
 _START = "import runpy, sys; sys.path.insert(0, sys.argv.pop(1)); runpy.run_module('checker', run_name='__main__')"
 
 
-class CheckerFailedError(RobustError):
+class CheckerFailedError(errors.RobustError):
     """The checker ended in a way that it never should."""
 
 
-class CheckerOutcome(VerdictEnum):
+class CheckerOutcome(presented.VerdictEnum):
     """What the checker says of a certificate; the values are its exit codes."""
 
     ESTABLISHED = 0
@@ -40,7 +37,7 @@ class CheckerOutcome(VerdictEnum):
 
 
 @dataclass(frozen=True)
-class Verification(NoTruthValue, ask="outcome"):
+class Verification(presented.NoTruthValue, ask="outcome"):
     """The checker's verdict, and its answer: `claim` and `files` (digests) among others, or `reason`."""
 
     outcome: CheckerOutcome

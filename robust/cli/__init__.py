@@ -1,7 +1,5 @@
 """The command `robust`: the entry points. Everything else is imported once Ctrl-C is taken care of."""
 
-from __future__ import annotations
-
 import atexit
 import os
 import signal

@@ -13,9 +13,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from robust import errors, records
 from robust.cli.build import Command
 from robust.cli.guard import Action, Run, action
-from robust.errors import UNDECIDED
 from robust.options.batch import (
     BatchCheckCommand,
     BatchCommand,
@@ -24,7 +24,6 @@ from robust.options.batch import (
     BatchRegionCommand,
 )
 from robust.options.declare import place_of
-from robust.records import atomic_write
 
 if TYPE_CHECKING:
     from robust.cli.guard import Run
@@ -59,11 +58,11 @@ def _carry_out(verb: str, options: BatchCommand, run: Run) -> int:
         result = run_batch(verb, options.suite, options.changed(on_result=run.display.batch))
     run.answer(lambda: shown.batch_document(result), lambda out: shown.print_batch(out, result, quiet=options.quiet))
     if (table := options.csv) is not None:
-        run.write(lambda: atomic_write(table, shown.csv_text(result), place_of("csv")))
+        run.write(lambda: records.atomic_write(table, shown.csv_text(result), place_of("csv")))
     if (page := options.html) is not None:
         from robust.draw.interactive import batch_page
 
-        run.write(lambda: atomic_write(page, batch_page(result), place_of("html")))
+        run.write(lambda: records.atomic_write(page, batch_page(result), place_of("html")))
     return result.exit_code
 
 
@@ -127,7 +126,7 @@ def _measure(entry: Any, options: Any, run: Run) -> int:
     run.answer(report.as_dict, tell)
     run.write(report.plot)
     if not report.complete:
-        return UNDECIDED
+        return errors.UNDECIDED
     return 0 if report.agrees else 1
 
 

@@ -10,16 +10,15 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
+from robust import json_text, records
 from robust.cli.guard import action
 from robust.errors import InputError, Location, RefutedError, UnsupportedError
-from robust.json_text import parse_json
 from robust.numbers import exact_end, quoted, shorten
 from robust.options.batch import CertifyCommand, VerifyCommand
 from robust.options.declare import place_of, refuse_replacing, settings
 from robust.plan.parameters import specifications
 from robust.plan.pddl.forms import read_bytes, read_text
 from robust.qe.box import Box, Interval
-from robust.records import atomic_write
 from robust.smt.limits import Deadline, OutOfTimeError
 
 if TYPE_CHECKING:
@@ -92,7 +91,7 @@ def certify(options: CertifyCommand, run: Run) -> int:
 
     run.answer(lambda: documents.document(answer), tell)
     for path, content in written.items():
-        run.write(partial(atomic_write, path, content, place_of("output")))
+        run.write(partial(records.atomic_write, path, content, place_of("output")))
     return 0
 
 
@@ -365,7 +364,7 @@ def read_box(path: Path, nominal: Box) -> Box:
     """
     place, text = Location(str(path)), read_text(path)
     expected = "a box as `robust envelope --json` prints it"
-    parse_json(text, str(path))  # which says where it is none
+    json_text.parse_json(text, str(path))  # which says where it is none
     document = json.loads(text)
     answer = document if isinstance(document, dict) else {}
     ends = answer.get("parameters", answer)

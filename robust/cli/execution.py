@@ -14,15 +14,13 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robust.cli import plans
-from robust.cli.build import read_options
+from robust.cli import build, plans
 from robust.cli.guard import Action, Cause, GivenUpError, Run, action, carry_out
 from robust.cli.output import answering, print_json
 from robust.errors import UNDECIDED, InputError, RefutedError, RobustError
 from robust.numbers import plural
+from robust.options import declare, verbs
 from robust.options.batch import ConvertCommand, DemoCommand, ExecuteCommand
-from robust.options.declare import place_of
-from robust.options.verbs import ValidateCommand
 from robust.records import atomic_write
 
 if TYPE_CHECKING:
@@ -41,8 +39,8 @@ log = logging.getLogger(__name__)
 _Files = tuple[Path, Path, Path]
 
 
-@action(ValidateCommand)
-def validate(options: ValidateCommand, run: Run) -> int:
+@action(verbs.ValidateCommand)
+def validate(options: verbs.ValidateCommand, run: Run) -> int:
     """Is a plan valid as it stands, at the times that it says? If not: what breaks, when, by how much, what would help.
 
     Any number of plans of one problem, or those of a list. robust check judges all schedules of a network.
@@ -67,7 +65,7 @@ def validate(options: ValidateCommand, run: Run) -> int:
     return max([*(plan.exit_code for plan in judged), 0 if cause is None else UNDECIDED])
 
 
-def _judge_all(options: ValidateCommand, run: Run, judged: list[JudgedPlan]) -> None:
+def _judge_all(options: verbs.ValidateCommand, run: Run, judged: list[JudgedPlan]) -> None:
     from robust.show.validation import JudgedPlan
     from robust.sweeps.suites import listed_files
 
@@ -94,7 +92,7 @@ def _judge_all(options: ValidateCommand, run: Run, judged: list[JudgedPlan]) -> 
                 run.note(f"{verdict.plan}: {verdict.note}")
 
 
-def _judged(options: ValidateCommand, domain: Domain, problem: Problem, plan: Path) -> Verdict:
+def _judged(options: verbs.ValidateCommand, domain: Domain, problem: Problem, plan: Path) -> Verdict:
     from robust.execute.validate import read_plan, validate
     from robust.plan.pddl.forms import read_plan_text
 
@@ -165,7 +163,9 @@ def _is_network(plan: Path) -> bool:
 def _export(options: ConvertCommand, run: Run) -> int:
     """Write the network with uncertainty of a plan that needs no conversion."""
     if options.output is not None:
-        raise InputError("is for converted plans; PLAN is a network already, expected --stnu only", place_of("output"))
+        raise InputError(
+            "is for converted plans; PLAN is a network already, expected --stnu only", declare.place_of("output")
+        )
     network = _write_stnu(options, run, run.only(lambda: plans.load(options, run)))
 
     from robust.show import stnu
@@ -189,7 +189,7 @@ def _write_stnu(options: ConvertCommand, run: Run, plan: ParametrizedPlan) -> Ne
     box = nominal if options.box is None else read_box(options.box, nominal)
     network = network_of_plan(plan, box, str(output), "Z" if output.suffix.lower() == ".stnu" else "0")
     content, scale = write(network, output)
-    run.write(partial(atomic_write, output, content, place_of("stnu")))
+    run.write(partial(atomic_write, output, content, declare.place_of("stnu")))
     if scale != 1:
         run.note(scaled(output, scale))
     return network
@@ -256,10 +256,10 @@ def _write(options: ConvertCommand, conversion: Conversion) -> None:
 
     output, stn = options.output or Path(), write_stn(conversion.stn)
     try:
-        atomic_write(output, stn, place_of("output"))
+        atomic_write(output, stn, declare.place_of("output"))
         parameters = output.with_suffix(".toml")
         if conversion.beside or parameters.exists():  # which is found there by whoever reads the plan
-            atomic_write(parameters, write_specs(conversion.beside), place_of("output"))
+            atomic_write(parameters, write_specs(conversion.beside), declare.place_of("output"))
     except InputError:
         with answering():
             print("" if options.json else stn, end="")
@@ -363,7 +363,7 @@ def _prepared(options: ExecuteCommand, mission: replan.Mission, run: Run) -> rep
 
     text, file = read_plan_text(options.plan or "-")
     if is_network(text, file):
-        network = with_deadline(parse_stn(text, file), options.deadline, place_of("deadline"))
+        network = with_deadline(parse_stn(text, file), options.deadline, declare.place_of("deadline"))
         plan = assemble(mission.domain, mission.problem, network, mission.options.specs)
         return prepare_plan(with_relative_widths(plan) if options.relative else plan, mission.options)
     timed = parse_timed_plan(text, file, options.plan_number)
@@ -462,7 +462,7 @@ def _take_tour(out: Console, run: Run, color: str) -> int:
 
 def _carry_out(step: _Step, run: Run, color: str) -> int:
     action: Action[Any] = plans.check if step.command == "check" else plans.envelope
-    given = read_options(action.options, step.words) or {}
+    given = build.read_options(action.options, step.words) or {}
     return carry_out(run.guard, action, {**given, "color": color})
 
 

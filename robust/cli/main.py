@@ -4,8 +4,6 @@ Exit codes: 0 proved or done, 1 refuted, 2 bad input, or a file or stdout cannot
 interrupted, 4 unsupported, 141 the reader of stdout has left. Answers go to stdout, everything else to stderr.
 """
 
-from __future__ import annotations
-
 import errno
 import os
 import sys

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, TypeVar
 from robust.backends import DRAKE
 from robust.cli.guard import Run, action
 from robust.errors import UNDECIDED, InputError, exit_code_of
+from robust.options import declare
 from robust.options import pike as asking
-from robust.options.declare import place_of, refuse_replacing
 from robust.smt.limits import Deadline, OutOfTimeError
 
 if TYPE_CHECKING:
@@ -156,7 +156,8 @@ def _parametric(options: asking.PikeRegionCommand | asking.PikeEnvelopeCommand) 
     plan = parametric(options.file, options)
     if not plan.parameters:
         raise InputError(
-            "found no parameters, expected some: --parameter duration:ACTIVITY, or a file", place_of("parameters")
+            "found no parameters, expected some: --parameter duration:ACTIVITY, or a file",
+            declare.place_of("parameters"),
         )
     if options.plot is not None:
         from robust.draw.plane import shown_team_axes
@@ -235,7 +236,7 @@ def new(options: asking.PikeNewCommand, run: Run) -> int:
         instance = k_intents(options.structure, options.seed).instance if generated else shipped(options.kind)
         name = options.name or instance.name
         files = [options.output / file for file in (f"{name}.tpnu.json", "domain.pddl", "problem.pddl")]
-        refuse_replacing(files, place_of("output"), force=options.force)
+        declare.refuse_replacing(files, declare.place_of("output"), force=options.force)
         return instance, instance.write(options.output, name)
 
     instance, path = run.only(write)

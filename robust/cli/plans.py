@@ -6,12 +6,9 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+from robust import errors, records
 from robust.cli.guard import action
-from robust.errors import UNDECIDED, InputError, RobustError, exit_code_of
-from robust.options import verbs
-from robust.options.declare import place_of
-from robust.options.shared import AskCommand
-from robust.records import atomic_write
+from robust.options import declare, shared, verbs
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -38,7 +35,7 @@ HINT_PATIENCE = 10.0
 """Seconds on the clock for the same, where other processes take turns."""
 
 
-def load(options: AskCommand | ConvertCommand, run: Run, *, nominal_needed: bool = True) -> ParametrizedPlan:
+def load(options: shared.AskCommand | ConvertCommand, run: Run, *, nominal_needed: bool = True) -> ParametrizedPlan:
     """The plan that a command is about; making a network of steps may take half of the time."""
     from robust.reading import load_plan
 
@@ -81,7 +78,7 @@ def check(options: verbs.CheckCommand, run: Run) -> int:
     if plan is not None and result.answer.value == "refuted" and not result.cut_short and not options.quiet:
         result = replace(result, repair=_repair(options, run, plan, result))
     run.show(result)
-    return exit_code_of(result.answer.value)
+    return errors.exit_code_of(result.answer.value)
 
 
 def _repair(
@@ -104,7 +101,7 @@ def _repair(
     def look() -> tuple[QuantityChange, ...] | None:
         try:
             result: Repair = from_copy(work, Deadline.after(patience), "the search for a repair")
-        except RobustError:
+        except errors.RobustError:
             return None  # the refutation stands without
         return result.changes if result.status.value == "optimal" else None
 
@@ -151,11 +148,11 @@ def envelope(options: verbs.EnvelopeCommand, run: Run) -> int:
         exported = _exported(options, run, plan, result, beside.controllability)
     show(result)
     if exported is not None and (output := options.output) is not None:
-        run.write(partial(atomic_write, output, exported, place_of("output")))
+        run.write(partial(records.atomic_write, output, exported, declare.place_of("output")))
     if (picture := options.plot) is not None and result.verified:
         run.write(partial(result.plot, picture))
     missing = options.export is not None and result.verified and exported is None
-    return UNDECIDED if missing else exit_code_of(result.status.value)
+    return errors.UNDECIDED if missing else errors.exit_code_of(result.status.value)
 
 
 def _exported(
@@ -287,7 +284,7 @@ def compare(options: verbs.CompareCommand, run: Run) -> int:
         run.write(partial(result.plot, options.plot, axes=options.axes or ()))
     if options.html is not None:
         run.write(partial(_write_page, options, run, result))
-    return exit_code_of(result.status.value)
+    return errors.exit_code_of(result.status.value)
 
 
 def _write_page(options: verbs.CompareCommand, run: Run, result: Comparison) -> None:
@@ -304,7 +301,7 @@ def _write_page(options: verbs.CompareCommand, run: Run, result: Comparison) -> 
             ),
         )
     page = comparison_page(result, breaks, name=options.plan.name, epsilon=options.separation)
-    atomic_write(options.html or "", page, place_of("html"))
+    records.atomic_write(options.html or "", page, declare.place_of("html"))
 
 
 def _page_seconds(run: Run, result: Comparison) -> float:
@@ -348,7 +345,7 @@ def rank(options: verbs.RankCommand, run: Run) -> int:
 
     result = run.reply(begin)
     if result.cut_short:
-        return UNDECIDED
+        return errors.UNDECIDED
     return 0 if any(plan.fitness.value == "valid" for plan in result.plans) else 1
 
 
@@ -373,7 +370,7 @@ def learn(options: verbs.LearnCommand, run: Run) -> int:
 
     run.answer(result.as_dict, tell)
     if options.output is not None:
-        run.write(partial(atomic_write, options.output, result.world(), place_of("output")))
+        run.write(partial(records.atomic_write, options.output, result.world(), declare.place_of("output")))
     return 0
 
 
@@ -391,9 +388,9 @@ def repair(options: verbs.RepairCommand, run: Run) -> int:
 
     source = "" if options.output is None else read_plan_text(options.plan)[0]
     if options.output is not None and not is_network(source, str(options.plan)):
-        raise InputError(
+        raise errors.InputError(
             f"found steps in {options.plan}, expected a network (.stn): convert them first by robust convert",
-            place_of("output"),
+            declare.place_of("output"),
         )
 
     def begin() -> RepairSearch:
@@ -415,8 +412,8 @@ def repair(options: verbs.RepairCommand, run: Run) -> int:
     tell(result)
     if options.output is not None and result.plan is not None:
         text = _text(source, options.plan, result.changes)
-        run.write(partial(atomic_write, options.output, text, place_of("output")))
-    return exit_code_of(result.status.value)
+        run.write(partial(records.atomic_write, options.output, text, declare.place_of("output")))
+    return errors.exit_code_of(result.status.value)
 
 
 def _text(source: str, file: Path, changes: tuple[QuantityChange, ...]) -> str:

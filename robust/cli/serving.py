@@ -14,8 +14,7 @@ from fractions import Fraction
 from math import floor
 from typing import TYPE_CHECKING, Any
 
-from robust.cli.guard import Run
-from robust.cli.output import drop_output
+from robust.cli import guard, output
 from robust.errors import UNDECIDED, InputError, Location, SolverError
 from robust.smt.limits import GLANCE, NEVER, Deadline, OutOfTimeError, has_input
 
@@ -33,7 +32,7 @@ _LOOK = 0.05
 """Seconds between two looks for signals and the deadline, in real time."""
 
 
-def serve(run: Run, options: PikeRunCommand, load: Callable[[], TeamPlan]) -> int:
+def serve(run: guard.Run, options: PikeRunCommand, load: Callable[[], TeamPlan]) -> int:
     """Serve until the input ends; the exit code says how the execution ended.
 
     Args:
@@ -52,7 +51,7 @@ def serve(run: Run, options: PikeRunCommand, load: Callable[[], TeamPlan]) -> in
 
 
 class _Server:
-    def __init__(self, run: Run, options: PikeRunCommand) -> None:
+    def __init__(self, run: guard.Run, options: PikeRunCommand) -> None:
         self._run = run
         self._options = options
         self._rate = Fraction(options.rate or 1) if options.clock == "real" else None
@@ -102,7 +101,7 @@ class _Server:
             else:
                 self._serve_real_time(self._rate)
         except BrokenPipeError as error:
-            drop_output(error)
+            output.drop_output(error)
         except InputError as error:
             self._writer.write_last({"kind": "error", "line": None, "message": str(error)})
             raise

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from robust.cli.guard import Cause, GivenUpError, Run, action
 from robust.errors import UNDECIDED, UNSUPPORTED, InputError, RobustError, did_you_mean
 from robust.numbers import shorten
-from robust.options.batch import StnuCheckCommand, StnuDispatchCommand, StnuFiles, StnuRepairCommand
-from robust.options.declare import place_of
+from robust.options import batch, declare
 from robust.records import atomic_write
 
 if TYPE_CHECKING:
@@ -26,8 +25,8 @@ if TYPE_CHECKING:
 Result = TypeVar("Result")
 
 
-@action(StnuCheckCommand)
-def check(options: StnuCheckCommand, run: Run) -> int:
+@action(batch.StnuCheckCommand)
+def check(options: batch.StnuCheckCommand, run: Run) -> int:
     """Can a dispatcher that sees contingent links end satisfy all requirements, whatever nature does? If not, why?"""
     from robust import stnu
     from robust.show import stnu as show
@@ -43,8 +42,8 @@ def check(options: StnuCheckCommand, run: Run) -> int:
     return _code(judged, cause)
 
 
-@action(StnuDispatchCommand)
-def dispatch(options: StnuDispatchCommand, run: Run) -> int:
+@action(batch.StnuDispatchCommand)
+def dispatch(options: batch.StnuDispatchCommand, run: Run) -> int:
     """How is a network executed? The minimal dispatchable network, its waits, and simulated executions."""
     from robust import stnu
     from robust.show import stnu as show
@@ -65,8 +64,8 @@ def dispatch(options: StnuDispatchCommand, run: Run) -> int:
     return _code(judged, cause)
 
 
-@action(StnuRepairCommand)
-def repair(options: StnuRepairCommand, run: Run) -> int:
+@action(batch.StnuRepairCommand)
+def repair(options: batch.StnuRepairCommand, run: Run) -> int:
     """What is the least change of bounds after which a network is controllable? Ctrl-C prints the best so far."""
     from robust.show import stnu as show
     from robust.smt.limits import Deadline
@@ -96,7 +95,7 @@ def repair(options: StnuRepairCommand, run: Run) -> int:
         from robust.stnu.files import scaled, write
 
         content, scale = write(last.network, options.output)
-        run.write(partial(atomic_write, options.output, content, place_of("output")))
+        run.write(partial(atomic_write, options.output, content, declare.place_of("output")))
         written = str(options.output)
         if scale != 1:
             run.note(scaled(options.output, scale))
@@ -105,7 +104,10 @@ def repair(options: StnuRepairCommand, run: Run) -> int:
 
 
 def _each(
-    options: StnuFiles, run: Run, judge: Callable[[Network], Result], judged: list[JudgedNetwork[Result]] | None = None
+    options: batch.StnuFiles,
+    run: Run,
+    judge: Callable[[Network], Result],
+    judged: list[JudgedNetwork[Result]] | None = None,
 ) -> tuple[list[JudgedNetwork[Result]], Cause | None]:
     """What is found of each file, and why the last ones are missing; one that cannot be read is no obstacle to others.
 
@@ -149,7 +151,7 @@ def _code(judged: list[JudgedNetwork[Any]], cause: Cause | None) -> int:
 
 
 def _weights(
-    options: StnuRepairCommand, network: Network
+    options: batch.StnuRepairCommand, network: Network
 ) -> tuple[Fraction | None, Fraction | None, dict[tuple[str, str], Fraction | None]]:
     """Of requirements, of contingent links, and of single links."""
     kinds: dict[str, Fraction | None] = {"requirement": Fraction(1), "contingent": Fraction(1)}
@@ -162,5 +164,7 @@ def _weights(
             kinds[name] = weight
         else:
             known = (*kinds, *ends)
-            raise InputError(f"found unknown link {shorten(name)}{did_you_mean(name, known)}", place_of("weight"))
+            raise InputError(
+                f"found unknown link {shorten(name)}{did_you_mean(name, known)}", declare.place_of("weight")
+            )
     return kinds["requirement"], kinds["contingent"], single

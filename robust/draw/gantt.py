@@ -4,8 +4,6 @@ A chart is pure data. Within a lane, bars and marks are packed into as few rows 
 overlaps, labels included, goes to another row. Executions of plans, and of plans with choices, become such charts.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -26,12 +24,9 @@ from matplotlib.ticker import MaxNLocator
 from robust.draw import style
 from robust.draw.style import DARK_GREY, HATCHES, LIGHT, STRONG, cut
 from robust.errors import InputError
-from robust.execute.dispatchable import Guarantee
-from robust.execute.replan import ReplanningRun, Segment
-from robust.execute.worlds import InstanceOutcome
+from robust.execute import dispatchable, replan, worlds
 from robust.numbers import format_number, plural, readable
-from robust.pike_bridge.online import progress
-from robust.pike_bridge.online.world import ExecutionRecord
+from robust.pike_bridge.online import progress, world
 from robust.plan.model import ActionInstance
 
 _SHAPES: Final = ("D", "o", "^", "s", "v", "P", "X")
@@ -46,8 +41,8 @@ _SMALLEST = 0.04
 _PARAMETERS = 12
 """Parameters that a chart has lanes for; it has none if there are more."""
 _PROMISES = {
-    Guarantee.DYNAMIC: "values with which the plan succeeds",
-    Guarantee.WEAK: "values with which the plan may succeed",
+    dispatchable.Guarantee.DYNAMIC: "values with which the plan succeeds",
+    dispatchable.Guarantee.WEAK: "values with which the plan may succeed",
 }
 
 
@@ -319,7 +314,7 @@ def _width(label: str) -> float:
 # -- executions of plans -----------------------------------------------------------------------------------------------
 
 
-def plot_run(run: ReplanningRun, executor: str, path: Path) -> None:
+def plot_run(run: replan.ReplanningRun, executor: str, path: Path) -> None:
     """Draw an execution: a lane for each first argument of an action, which is the agent in most domains; below them
     one for each parameter, with the values in which the plan succeeds and those that were observed.
     """
@@ -328,7 +323,7 @@ def plot_run(run: ReplanningRun, executor: str, path: Path) -> None:
     shown = names if len(names) <= _PARAMETERS else ()
     lanes = [Lane(name) for name in dict.fromkeys(_lane(execution.instance) for execution in executed)]
     lanes += [Lane(_parameter_lane(name), name) for name in shown]
-    kinds = {InstanceOutcome.DONE: "action", InstanceOutcome.RUNNING: "running"}
+    kinds = {worlds.InstanceOutcome.DONE: "action", worlds.InstanceOutcome.RUNNING: "running"}
     bars = [
         Bar(
             _lane(execution.instance),
@@ -357,7 +352,7 @@ def _parameter_lane(name: str) -> str:
     return f"parameter {name}"
 
 
-def _promises(segment: Segment, name: str) -> Iterator[Bar]:
+def _promises(segment: replan.Segment, name: str) -> Iterator[Bar]:
     """Within which values the plan goes on, from one observation to the next, until the value itself is known."""
     changes = [(segment.start, segment.box, segment.guarantee)]
     changes += [(change.time, change.box, segment.promised) for change in segment.remainders if change.box is not None]
@@ -368,14 +363,14 @@ def _promises(segment: Segment, name: str) -> Iterator[Bar]:
         yield Bar(_parameter_lane(name), time, until, interval.written(format_number), worth)
 
 
-def _observed(segment: Segment, name: str) -> Iterator[Mark]:
+def _observed(segment: replan.Segment, name: str) -> Iterator[Mark]:
     for observation in segment.observations:
         if observation.what == name:
             outside = "" if observation.inside else ", outside"
             yield Mark(observation.time, _parameter_lane(name), f"{readable(observation.value)}{outside}", "observed")
 
 
-def _marks(run: ReplanningRun) -> Iterator[Mark]:
+def _marks(run: replan.ReplanningRun) -> Iterator[Mark]:
     for number, segment in enumerate(run.segments, start=1):
         if number > 1:
             yield Mark(segment.start, None, f"plan {number}", "next plan")
@@ -386,7 +381,7 @@ def _marks(run: ReplanningRun) -> Iterator[Mark]:
 # -- executions of plans with choices ----------------------------------------------------------------------------------
 
 
-def plot_team_run(record: ExecutionRecord, path: Path | None) -> Figure:
+def plot_team_run(record: world.ExecutionRecord, path: Path | None) -> Figure:
     """Draw which agent did what when, with choices, inferences and violations."""
     bars: list[Bar] = []
     marks: list[Mark] = []

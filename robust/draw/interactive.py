@@ -7,8 +7,6 @@ The page decides every point by itself, with fractions (`web/exact.js`); nothing
 The table of a batch is sorted by its headings, and readable without scripts. Names from files cannot break a page.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -27,9 +25,8 @@ from robust.qe.compute import Breaks
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
 from robust.searching import Status
+from robust.show import console, regions
 from robust.show.batch import NAMES, answer_lines, ratio, summary_lines
-from robust.show.console import colour_of
-from robust.show.regions import METHOD_NAMES, comparison_details, in_form
 from robust.show.text import Words
 from robust.sweeps.batch import Batch, BatchRow, PlanRun
 
@@ -134,7 +131,7 @@ def _answer(run: PlanRun | None) -> list[Cell]:
         return [_NOTHING] * 3
     lines = answer_lines(run)
     said = Cell(lines[0], more=lines) if len(lines) > 1 else Cell("".join(lines))
-    kind = _COLOURS.get(colour_of(run.status), "open")
+    kind = _COLOURS.get(console.colour_of(run.status), "open")
     return [Cell(run.status, kind=kind), Cell(f"{run.seconds:.2f}", run.seconds, kind="number"), said]
 
 
@@ -160,7 +157,11 @@ def comparison_page(result: Comparison, breaks: Breaks | None, *, name: str, eps
     """
     words = Words(result.plan, epsilon)
     title = f"How far may “{name}” deviate?"
-    body = part("compare.html").replace("{{title}}", escape(title)).replace("{{details}}", comparison_details(result))
+    body = (
+        part("compare.html")
+        .replace("{{title}}", escape(title))
+        .replace("{{details}}", regions.comparison_details(result))
+    )
     data = comparison_data(result, breaks, words)
     return self_contained(title, body, scripts=("exact.js", "compare.js"), data=data)
 
@@ -172,7 +173,7 @@ def shown_region(result: Comparison) -> tuple[Region | None, str]:
     elif not result.region.is_exact:
         why = _ENDED[result.region.status]
     else:
-        region = in_form(result.region.region, None)
+        region = regions.in_form(result.region.region, None)
         if len(region.pieces) <= MOST:
             return region, ""
         why = f"it takes {len(region.pieces)} polyhedra"
@@ -209,7 +210,9 @@ def comparison_data(result: Comparison, breaks: Breaks | None, words: Words) -> 
         ],
         "region": None if region is None else _region(region),
         "missing": why,
-        "boxes": [{"method": METHOD_NAMES[method], "intervals": _intervals(box)} for method, box in boxes.items()],
+        "boxes": [
+            {"method": regions.METHOD_NAMES[method], "intervals": _intervals(box)} for method, box in boxes.items()
+        ],
         "points": len(points),
         "network": list(_network(plan, words)),
         "actions": [

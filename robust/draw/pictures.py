@@ -6,8 +6,6 @@ Rows of a box are deviations from the nominal values, so that parameters of diff
 deviations differ by orders of magnitude, the axis is logarithmic on both sides of zero.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,11 +19,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
 
-from robust.draw import style
-from robust.draw.gantt import plot_team_run
+from robust import errors, searching
+from robust.draw import gantt, style
 from robust.draw.plane import draw_plane, plot_comparison, plot_region, plot_shape, plot_team_envelope, plot_team_region
 from robust.draw.style import EDGE, VALID, VERMILION, save, wrapped
-from robust.errors import InputError
 from robust.irr.compare import Comparison
 from robust.irr.search import EnvelopeResult
 from robust.numbers import approximate, end, readable
@@ -36,7 +33,6 @@ from robust.probability.risk import BlameShare, RiskResult
 from robust.qe.box import Box
 from robust.qe.compute import RegionResult
 from robust.qe.region import Region
-from robust.searching import Status
 from robust.show.documents import bounds_text, places_for
 from robust.show.text import Words
 
@@ -75,7 +71,7 @@ def plot_envelope(result: EnvelopeResult, path: Path | None) -> Figure:
     """
     if not result.verified or not all(parameter.has_nominal for parameter in result.parameters):
         lacking = "a parameter without a nominal value" if result.verified else "no box"
-        raise InputError(f"found {lacking}, expected a box around nominal values", place_of("plot"))
+        raise errors.InputError(f"found {lacking}, expected a box around nominal values", place_of("plot"))
     words = {} if result.plan is None else Words(result.plan).parameters
     return save(lambda: _figure(result, _rows(result, words)), path)
 
@@ -98,11 +94,11 @@ def _figure(result: EnvelopeResult, rows: Sequence[_Row]) -> Figure:
 
 def _title(result: EnvelopeResult) -> str:
     ends = {
-        Status.COMPLETE: "complete",
-        Status.TIMEOUT: "out of time: best box so far",
-        Status.INTERRUPTED: "interrupted: best box so far",
-        Status.INVALID: "invalid",
-        Status.UNKNOWN: "a solver failed: best box so far",
+        searching.Status.COMPLETE: "complete",
+        searching.Status.TIMEOUT: "out of time: best box so far",
+        searching.Status.INTERRUPTED: "interrupted: best box so far",
+        searching.Status.INVALID: "invalid",
+        searching.Status.UNKNOWN: "a solver failed: best box so far",
     }
     method = {"irr": "IRR", "widen": "exact widening", "optimal": "greatest total width", "risk": "most probable"}[
         result.method
@@ -352,14 +348,16 @@ def picture(result: object, path: Path | None, axes: Sequence[str]) -> Figure:
         InputError: if there is nothing to draw, or the file cannot be written.
     """
     drawn = sorted(kind.__name__ for kind in picture.registry if kind is not object)
-    raise InputError(f"found {type(result).__name__}, expected one of {', '.join(drawn)} to draw", place_of("plot"))
+    raise errors.InputError(
+        f"found {type(result).__name__}, expected one of {', '.join(drawn)} to draw", place_of("plot")
+    )
 
 
 picture.register(EnvelopeResult, _picture_of_envelope)
 picture.register(RegionResult, plot_region)
 picture.register(Comparison, plot_comparison)
 picture.register(RiskResult, lambda result, path, _: plot_risk(result, path))
-picture.register(ExecutionRecord, lambda record, path, _: plot_team_run(record, path))
+picture.register(ExecutionRecord, lambda record, path, _: gantt.plot_team_run(record, path))
 picture.register(LabeledRegion, plot_team_region)
 picture.register(TeamEnvelope, plot_team_envelope)
 

@@ -3,8 +3,6 @@
 Regions become polygons exactly; only what is handed to matplotlib are floats.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from itertools import pairwise
@@ -18,25 +16,20 @@ from matplotlib.figure import Figure
 from robust.draw import style
 from robust.draw.style import DARK_GREY, EDGE, GREEN, VALID, cut, save, wrapped
 from robust.errors import InputError, did_you_mean
-from robust.irr.compare import Comparison
-from robust.irr.search import EnvelopeResult
-from robust.irr.templates import Shape
+from robust.irr import compare, search, templates
 from robust.numbers import plural, readable
 from robust.options.declare import place_of
 from robust.pike_bridge.envelopes.parameters import ParametricPlan, TeamParameter
 from robust.pike_bridge.envelopes.pieces import Combination
 from robust.pike_bridge.envelopes.search import LabeledRegion, TeamEnvelope
 from robust.pike_bridge.model import guard_text
-from robust.plan.load import require_nominal_values
-from robust.plan.model import ParametrizedPlan
+from robust.plan import load, model
+from robust.qe import compute, constraint
 from robust.qe.box import Box
-from robust.qe.compute import RegionResult
-from robust.qe.constraint import LinearConstraint, Sense
 from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import Region
-from robust.show.pike_envelopes import Cells, cells_of, promise
+from robust.show import pike_envelopes, text
 from robust.show.regions import METHOD_NAMES
-from robust.show.text import Words, named
 
 Corner = tuple[Fraction, Fraction]
 Segment = tuple[Corner, Corner]
@@ -52,7 +45,7 @@ _NAMED = 4
 # -- regions and comparisons -------------------------------------------------------------------------------------------
 
 
-def plot_region(result: RegionResult, path: Path | None, axes: Sequence[str]) -> Figure:
+def plot_region(result: compute.RegionResult, path: Path | None, axes: Sequence[str]) -> Figure:
     """Draw a region, and what is proved of one that is not complete."""
     if result.plan is None:
         raise InputError("found a region without its plan, expected one that a search has found", place_of("plot"))
@@ -60,7 +53,7 @@ def plot_region(result: RegionResult, path: Path | None, axes: Sequence[str]) ->
     return _plot(result.region, result.plan, path, axes, inner=inner, exact=exact)
 
 
-def plot_comparison(result: Comparison, path: Path | None, axes: Sequence[str]) -> Figure:
+def plot_comparison(result: compare.Comparison, path: Path | None, axes: Sequence[str]) -> Figure:
     """Draw the region with all boxes in it.
 
     Raises:
@@ -72,7 +65,7 @@ def plot_comparison(result: Comparison, path: Path | None, axes: Sequence[str]) 
     return _plot(result.region.region, result.plan, path, axes, boxes=boxes, exact=result.region.is_exact)
 
 
-def plot_shape(result: EnvelopeResult, shape: Shape, path: Path | None, axes: Sequence[str]) -> Figure:
+def plot_shape(result: search.EnvelopeResult, shape: templates.Shape, path: Path | None, axes: Sequence[str]) -> Figure:
     """Draw the region with the box and the shape around it."""
     if result.plan is None:
         raise InputError("found a shape without its plan, expected one that a search has found", place_of("plot"))
@@ -80,7 +73,7 @@ def plot_shape(result: EnvelopeResult, shape: Shape, path: Path | None, axes: Se
     return _plot(shape.region, result.plan, path, axes, boxes={result.method: result.box}, shapes=shapes)
 
 
-def shown_axes(plan: ParametrizedPlan, axes: Sequence[str]) -> tuple[str, ...]:
+def shown_axes(plan: model.ParametrizedPlan, axes: Sequence[str]) -> tuple[str, ...]:
     """The one or two parameters that are drawn: those that were asked for, or the first two.
 
     Raises:
@@ -93,7 +86,7 @@ def shown_axes(plan: ParametrizedPlan, axes: Sequence[str]) -> tuple[str, ...]:
     if len(axes) > 2 or len(set(axes)) < len(axes):
         raise InputError(f"found {','.join(axes)}, expected one or two different parameters", place_of("axes"))
     shown = tuple(axes) or tuple(known[:2])
-    require_nominal_values(parameter for parameter in plan.parameters if parameter.name not in shown)
+    load.require_nominal_values(parameter for parameter in plan.parameters if parameter.name not in shown)
     return shown
 
 
@@ -105,7 +98,7 @@ def _require_known(axes: Sequence[str], known: Sequence[str]) -> None:
 
 def _plot(
     region: Region,
-    plan: ParametrizedPlan,
+    plan: model.ParametrizedPlan,
     path: Path | None,
     axes: Sequence[str],
     *,
@@ -119,7 +112,7 @@ def _plot(
     nominal = {name: value for name, value in plan.nominal.items() if name in region.parameters}
     rest = {name: value for name, value in nominal.items() if name not in shown}
     proved = None if inner is None else inner(rest)
-    words = Words(plan).parameters
+    words = text.Words(plan).parameters
     points = {"nominal values": nominal} if plan.has_nominal else {}
     return save(
         lambda: draw_region(
@@ -230,12 +223,12 @@ def _landmarks(region: Region, name: str) -> list[Fraction]:
     return ends + [vertex[name] for base in bases for vertex in base.vertices()]
 
 
-def _clip_to(names: Sequence[str], rectangle: Rectangle) -> list[LinearConstraint]:
+def _clip_to(names: Sequence[str], rectangle: Rectangle) -> list[constraint.LinearConstraint]:
     """The view as constraints."""
     clip = []
     for name, (lower, upper) in zip(names, rectangle, strict=True):
-        clip.append(LinearConstraint(((name, 1),), Sense.AT_MOST, upper))
-        clip.append(LinearConstraint(((name, -1),), Sense.AT_MOST, -lower))
+        clip.append(constraint.LinearConstraint(((name, 1),), constraint.Sense.AT_MOST, upper))
+        clip.append(constraint.LinearConstraint(((name, -1),), constraint.Sense.AT_MOST, -lower))
     return clip
 
 
@@ -269,7 +262,7 @@ def draw_plane(
         shape = Polyhedron.nothing(names) if box is None else Polyhedron(names, _sides(names, box)).restricted(clip)
         _draw_box(canvas, shape, rectangle, {**style.box_line(order, len(boxes)), "zorder": 6 + order, "label": label})
     style.hatch_outside(canvas, "not valid")
-    _finish(canvas, rectangle, [named(name, words) for name in names],
+    _finish(canvas, rectangle, [text.named(name, words) for name in names],
             {label: (point[names[0]], point[names[1]]) for label, point in points.items()})  # fmt: skip
 
 
@@ -313,7 +306,7 @@ def _labelled(boxes: Mapping[str, Box | None]) -> Iterable[tuple[str, Box | None
         yield f"box: {label}{' (not in this slice)' if box is None else note}", box
 
 
-def _sides(names: Sequence[str], box: Box) -> tuple[LinearConstraint, ...]:
+def _sides(names: Sequence[str], box: Box) -> tuple[constraint.LinearConstraint, ...]:
     """The constraints of a box on the shown parameters."""
     return tuple(side for side in box.constraints() if side.parameters[0] in names)
 
@@ -363,7 +356,7 @@ def _edges(piece: Polyhedron, rectangle: Rectangle) -> list[tuple[Polyhedron, bo
     frame = set(_clip_to(piece.parameters, rectangle))
     closure = piece.closure()
     return [
-        (closure.restricted([side.with_relation(Sense.EQUAL)]), side.is_strict)
+        (closure.restricted([side.with_relation(constraint.Sense.EQUAL)]), side.is_strict)
         for side in form.inequalities
         if side not in frame
     ]
@@ -409,7 +402,7 @@ def _between(start: Corner, end: Corner, share: Fraction) -> Corner:
     return start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
 
 
-def _is_boundary(middle: Point, normal: Point, sides: Iterable[LinearConstraint], region: Region) -> bool:
+def _is_boundary(middle: Point, normal: Point, sides: Iterable[constraint.LinearConstraint], region: Region) -> bool:
     """Whether a point and what is just to both sides of it are not all in the region, nor all outside."""
     step = Fraction(1)
     for side in sides:
@@ -473,7 +466,7 @@ def _draw_line(
     canvas.set_xlim(*map(float, rectangle[0]))
     canvas.set_ylim(-0.6, len(boxes) + 0.6)
     canvas.set_yticks(range(len(rows)), rows, fontsize="small")
-    canvas.set_xlabel(wrapped(named(name, words), 70))
+    canvas.set_xlabel(wrapped(text.named(name, words), 70))
 
 
 def _bar(
@@ -510,10 +503,12 @@ def shown_team_axes(plan: ParametricPlan, axes: Sequence[str]) -> tuple[TeamPara
 
 def plot_team_region(region: LabeledRegion, path: Path | None, axes: Sequence[str]) -> Figure:
     """Draw which combinations of choices are possible where."""
-    return plot_cells(region, cells_of(region), path, axes)
+    return plot_cells(region, pike_envelopes.cells_of(region), path, axes)
 
 
-def plot_cells(region: LabeledRegion, cells: Cells | None, path: Path | None, axes: Sequence[str]) -> Figure:
+def plot_cells(
+    region: LabeledRegion, cells: pike_envelopes.Cells | None, path: Path | None, axes: Sequence[str]
+) -> Figure:
     """Draw the same where the cells are known; without them, where each combination is possible."""
     if cells is None:
         parts = [combination for combination in region.combinations if combination.pieces]
@@ -538,7 +533,7 @@ def plot_team_envelope(envelope: TeamEnvelope, path: Path | None, axes: Sequence
         if box is not None
         else "Which choices are possible, by the values of two parameters"
     )
-    return _plot_layers(what, envelope.plan, [(promise(envelope), envelope.region)], path, axes, box=box)
+    return _plot_layers(what, envelope.plan, [(pike_envelopes.promise(envelope), envelope.region)], path, axes, box=box)
 
 
 def _combinations_text(possible: Sequence[Combination]) -> str:

@@ -1,7 +1,5 @@
 """A plan as formulas: enc_tn, enc_eff and enc_proofs as named obligations, in two encodings [IRR §2]."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from fractions import Fraction
 

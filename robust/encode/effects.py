@@ -1,7 +1,5 @@
 """The effects of a plan by what they change, and mutex pairs of time points [Fox and Long 2003, §8]."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass

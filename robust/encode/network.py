@@ -5,16 +5,13 @@ solved instead of asserted: each time point is a linear expression over the para
 nothing ties down. In plans whose schedule is fixed up to the parameters no time variable is left at all.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 
-from robust.encode import interface
-from robust.encode.effects import Writes
+from robust.encode import effects, interface
 from robust.network.differences import DifferenceNetwork, Distances
 from robust.plan import model
 from robust.plan.polynomial import Polynomial
@@ -178,7 +175,7 @@ class DurationRule:
     exact: bool
 
 
-def duration_rules(plan: model.ParametrizedPlan, writes: Writes) -> Iterator[DurationRule]:
+def duration_rules(plan: model.ParametrizedPlan, writes: effects.Writes) -> Iterator[DurationRule]:
     """The rules of all durative instances: not negative, and what the domain says of `?duration`."""
     positive = model.NumericCondition(Polynomial.variable(model.Duration()), model.Relation.AT_LEAST)
     for instance in plan.instances:

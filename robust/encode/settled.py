@@ -13,8 +13,6 @@ after d with t_g ≤ t_s in all of them; what is false initially counts as a con
 Parameters count with all values that their declared bounds allow, so what is proved here is proved for every box.
 """
 
-from __future__ import annotations
-
 from bisect import bisect_left
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
@@ -23,8 +21,7 @@ from fractions import Fraction
 from itertools import groupby, pairwise, product
 from math import lcm
 
-from robust.encode.effects import names_in, reads
-from robust.encode.interface import least, over_parameters
+from robust.encode import effects, interface
 from robust.network.differences import DifferenceNetwork
 from robust.plan import model
 from robust.plan.polynomial import Polynomial
@@ -61,7 +58,7 @@ class Accesses:
         self.writes: dict[Name, list[Write]] = defaultdict(list)
         self.moving = {change.fluent for instance in plan.instances for change in instance.continuous_effects}
         for number, instance in enumerate(plan.instances):
-            for name, points in reads(instance):
+            for name, points in effects.reads(instance):
                 self.readers[name].update(self.index[point] for point in points)
             self._write(number, instance)
         for literal in plan.timed_literals:
@@ -118,7 +115,7 @@ class Settled:
         for name, writes in accesses.writes.items():
             for write in writes:
                 expression = None if isinstance(write.amount, bool) else write.amount
-                for read in (*names_in(write.condition), *(model.fluents_in(expression) if expression else ())):
+                for read in (*effects.names_in(write.condition), *(model.fluents_in(expression) if expression else ())):
                     readers[read].append(name)
                 if not self._is_known(write.condition, write.instance, expression):
                     unsteady.add(name)
@@ -200,7 +197,7 @@ class Settled:
 
     def holds_at(self, condition: model.Condition, point: int, instance: int | None = None) -> bool:
         """Whether a condition that is read at a point, or FINALLY, holds there in all schedules."""
-        if not self._is_known(condition, instance) or not self._are_steady(names_in(condition)):
+        if not self._is_known(condition, instance) or not self._are_steady(effects.names_in(condition)):
             return False
         return self.history.before(point).holds(condition, self._duration(instance))
 
@@ -420,9 +417,15 @@ def settle(plan: model.ParametrizedPlan, epsilon: Fraction) -> Settled | None:
             bounds.append((number, 0, -point.time))
     for constraint in plan.constraints:
         source, target = index[constraint.source], index[constraint.target]
-        if constraint.lower is not None and (low := least(over_parameters(constraint.lower), ranges)) is not None:
+        if (
+            constraint.lower is not None
+            and (low := interface.least(interface.over_parameters(constraint.lower), ranges)) is not None
+        ):
             bounds.append((source, target, low))
-        if constraint.upper is not None and (high := least(-over_parameters(constraint.upper), ranges)) is not None:
+        if (
+            constraint.upper is not None
+            and (high := interface.least(-interface.over_parameters(constraint.upper), ranges)) is not None
+        ):
             bounds.append((target, source, high))
     scale = lcm(epsilon.denominator, *(weight.denominator for _, _, weight in bounds))
     apart = int(epsilon * scale)

@@ -4,8 +4,6 @@ An order atom `t_a < t_b` that the network decides for all parameter values is a
 atoms. All knowledge about the order of time points in the relational encoding comes through :class:`MomentOrder`.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import Enum
 

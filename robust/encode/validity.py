@@ -3,8 +3,6 @@
 The network is a graph of lower bounds, and every cycle must sum to at most zero if a schedule is to exist.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from fractions import Fraction

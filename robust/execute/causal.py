@@ -40,26 +40,17 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import pairwise
 
+from robust import errors, searching
 from robust.encode import create_encoding
 from robust.encode.settled import is_proved
-from robust.errors import SolverError
-from robust.execute import distances
+from robust.execute import distances, parametrization
 from robust.execute.distances import edge
-from robust.execute.parametrization import (
-    certain_duration,
-    duration_edges,
-    influences,
-    obligation_names,
-    settled_durations,
-)
 from robust.irr.check import Answer, Checker, CheckResult, Counterexample
 from robust.irr.exact import ExactSearch
-from robust.plan import model
+from robust.plan import model, variants
 from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import simulate
-from robust.plan.variants import at_values
 from robust.qe.box import Box
-from robust.searching import Status
 from robust.smt.limits import Deadline
 
 
@@ -92,11 +83,13 @@ def causal_network(
     points = tuple(point for point in original.plan.time_points if point.time is None)
     certain = (
         *(distances.DistanceEdge(model.ZERO, point, Fraction(0)) for point in points if point != model.ZERO),
-        *(certain_duration(original, instance) for instance in durative),
+        *(parametrization.certain_duration(original, instance) for instance in durative),
     )
-    durations = tuple(bound for instance in durative for bound in duration_edges(original, instance, pinned))
+    durations = tuple(
+        bound for instance in durative for bound in parametrization.duration_edges(original, instance, pinned)
+    )
     fixed = frozenset() if varying is None else frozenset(pinned) - frozenset(varying)
-    settled = settled_durations(original, pinned) | fixed
+    settled = parametrization.settled_durations(original, pinned) | fixed
     orders = [edge(a, b, original.gap) for a, b in original.mutex if a.instance is None or a.instance != b.instance]
     network = distances.EdgeNetwork(points, (*certain, *orders))
     links = [link for instance in durative for link in _OverAll(original, instance, network).edges()]
@@ -182,7 +175,7 @@ class Tightening:
     obligation: str
 
 
-class UndecidedError(SolverError):
+class UndecidedError(errors.SolverError):
     """The validity of a network is not decided, or not in time."""
 
 
@@ -289,7 +282,7 @@ class Tightener:
             counterexample = next(iter(result.counterexamples.values()))
             new = [bound for bound in self._bounds_against(counterexample) if bound.edge not in tightened]
             if not new:
-                raise SolverError(
+                raise errors.SolverError(
                     f"found no bound that keeps {counterexample.obligation!r}, which the plan itself does not break; "
                     "please report this plan as a bug"
                 )
@@ -298,7 +291,7 @@ class Tightener:
     def _bounds_against(self, counterexample: Counterexample) -> list[Tightening]:
         """Bounds at the plan's distances where the schedule has others."""
         plan, times = self.original.plan, self.original.times
-        points = influences(plan, counterexample.obligation)
+        points = parametrization.influences(plan, counterexample.obligation)
         order = {point: i for i, point in enumerate(plan.time_points)}
         ordered = sorted(points, key=lambda point: (times[point], order[point]))
         bounds = []
@@ -336,7 +329,7 @@ class Tightener:
         widened = replace(plan, parameters=(*fixed, *free), constraints=(*plan.constraints, *bounds))
         encoding = create_encoding("relational", widened, self.original.epsilon, self.deadline)
         result = ExactSearch(encoding, solver=self.solver, deadline=self.deadline).run()
-        if result.status is Status.INTERRUPTED:
+        if result.status is searching.Status.INTERRUPTED:
             raise KeyboardInterrupt
         return result.box if result.verified else Box.nominal(widened.parameters)
 
@@ -359,7 +352,7 @@ def check_plan(plan: model.ParametrizedPlan, epsilon: Fraction, solver: str, dea
         UnsupportedError: for an expression that is not linear.
     """
     # Shortest paths prove more about numbers than about parameters.
-    encoding = create_encoding("relational", at_values(plan, plan.nominal), epsilon, deadline)
+    encoding = create_encoding("relational", variants.at_values(plan, plan.nominal), epsilon, deadline)
     result = Checker(encoding, Box({}), solver=solver, deadline=deadline).run()
     if result.interrupted:
         raise KeyboardInterrupt
@@ -369,7 +362,7 @@ def check_plan(plan: model.ParametrizedPlan, epsilon: Fraction, solver: str, dea
 
 def verdict_of(plan: model.ParametrizedPlan, answer: Answer) -> CheckResult:
     """A result with one answer for all obligations."""
-    names = dict.fromkeys(obligation_names(plan), answer)
+    names = dict.fromkeys(parametrization.obligation_names(plan), answer)
     return CheckResult(answer, Box.nominal(plan.parameters), names, {}, 0.0)
 
 

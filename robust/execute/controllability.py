@@ -16,8 +16,6 @@ the network alone: by Farkas' lemma, a point without a schedule is a negative cy
 the question is coNP-complete (Morris and Muscettola, 1999).
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
@@ -26,20 +24,17 @@ from enum import Enum
 from fractions import Fraction
 from itertools import product
 
-from robust.encode import create_encoding
-from robust.encode.interface import Facet
+from robust import errors, presented
+from robust.encode import create_encoding, interface
 from robust.encode.network import TemporalNetwork
 from robust.encode.validity import Validity
-from robust.errors import RobustError
 from robust.execute import controllable_boxes as boxes
-from robust.irr.exact import OptimalBox
+from robust.irr import exact, widen
 from robust.irr.search import stops_at
 from robust.irr.stops import JUST, Stop, declared_stop
-from robust.irr.widen import DiscoveredBadSet
 from robust.network.dispatchable import waits
 from robust.network.uncertain import Wait, dynamic, explain
 from robust.plan.model import ParametrizedPlan
-from robust.presented import NoTruthValue, VerdictEnum
 from robust.qe.box import Box, Face, Side
 from robust.qe.slabs import Growing
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
@@ -56,7 +51,7 @@ class Control(Enum):
     STRONG = "strong"
 
 
-class ControlVerdict(VerdictEnum):
+class ControlVerdict(presented.VerdictEnum):
     """Whether a box has a kind of controllability, as far as that is known."""
 
     CONTROLLABLE = "controllable"
@@ -65,7 +60,7 @@ class ControlVerdict(VerdictEnum):
 
 
 @dataclass(frozen=True)
-class Finding(NoTruthValue, ask="verdict"):
+class Finding(presented.NoTruthValue, ask="verdict"):
     """A verdict about one kind of controllability; `reason` says why it is not CONTROLLABLE."""
 
     kind: Control
@@ -165,7 +160,7 @@ class Controllability:
         match facet:
             case None:
                 return ControlVerdict.CONTROLLABLE, None
-            case Facet():
+            case interface.Facet():
                 return ControlVerdict.NOT_CONTROLLABLE, f"contradiction: {'; '.join(facet.origins)}"
             case SolverVerdict():
                 raise OutOfTimeError(statistics.failure)
@@ -291,7 +286,7 @@ def widest(
         OutOfTimeError: if the deadline passes first.
         UnsupportedError: for an expression that is not linear.
     """
-    bad = DiscoveredBadSet(create_encoding(objective.encoding, plan, objective.epsilon, deadline), solver=solver)
+    bad = widen.DiscoveredBadSet(create_encoding(objective.encoding, plan, objective.epsilon, deadline), solver=solver)
     network = boxes.parametric_stnu(plan, start)
     wanted: boxes.Property = (boxes.Dynamically if kind is Control.DYNAMIC else boxes.Strongly)(network, deadline)
     if kind is Control.DYNAMIC and wanted.reason(boxes.ends_of(start)) is not None:
@@ -300,7 +295,7 @@ def widest(
     grown, bound = [start], None
     met = boxes.grow(inside, (), grown, parameters=plan.parameters, deadline=deadline)
     if objective.optimal:
-        search = OptimalBox(
+        search = exact.OptimalBox(
             bad=bad, pieces=met, contain_nominal=objective.contain_nominal, deadline=deadline, inside=inside
         )
         grown.append(search.run())
@@ -334,7 +329,7 @@ ADVERBS = {Control.WEAK: "weakly", Control.DYNAMIC: "dynamically", Control.STRON
 
 
 @dataclass(frozen=True)
-class ControllabilityReport(NoTruthValue, ask="was_controllable"):
+class ControllabilityReport(presented.NoTruthValue, ask="was_controllable"):
     """The verdicts about a box, and the part of it that has the wanted kind of controllability.
 
     `shrunk` and `lost` are None, with a `failure`, if there is no such part or time ran out. `widest` is the widest box
@@ -378,7 +373,7 @@ def assess(
         strategy = inside.waits() if kind is Control.DYNAMIC else ()
     except OutOfTimeError:
         return ControllabilityReport(kind, findings, box, None, None, "out of time", ())
-    except RobustError as error:
+    except errors.RobustError as error:
         return ControllabilityReport(kind, findings, box, None, None, error.message, ())
     lost = boxes.loss(box, shrunk.box)
     report = ControllabilityReport(kind, findings, box, shrunk, lost, None, tuple(map(str, strategy)))

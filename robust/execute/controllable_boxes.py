@@ -30,13 +30,12 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 
-from robust.errors import InputError, UnsupportedError
+from robust import errors, presented
 from robust.irr.widen import BadSet, Obstacle, Widening, faces_of
 from robust.network.differences import Distances
 from robust.network.uncertain import EdgeStep, Stnu, UncertainLink, dynamic
 from robust.plan import model
 from robust.plan.polynomial import Polynomial
-from robust.presented import NoTruthValue
 from robust.qe.box import Box, Face, Side
 from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Polyhedron
@@ -124,7 +123,7 @@ class ParametricStnu:
         endless = self.endless(ends)
         if endless:
             names = ", ".join(sorted({name for name, _ in endless}))
-            raise InputError(f"a requirement becomes infinitely strong; expected finite ends for {names}")
+            raise errors.InputError(f"a requirement becomes infinitely strong; expected finite ends for {names}")
         return Stnu(self.points, tuple(_concrete(link, ends) for link in self.links))
 
     def early(self, ends: Ends) -> Iterator[tuple[int, Form]]:
@@ -190,7 +189,7 @@ def _concrete(link: ParametricLink, ends: Ends) -> UncertainLink[Fraction]:
     if low is not None and low == high and low < 0:
         return UncertainLink(link.source, link.target, low, low, origin=link.origin)
     if low is None:
-        raise InputError(f"contingent link {link.origin} has no least length; expected one of at least 0")
+        raise errors.InputError(f"contingent link {link.origin} has no least length; expected one of at least 0")
     return UncertainLink(link.source, link.target, low, high, True, str(length), link.origin)
 
 
@@ -233,7 +232,7 @@ def _bounds(plan: model.ParametrizedPlan) -> Iterator[ParametricLink]:
 
 def _length(bound: model.Bound) -> Length:
     if not bound.is_linear:
-        raise UnsupportedError(f"the bound {bound} of a temporal constraint is not linear in the parameters")
+        raise errors.UnsupportedError(f"the bound {bound} of a temporal constraint is not linear in the parameters")
 
     def named(variable: model.NumericVariable) -> Length:
         if not isinstance(variable, model.ParameterReference):
@@ -308,7 +307,7 @@ class WorstDifference:
 
 
 @dataclass(frozen=True)
-class StrongAnswer(NoTruthValue, ask="is_controllable"):
+class StrongAnswer(presented.NoTruthValue, ask="is_controllable"):
     """A schedule of the dispatcher's time points, or a cycle of differences whose sum is positive.
 
     `endless` are faces that are infinitely far out although a difference grows with them: each may be at any finite
@@ -548,7 +547,7 @@ def shrink(parameters: Sequence[model.Parameter], box: Box, wanted: Property) ->
     nominal = {parameter.name: parameter.nominal for parameter in parameters}
     start = Box.point({name: box[name].some_value() if at not in box[name] else at for name, at in nominal.items()})
     if wanted.reason(ends_of(start)) is not None:
-        raise InputError("the plan's network has no schedule at the nominal values")
+        raise errors.InputError("the plan's network has no schedule at the nominal values")
     beyond = [Polyhedron(tuple(nominal), (half,)) for side in box.constraints() for half in side.negation()]
     inside = Controllable(KnownSet(tuple(beyond)), wanted, parameters, start)
     grown = [start]

@@ -17,7 +17,7 @@ from typing import TypedDict, Unpack
 
 from robust.encode.interface import EPSILON
 from robust.errors import Location, SolverError
-from robust.execute import distances
+from robust.execute import demands, distances, esterel, snap
 from robust.execute.causal import (
     Tightener,
     Tightening,
@@ -27,16 +27,11 @@ from robust.execute.causal import (
     undecided,
     verdict_of,
 )
-from robust.execute.demands import with_deadline, with_relative_weights
-from robust.execute.esterel import esterel_edges
 from robust.execute.parametrization import Parametrization, parametrization
 from robust.execute.room import RoomFirst
-from robust.execute.snap import Snapped
 from robust.irr.check import Answer, CheckResult
 from robust.numbers import Number, format_number
-from robust.plan import model
-from robust.plan.load import assemble
-from robust.plan.parameters import ParameterSpec
+from robust.plan import load, model, parameters
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.simulate import simulate
 from robust.plan.stn import STNPlan
@@ -86,9 +81,9 @@ class Conversion(Presented, ask="check"):
     mode: Mode
     stn: STNPlan
     plan: model.ParametrizedPlan
-    beside: tuple[ParameterSpec, ...]
+    beside: tuple[parameters.ParameterSpec, ...]
     schedule: Mapping[model.TimePoint, Fraction]
-    snapped: Snapped
+    snapped: snap.Snapped
     check: CheckResult
     tightened: tuple[Tightening, ...] = ()
     redundant: int = 0
@@ -133,7 +128,7 @@ class Settings(TypedDict, total=False):
 
     mode: Mode
     free_durations: bool
-    specs: Iterable[ParameterSpec]
+    specs: Iterable[parameters.ParameterSpec]
     deadline: Number | None
     relative: bool
     epsilon: Fraction
@@ -156,7 +151,7 @@ class Converting:
     _: KW_ONLY
     mode: Mode = Mode.ROOM
     free_durations: bool = False
-    specs: Iterable[ParameterSpec] = ()
+    specs: Iterable[parameters.ParameterSpec] = ()
     deadline: Number | None = None
     relative: bool = False
     epsilon: Fraction = EPSILON
@@ -177,7 +172,7 @@ class Converting:
         original, _, _ = self._original
         try:
             if self.mode is Mode.ESTEREL:
-                network = _Network(esterel_edges(original), check=verdict_of(original.plan, Answer.UNKNOWN))
+                network = _Network(esterel.esterel_edges(original), check=verdict_of(original.plan, Answer.UNKNOWN))
                 self._proved = network
             else:
                 network = self._causal()
@@ -199,7 +194,7 @@ class Converting:
         return self._best(ConversionEnd.TIMEOUT if timed_out else ConversionEnd.INTERRUPTED)
 
     @cached_property
-    def _original(self) -> tuple[distances.Original, Parametrization, Snapped]:
+    def _original(self) -> tuple[distances.Original, Parametrization, snap.Snapped]:
         """The plan at exact times, executed; its parameters; and how far its times moved."""
         timed, epsilon = self.timed, self.epsilon
         instances = distances.declarations(timed, self.domain, epsilon)
@@ -208,7 +203,7 @@ class Converting:
 
         def ground(times: Mapping[model.TimePoint, Fraction]) -> tuple[Parametrization, model.ParametrizedPlan]:
             chosen = parametrization(self.domain, self.problem, untimed, times, self.specs)
-            return chosen, assemble(self.domain, self.problem, chosen.bare, chosen.fluents)
+            return chosen, load.assemble(self.domain, self.problem, chosen.bare, chosen.fluents)
 
         chosen, bare = ground(times)
         reach = distances.tolerances(timed, instances, epsilon, self.tolerance)
@@ -280,9 +275,9 @@ class Converting:
         constraints = tuple(sorted(every, key=lambda bound: bound.source.instance != bound.target.instance))
         stn = replace(chosen.bare, parameters=chosen.parameters, constraints=constraints)
         end = max(original.times[instance.end] for instance in stn.instances)
-        stn = with_deadline(stn, self.deadline, Location("--deadline"), end)
-        stn = with_relative_weights(stn) if self.relative else stn
-        return stn, assemble(self.domain, self.problem, stn, chosen.beside)
+        stn = demands.with_deadline(stn, self.deadline, Location("--deadline"), end)
+        stn = demands.with_relative_weights(stn) if self.relative else stn
+        return stn, load.assemble(self.domain, self.problem, stn, chosen.beside)
 
     def _conversion(
         self, network: _Network, stn: STNPlan, plan: model.ParametrizedPlan, check: CheckResult, ended: ConversionEnd

@@ -1,7 +1,5 @@
 """What is asked of a plan in addition to what it says: to end by a deadline, and sides that move in proportion."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from fractions import Fraction

@@ -31,12 +31,10 @@ from robust.encode.interface import EPSILON
 from robust.errors import InputError, Location, did_you_mean
 from robust.execute import controllable_boxes as boxes
 from robust.execute.slices import Slices
-from robust.network.dispatchable import DispatchNetwork, edges_between, strategy
-from robust.network.uncertain import dynamic
+from robust.network import dispatchable, uncertain
 from robust.numbers import is_number, parse_number, shorten
-from robust.plan import model
+from robust.plan import model, timeline
 from robust.plan.polynomial import Polynomial
-from robust.plan.timeline import Reading, State
 from robust.qe.box import Box, Interval
 from robust.qe.region import Region
 
@@ -134,7 +132,7 @@ class NaturalLink:
         return (length - self.length.constant_term) / factor
 
 
-Tables = DispatchNetwork[NaturalLink]
+Tables = dispatchable.DispatchNetwork[NaturalLink]
 """The network of a plan that is executed."""
 
 # -- from a plan -------------------------------------------------------------------------------------------------------
@@ -151,9 +149,11 @@ def dispatch_network(network: boxes.ParametricStnu, box: Box, executor: Executor
     stnu = None
     with suppress(InputError):  # if a face is infinitely far out, or a link may end before it starts: none is certain
         stnu = network.at(boxes.ends_of(box)) if looks_ahead else None
-    if stnu is not None and (answer := dynamic(stnu)).is_controllable:
-        return strategy(answer, links), Guarantee.DYNAMIC
-    tables = DispatchNetwork(network.points, links, _possible_edges(network, box, links), (), closed=looks_ahead)
+    if stnu is not None and (answer := uncertain.dynamic(stnu)).is_controllable:
+        return dispatchable.strategy(answer, links), Guarantee.DYNAMIC
+    tables = dispatchable.DispatchNetwork(
+        network.points, links, _possible_edges(network, box, links), (), closed=looks_ahead
+    )
     return tables, Guarantee.WEAK if looks_ahead else Guarantee.NONE
 
 
@@ -181,7 +181,7 @@ def _possible_edges(
         upper = None if link.upper is None else _values(link.upper, box).upper
         bounds.append((link.source, link.target, lower, upper))
     for source, target, lower, upper in bounds:
-        yield from edges_between(index[source], index[target], lower, upper)
+        yield from dispatchable.edges_between(index[source], index[target], lower, upper)
 
 
 class Means(Enum):
@@ -362,7 +362,7 @@ class Dispatchable:
     @cached_property
     def levels(self) -> Mapping[model.Fluent, Fraction]:
         """Initial values at nominal parameter values."""
-        reading = Reading(State(frozenset(), {}), self.plan.nominal)
+        reading = timeline.Reading(timeline.State(frozenset(), {}), self.plan.nominal)
         return {fluent: reading.expression(value) for fluent, value in self.plan.initial_fluents.items()}
 
 

@@ -9,8 +9,6 @@ What a dispatcher is told are messages, what it decides are decisions. Times are
 plan's time zero.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -23,8 +21,7 @@ from robust.execute.dispatchable import Dispatchable, Guarantee, Means, NaturalL
 from robust.execute.slices import Observations, Remainder, hull
 from robust.network.dispatchable import Windows
 from robust.numbers import format_number
-from robust.plan import model
-from robust.plan.timeline import Reading, State
+from robust.plan import model, timeline
 from robust.qe.box import Interval
 
 # -- messages ----------------------------------------------------------------------------------------------------------
@@ -222,7 +219,10 @@ Variables = Collection[model.NumericVariable]
 
 
 def unmet(
-    instance: model.ActionInstance, timing: model.Timing, reading: Reading, is_known: Callable[[Variables], bool]
+    instance: model.ActionInstance,
+    timing: model.Timing,
+    reading: timeline.Reading,
+    is_known: Callable[[Variables], bool],
 ) -> str | None:
     """The first condition of an instance, of a given timing, that is false, as a reason; None if all are met.
 
@@ -536,7 +536,7 @@ class Dispatcher:
             return lasting and model.Duration() not in variables
 
         values = {**self.dispatchable.plan.nominal, **self.observed}
-        reading = Reading(State(estimate.atoms, estimate.fluents), values)
+        reading = timeline.Reading(timeline.State(estimate.atoms, estimate.fluents), values)
         return unmet(instance, model.Timing.AT_START, reading, is_known)
 
     def _is_stuck(self, number: int) -> bool:

@@ -5,8 +5,6 @@ lower bound −u from b to a, so one kind of edge is enough. Timed literals have
 their edges become edges of zero.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -18,12 +16,10 @@ from robust.errors import InputError, Location, RefutedError
 from robust.execute.snap import Snapped, TooFarError, snap
 from robust.network.differences import Distances
 from robust.numbers import format_number, round_up
+from robust.plan import stn, timed, timeline
 from robust.plan.model import ZERO, ActionInstance, Atom, ParametrizedPlan, TimePoint, concerned
 from robust.plan.pddl.syntax import Domain
 from robust.plan.simulate import Violation, mutex_pairs, simulate
-from robust.plan.stn import InstanceDeclaration, STNConstraint
-from robust.plan.timed import TimedPlan, TimedStep
-from robust.plan.timeline import TimedExecution
 
 COARSEST = Fraction(1)
 """Planners round at most to whole numbers: times further away than that are wrong, not rounded."""
@@ -46,7 +42,7 @@ def edge(source: TimePoint, target: TimePoint, weight: Fraction) -> DistanceEdge
     return DistanceEdge(first, second, weight + (source.time or 0) - (target.time or 0))
 
 
-def constraints_of(edges: Iterable[DistanceEdge], position: Mapping[TimePoint, int]) -> tuple[STNConstraint, ...]:
+def constraints_of(edges: Iterable[DistanceEdge], position: Mapping[TimePoint, int]) -> tuple[stn.STNConstraint, ...]:
     """Constraints of a plan for edges, one for each pair, from the time point of lower `position` to that of higher.
 
     They are ordered by position of target, then source. Of several edges between the same points the strongest counts.
@@ -64,7 +60,7 @@ def constraints_of(edges: Iterable[DistanceEdge], position: Mapping[TimePoint, i
             upper[pair] = min(-bound.weight, upper.get(pair, -bound.weight))
     ordered = sorted({*lower, *upper}, key=lambda pair: (position[pair[1]], position[pair[0]]))
     return tuple(
-        STNConstraint(target, source, lower.get((source, target)), upper.get((source, target)))
+        stn.STNConstraint(target, source, lower.get((source, target)), upper.get((source, target)))
         for source, target in ordered
     )
 
@@ -138,9 +134,9 @@ class Original:
         return self.epsilon or min([EPSILON, *(self.distance(*pair) for pair in self.mutex)])
 
     @cached_property
-    def execution(self) -> TimedExecution:
+    def execution(self) -> timeline.TimedExecution:
         """The states that the schedule passes through, at nominal parameter values."""
-        return TimedExecution(self.plan, self.plan.nominal, self.times)
+        return timeline.TimedExecution(self.plan, self.plan.nominal, self.times)
 
     def distance(self, source: TimePoint, target: TimePoint) -> Fraction:
         """t_target − t_source."""
@@ -185,7 +181,7 @@ class Original:
                 yield literal.target, literal.point, bool(literal.value)
 
 
-def declarations(plan: TimedPlan, domain: Domain, epsilon: Fraction) -> tuple[InstanceDeclaration, ...]:
+def declarations(plan: timed.TimedPlan, domain: Domain, epsilon: Fraction) -> tuple[stn.InstanceDeclaration, ...]:
     """An instance `n0`, `n1`, … for each step, in the order of the plan; InputError for a plan without steps.
 
     Some planners print a duration of ε after an instantaneous action; one of at most `epsilon` is passed over.
@@ -193,18 +189,18 @@ def declarations(plan: TimedPlan, domain: Domain, epsilon: Fraction) -> tuple[In
     if not plan.steps:
         raise InputError("empty plan: found no step, expected at least one", Location(plan.file))
 
-    def is_durative(step: TimedStep) -> bool:
+    def is_durative(step: timed.TimedStep) -> bool:
         schema = domain.actions.get(step.action)
         short = step.duration is not None and step.duration <= epsilon
         return step.duration is not None and not (short and schema is not None and not schema.durative)
 
     return tuple(
-        InstanceDeclaration(f"n{i}", step.action, step.arguments, is_durative(step), step.location)
+        stn.InstanceDeclaration(f"n{i}", step.action, step.arguments, is_durative(step), step.location)
         for i, step in enumerate(plan.steps)
     )
 
 
-def schedule_of(plan: TimedPlan, instances: Sequence[InstanceDeclaration]) -> dict[TimePoint, Fraction]:
+def schedule_of(plan: timed.TimedPlan, instances: Sequence[stn.InstanceDeclaration]) -> dict[TimePoint, Fraction]:
     """Start and end of each instance in the plan."""
     times = {ZERO: Fraction(0)}
     for step, instance in zip(plan.steps, instances, strict=True):
@@ -220,7 +216,7 @@ def with_literals(plan: ParametrizedPlan, times: Mapping[TimePoint, Fraction]) -
 
 
 def tolerances(
-    plan: TimedPlan, instances: Sequence[InstanceDeclaration], epsilon: Fraction, tolerance: Fraction | None
+    plan: timed.TimedPlan, instances: Sequence[stn.InstanceDeclaration], epsilon: Fraction, tolerance: Fraction | None
 ) -> dict[TimePoint, Fraction]:
     """Tolerances of starts, and of durations (by end): one unit of the last printed digit, at most ε, if not given."""
     reach: dict[TimePoint, Fraction] = {}

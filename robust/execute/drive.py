@@ -5,8 +5,6 @@ what it decided, and says when it wants to be asked again. :func:`run_in_world` 
 own future, at once and the same each time; :func:`drive` runs it against a queue of messages in the time of a clock.
 """
 
-from __future__ import annotations
-
 import asyncio
 import time
 from collections.abc import Callable, Sequence

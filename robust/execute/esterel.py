@@ -14,8 +14,6 @@ Where the recorded networks do not show what the transformer does, this is what 
 - A condition at a start or an end is ε before a timed literal that would break it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction

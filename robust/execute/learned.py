@@ -11,8 +11,6 @@ between the empirical distribution functions of two samples of equal size [Gnede
 limits must hold for the later runs by themselves too.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import time

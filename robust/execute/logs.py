@@ -13,8 +13,6 @@ Durations are seconds if a unit is named, in the header (`duration_ms`) or behin
 unit of the log. The last record of a log may be cut off; it is left out with a warning.
 """
 
-from __future__ import annotations
-
 import csv
 import json
 import re

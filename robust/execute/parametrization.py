@@ -8,8 +8,6 @@ This module also computes which durations an instance may have, by its duration 
 and which time points an obligation depends on: its own, and those of all changes to variables that it reads.
 """
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -18,16 +16,12 @@ from fractions import Fraction
 from functools import cached_property
 
 from robust.errors import InputError, Location
-from robust.execute.dispatchable import written_fluents
+from robust.execute import dispatchable, snap
 from robust.execute.distances import DistanceEdge, Original
-from robust.execute.snap import duration_range, read_before
 from robust.numbers import format_number
-from robust.plan import model
-from robust.plan.load import domain_parameters
+from robust.plan import load, model, simulate
 from robust.plan.parameters import ParameterSpec, Target, wire
-from robust.plan.pddl.grounding import initial_fluents
-from robust.plan.pddl.syntax import Comparator, Domain, Problem
-from robust.plan.simulate import mutex_pairs
+from robust.plan.pddl import grounding, syntax
 from robust.plan.stn import InstanceDeclaration, ParameterDeclaration, STNConstraint, STNPlan
 
 Variable = model.Atom | model.Fluent
@@ -82,7 +76,7 @@ def _obligations(plan: model.ParametrizedPlan) -> Iterator[tuple[str, _Use]]:
             over_all = part.timing is model.Timing.OVER_ALL
             points = instance.time_points if over_all else (instance.at(part.timing),)
             yield instance.label(part), _use(points, instance, part.condition)
-    for pair in mutex_pairs(plan):
+    for pair in simulate.mutex_pairs(plan):
         yield f"separation: {pair[0]}, {pair[1]}", _Use(frozenset(pair), frozenset())
 
 
@@ -128,7 +122,7 @@ def duration_edges(
     equal = any(duration.condition.relation is model.Relation.EQUAL for duration in instance.durations)
     if equal or instance.identifier in pinned:
         return DistanceEdge(instance.start, instance.end, length), DistanceEdge(instance.end, instance.start, -length)
-    lower, upper = duration_range(instance, read_before(original.execution, instance))
+    lower, upper = snap.duration_range(instance, snap.read_before(original.execution, instance))
     certain = certain_duration(original, instance)
     edges = (certain._replace(weight=max(certain.weight, lower)),)
     return edges if upper is None else (*edges, DistanceEdge(instance.end, instance.start, -upper))
@@ -140,7 +134,7 @@ def settled_durations(original: Original, pinned: Collection[str]) -> frozenset[
     Not those in `pinned`, nor those with a duration constraint that reads a parameter or a fluent that changes.
     """
     plan = original.plan
-    written = written_fluents(plan)
+    written = dispatchable.written_fluents(plan)
 
     def is_settled(variable: model.NumericVariable) -> bool:
         if isinstance(variable, model.Fluent):
@@ -206,8 +200,8 @@ class Parametrization:
 
 
 def parametrization(
-    domain: Domain,
-    problem: Problem,
+    domain: syntax.Domain,
+    problem: syntax.Problem,
     plan: STNPlan,
     times: Mapping[model.TimePoint, Fraction],
     specs: Iterable[ParameterSpec],
@@ -217,7 +211,7 @@ def parametrization(
     Raises:
         InputError: for a specification that does not fit the plan, or a nominal value that is not the plan's own.
     """
-    declared = domain_parameters(domain, plan)
+    declared = load.domain_parameters(domain, plan)
     pairs = [(model.ZERO, instance.start) for instance in plan.instances]
     pairs += [(instance.start, instance.end) for instance in plan.instances if instance.durative]
     lengths = ((target, source, times[target] - times[source]) for source, target in pairs)
@@ -225,7 +219,7 @@ def parametrization(
     rigid = replace(
         plan, constraints=tuple(STNConstraint(target, source, length, length) for target, source, length in lengths)
     )
-    wiring = wire(rigid, specs, initial_fluents(problem), declared)
+    wiring = wire(rigid, specs, grounding.initial_fluents(problem), declared)
     known = {parameter.name: parameter for parameter in wiring.parameters}
     parametric = tuple(
         constraint for constraint in wiring.constraints if isinstance(constraint.lower, model.ParameterReference)
@@ -245,7 +239,7 @@ def parametrization(
     )
 
 
-def _duration_specs(domain: Domain, plan: STNPlan, durations: Mapping[str, str]) -> Iterator[ParameterSpec]:
+def _duration_specs(domain: syntax.Domain, plan: STNPlan, durations: Mapping[str, str]) -> Iterator[ParameterSpec]:
     """What makes parameters of durations that the domain fixes; one that several instances share is named once."""
     uses = Counter(durations.values())
     shared: set[str] = set()
@@ -273,14 +267,14 @@ def _check_nominal(
             raise InputError(message, known[bound.name].location or Location(file))
 
 
-def _is_fixed(domain: Domain, instance: InstanceDeclaration) -> bool:
+def _is_fixed(domain: syntax.Domain, instance: InstanceDeclaration) -> bool:
     """Whether the domain says `(= ?duration e)`, or the same by two inequalities."""
     schema = domain.actions.get(instance.action)
     durations = () if schema is None else schema.durations
     said = {(duration.comparator, duration.timing, duration.bound) for duration in durations}
     return any(
-        comparator is Comparator.EQUAL
-        or (comparator is Comparator.AT_LEAST and (Comparator.AT_MOST, timing, bound) in said)
+        comparator is syntax.Comparator.EQUAL
+        or (comparator is syntax.Comparator.AT_LEAST and (syntax.Comparator.AT_MOST, timing, bound) in said)
         for comparator, timing, bound in said
     )
 

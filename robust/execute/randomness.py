@@ -1,7 +1,5 @@
 """Distributions of the parameters of a plan, from options and from the rules of a world."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 

@@ -9,48 +9,38 @@ What really happened is judged by the concrete simulator: one plan of all that w
 shares nothing with the world that simulated the run but the values that were drawn and the times.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from time import monotonic
 from typing import TypeVar
 
-from robust.encode import create_encoding
-from robust.encode.interface import EPSILON
-from robust.errors import InputError, RefutedError, RobustError, SolverError
+from robust import errors, presented, searching
+from robust.encode import create_encoding, interface
+from robust.execute import drive, slices
 from robust.execute.controllability import Control, shrink
 from robust.execute.convert import ConversionEnd, Mode, convert
 from robust.execute.dispatchable import Blex, Dispatchable, Dreex, Executor, Guarantee, Slice, make_dispatchable
 from robust.execute.dispatcher import Dispatcher, Ending, LeftBox, MessageRejected, Observation
-from robust.execute.drive import run_in_world
 from robust.execute.planners.interface import Planner
-from robust.execute.slices import Remainder
 from robust.execute.worlds import ExecutedInstance, InstanceOutcome, Luck, Rules, SimulatedWorld
 from robust.irr.exact import BoxMethod
 from robust.numbers import Number, format_number
-from robust.plan import model
-from robust.plan.parameters import ParameterSpec, Target
+from robust.plan import model, parameters, timeline, variants
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import Simulation, simulate
 from robust.plan.timed import TimedPlan
-from robust.plan.timeline import Reading, State
-from robust.plan.variants import with_values
-from robust.presented import NoTruthValue, VerdictEnum
+from robust.qe import compute, lifted
 from robust.qe.box import Box
-from robust.qe.compute import RegionSearch
-from robust.qe.lifted import LiftedRegion
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
-from robust.searching import Status
 from robust.smt.limits import Deadline, OutOfTimeError, one_question
 
-Event = TypeVar("Event", Observation, MessageRejected, Remainder)
+Event = TypeVar("Event", Observation, MessageRejected, slices.Remainder)
 
 
-class RunStatus(VerdictEnum):
+class RunStatus(presented.VerdictEnum):
     """Status of a run."""
 
     SUCCEEDED = "succeeded"
@@ -77,14 +67,14 @@ class Segment:
     rejected: tuple[MessageRejected, ...]
     ending: Ending | None
     given_up: Fraction | None
-    remainders: tuple[Remainder, ...] = ()
+    remainders: tuple[slices.Remainder, ...] = ()
     promised: Guarantee = Guarantee.NONE
     planner_seconds: float = 0.0
     preparation_seconds: float = 0.0
 
 
 @dataclass(frozen=True)
-class ReplanningRun(NoTruthValue, ask="status"):
+class ReplanningRun(presented.NoTruthValue, ask="status"):
     """One run. `reason` says in one line why it failed.
 
     `inside` says whether every observation was inside its box. `seconds` is wall time.
@@ -117,7 +107,7 @@ def origin_after(now: Fraction, literals: Iterable[model.TimedLiteral], epsilon:
     What starts at time zero of the next plan may be mutex with what has just happened. If ε is 0 it begins a little
     later, because that has to be at another time.
     """
-    gap = epsilon or EPSILON
+    gap = epsilon or interface.EPSILON
     origin = now + gap
     for literal in sorted(literals, key=lambda literal: literal.time):
         if origin - gap < literal.time <= origin:
@@ -125,7 +115,7 @@ def origin_after(now: Fraction, literals: Iterable[model.TimedLiteral], epsilon:
     return origin
 
 
-def remaining_problem(problem: Problem, state: State, origin: Fraction) -> Problem:
+def remaining_problem(problem: Problem, state: timeline.State, origin: Fraction) -> Problem:
     """The problem from `origin` on, in the time of `problem`, with the state that is reached there.
 
     Timed literals that are still to come keep their moments; those that have passed are part of the state. Deadlines
@@ -147,11 +137,11 @@ class ReplanningOptions:
     """
 
     executor: Executor = field(default_factory=Dreex)
-    specs: tuple[ParameterSpec, ...] = ()
+    specs: tuple[parameters.ParameterSpec, ...] = ()
     deadline: Number | None = None
     relative: bool = False
     method: BoxMethod = field(default_factory=BoxMethod)
-    epsilon: Fraction = EPSILON
+    epsilon: Fraction = interface.EPSILON
     solver: str = "z3"
     timeout: float | None = None
     controllability: str | None = None
@@ -242,10 +232,10 @@ def _sliced(dispatchable: Dispatchable, executor: Slice, options: ReplanningOpti
     """
     plan, box = dispatchable.plan, dispatchable.box
     seconds = REGION_SECONDS if options.timeout is None else min(options.timeout, REGION_SECONDS)
-    search = RegionSearch(plan, epsilon=options.epsilon, solver=options.solver, timeout=seconds).run()
-    if search.status is Status.INTERRUPTED:
+    search = compute.RegionSearch(plan, epsilon=options.epsilon, solver=options.solver, timeout=seconds).run()
+    if search.status is searching.Status.INTERRUPTED:
         raise KeyboardInterrupt
-    exact = search.is_exact and not isinstance(search.region, LiftedRegion)
+    exact = search.is_exact and not isinstance(search.region, lifted.LiftedRegion)
     if exact:
         region = search.region
     else:
@@ -261,23 +251,25 @@ def computed_box(plan: model.ParametrizedPlan, options: ReplanningOptions) -> Bo
     deadline = Deadline.after(options.timeout)
     formulas = create_encoding("relational", plan, options.epsilon, deadline)
     envelope = options.method.search(formulas, solver=options.solver, deadline=deadline).run()
-    if envelope.status is Status.INVALID:
-        raise RefutedError(f"invalid plan: {envelope.reason}")
+    if envelope.status is searching.Status.INVALID:
+        raise errors.RefutedError(f"invalid plan: {envelope.reason}")
     if not envelope.verified:
-        raise SolverError("no box was proved in time; expected one, allow more time")
+        raise errors.SolverError("no box was proved in time; expected one, allow more time")
     if options.controllability is None:
         return envelope.box
     try:  # the part in which a strategy is certain to find the schedules that the box promises
         return shrink(plan, envelope.box, Control(options.controllability), deadline=Deadline.after(options.timeout))
     except OutOfTimeError:
-        raise SolverError("no controllable part of the box was found in time; expected one, allow more time") from None
+        raise errors.SolverError(
+            "no controllable part of the box was found in time; expected one, allow more time"
+        ) from None
 
 
-def fitting(specs: Iterable[ParameterSpec], timed: TimedPlan) -> tuple[ParameterSpec, ...]:
+def fitting(specs: Iterable[parameters.ParameterSpec], timed: TimedPlan) -> tuple[parameters.ParameterSpec, ...]:
     """The specifications that are about fluents, or about instances and actions that a plan has."""
     known = {"*", *(f"n{number}" for number in range(len(timed.steps)))}
     known |= {name for step in timed.steps for name in (step.action, f"({' '.join((step.action, *step.arguments))})")}
-    durations = {Target.DURATION, Target.SHARED, Target.START}
+    durations = {parameters.Target.DURATION, parameters.Target.SHARED, parameters.Target.START}
     return tuple(spec for spec in specs if spec.target not in durations or spec.subject in known)
 
 
@@ -351,7 +343,7 @@ def first_plan(mission: Mission) -> Prepared:
     return _planned(mission, mission.problem)
 
 
-class NoPlanError(RobustError):
+class NoPlanError(errors.RobustError):
     """The planner found no plan that can be executed."""
 
     exit_code = 1
@@ -399,7 +391,7 @@ class _Running:
             world = SimulatedWorld(prepared.dispatchable, self._luck, levels_known=bool(self._segments))
             if self._beginning is None:
                 self._beginning = beginning(prepared.dispatchable.plan, world)
-            last = run_in_world(dispatcher, world)
+            last = drive.run_in_world(dispatcher, world)
             if not self._mission.drain:
                 world.stop(last)
             self._segments.append(_segment(dispatcher, prepared, world, origin, last))
@@ -425,7 +417,7 @@ class _Running:
 
     def _achieved(self, world: SimulatedWorld) -> bool:
         """Whether a plan was given up when all had been done: the goal is reached [IRR, Alg. 2, line 16]."""
-        reading = Reading(world.state.snapshot(), {})
+        reading = timeline.Reading(world.state.snapshot(), {})
         goal = () if self._beginning is None else self._beginning.goal
         return all(reading.holds(demand.condition) for demand in goal) and self._fault() is None
 
@@ -457,7 +449,7 @@ def check_rules(prepared: Prepared, rules: Rules) -> None:
         if point.kind is model.TimePointKind.END and rules.duration(instance) is not None:
             fault = f"found a rule for the duration of {instance.identifier} {instance}, which the dispatcher chooses"
             message = f"{fault}; expected one that is fixed or a parameter: --parameter duration:{instance.action}"
-            raise InputError(message)
+            raise errors.InputError(message)
 
 
 def beginning(plan: model.ParametrizedPlan, world: SimulatedWorld) -> model.ParametrizedPlan:
@@ -470,7 +462,7 @@ def beginning(plan: model.ParametrizedPlan, world: SimulatedWorld) -> model.Para
         initial_atoms=plan.initial_atoms,
         initial_fluents={fluent: Polynomial.constant(value) for fluent, value in world.initial.items()},
         timed_literals=plan.timed_literals,
-        goal=with_values(plan.goal, world.values),
+        goal=variants.with_values(plan.goal, world.values),
     )
 
 
@@ -513,5 +505,5 @@ def _planned(mission: Mission, problem: Problem) -> Prepared:
             raise NoPlanError(f"{answer.planner}: {answer.status.value}: {answer.message}".rstrip(": "))
         prepared = prepare_timed(mission.domain, problem, answer.plan, mission.options)
         return replace(prepared, planner_seconds=answer.seconds)
-    except RobustError as error:
+    except errors.RobustError as error:
         raise NoPlanError(str(error)) from None

@@ -14,20 +14,15 @@ contains it. Then the loosest network gets, one by one, the edges that counterex
 that it can do without, and the distances that are left are loosened together while the box stands still.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from robust.encode import create_encoding
-from robust.encode.interface import Encoding
+from robust.encode import create_encoding, interface
 from robust.execute.causal import CausalNetwork, Tightener, Tightening, UndecidedError, at_least, named_bounds
 from robust.execute.distances import DistanceEdge
 from robust.execute.esterel import esterel_edges
-from robust.irr.check import Answer, Checker, Counterexample
-from robust.irr.exact import ExactSearch
-from robust.irr.widen import DiscoveredBadSet, Widening
+from robust.irr import check, exact, widen
 from robust.plan import model
 from robust.plan.polynomial import Polynomial
 from robust.qe.box import Box, Side
@@ -102,7 +97,7 @@ class RoomFirst:
     def _widest(self, edges: Iterable[DistanceEdge]) -> Box | None:
         """The widest box around the nominal values; None if they break something themselves."""
         tightener = self.tightener
-        result = ExactSearch(self._encoded(edges), solver=tightener.solver, deadline=tightener.deadline).run()
+        result = exact.ExactSearch(self._encoded(edges), solver=tightener.solver, deadline=tightener.deadline).run()
         match result.status:
             case Status.COMPLETE:
                 return result.box
@@ -115,7 +110,7 @@ class RoomFirst:
             case _:
                 raise UndecidedError(f"found the widest box undecided ({result.reason}), expected one")
 
-    def _encoded(self, edges: Iterable[DistanceEdge]) -> Encoding:
+    def _encoded(self, edges: Iterable[DistanceEdge]) -> interface.Encoding:
         tightener = self.tightener
         return create_encoding("relational", self.parametrized(edges), tightener.original.epsilon, tightener.deadline)
 
@@ -174,12 +169,12 @@ class RoomFirst:
                     schedules.append(example.schedule)
         return kept
 
-    def _breach(self, bounds: Sequence[Tightening], box: Box) -> Counterexample | None:
+    def _breach(self, bounds: Sequence[Tightening], box: Box) -> check.Counterexample | None:
         """A schedule that breaks something for values in the box; None if nothing does."""
         tightener = self.tightener
         encoding = self._encoded((*self.base, *(bound.edge for bound in bounds)))
-        result = Checker(encoding, box, solver=tightener.solver, deadline=tightener.deadline).run()
-        if result.answer is Answer.PROVED:
+        result = check.Checker(encoding, box, solver=tightener.solver, deadline=tightener.deadline).run()
+        if result.answer is check.Answer.PROVED:
             return None
         if result.interrupted:
             raise KeyboardInterrupt
@@ -223,8 +218,8 @@ class RoomFirst:
         boxes = [start]
         encoding = create_encoding("relational", plan, tightener.original.epsilon, tightener.deadline)
         try:
-            Widening(
-                bad=DiscoveredBadSet(encoding, solver=tightener.solver),
+            widen.Widening(
+                bad=widen.DiscoveredBadSet(encoding, solver=tightener.solver),
                 parameters=plan.parameters,
                 pieces=[],
                 groups=[[(name, Side.LOWER) for name in loose]],

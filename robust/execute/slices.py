@@ -23,8 +23,6 @@ A parameter that several actions reveal is no fact before the last of them: unti
 values that were seen.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -36,12 +34,11 @@ from robust.execute import controllable_boxes as boxes
 from robust.plan.model import ZERO, Parameter, TimePoint, TimePointKind
 from robust.plan.polynomial import Polynomial
 from robust.presented import NoTruthValue, VerdictEnum
+from robust.qe import inner, simplex
 from robust.qe.box import Box, Interval, Side
 from robust.qe.constraint import LinearConstraint
-from robust.qe.inner import outer_side
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region, outside
-from robust.qe.simplex import maximize
 from robust.smt.limits import Deadline, OutOfTimeError
 
 _STRETCH = "λ"
@@ -258,7 +255,7 @@ class _Promising:
             point = outside(part, removed)
             if point is None:
                 return None
-            cell = [*part.constraints, *(outer_side(piece, point) for piece in removed)]
+            cell = [*part.constraints, *(inner.outer_side(piece, point) for piece in removed)]
             box = self._middle(cell)
             condition = None if box is None else self._cut(box)
             if box is not None and condition is None:
@@ -283,7 +280,7 @@ class _Promising:
             if factors:
                 factors[_STRETCH] = sum((abs(f) * self._weight[name] for name, f in factors.items()), Fraction(0))
             constraints.append(LinearConstraint.of(factors, half.relation, constant))
-        best = maximize([*self._open, _STRETCH], constraints, {_STRETCH: Fraction(1)})
+        best = simplex.maximize([*self._open, _STRETCH], constraints, {_STRETCH: Fraction(1)})
         if best is None:
             return None
         stretched = Polyhedron((*self._open, _STRETCH), tuple(constraints))

@@ -7,8 +7,6 @@ before the printed times, it is half of the greatest L − printed, unless zero 
 because a chain of steps may begin as much earlier as it ends later.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -20,10 +18,9 @@ from robust.encode.effects import names_in
 from robust.errors import RefutedError
 from robust.network.differences import Bound, delay, following
 from robust.numbers import format_number, plural, round_up
-from robust.plan import model
+from robust.plan import model, timeline
 from robust.plan.model import ZERO, ActionInstance, ParametrizedPlan, TimePoint
 from robust.plan.polynomial import Polynomial
-from robust.plan.timeline import TimedExecution
 
 
 class NearSchedules:
@@ -261,7 +258,7 @@ class _Snapping:
             for instance in self._plan.instances
         }
         for _ in range(len(durations) + 1):
-            execution = TimedExecution(self._plan, self._plan.nominal, times, durations)
+            execution = timeline.TimedExecution(self._plan, self._plan.nominal, times, durations)
             demands = {
                 instance.identifier: duration_range(instance, read_before(execution, instance))
                 for instance in self._plan.instances
@@ -342,7 +339,7 @@ def duration_range(instance: ActionInstance, known: Known) -> tuple[Fraction, Fr
     return low, high
 
 
-def read_before(execution: TimedExecution, instance: ActionInstance) -> Known:
+def read_before(execution: timeline.TimedExecution, instance: ActionInstance) -> Known:
     """The expressions of duration constraints, with values from the states of an execution."""
 
     def known(constraint: model.DurationConstraint) -> model.Expression:

@@ -22,11 +22,10 @@ from robust.errors import InputError, Location
 from robust.execute import distances
 from robust.execute.snap import Snapped, TooFarError, snap
 from robust.numbers import decimal_at, decimal_index, format_number, plural, readable, readable_values, round_up
-from robust.plan.load import assemble
+from robust.plan import load, stn
 from robust.plan.model import ActionInstance, Atom, Condition, Holds, ParametrizedPlan, TimePoint, TimePointKind, Timing
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.simulate import Simulation, Violation, mutex_pairs, simulate
-from robust.plan.stn import InstanceDeclaration, STNPlan, is_network
 from robust.plan.timed import TimedPlan, parse_timed_plan
 from robust.presented import Presented
 
@@ -155,7 +154,7 @@ def read_plan(text: str, file: str, number: int | None = None) -> TimedPlan:
     Raises:
         InputError: as there, and for a plan with a temporal network, which has no single schedule.
     """
-    if is_network(text, file):
+    if stn.is_network(text, file):
         raise InputError(
             "found a plan with a temporal network, expected one schedule as planners print it; "
             f"robust check DOMAIN PROBLEM {file} judges all schedules of the network",
@@ -236,7 +235,7 @@ class _Judge:
     """Judges a ground plan at the times that were printed."""
 
     timed: TimedPlan
-    declared: tuple[InstanceDeclaration, ...]
+    declared: tuple[stn.InstanceDeclaration, ...]
     plan: ParametrizedPlan
     printed: Mapping[TimePoint, Fraction]
 
@@ -247,7 +246,7 @@ class _Judge:
             if min(step.time, step.duration or 0) < 0:
                 message = f"found {step}, expected a time and a duration of at least 0"
                 raise InputError(message, step.location or Location(timed.file))
-        plan = assemble(domain, problem, STNPlan((), declared, (), timed.file))
+        plan = load.assemble(domain, problem, stn.STNPlan((), declared, (), timed.file))
         printed = distances.with_literals(plan, distances.schedule_of(timed, declared))
         return cls(timed, declared, plan, printed)
 

@@ -59,11 +59,8 @@ from robust.errors import InputError, Location, did_you_mean
 from robust.execute import dispatcher
 from robust.execute.dispatchable import Dispatchable, Means, NaturalLink
 from robust.numbers import shorten
-from robust.plan import model
-from robust.plan.parameters import DecimalText, toml_document
+from robust.plan import model, parameters, timeline, variants
 from robust.plan.pddl.forms import read_text
-from robust.plan.timeline import Reading, State
-from robust.plan.variants import with_values
 from robust.presented import VerdictEnum
 from robust.probability.distributions import (
     KEYS,
@@ -162,7 +159,7 @@ def read_rules(path: str | PathLike[str]) -> Rules:
 
 def parse_rules(text: str, file: str = "<world>") -> Rules:
     """The rules in a text; InputError names the rule and the key that is wrong."""
-    document = toml_document(text, file, "tables [[draw]]")
+    document = parameters.toml_document(text, file, "tables [[draw]]")
     for key in document.keys() - {"draw"}:
         message = f"found key {shorten(key)}, expected only tables [[draw]]{did_you_mean(key, ['draw'])}"
         raise InputError(message, Location(file))
@@ -220,7 +217,7 @@ def normal_name(name: str) -> str:
 def _amount(value: object, key: str, location: Location, *, relative: bool) -> Amount:
     if isinstance(value, int) and not isinstance(value, bool):
         return Amount(Fraction(value), relative)
-    if isinstance(value, str | DecimalText):
+    if isinstance(value, str | parameters.DecimalText):
         amount = parse_amount(str(value), location)
         return Amount(amount.value, amount.relative or relative)
     raise InputError(f"found {shorten(str(value))} for {key!r}, expected a number", location)
@@ -270,9 +267,9 @@ class WorldState:
         self.time = time
         self.flows: dict[str, tuple[tuple[model.Fluent, Fraction], ...]] = {}
 
-    def snapshot(self) -> State:
+    def snapshot(self) -> timeline.State:
         """A copy that does not change any more."""
-        return State(frozenset(self.atoms), dict(self.fluents))
+        return timeline.State(frozenset(self.atoms), dict(self.fluents))
 
     def advance(self, time: Fraction) -> None:
         """Let time pass: fluents change continuously."""
@@ -325,8 +322,8 @@ class WorldState:
             case atom:
                 self.atoms.discard(atom)
 
-    def _reading(self, duration: Fraction | None) -> Reading:
-        return Reading(State(frozenset(self.atoms), self.fluents), {}, duration)
+    def _reading(self, duration: Fraction | None) -> timeline.Reading:
+        return timeline.Reading(timeline.State(frozenset(self.atoms), self.fluents), {}, duration)
 
 
 class InstanceOutcome(VerdictEnum):
@@ -558,7 +555,7 @@ class SimulatedWorld:
         """Levels as they are; fluents that nothing changes keep the values that the plan expects."""
         levels = dict(self.dispatchable.levels)
         plan = self.dispatchable.plan
-        reading = Reading(State(frozenset(), {}), self._values)
+        reading = timeline.Reading(timeline.State(frozenset(), {}), self._values)
         for revelation in self.dispatchable.expected.get(model.ZERO, ()):
             for fluent, value in plan.initial_fluents.items():
                 if model.ParameterReference(revelation.parameter) in value.variables:
@@ -581,7 +578,7 @@ class SimulatedWorld:
             values[model.Duration()] = duration
         if self.dispatchable.reads[instance.identifier].isdisjoint(values):
             return instance
-        return with_values(instance, values)
+        return variants.with_values(instance, values)
 
     def _reveal(self, point: model.TimePoint) -> None:
         for revelation in self.dispatchable.expected.get(point, ()):

@@ -15,9 +15,8 @@ from robust.plan.simulate import Simulation, simulate
 from robust.presented import Presented, VerdictEnum
 from robust.qe.box import Box
 from robust.searching import Searching, Status
-from robust.smt.limits import NEVER, Deadline, OutOfTimeError
+from robust.smt import limits, terms
 from robust.smt.session import Exporter, Satisfiability, Session, Statistics
-from robust.smt.terms import Formula
 
 if TYPE_CHECKING:
     from robust.irr.proposals import Tolerance
@@ -104,7 +103,7 @@ class Checker(Searching[CheckResult]):
     _: KW_ONLY
     solver: str = "z3"
     every: bool = False
-    deadline: Deadline = NEVER
+    deadline: limits.Deadline = limits.NEVER
     exporter: Exporter | None = None
     on_obligation: Callable[[int, int, str], None] | None = None
 
@@ -186,7 +185,7 @@ class Checker(Searching[CheckResult]):
                 self.on_obligation(index, len(obligations), obligation.name)
             try:
                 answer = self._decide(obligation)
-            except OutOfTimeError:
+            except limits.OutOfTimeError:
                 # Formulas can take longer to build than the time that is left.
                 answer = Answer.UNKNOWN
             self._answers[obligation.name] = answer
@@ -229,7 +228,7 @@ class Checker(Searching[CheckResult]):
             )
         return Counterexample(obligation.name, parameters, schedule, simulation)
 
-    def _within_box(self, query: Sequence[Formula]) -> Session:
+    def _within_box(self, query: Sequence[terms.Formula]) -> Session:
         session = self._session()
         session.add_all(query, self.deadline)
         session.add(*within(self.encoding, self.box.intervals))

@@ -1,29 +1,21 @@
 """Every method on one plan: the exact envelope beside the boxes, how much of it they cover, and what stops them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from fractions import Fraction
 from functools import partial
 from operator import itemgetter
 
-from robust.encode import create_encoding
-from robust.encode.interface import EPSILON, Encoding
-from robust.irr.check import Answer, Checker
+from robust.encode import create_encoding, interface
+from robust.irr import check, stops, widen
 from robust.irr.exact import BoxMethod
 from robust.irr.search import EnvelopeResult
-from robust.irr.stops import JUST
-from robust.irr.widen import faces_of, least_stretch
 from robust.plan.model import ParametrizedPlan
 from robust.presented import Presented
+from robust.qe import compute, estimate, lifted, slabs
 from robust.qe.box import Box, Face, Side
-from robust.qe.compute import RegionResult, RegionSearch
-from robust.qe.estimate import VolumeBounds, bounding_cell
-from robust.qe.lifted import LiftedRegion
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
-from robust.qe.slabs import Growing
 from robust.searching import DECIDED, Searching, Status
 from robust.smt.limits import Deadline, OutOfTimeError
 
@@ -95,8 +87,8 @@ class Comparison(Presented, ask="status"):
 
     plan: ParametrizedPlan
     beta: Fraction
-    region: RegionResult | None
-    volume: VolumeBounds | None
+    region: compute.RegionResult | None
+    volume: estimate.VolumeBounds | None
     entries: tuple[Entry, ...]
     interrupted: bool
     seconds: float
@@ -140,7 +132,7 @@ class Comparing(Searching[Comparison]):
     _: KW_ONLY
     beta: Fraction = Fraction(1)
     doubling: bool = False
-    epsilon: Fraction = EPSILON
+    epsilon: Fraction = interface.EPSILON
     encoding: str = "relational"
     solver: str = "z3"
     timeout: float | None = None
@@ -148,8 +140,8 @@ class Comparing(Searching[Comparison]):
 
     def __post_init__(self) -> None:
         super().__init__()
-        self._region: RegionResult | None = None
-        self._volume: VolumeBounds | None = None
+        self._region: compute.RegionResult | None = None
+        self._volume: estimate.VolumeBounds | None = None
         self._entries: dict[str, Entry] = {}
         self._interrupted = False
 
@@ -166,7 +158,7 @@ class Comparing(Searching[Comparison]):
         for number, stage in enumerate(stages):
             limit = self._begin(stage, Fraction(1, 2 if stage == "region" else len(METHODS) + 2 - number))
             if stage == "region":
-                search = RegionSearch(
+                search = compute.RegionSearch(
                     self.plan, epsilon=self.epsilon, solver=self.solver, encoding=self.encoding, timeout=limit
                 )
                 self._region = search.run()
@@ -211,11 +203,11 @@ class Comparing(Searching[Comparison]):
 
     # -- measures ----------------------------------------------------------------------------------------------------
 
-    def _measure(self, result: RegionResult, deadline: Deadline) -> None:
+    def _measure(self, result: compute.RegionResult, deadline: Deadline) -> None:
         region = result.region
         bad_for: Callable[[Box, Face, Fraction], Sequence[Polyhedron]]
-        if isinstance(region, LiftedRegion):
-            self._volume = VolumeBounds(Fraction(0), None)
+        if isinstance(region, lifted.LiftedRegion):
+            self._volume = estimate.VolumeBounds(Fraction(0), None)
             extents = {name: extent for name in region.parameters if (extent := region.extent(name)) is not None}
             width = Box(extents).total_width
             bad_for = partial(sides_beyond, region)
@@ -238,26 +230,26 @@ class Comparing(Searching[Comparison]):
                 width_share(box, width, exact=result.is_exact),
                 tuple(
                     face_gap(box, (name, side), end, bad_for(box, (name, side), end), confirm)
-                    for name, side in faces_of(self.plan.parameters)
+                    for name, side in widen.faces_of(self.plan.parameters)
                     if (end := box[name].end(side)) is not None
                 ),
             )
 
-    def _witness(self, values: Values, encoding: Encoding, deadline: Deadline) -> FaceWitness | None:
+    def _witness(self, values: Values, encoding: interface.Encoding, deadline: Deadline) -> FaceWitness | None:
         """The point with what breaks there; None if there is no time to confirm it."""
         try:
-            result = Checker(encoding, Box.point(values), solver=self.solver, deadline=deadline).run()
+            result = check.Checker(encoding, Box.point(values), solver=self.solver, deadline=deadline).run()
         except OutOfTimeError:
             return None
         if result.interrupted:
             raise KeyboardInterrupt
         match result.answer:
-            case Answer.REFUTED:
-                broken = [name for name, answer in result.obligations.items() if answer is Answer.REFUTED]
+            case check.Answer.REFUTED:
+                broken = [name for name, answer in result.obligations.items() if answer is check.Answer.REFUTED]
                 return FaceWitness(values, broken[0] if broken else result.reason or "no schedule")
-            case Answer.UNKNOWN:
+            case check.Answer.UNKNOWN:
                 return None
-            case Answer.PROVED:
+            case check.Answer.PROVED:
                 raise ValueError(f"the plan is valid at {values}, which the region excludes")
 
 
@@ -266,30 +258,30 @@ def face_gap(
 ) -> FaceGap:
     """How far the face could move, and a point beyond that the box would hold if it were moved a little more."""
     name, side = face
-    growing = Growing(box, {face: (end, Fraction(1))})
-    met = ((least_stretch(piece, growing), piece) for piece in bad)
+    growing = slabs.Growing(box, {face: (end, Fraction(1))})
+    met = ((widen.least_stretch(piece, growing), piece) for piece in bad)
     nearest = min(((least.value, piece) for least, piece in met if least is not None), key=itemgetter(0), default=None)
     if nearest is None:
         return FaceGap(name, side, end, box[name].is_closed_at(side), None, None)
     gap, piece = nearest
-    moved = box.moved(face, end + side.sign * (gap + JUST))
+    moved = box.moved(face, end + side.sign * (gap + stops.JUST))
     point = piece.restricted(moved.constraints()).some_point()
     if point is None:
         raise ValueError("the piece is met within the gap")
     return FaceGap(name, side, end, box[name].is_closed_at(side), gap, confirm(point))
 
 
-def sides_beyond(region: LiftedRegion, box: Box, face: Face, end: Fraction) -> Sequence[Polyhedron]:
+def sides_beyond(region: lifted.LiftedRegion, box: Box, face: Face, end: Fraction) -> Sequence[Polyhedron]:
     """Half-spaces outside of a region that tell how far a face of a box inside may move from where it ends.
 
     Raises:
         UnsupportedError: if it takes all inequalities of the region, which are too many.
     """
     side = face[1]
-    growing = Growing(box, {face: (end, Fraction(1))})
+    growing = slabs.Growing(box, {face: (end, Fraction(1))})
     while True:
         sides = region.known_sides()
-        met = (least_stretch(piece, growing) for piece in sides)
+        met = (widen.least_stretch(piece, growing) for piece in sides)
         gap = min((least.value for least in met if least is not None), default=None)
         moved = box.moved(face, None if gap is None else end + side.sign * gap)
         if region.contains_box(moved):
@@ -298,21 +290,21 @@ def sides_beyond(region: LiftedRegion, box: Box, face: Face, end: Fraction) -> S
             return [*sides, *region.base.complement()] if gap is None else sides
 
 
-def volume_of(region: Region, short: Region | None) -> VolumeBounds:
+def volume_of(region: Region, short: Region | None) -> estimate.VolumeBounds:
     """The volume of the region, exactly for few parameters and polyhedra."""
     if short is not None and len(region.parameters) <= EXACT_DIMENSION:
         volume = short.volume()
-        return VolumeBounds(Fraction(0) if volume is None else volume, volume)
+        return estimate.VolumeBounds(Fraction(0) if volume is None else volume, volume)
     return region.volume_bounds(boxes=CELLS)
 
 
 def bounding_width(short: Region | None) -> Fraction | None:
     """The total width of the region's bounding box; None if not finite or not known."""
-    cell = None if short is None or not short.pieces else bounding_cell(short.pieces)
+    cell = None if short is None or not short.pieces else estimate.bounding_cell(short.pieces)
     return None if cell is None else sum((upper - lower for _, lower, upper in cell), Fraction(0))
 
 
-def volume_share(box: Box, volume: VolumeBounds, *, exact: bool) -> RatioBounds | None:
+def volume_share(box: Box, volume: estimate.VolumeBounds, *, exact: bool) -> RatioBounds | None:
     """Volume of the box as a share of the region's; None where there is no finite one, or the region has no inside.
 
     Of an outer bound only the lower end counts: the envelope may be smaller.

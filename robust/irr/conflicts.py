@@ -6,8 +6,6 @@ is no better one, its cost is a lower bound. If nothing conflicts with it, it is
 on from there with the cheapest inequality of one clause after the other finds a good point early, if not the best.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """CheckInEnvelope: is a box inside the robustness envelope [IRR §4, Algorithm 1 lines 18–22, Theorem 1]?"""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,9 +10,8 @@ from typing import ClassVar, Generic, TypeVar
 from robust.encode.interface import Encoding, Facet, Obligation, variable
 from robust.errors import InputError, Location
 from robust.plan.model import ParameterReference
+from robust.qe import constraint, nnf
 from robust.qe.box import Box, Face, Interval
-from robust.qe.constraint import LinearConstraint
-from robust.qe.nnf import FormulaReader, Junction, conjunction
 from robust.qe.polyhedron import Polyhedron
 from robust.smt.limits import Deadline, OutOfTimeError, raise_if_interrupted
 from robust.smt.session import Exporter, Satisfiability, Session, Statistics
@@ -76,7 +73,7 @@ class Questions(ABC, Generic[Found]):
         self._exporter = exporter
         self._names = tuple(parameter.name for parameter in encoding.plan.parameters)
         self._written: dict[str, tuple[Interval, tuple[Formula, ...]]] = {}
-        self.reader = FormulaReader(encoding.terms)
+        self.reader = nnf.FormulaReader(encoding.terms)
 
     @cached_property
     def _in_order(self) -> tuple[ObligationQuestion, ...]:
@@ -263,12 +260,14 @@ class Questions(ABC, Generic[Found]):
         symbols = {symbol for formula in formulas for symbol in self.encoding.terms.variables(formula)}
         if len(symbols) > len(question.parameters):
             return False
-        violation = conjunction(map(self.reader.read, formulas))
-        parts = violation.operands if isinstance(violation, Junction) and not violation.conjunctive else (violation,)
+        violation = nnf.conjunction(map(self.reader.read, formulas))
+        parts = (
+            violation.operands if isinstance(violation, nnf.Junction) and not violation.conjunctive else (violation,)
+        )
         pieces = []
         for part in parts:
-            leaves = part.operands if isinstance(part, Junction) and part.conjunctive else (part,)
-            constraints = [leaf for leaf in leaves if isinstance(leaf, LinearConstraint)]
+            leaves = part.operands if isinstance(part, nnf.Junction) and part.conjunctive else (part,)
+            constraints = [leaf for leaf in leaves if isinstance(leaf, constraint.LinearConstraint)]
             if len(constraints) < len(leaves):
                 return False
             pieces.append(Polyhedron(self._names, tuple(constraints)))

@@ -8,8 +8,6 @@ is inside it is optimal: no box that misses even the known polyhedra is better.
 :class:`BoxMethod` names the methods that find a box, IRR among them, and holds what each of them can be given.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -17,25 +15,20 @@ from itertools import product
 from typing import Unpack
 
 from robust.encode.interface import Encoding, Linear, variable
+from robust.irr import irr, proposals, stops
 from robust.irr.conflicts import Candidate, Chosen, Clause, MasterProblem, Point
 from robust.irr.containment import Containment, Margins, require_some_schedule
-from robust.irr.irr import IncrementalRobustification, ordered
-from robust.irr.proposals import is_inside, propose
 from robust.irr.search import BoxSearch, Conduct, OutsideError
-from robust.irr.stops import JUST, declared_stop
 from robust.irr.widen import BadSet, DiscoveredBadSet, Obstacle, Widening, faces_of
 from robust.network.slack import OutsideFragmentError
 from robust.plan.model import ParameterReference
 from robust.plan.polynomial import Polynomial
+from robust.qe import compute, simplex
 from robust.qe.box import Box, Face, Interval, Side
-from robust.qe.compute import RegionSearch
 from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Polyhedron
-from robust.qe.simplex import feasible_point, maximize
 from robust.searching import Status
-from robust.smt.limits import Deadline, OutOfTimeError
-from robust.smt.session import Exporter
-from robust.smt.terms import Formula
+from robust.smt import limits, session, terms
 
 ENUMERATION = 20.0
 """Seconds at most that the optimal box spends on knowing the envelope before it starts."""
@@ -72,7 +65,7 @@ class ExactSearch(BoxSearch):
         order: Sequence[str] = (),
         contain_nominal: bool = False,
         solver: str = "z3",
-        exporter: Exporter | None = None,
+        exporter: session.Exporter | None = None,
         **conduct: Unpack[Conduct],
     ) -> None:
         self._bad = DiscoveredBadSet(encoding, solver=solver, exporter=exporter)
@@ -80,7 +73,7 @@ class ExactSearch(BoxSearch):
         self._contain_nominal = contain_nominal
         self._pieces: list[Polyhedron] = []
         parameters = encoding.plan.parameters
-        turns = [[parameter] for parameter in ordered(parameters, order)] if order else [parameters]
+        turns = [[parameter] for parameter in irr.ordered(parameters, order)] if order else [parameters]
         self._groups = [faces_of(turn) for turn in turns]
         self._by_paths = method == "widen" and not order and exporter is None and encoding.name == "relational"
         self._proposed = False
@@ -131,17 +124,19 @@ class ExactSearch(BoxSearch):
         """Whether shortest paths find the widest box, and it is proved."""
         encoding = self.encoding
         try:
-            proposal = propose(encoding.plan, encoding.epsilon, self.deadline)
+            proposal = proposals.propose(encoding.plan, encoding.epsilon, self.deadline)
         except OutsideFragmentError as error:
             self.fallback = str(error)
             return False
         self._bad.checks += 1
         left = self.deadline.remaining
-        soon = self.deadline if left is None else Deadline.after(left / 2)
+        soon = self.deadline if left is None else limits.Deadline.after(left / 2)
         plan, epsilon, box = encoding.plan, encoding.epsilon, proposal.box
         try:
-            proved = is_inside(plan, box, epsilon, soon, solver=self._bad.solver, statistics=self._bad.statistics)
-        except OutOfTimeError:
+            proved = proposals.is_inside(
+                plan, box, epsilon, soon, solver=self._bad.solver, statistics=self._bad.statistics
+            )
+        except limits.OutOfTimeError:
             proved = False
         self.deadline.enforce()
         if not proved:
@@ -155,7 +150,7 @@ class ExactSearch(BoxSearch):
     def _enumerated(self) -> list[Polyhedron]:
         """Bad polyhedra by enumeration, for a while: they are larger than what single boxes run into."""
         remaining = self.deadline.remaining
-        result = RegionSearch(
+        result = compute.RegionSearch(
             self.encoding.plan,
             epsilon=self.encoding.epsilon,
             solver=self._bad.solver,
@@ -173,9 +168,10 @@ class ExactSearch(BoxSearch):
         if self._proposed:
             return {}
         return {
-            (parameter.name, side): JUST
+            (parameter.name, side): stops.JUST
             for parameter, side in product(self.encoding.plan.parameters, Side)
-            if (end := self.box[parameter.name].end(side)) is not None and declared_stop(parameter, side, end) is None
+            if (end := self.box[parameter.name].end(side)) is not None
+            and stops.declared_stop(parameter, side, end) is None
         }
 
     def _keep(self, box: Box) -> None:
@@ -203,7 +199,7 @@ class OptimalBox(MasterProblem[Fraction]):
         bad: DiscoveredBadSet,
         pieces: list[Obstacle],
         contain_nominal: bool,
-        deadline: Deadline,
+        deadline: limits.Deadline,
         inside: BadSet | None = None,
     ) -> None:
         super().__init__(solver=bad.solver, deadline=deadline)
@@ -269,12 +265,12 @@ class OptimalBox(MasterProblem[Fraction]):
         return candidate
 
     def cheapest(self, chosen: Chosen, point: Point) -> Candidate[Fraction] | None:
-        best = maximize(self._ends, [*self.always(), *chosen.values()], self._objective)
+        best = simplex.maximize(self._ends, [*self.always(), *chosen.values()], self._objective)
         if best is None or best.value is None:
             return None
         return Candidate(chosen, best.point, -best.value, best.attained)
 
-    def cheaper(self, cost: Fraction) -> Formula:
+    def cheaper(self, cost: Fraction) -> terms.Formula:
         width = sum((variable(ParameterReference(n)).scaled(f) for n, f in self._objective.items()), _ZERO)
         return self.terms.greater(width + cost)
 
@@ -333,7 +329,7 @@ class OptimalBox(MasterProblem[Fraction]):
         kept = [c if flat & set(c.parameters) else c.closed() for c in strict]
         for shortfall in (Fraction(0), max(-candidate.cost, Fraction(1)) / 1_000_000):
             least = LinearConstraint.of(self._objective, ">=", -candidate.cost - shortfall)
-            ends = feasible_point(self._ends, [*(strict if shortfall else kept), least])
+            ends = simplex.feasible_point(self._ends, [*(strict if shortfall else kept), least])
             if ends is not None:
                 box = self._box_at(replace(candidate, point=ends, attained=bool(shortfall)))
                 piece = self._bad_piece(box)
@@ -385,7 +381,7 @@ class BoxMethod:
     contain_nominal: bool = True
 
     def search(
-        self, formulas: Encoding, *, solver: str, exporter: Exporter | None = None, **conduct: Unpack[Conduct]
+        self, formulas: Encoding, *, solver: str, exporter: session.Exporter | None = None, **conduct: Unpack[Conduct]
     ) -> BoxSearch:
         """The search for a box of a plan.
 
@@ -394,7 +390,7 @@ class BoxMethod:
         """
         if self.name == "irr":
             containment = Containment(formulas, solver=solver, exporter=exporter)
-            return IncrementalRobustification(
+            return irr.IncrementalRobustification(
                 containment, beta=self.beta, doubling=self.doubling, order=self.order, **conduct
             )
         return ExactSearch(

@@ -8,8 +8,6 @@ Two schedules of the same algorithm:
   and the run ends as soon as every Δ < β, so faces can be up to 2β away.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

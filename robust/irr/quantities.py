@@ -9,15 +9,12 @@ A repair says how long, not what comes first: where a bound orders two time poin
 they are at least ε apart they stay so, unless reordering is allowed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from fractions import Fraction
 
-from robust.encode.effects import Writes
-from robust.encode.network import duration_rules
+from robust.encode import effects, network
 from robust.errors import Location
 from robust.numbers import format_number, readable
 from robust.plan import model
@@ -129,7 +126,7 @@ def _limits(plan: ParametrizedPlan) -> dict[tuple[TimePoint, TimePoint], Limits]
 
     for point in plan.time_points[1:]:
         add(model.ZERO, point, Fraction(0))
-    for rule in duration_rules(plan, Writes(plan)):
+    for rule in network.duration_rules(plan, effects.Writes(plan)):
         for bound in rule.bounds:
             if bound.weight.is_constant:
                 add(bound.source, bound.target, bound.weight.constant_term)

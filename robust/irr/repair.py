@@ -14,19 +14,17 @@ beforehand. Where a strict inequality excludes the cheapest changes themselves, 
 more.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from fractions import Fraction
 from operator import attrgetter
 
+from robust import errors, searching
 from robust.encode.encoding import RelationalEncoding
 from robust.encode.interface import EPSILON, Facet
-from robust.errors import SolverError
+from robust.irr import containment, widen
 from robust.irr.check import Answer, Checker, CheckResult
 from robust.irr.conflicts import Candidate, Chosen, Clause, Point, RepairSearching, RepairStatus
-from robust.irr.containment import EFFORTS, within
 from robust.irr.quantities import (
     Changeable,
     Cost,
@@ -39,18 +37,15 @@ from robust.irr.quantities import (
     lifted,
     quantities,
 )
-from robust.irr.widen import DiscoveredBadSet
 from robust.plan.model import ParameterReference, ParametrizedPlan
 from robust.plan.polynomial import Polynomial
 from robust.presented import Presented
+from robust.qe import nnf, simplex
 from robust.qe.box import Box, Interval, Side
 from robust.qe.conjunctions import Conjunction, project, project_at, variables_of
 from robust.qe.constraint import LinearConstraint
 from robust.qe.eliminate.enumerate import CROWDED, satisfiable
-from robust.qe.nnf import Model
 from robust.qe.polyhedron import Polyhedron
-from robust.qe.simplex import Supremum, feasible_point, maximize
-from robust.searching import Status
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Satisfiability, Session
 from robust.smt.terms import Formula
@@ -73,7 +68,7 @@ class Programme:
     names: Sequence[str]
     constraints: Sequence[LinearConstraint]
     objective: Mapping[str, Fraction]
-    best: Supremum
+    best: simplex.Supremum
 
     @property
     def cost(self) -> Cost:
@@ -141,7 +136,7 @@ class CheapestChanges:
         constraints += [limit for name in finite for limit in self.price(name)]
         names = [*used, *map(cost_name, finite)]
         objective = {cost_name(name): Fraction(-1) for name in finite}
-        best = maximize(names, constraints, objective)
+        best = simplex.maximize(names, constraints, objective)
         if best is None or best.value is None:
             return None
         return Programme(
@@ -163,13 +158,17 @@ class CheapestChanges:
         names, kept, point = solved.names, solved.constraints, solved.best.point
         outwards = {name: Fraction(self.quantities[name].side.sign) for name in solved.new}
         for goal, best in ((solved.objective, solved.best), (outwards, None)):
-            optimum = best or (maximize(names, kept, goal) if goal else None)
+            optimum = best or (simplex.maximize(names, kept, goal) if goal else None)
             if optimum is not None and optimum.value is not None:
                 slack = _NOTHING if optimum.attained else max(abs(optimum.value), Fraction(1)) * _CLOSE
                 kept = [*kept, LinearConstraint.of(goal, ">=", optimum.value - slack)]
                 point = optimum.point
         # An optimum is on the boundary, which strict inequalities exclude.
-        return point if all(constraint.evaluate(point) for constraint in kept) else feasible_point(names, kept) or point
+        return (
+            point
+            if all(constraint.evaluate(point) for constraint in kept)
+            else simplex.feasible_point(names, kept) or point
+        )
 
     def _without_idle(
         self, values: Mapping[str, Fraction], constraints: Sequence[LinearConstraint], point: Mapping[str, Fraction]
@@ -329,7 +328,9 @@ class RepairSearch(RepairSearching[Cost, Repair]):
         self._network.add_all(self._bad.encoding.network_formulas(), self.deadline)
         point = {name: self._required.get(name, Interval(value, value)) for name, value in self.plan.nominal.items()}
         self._network.add(
-            *within(self._bad.encoding, {n: interval for n, interval in point.items() if n not in self._quantities})
+            *containment.within(
+                self._bad.encoding, {n: interval for n, interval in point.items() if n not in self._quantities}
+            )
         )
         self.search()
         if self.best is None and not self._contradiction:
@@ -355,11 +356,11 @@ class RepairSearch(RepairSearching[Cost, Repair]):
         fixed = {name: value for name, value in self.plan.nominal.items() if name not in self._quantities}
         for corner in _ends(self._required):
             at = {name: Interval(value, value) for name, value in {**fixed, **corner}.items()}
-            with session.frame(*within(encoding, at)):
+            with session.frame(*containment.within(encoding, at)):
 
                 def refuted(formulas: Iterable[Formula], session: Session = session) -> bool:
                     with session.frame(*formulas):
-                        verdict = session.check("some valid schedule", self.deadline, EFFORTS[1])
+                        verdict = session.check("some valid schedule", self.deadline, containment.EFFORTS[1])
                     return verdict is Satisfiability.UNSATISFIABLE
 
                 # Without any schedule there are statements to blame, which the search names.
@@ -404,7 +405,9 @@ class RepairSearch(RepairSearching[Cost, Repair]):
             raise KeyboardInterrupt if proof.interrupted else OutOfTimeError(proof.reason)
         if proof.answer is Answer.REFUTED:
             broken = "; ".join(proof.counterexamples) or proof.reason
-            raise SolverError(f"the check does not confirm a repair ({broken}); please report this plan as a bug")
+            raise errors.SolverError(
+                f"the check does not confirm a repair ({broken}); please report this plan as a bug"
+            )
         self.best, self._proof = candidate, proof
         if self.on_repair is not None:
             self.on_repair(candidate.cost)
@@ -532,7 +535,7 @@ class RepairSearch(RepairSearching[Cost, Repair]):
     def _changed(self, candidate: Candidate[Cost]) -> ParametrizedPlan:
         return changed(self.plan, list(self._quantities.values()), candidate.point)
 
-    def _result(self, status: Status, reason: str | None = None) -> Repair:
+    def _result(self, status: searching.Status, reason: str | None = None) -> Repair:
         best, changes = self.best, () if self.best is None else tuple(self._changes_of(self.best))
         # Where the infimum is only approached, the changes cost a little more.
         total = sum((change.cost or _NOTHING for change in changes), _NOTHING)
@@ -549,7 +552,7 @@ class RepairSearch(RepairSearching[Cost, Repair]):
             attained=best is None or best.attained,
             contradiction=self._contradiction,
             check=self._proof,
-            interrupted=status is Status.INTERRUPTED,
+            interrupted=status is searching.Status.INTERRUPTED,
             reason=reason,
             change=_CHANGES[frozenset(self.kinds)],
             count=self.count,
@@ -576,7 +579,7 @@ class RepairSearch(RepairSearching[Cost, Repair]):
         return tuple(dict.fromkeys(broken))
 
 
-class _BadChanges(DiscoveredBadSet):
+class _BadChanges(widen.DiscoveredBadSet):
     """The bad set of a plan in which changes are parameters; reasons quote the plan as it was."""
 
     def __init__(self, plan: ParametrizedPlan, encoding: RelationalEncoding, solver: str, deadline: Deadline) -> None:
@@ -592,7 +595,7 @@ class _BadChanges(DiscoveredBadSet):
             self.reasons[piece] = f"no schedule: {'; '.join(origins)}"
         return piece
 
-    def _projection(self, constraints: Sequence[LinearConstraint], model: Model) -> Conjunction | None:
+    def _projection(self, constraints: Sequence[LinearConstraint], model: nnf.Model) -> Conjunction | None:
         """Exactly, or if there is much to eliminate, a part of it that has the model."""
         names = variables_of(constraints)
         eliminated = set(names).difference(self._names)

@@ -1,7 +1,5 @@
 """What every search for a box keeps and returns: the best box so far, how it came about, and how the search ended."""
 
-from __future__ import annotations
-
 import logging
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping
@@ -10,16 +8,13 @@ from fractions import Fraction
 from itertools import product
 from typing import Any, TypedDict, Unpack
 
-from robust.irr.containment import Margins, Questions
-from robust.irr.proposals import Tolerance
+from robust.irr import containment, proposals, templates
 from robust.irr.stops import APPROACHED, CUT_SHORT, NO_SCHEDULE, NOT_EXAMINED, Advice, Stop, advice, declared_stop
-from robust.irr.templates import Shape
 from robust.plan.model import Parameter, ParametrizedPlan
 from robust.presented import Presented
 from robust.qe.box import Box, Face, Side
 from robust.searching import DECIDED, Searching, Status
-from robust.smt.limits import NEVER, Deadline, OutOfTimeError
-from robust.smt.session import Statistics
+from robust.smt import limits, session
 
 log = logging.getLogger(__name__)
 
@@ -73,15 +68,15 @@ class EnvelopeResult(Presented, ask="verified"):
     reason: str | None = None
     values: Mapping[str, Fraction] = field(default_factory=dict)
     bound: Fraction | None = None
-    statistics: Statistics = field(default_factory=Statistics)
+    statistics: session.Statistics = field(default_factory=session.Statistics)
     stops: Mapping[Face, Stop] = field(default_factory=dict)
     advice: tuple[Advice, ...] = ()
     doubling: bool = False
     contain_nominal: bool = True
     plan: ParametrizedPlan | None = field(default=None, repr=False, compare=False)
     fallback: str | None = None
-    tolerance: Tolerance | None = None
-    shape: Shape | None = None
+    tolerance: proposals.Tolerance | None = None
+    shape: templates.Shape | None = None
 
     @property
     def cut_short(self) -> bool:
@@ -117,7 +112,7 @@ class OutsideError(Exception):
 class Conduct(TypedDict, total=False):
     """What every search for a box can be given; subclasses of :class:`BoxSearch` hand it on as it is."""
 
-    deadline: Deadline
+    deadline: limits.Deadline
     """When to stop with the best box so far."""
     on_step: Callable[[Step], None] | None
     """Called with each step."""
@@ -132,12 +127,12 @@ class BoxSearch(Searching[EnvelopeResult]):
         conduct: see :class:`Conduct`.
     """
 
-    def __init__(self, questions: Questions[Any], *, method: str, **conduct: Unpack[Conduct]) -> None:
+    def __init__(self, questions: containment.Questions[Any], *, method: str, **conduct: Unpack[Conduct]) -> None:
         super().__init__()
         self._questions = questions
         self.encoding = encoding = questions.encoding
         self.method = method
-        self.deadline = conduct.get("deadline", NEVER)
+        self.deadline = conduct.get("deadline", limits.NEVER)
         self.beta: Fraction | None = None
         self.doubling = False
         self.contain_nominal = True
@@ -176,7 +171,7 @@ class BoxSearch(Searching[EnvelopeResult]):
         if status is Status.COMPLETE and (margins := self._margins()):
             try:
                 self._stops.update(stops_at(self._questions, self.box, margins, self.deadline))
-            except (OutOfTimeError, KeyboardInterrupt):
+            except (limits.OutOfTimeError, KeyboardInterrupt):
                 log.info("no time was left to find out what ends all sides")  # the box is complete without
         return status, reason
 
@@ -207,7 +202,7 @@ class BoxSearch(Searching[EnvelopeResult]):
         )
 
     @abstractmethod
-    def _margins(self) -> Margins:
+    def _margins(self) -> containment.Margins:
         """How far beyond the sides of a complete box to look for what ends them, unless it is a declared bound."""
 
     def _all_stops(self, status: Status) -> dict[Face, Stop]:
@@ -235,7 +230,9 @@ class BoxSearch(Searching[EnvelopeResult]):
             self._on_step(step)
 
 
-def stops_at(questions: Questions[Any], box: Box, reach: Margins, deadline: Deadline) -> Iterator[tuple[Face, Stop]]:
+def stops_at(
+    questions: containment.Questions[Any], box: Box, reach: containment.Margins, deadline: limits.Deadline
+) -> Iterator[tuple[Face, Stop]]:
     """What ends sides of a box within the reach; the same, whatever solvers were asked before.
 
     Of the network, these are all statements that contradict each other at a point; facets leave out what is rigid.

@@ -4,8 +4,6 @@ A side ends at a declared bound; else at statements of the network, if some valu
 at all obligations that break just beyond: as near as one likes for exact boxes, and for IRR within its last attempt.
 """
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -20,17 +20,16 @@ from robust.irr.widen import STRETCH, Obstacle, Widening, faces_of
 from robust.numbers import is_number, parse_number, shorten
 from robust.plan.model import Parameter
 from robust.plan.pddl.forms import read_text
+from robust.qe import constraint, simplex
 from robust.qe.box import Box, Face, Interval, Side
-from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import Region, signed_sum
-from robust.qe.simplex import extend, maximize, tableau
 from robust.qe.slabs import Growing
 from robust.smt.limits import Deadline
 
 Direction = tuple[tuple[str, Fraction], ...]
 """Coefficients of parameters."""
-Faces = dict[Face, LinearConstraint]
+Faces = dict[Face, constraint.LinearConstraint]
 """Bounds of forms as constraints on parameters."""
 
 
@@ -83,9 +82,9 @@ def standing(directions: Mapping[str, Direction], bounds: Box, without: Containe
 @lru_cache(maxsize=1 << 14)
 def _face(
     direction: Direction, sign: int, end: Fraction, speed: Fraction = Fraction(0), *, strict: bool = False
-) -> LinearConstraint:
+) -> constraint.LinearConstraint:
     form = {name: sign * factor for name, factor in direction} | ({STRETCH: -speed} if speed else {})
-    return LinearConstraint.of(form, "<" if strict else "<=", sign * end)
+    return constraint.LinearConstraint.of(form, "<" if strict else "<=", sign * end)
 
 
 @dataclass(eq=False)
@@ -117,15 +116,20 @@ class _BadForShapes:
             return None
         ends = growing.moving.items()
         moving = (_face(self.directions[name], side.sign, base, speed) for (name, side), (base, speed) in ends)
-        constraints = [*self.piece.constraints, *faces.values(), *moving, LinearConstraint.of({STRETCH: 1}, ">=", 0)]
-        best = maximize([*self.piece.parameters, STRETCH], constraints, {STRETCH: Fraction(-1)})
+        constraints = [
+            *self.piece.constraints,
+            *faces.values(),
+            *moving,
+            constraint.LinearConstraint.of({STRETCH: 1}, ">=", 0),
+        ]
+        best = simplex.maximize([*self.piece.parameters, STRETCH], constraints, {STRETCH: Fraction(-1)})
         return None if best is None or best.value is None else (-best.value, best.attained)
 
     def _is_kept_off(self, faces: Faces) -> bool:
         if self._between is not None and self._between.items() <= faces.items():
             return True
-        solved = tableau(self.piece.parameters, self.piece.constraints)
-        slacks = extend(solved, self.piece.parameters, faces.values())
+        solved = simplex.tableau(self.piece.parameters, self.piece.constraints)
+        slacks = simplex.extend(solved, self.piece.parameters, faces.values())
         if solved.restore():
             return False
         needed = (face for face, slack in zip(faces, slacks, strict=True) if slack in solved.conflict)

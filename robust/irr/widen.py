@@ -4,8 +4,6 @@ How far a face may go is a linear program over the bad polyhedra that boxes have
 of them is checked against the envelope, and what is bad in it adds a polyhedron.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction

@@ -15,8 +15,6 @@ has, between the other points, the same greatest lower bounds [Dechter, Meiri an
 consistency].
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections import defaultdict, deque
 from collections.abc import Hashable, Iterable, Iterator, Sequence

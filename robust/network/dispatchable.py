@@ -22,8 +22,7 @@ from math import inf, lcm
 from typing import Any, Generic, Protocol, TypeVar
 
 from robust.errors import InputError
-from robust.network.differences import Distances
-from robust.network.uncertain import Case, DynamicAnswer, Wait
+from robust.network import differences, uncertain
 from robust.plan.model import TimePoint
 
 
@@ -65,7 +64,7 @@ class DispatchNetwork(Generic[Natural]):
         self.natural: Mapping[TimePoint, Natural] = {link.target: link for link in links}
         self.closed = closed
         if closed:
-            known = Distances(range(len(self.points)), ((y, x, -weight) for x, y, weight in edges))
+            known = differences.Distances(range(len(self.points)), ((y, x, -weight) for x, y, weight in edges))
             if known.network.schedule is None:
                 raise InputError(_NO_SCHEDULE)
             edges = ((x, y, Fraction(-weight, known.scale)) for y, x, weight in known.network.closure())
@@ -196,7 +195,7 @@ def edges_between(
         yield target, source, -lower
 
 
-def strategy(answer: DynamicAnswer, links: Iterable[Natural]) -> DispatchNetwork[Natural]:
+def strategy(answer: uncertain.DynamicAnswer, links: Iterable[Natural]) -> DispatchNetwork[Natural]:
     """The tables of a dynamically controllable network, in terms of its time points: starts A′ = A + x become A."""
     form, stnu = answer.form, answer.form.stnu
     index = {point: number for number, point in enumerate(stnu.points)}
@@ -214,10 +213,12 @@ def strategy(answer: DynamicAnswer, links: Iterable[Natural]) -> DispatchNetwork
     for edge in (*form.edges, *answer.derived):
         length = form.length(edge.weight)
         (source, before), (target, after) = place[edge.source], place[edge.target]
-        if edge.case is Case.ORDINARY and length is not None:
+        if edge.case is uncertain.Case.ORDINARY and length is not None:
             # t_target + after − t_source − before ≤ length
             edges.append((source, target, length + before - after))
-        elif edge.case is Case.UPPER and edge.label is not None and edge.weight < 0 and edge.source in executed:
+        elif (
+            edge.case is uncertain.Case.UPPER and edge.label is not None and edge.weight < 0 and edge.source in executed
+        ):
             end = index[stnu.links[edge.label].target]
             waits.append((source, target, end, None if length is None else after - length))
     return DispatchNetwork(stnu.points, links, edges, waits, closed=True)
@@ -307,7 +308,7 @@ def _rank(full: DispatchNetwork[Any], point: int, group: Mapping[int, Fraction])
     return 2 if full.index[link.source] in group else 0
 
 
-def waits(answer: DynamicAnswer) -> tuple[Wait, ...]:
+def waits(answer: uncertain.DynamicAnswer) -> tuple[uncertain.Wait, ...]:
     """The conditional waits with which a dispatcher satisfies a controllable network, in the order of its time points.
 
     Waits that requirements or other waits imply are left out.
@@ -316,7 +317,7 @@ def waits(answer: DynamicAnswer) -> tuple[Wait, ...]:
     return tuple(sorted(needed_waits(full), key=lambda wait: (full.index[wait.point], full.index[wait.end])))
 
 
-def needed_waits(full: DispatchNetwork[Any]) -> Iterator[Wait]:
+def needed_waits(full: DispatchNetwork[Any]) -> Iterator[uncertain.Wait]:
     """The waits that neither requirements nor other waits imply."""
     distance = [dict(bounds) for bounds in full.above]
     by_link: dict[tuple[int, int], dict[int, Fraction | float]] = {}  # an infinite delay: until the end of the link
@@ -331,4 +332,4 @@ def needed_waits(full: DispatchNetwork[Any]) -> Iterator[Wait]:
             others = ((latest.get(other, inf), beyond) for other, beyond in delays.items() if other != point)
             if not late_enough and not any(gap < 0 and beyond - gap >= longest for gap, beyond in others):
                 finite = longest if isinstance(longest, Fraction) else None
-                yield Wait(full.points[point], full.points[activation], finite, full.points[end])
+                yield uncertain.Wait(full.points[point], full.points[activation], finite, full.points[end])

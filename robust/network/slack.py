@@ -15,8 +15,6 @@ above, each as a linear form. Searches are made in floats; whatever they find is
 that floats cannot tell apart.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict, deque
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field

@@ -34,10 +34,9 @@ from itertools import accumulate
 from math import lcm
 from typing import Generic, TypeVar
 
-from robust.errors import InputError
+from robust import errors, presented
 from robust.numbers import format_number
 from robust.plan.model import ZERO, TimePoint
-from robust.presented import NoTruthValue
 from robust.smt.limits import NEVER, Deadline
 
 B = TypeVar("B")
@@ -114,11 +113,11 @@ class Stnu:
     def __post_init__(self) -> None:
         known = set(self.points)
         if not self.points or self.points[0] != ZERO:
-            raise InputError(f"the network begins with {self.points[:1]}; expected {ZERO}")
+            raise errors.InputError(f"the network begins with {self.points[:1]}; expected {ZERO}")
         before: dict[TimePoint, TimePoint] = {}
         for link in self.links:
             if link.source not in known or link.target not in known:
-                raise InputError(f"link {link} joins time points that are not in the network")
+                raise errors.InputError(f"link {link} joins time points that are not in the network")
             if link.is_contingent:
                 _check_contingent(link, before)
                 before[link.target] = link.source
@@ -127,7 +126,7 @@ class Stnu:
             while point in before:
                 point = before[point]
                 if point in seen:
-                    raise InputError(f"contingent links go round in a circle at {point}")
+                    raise errors.InputError(f"contingent links go round in a circle at {point}")
                 seen.add(point)
 
     @property
@@ -149,11 +148,11 @@ class Stnu:
 def _check_contingent(link: UncertainLink[Fraction], before: Mapping[TimePoint, TimePoint]) -> None:
     if link.lower is None or link.lower < 0 or (link.upper is not None and link.upper < link.lower):
         bounds = bounds_text(link.lower, link.upper)
-        raise InputError(f"contingent link {link} has length {bounds}; expected 0 <= lower <= upper")
+        raise errors.InputError(f"contingent link {link} has length {bounds}; expected 0 <= lower <= upper")
     if link.target in before:
-        raise InputError(f"contingent link {link} ends at {link.target}, where another one ends already")
+        raise errors.InputError(f"contingent link {link} ends at {link.target}, where another one ends already")
     if link.target == ZERO:
-        raise InputError(f"contingent link {link} ends at {ZERO}, which happens at time zero")
+        raise errors.InputError(f"contingent link {link} ends at {ZERO}, which happens at time zero")
 
 
 Weight = Callable[[EdgeStep], tuple[Fraction, Fraction]]
@@ -331,7 +330,7 @@ class ExtendedForm:
 
 
 @dataclass(frozen=True)
-class DynamicAnswer(NoTruthValue, ask="is_controllable"):
+class DynamicAnswer(presented.NoTruthValue, ask="is_controllable"):
     """Whether a network is dynamically controllable; `cycle` is a counterexample, None if it is.
 
     `derived` are the edges that follow from reductions, with which a dispatcher can execute the network.

@@ -1,7 +1,5 @@
 """Options of commands that convert, execute and certify plans, of those about networks, and of batches."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Sequence
 from fractions import Fraction
 from pathlib import Path

@@ -1,14 +1,11 @@
 """Options that several commands have: files, ε, solvers, limits, output."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from robust.backends import CONVERSIONS, ENCODINGS, SOLVERS
-from robust.errors import Location
+from robust import backends, errors
 from robust.numbers import Number
 from robust.options import declare
 
@@ -16,7 +13,7 @@ PARAMETERS, EPSILON, ENCODING, SOLVING, LIMIT, DRAWING, EXPORT, OUTPUT = range(1
 """Ranks."""
 
 
-def separation(read: Callable[[Number, Location], Fraction]) -> Any:
+def separation(read: Callable[[Number, errors.Location], Fraction]) -> Any:
     """ε, at least 0 or above it."""
     what = "separation of mutex time points, in the plan's unit of time"
     return declare.option("1/1000", what, metavar="E", read=read, rank=EPSILON)
@@ -65,7 +62,7 @@ class FromSteps(PlanningOutput):
         "room",
         "how steps become a network: room: all room goes to the parameters, durations are as planned; causal: the "
         "least constrained network that is proved at nominal values; esterel: that of the Esterel transformer",
-        choices=CONVERSIONS,
+        choices=backends.CONVERSIONS,
         rank=EPSILON,
     )
     free_durations: bool = declare.option(
@@ -92,7 +89,7 @@ class Limited(declare.Options):
 class Solver(declare.Options):
     """The solver."""
 
-    solver: str = declare.option("z3", "SMT solver", choices=SOLVERS, rank=SOLVING)
+    solver: str = declare.option("z3", "SMT solver", choices=backends.SOLVERS, rank=SOLVING)
 
 
 class Solving(Solver, Limited):
@@ -101,7 +98,7 @@ class Solving(Solver, Limited):
 
 def encoding_option(rank: int = ENCODING) -> Any:
     """The option for encoding the plan as formulas."""
-    return declare.option("relational", "how the plan is encoded as formulas", choices=ENCODINGS, rank=rank)
+    return declare.option("relational", "how the plan is encoded as formulas", choices=backends.ENCODINGS, rank=rank)
 
 
 class Encoded(declare.Options):

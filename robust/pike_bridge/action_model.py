@@ -16,13 +16,9 @@ from typing import TypeAlias, assert_never
 import robust.examples
 from robust.errors import InputError, UnsupportedError
 from robust.numbers import format_number
-from robust.pike_bridge import model
-from robust.pike_bridge.files import NOWHERE, Places, read_tpnu, validate, write_tpnu
+from robust.pike_bridge import files, model
 from robust.plan import model as states
-from robust.plan.pddl.forms import read_text
-from robust.plan.pddl.grounding import ground_action, ground_goal
-from robust.plan.pddl.reader import parse_domain, parse_problem, read_domain, read_problem
-from robust.plan.pddl.syntax import ActionSchema, Domain, Problem
+from robust.plan.pddl import forms, grounding, reader, syntax
 from robust.plan.polynomial import Polynomial
 from robust.records import atomic_write
 
@@ -84,10 +80,10 @@ Durations: TypeAlias = tuple[Fraction, Fraction | None]
 
 def team_plan(
     network: model.Tpnu,
-    domain: Domain,
-    problem: Problem,
+    domain: syntax.Domain,
+    problem: syntax.Problem,
     *,
-    places: Places = NOWHERE,
+    places: files.Places = files.NOWHERE,
     epsilon: Fraction = model.EPSILON,
 ) -> model.TeamPlan:
     """The plan of a network and a domain and a problem that have been read; `places` says where the network is written.
@@ -98,7 +94,7 @@ def team_plan(
     """
     if epsilon < 0:
         raise InputError(f"found ε = {format_number(epsilon)}, expected a number of at least 0")
-    validate(network, places)
+    files.validate(network, places)
     return _Joining(network, domain, problem, places, epsilon).plan()
 
 
@@ -106,7 +102,12 @@ class _Joining:
     """A network joined with a domain and a problem."""
 
     def __init__(
-        self, network: model.Tpnu, domain: Domain, problem: Problem, places: Places, epsilon: Fraction
+        self,
+        network: model.Tpnu,
+        domain: syntax.Domain,
+        problem: syntax.Problem,
+        places: files.Places,
+        epsilon: Fraction,
     ) -> None:
         self._domain, self._problem = domain, problem
         self._network, self._places, self._epsilon = network, places, epsilon
@@ -148,9 +149,9 @@ class _Joining:
             defined = f"the instantaneous action defined at {schema.location}"
             message = f"found {activity.action}, {defined}, expected a durative action because activities take time"
             raise InputError(message, location)
-        return ground_action(self._domain, self._problem, activity.action, name, arguments, True, location)
+        return grounding.ground_action(self._domain, self._problem, activity.action, name, arguments, True, location)
 
-    def _schema(self, instance: states.ActionInstance) -> ActionSchema:
+    def _schema(self, instance: states.ActionInstance) -> syntax.ActionSchema:
         return self._domain.actions[instance.action]
 
     def _bounded(self, at: int, activity: model.Activity, allowed: Durations) -> model.Activity:
@@ -179,12 +180,12 @@ class _Joining:
     def _goal(self) -> Iterable[model.Literal]:
         return dict.fromkeys(
             literal
-            for one in ground_goal(self._domain, self._problem)
+            for one in grounding.ground_goal(self._domain, self._problem)
             for literal in self._literals(one.condition, one.text, "the goal", self._problem)
         )
 
     def _literals(
-        self, condition: states.Condition, text: str, owner: str, declared: ActionSchema | Problem
+        self, condition: states.Condition, text: str, owner: str, declared: syntax.ActionSchema | syntax.Problem
     ) -> Iterator[model.Literal]:
         """The literals of a conjunction.
 
@@ -336,8 +337,8 @@ class Instance:
     @staticmethod
     def read(path: str | os.PathLike[str]) -> Instance:
         """The texts of a `.tpnu.json` file, its domain and its problem; InputError if one cannot be read."""
-        document = read_tpnu(path)
-        domain, problem = (read_text(document.beside(each)) for each in (document.domain, document.problem))
+        document = files.read_tpnu(path)
+        domain, problem = (forms.read_text(document.beside(each)) for each in (document.domain, document.problem))
         return Instance(document.network, domain, problem)
 
     @property
@@ -346,8 +347,8 @@ class Instance:
 
     def plan(self, epsilon: Fraction = model.EPSILON) -> model.TeamPlan:
         """The plan with the conditions and effects of its activities; errors as of :func:`team_plan`."""
-        domain = parse_domain(self.domain)
-        return team_plan(self.network, domain, parse_problem(self.problem, domain), epsilon=epsilon)
+        domain = reader.parse_domain(self.domain)
+        return team_plan(self.network, domain, reader.parse_problem(self.problem, domain), epsilon=epsilon)
 
     def write(self, directory: str | os.PathLike[str], name: str = "plan") -> Path:
         """Write `NAME.tpnu.json`, `domain.pddl` and `problem.pddl`; the path of the first.
@@ -363,7 +364,7 @@ class Instance:
         except OSError as error:
             raise InputError(f"cannot write to {str(place)!r}: {(error.strerror or str(error)).lower()}") from None
         path = place / f"{name}.tpnu.json"
-        write_tpnu(path, self.network, domain="domain.pddl", problem="problem.pddl")
+        files.write_tpnu(path, self.network, domain="domain.pddl", problem="problem.pddl")
         return path
 
 
@@ -377,10 +378,10 @@ def load_team_plan(path: str | os.PathLike[str], *, epsilon: Fraction = model.EP
         InputError: with the place, if a file cannot be read, is wrong, or does not fit the others.
         UnsupportedError: if the actions or the goal need more than conjunctions of literals.
     """
-    document = read_tpnu(path)
-    validate(document.network, document.places)
-    domain = read_domain(document.beside(document.domain))
-    problem = read_problem(document.beside(document.problem), domain)
+    document = files.read_tpnu(path)
+    files.validate(document.network, document.places)
+    domain = reader.read_domain(document.beside(document.domain))
+    problem = reader.read_problem(document.beside(document.problem), domain)
     return team_plan(document.network, domain, problem, places=document.places, epsilon=epsilon)
 
 

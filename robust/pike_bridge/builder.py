@@ -18,8 +18,7 @@ from typing import TypeAlias, assert_never
 
 from robust.errors import InputError, Location
 from robust.numbers import Number, exact, shorten
-from robust.pike_bridge import model
-from robust.pike_bridge.action_model import Instance
+from robust.pike_bridge import action_model, model
 from robust.plan.pddl.write import ActionText, sketched_domain, sketched_problem
 
 LOWER, UPPER = Location("lower"), Location("upper")
@@ -209,7 +208,7 @@ class KIntents:
     """A plan with N_i options for the i-th pair of choices: a human chooses, and a robot must choose the same."""
 
     structure: tuple[int, ...]
-    instance: Instance
+    instance: action_model.Instance
 
     @property
     def intents(self) -> int:
@@ -249,7 +248,7 @@ def k_intents(structure: Sequence[int], seed: int = 0) -> KIntents:
                 ActionText(f"r-{place}-{j}", at_start=(atom,)),
             ]
     name = "k-intents-" + "-".join(map(str, structure))
-    instance = Instance(
+    instance = action_model.Instance(
         build(name, sequence(*steps)), sketched_domain(name, predicates, actions), sketched_problem(name, name, (), ())
     )
     return KIntents(tuple(structure), instance)

@@ -4,15 +4,12 @@ Effects at one event are distinguished by the guards of their activities, becaus
 one event under different guards.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import chain, count
 from typing import NamedTuple
 
-from robust.pike_bridge import model
-from robust.pike_bridge.distance_graph import Precedence
+from robust.pike_bridge import distance_graph, model
 from robust.pike_bridge.theory import Formula, Not, Some, Theory, conjunction
 
 
@@ -62,7 +59,7 @@ class LabeledCausalLink:
 class Contexts:
     """Precedence among the happenings of one condition, in the context in which all of them and the condition hold."""
 
-    def __init__(self, precedence: Precedence, condition: model.Guard) -> None:
+    def __init__(self, precedence: distance_graph.Precedence, condition: model.Guard) -> None:
         self._precedence = precedence
         self._condition = condition
 
@@ -83,7 +80,7 @@ class Contexts:
         return self._precedence.vocabulary.encode(self._condition.union(*guards))
 
 
-def open_conditions(plan: model.TeamPlan, precedence: Precedence) -> tuple[OpenCondition, ...]:
+def open_conditions(plan: model.TeamPlan, precedence: distance_graph.Precedence) -> tuple[OpenCondition, ...]:
     """Every condition with its candidates: the effects that the network allows to matter [PIKE, Algorithm 5, line 7].
 
     Conditions that ask the same of the same candidates are one.
@@ -181,7 +178,7 @@ class AugmentedPlan:
     links: tuple[LabeledCausalLink, ...]
 
 
-def augment(plan: model.TeamPlan, precedence: Precedence) -> AugmentedPlan:
+def augment(plan: model.TeamPlan, precedence: distance_graph.Precedence) -> AugmentedPlan:
     """The augmented plan and its theory [PIKE, Algorithm 5, Table 1].
 
     `precedence` is of the plan's own network. Three things differ from the letter of the algorithm: constraints are

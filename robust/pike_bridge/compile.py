@@ -4,8 +4,6 @@ Compilation goes from a team plan to a knowledge base of all its correct executi
 asks the semantic oracle or such a knowledge base; every execution that it shows was confirmed by the referee.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -15,15 +13,11 @@ from fractions import Fraction
 from typing import Any
 
 from robust.errors import InputError, Location, SolverError, UnsupportedError
+from robust.pike_bridge import causal, distance_graph, labeled_apsp, semantics
 from robust.pike_bridge import theory as logic
-from robust.pike_bridge.causal import AugmentedPlan, augment
-from robust.pike_bridge.distance_graph import Precedence, StructuralPrecedence
-from robust.pike_bridge.knowledge import create_knowledge_base, reasons_about_time
-from robust.pike_bridge.knowledge.goal import compile_goal
-from robust.pike_bridge.labeled_apsp import LabeledDistances, schedule, temporal_conflicts
+from robust.pike_bridge.knowledge import create_knowledge_base, goal, reasons_about_time
 from robust.pike_bridge.model import ALWAYS, Assignment, Guard, TeamPlan, Tpnu, check_choice, circular
 from robust.pike_bridge.model import guard as conjunction
-from robust.pike_bridge.semantics import Execution, ExecutionExistence, Oracle, confirmed
 from robust.presented import Presented, VerdictEnum
 from robust.searching import Announce, Searching, Status, Stoppable, unheard
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
@@ -45,11 +39,11 @@ class Compilation:
     """What offline compilation leaves for execution."""
 
     backend: str
-    augmented: AugmentedPlan
+    augmented: causal.AugmentedPlan
     conflicts: tuple[Guard, ...]
     """Temporal conflicts of the augmented plan; none if the back end reasons about time itself."""
     knowledge: logic.KnowledgeBase
-    distances: LabeledDistances | None = None
+    distances: labeled_apsp.LabeledDistances | None = None
     """Of the augmented plan, where they were computed to find the conflicts."""
 
 
@@ -89,7 +83,7 @@ class Compiling:
         with self.stage("precedence"):
             precedence = self._precedence()
         with self.stage("links"):
-            augmented = augment(self.plan, precedence)
+            augmented = causal.augment(self.plan, precedence)
             self.counts |= {
                 "choice_variables": len(augmented.theory.domains),
                 "links": len(augmented.links),
@@ -121,16 +115,20 @@ class Compiling:
         finally:
             self.seconds[name] = time.perf_counter() - started
 
-    def _precedence(self) -> Precedence:
-        precedence = LabeledDistances if self.temporal is Temporal.APSP else StructuralPrecedence
+    def _precedence(self) -> distance_graph.Precedence:
+        precedence = (
+            labeled_apsp.LabeledDistances if self.temporal is Temporal.APSP else distance_graph.StructuralPrecedence
+        )
         return precedence(self.plan.network, self.deadline, epsilon=self.plan.separation)
 
-    def _conflicts(self, augmented: AugmentedPlan) -> tuple[tuple[Guard, ...], LabeledDistances | None]:
+    def _conflicts(
+        self, augmented: causal.AugmentedPlan
+    ) -> tuple[tuple[Guard, ...], labeled_apsp.LabeledDistances | None]:
         network = augmented.network
         if self.temporal is Temporal.APSP:
-            distances = LabeledDistances(network, self.deadline)
+            distances = labeled_apsp.LabeledDistances(network, self.deadline)
             return tuple(map(distances.vocabulary.decode, distances.conflicts)), distances
-        return temporal_conflicts(network, augmented.theory, self.deadline, solver=self.solver), None
+        return labeled_apsp.temporal_conflicts(network, augmented.theory, self.deadline, solver=self.solver), None
 
 
 ORACLE = "oracle"
@@ -150,7 +148,7 @@ class PikeCheck(Presented, ask="verdict"):
 
     backend: str
     verdict: PlanVerdict
-    execution: Execution | None
+    execution: semantics.Execution | None
     scenarios: list[Mapping[str, str]] | None
     complete: bool
     seconds: Mapping[str, float]
@@ -215,7 +213,7 @@ def candidate_subplans(network: Tpnu) -> int:
         active = [direct | {Assignment(name, value)} for value in network.domains[name]]
         others = [Assignment(of, each) for of, value in direct for each in domains[of] if each != value]
         labels.append([*active, *(frozenset({other, Assignment(name, UNDECIDED)}) for other in others)])
-    return compile_goal(domains, labels, (), NEVER).count(NEVER)
+    return goal.compile_goal(domains, labels, (), NEVER).count(NEVER)
 
 
 @dataclass
@@ -322,21 +320,21 @@ class Checking(Compiling, Searching[PikeCheck]):
         if known.execution is None:
             known.verdict = PlanVerdict.REFUTED
 
-    def _by_oracle(self) -> Iterator[Execution]:
+    def _by_oracle(self) -> Iterator[semantics.Execution]:
         """One execution, or one of each scenario."""
         with self.stage("formula"):
-            oracle = Oracle(self.plan, solver=self.solver)
+            oracle = semantics.Oracle(self.plan, solver=self.solver)
         with self.stage("search"):
             if self.all_scenarios:
                 yield from oracle.scenarios(self.assume, deadline=self.deadline)
                 return
             answer = oracle.decide(self.assume, deadline=self.deadline)
-            if answer.verdict is ExecutionExistence.UNKNOWN:
+            if answer.verdict is semantics.ExecutionExistence.UNKNOWN:
                 raise OutOfTimeError
             if answer.witness is not None:
                 yield answer.witness
 
-    def _by_knowledge(self) -> Iterator[Execution]:
+    def _by_knowledge(self) -> Iterator[semantics.Execution]:
         """One execution, or one of each scenario."""
         compilation = self.compile()
         with self.stage("search"):
@@ -378,7 +376,7 @@ def scenarios(
         open_environments += ((depth + 1, each) for each in extended)
 
 
-def execution_in(compilation: Compilation, environment: Guard, deadline: Deadline) -> Execution:
+def execution_in(compilation: Compilation, environment: Guard, deadline: Deadline) -> semantics.Execution:
     """A correct execution in an environment that could be committed to, confirmed by the referee.
 
     Raises:
@@ -389,7 +387,7 @@ def execution_in(compilation: Compilation, environment: Guard, deadline: Deadlin
     model = next(scenarios(knowledge, augmented.theory.domains, deadline, environment), None)
     if model is None:
         raise SolverError(f"{knowledge.name} allows an environment, but no model in it; please report this")
-    times_or_conflict = schedule(augmented.network, model)
+    times_or_conflict = labeled_apsp.schedule(augmented.network, model)
     if isinstance(times_or_conflict, frozenset):
         message = f"{compilation.backend} allows choices that have no schedule: {sorted(times_or_conflict)}"
         raise SolverError(f"{message}; please report this")
@@ -397,4 +395,4 @@ def execution_in(compilation: Compilation, environment: Guard, deadline: Deadlin
     plan, chosen = augmented.plan, dict(model)
     scenario = {name: chosen[name] for name in plan.network.domains}
     times = {event: when - start for event, when in times_or_conflict.items()}
-    return confirmed(plan, Execution(scenario, times), compilation.backend)
+    return semantics.confirmed(plan, semantics.Execution(scenario, times), compilation.backend)

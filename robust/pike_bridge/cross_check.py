@@ -3,8 +3,6 @@
 A plan that shows a disagreement is shrunk greedily, and written as files that reproduce it.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,21 +11,14 @@ from pathlib import Path
 from random import Random
 from typing import TypeVar
 
-from robust.errors import InputError, RobustError
-from robust.pike_bridge.action_model import Instance
+from robust import errors, presented, records
+from robust.pike_bridge import action_model, files, semantics
 from robust.pike_bridge.compile import Compilation, Compiling, Temporal, scenarios
-from robust.pike_bridge.files import validate
-from robust.pike_bridge.knowledge import reasons_about_time
-from robust.pike_bridge.knowledge.bdd import BddKnowledgeBase
-from robust.pike_bridge.knowledge.labels import NodeKind
-from robust.pike_bridge.knowledge.tms import PiTms
+from robust.pike_bridge.knowledge import bdd, labels, reasons_about_time, tms
 from robust.pike_bridge.model import GOAL, INITIAL, Activity, Assignment, Guard, Literal, TeamPlan
-from robust.pike_bridge.semantics import Oracle, holds, moved, restrict
 from robust.pike_bridge.theory import Commitment, Exclude, KnowledgeBase, Require, Theory
 from robust.plan.model import Atom
 from robust.plan.pddl.write import ActionText, sketched_domain, sketched_problem
-from robust.presented import NoTruthValue
-from robust.records import unwritten
 from robust.searching import Announce, Searching, Status, Stoppable, unheard
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
@@ -62,7 +53,7 @@ class Disagreement:
 
 
 @dataclass
-class CrossCheck(NoTruthValue, ask="agree"):
+class CrossCheck(presented.NoTruthValue, ask="agree"):
     """The outcome: how many questions each back end was asked, and where it disagreed."""
 
     scenarios: int = 0
@@ -122,7 +113,9 @@ def cross_check(
     """
     outcome = CrossCheck()
     on_subject("oracle")
-    truth = [dict(execution.scenario) for execution in Oracle(plan, solver=solver).scenarios(deadline=deadline)]
+    truth = [
+        dict(execution.scenario) for execution in semantics.Oracle(plan, solver=solver).scenarios(deadline=deadline)
+    ]
     outcome.scenarios = len(truth)
     counts: dict[Temporal, tuple[str, int]] = {}
     for subject in subjects:
@@ -198,8 +191,8 @@ class Crossing(Searching[Crossed]):
         smallest = propositional(shrink(self.plan, shows, Deadline.after(SHRINK_LIMIT)))
         try:
             return smallest.write(witness)
-        except InputError as error:
-            unwritten(error)
+        except errors.InputError as error:
+            records.unwritten(error)
             return None
 
 
@@ -233,7 +226,7 @@ class _Examination:
         whole = self.truth
         self._one_after_the_other(self._compile().knowledge)
         self.truth, self.history = whole, ""
-        if isinstance(knowledge, PiTms):
+        if isinstance(knowledge, tms.PiTms):
             self._labels(compilation, knowledge)
         self._count(knowledge, counts)
 
@@ -258,11 +251,11 @@ class _Examination:
             if not self.truth:
                 break
 
-    def _labels(self, compilation: Compilation, knowledge: PiTms) -> None:
+    def _labels(self, compilation: Compilation, knowledge: tms.PiTms) -> None:
         """The goal's prime implicants, and labels of nodes, as a decision diagram has them [PIKE, Invariant 5.2]."""
         theory, deadline = compilation.augmented.theory, self.deadline
         theory = replace(theory, conflicts=(*theory.conflicts, *compilation.conflicts))
-        goal = BddKnowledgeBase(theory, deadline=deadline)
+        goal = bdd.BddKnowledgeBase(theory, deadline=deadline)
         count = goal.implicant_count(deadline)
         self._compare("number of prime implicants", count, knowledge.implicant_count())
         if count <= LISTED:
@@ -270,10 +263,10 @@ class _Examination:
             self._compare("prime implicants", True, implicants == frozenset(goal.prime_implicants(deadline)))
         if count == 0:
             return  # nothing was compiled
-        nodes = [label for label in knowledge.labels(deadline) if label.node.kind is NodeKind.DERIVED]
+        nodes = [label for label in knowledge.labels(deadline) if label.node.kind is labels.NodeKind.DERIVED]
         for label in self.random.sample(nodes, min(LABELS, len(nodes))):
             alone = Theory(theory.domains, (label.node.formula,), knowledge.simplified.conflicts)
-            diagram = BddKnowledgeBase(alone, deadline=deadline)
+            diagram = bdd.BddKnowledgeBase(alone, deadline=deadline)
             if diagram.implicant_count(deadline) <= LISTED:
                 same = label.environments == frozenset(diagram.prime_implicants(deadline))
                 self._compare(f"label of {label.node.formula}", True, same)
@@ -316,7 +309,9 @@ def commitments(domains: Mapping[str, tuple[str, ...]], random: Random) -> list[
 
 def allows(scenario: Mapping[str, str], step: Sequence[Commitment]) -> bool:
     """Whether a scenario satisfies commitments."""
-    return all(holds(commitment.environment, scenario) is isinstance(commitment, Require) for commitment in step)
+    return all(
+        semantics.holds(commitment.environment, scenario) is isinstance(commitment, Require) for commitment in step
+    )
 
 
 def _text(step: Sequence[Commitment]) -> str:
@@ -356,16 +351,16 @@ def shrink(plan: TeamPlan, shows: Callable[[TeamPlan], bool], deadline: Deadline
 
 def _holds(shows: Callable[[TeamPlan], bool], plan: TeamPlan) -> bool:
     try:
-        validate(plan.network)  # it will be written to a file
+        files.validate(plan.network)  # it will be written to a file
         return shows(plan)
-    except RobustError:
+    except errors.RobustError:
         return False  # not a plan any more: another one has to do
 
 
 def _smaller(plan: TeamPlan) -> Iterator[TeamPlan]:
     for choice in plan.network.choices:
         for value in choice.domain:
-            yield restrict(plan, frozenset({Assignment(choice.name, value)}))
+            yield semantics.restrict(plan, frozenset({Assignment(choice.name, value)}))
     for place in range(len(plan.network.activities)):
         yield _without_activity(plan, place)
     yield from (replace(plan, conditions=rest) for rest in _without_one(plan.conditions))
@@ -389,13 +384,18 @@ def _without_activity(plan: TeamPlan, place: int) -> TeamPlan:
     )
 
     kept = [at for at in range(len(activities)) if at != place]
-    return replace(plan, network=network, conditions=moved(plan.conditions, kept), effects=moved(plan.effects, kept))
+    return replace(
+        plan,
+        network=network,
+        conditions=semantics.moved(plan.conditions, kept),
+        effects=semantics.moved(plan.effects, kept),
+    )
 
 
 _LEGAL = re.compile(r"[^a-z0-9_-]+")
 
 
-def propositional(plan: TeamPlan) -> Instance:
+def propositional(plan: TeamPlan) -> action_model.Instance:
     """The network with its actions renamed, and a domain and a problem that mean the same plan."""
     names = _names(plan)
     activities = [replace(each, action=f"(act-{at})") for at, each in enumerate(plan.network.activities)]
@@ -419,7 +419,7 @@ def propositional(plan: TeamPlan) -> Instance:
 
     initial = [each.literal for each in plan.effects if each.activity is None and each.event == INITIAL]
     goal = [each.literal for each in plan.conditions if each.activity is None and each.first == GOAL]
-    return Instance(
+    return action_model.Instance(
         replace(plan.network, activities=tuple(activities)),
         sketched_domain("team", texts(map(Literal, names)), list(starmap(action, enumerate(activities)))),
         sketched_problem("team", "team", texts(literal for literal in initial if literal.positive), texts(goal)),

@@ -5,8 +5,6 @@ JSON Schema says the same. Everything that was read keeps its place, so that mes
 well-formed [PIKE, Definition 2.1] say where the fault is written.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from collections import defaultdict

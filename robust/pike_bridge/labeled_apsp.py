@@ -17,8 +17,6 @@ In one scenario a plan with choices is a simple temporal network [PIKE, Definiti
 only if its distance graph has no negative cycle [Dechter, Meiri and Pearl 1991].
 """
 
-from __future__ import annotations
-
 from collections import defaultdict, deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace

@@ -3,8 +3,6 @@
 :func:`rewritten` is a way back: it changes numbers in the text of a plan, and leaves comments, order and blanks.
 """
 
-from __future__ import annotations
-
 import re
 import shlex
 from collections import Counter
@@ -17,9 +15,8 @@ from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import format_number
 from robust.plan import model
 from robust.plan.parameters import ParameterSpec, Wiring, parse_specs, read_parameter_file, referenced_parameters, wire
-from robust.plan.pddl.grounding import fluents_in_goal, fluents_read, ground_action, ground_goal, initial_fluents
+from robust.plan.pddl import grounding, syntax
 from robust.plan.pddl.reader import read_domain, read_problem
-from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.polynomial import Polynomial
 from robust.plan.stn import ParameterDeclaration, STNBound, STNPlan, check_interval, check_range, parse_stn, read_stn
 
@@ -49,8 +46,8 @@ def load_plan(
 
 
 def assemble(
-    domain: Domain,
-    problem: Problem,
+    domain: syntax.Domain,
+    problem: syntax.Problem,
     stn: STNPlan,
     specs: Iterable[ParameterSpec] = (),
     *,
@@ -66,12 +63,12 @@ def assemble(
     if not (stn.instances or may_be_empty):
         raise InputError("empty plan: found no action instance, expected at least one", Location(stn.file))
     _check_references(stn)
-    fluents = initial_fluents(problem)
+    fluents = grounding.initial_fluents(problem)
     declared = domain_parameters(domain, stn)
     wiring = wire(stn, specs, fluents, declared, nominal_needed=nominal_needed)
     varied = wiring.fluents.keys()  # must stay symbolic even where grounding would need a constant
     instances = [
-        ground_action(
+        grounding.ground_action(
             domain,
             problem,
             instance.identifier,
@@ -84,11 +81,11 @@ def assemble(
         )
         for instance in stn.instances
     ]
-    goal = ground_goal(domain, problem, parametrized=varied)
+    goal = grounding.ground_goal(domain, problem, parametrized=varied)
     _check_used(stn, wiring, declared, fluents)
     parameters = _parameters(stn, wiring, declared, nominal_needed=nominal_needed)
     values = {**fluents, **{fluent: _reference(name) for fluent, name in wiring.fluents.items()}}
-    _check_initial_values(instances, fluents_in_goal(domain, problem), values, Location(stn.file))
+    _check_initial_values(instances, grounding.fluents_in_goal(domain, problem), values, Location(stn.file))
     return model.ParametrizedPlan(
         name=stn.name,
         parameters=parameters,
@@ -128,7 +125,7 @@ def _check_references(stn: STNPlan) -> None:
             raise InputError(f"found bound {name!r}, expected a declared parameter{hint}", constraint.location)
 
 
-def domain_parameters(domain: Domain, stn: STNPlan) -> dict[str, str]:
+def domain_parameters(domain: syntax.Domain, stn: STNPlan) -> dict[str, str]:
     """The plan's names for all synthesis parameters of the domain, with what declares them.
 
     An action that the domain lacks is passed over here: grounding reports it.
@@ -216,7 +213,7 @@ def _check_initial_values(
 ) -> None:
     """InputError for a fluent that is evaluated and has no value at time zero: an unknown number is not zero."""
     for instance in instances:
-        for fluent in sorted(fluents_read(instance) - values.keys()):
+        for fluent in sorted(grounding.fluents_read(instance) - values.keys()):
             reader = f"instance {instance.identifier} {instance} reads it"
             raise _no_value(fluent, reader, values, instance.location or plan)
     for text, read in goal:

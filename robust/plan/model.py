@@ -14,8 +14,7 @@ from fractions import Fraction
 from functools import cached_property
 from itertools import combinations
 
-from robust.errors import Location
-from robust.numbers import format_number
+from robust import errors, numbers
 from robust.plan.polynomial import Polynomial
 
 
@@ -75,7 +74,7 @@ class Parameter:
     weight: Fraction = Fraction(1)
     lower: Fraction | None = None
     upper: Fraction | None = None
-    location: Location | None = field(default=None, compare=False)
+    location: errors.Location | None = field(default=None, compare=False)
     has_nominal: bool = True
 
     def percent(self, end: Fraction | None) -> Fraction | None:
@@ -318,7 +317,7 @@ class ActionInstance(NamedAction):
     numeric_effects: tuple[NumericEffect, ...] = ()
     continuous_effects: tuple[ContinuousEffect, ...] = ()
     mentions: frozenset[Mention] = frozenset()
-    location: Location | None = field(default=None, compare=False)
+    location: errors.Location | None = field(default=None, compare=False)
 
     @property
     def fixing(self) -> tuple[DurationConstraint, ...]:
@@ -396,7 +395,7 @@ class TemporalConstraint:
     target: TimePoint
     lower: Bound | None
     upper: Bound | None
-    location: Location | None = field(default=None, compare=False)
+    location: errors.Location | None = field(default=None, compare=False)
     name: str | None = field(default=None, compare=False)
 
     def __str__(self) -> str:
@@ -411,7 +410,7 @@ class TemporalConstraint:
 
 def as_written(bound: Bound) -> str:
     """A bound as plan files have it: a number, or an expression over parameters."""
-    return format_number(bound.constant_term) if bound.is_constant else str(bound)
+    return numbers.format_number(bound.constant_term) if bound.is_constant else str(bound)
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,8 +27,6 @@ In TOML, the same is one table for each parameter (floats are read from their te
     default = 1000
 """
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

@@ -5,8 +5,6 @@ over-all conditions do not count. A continuous effect increases its fluent at bo
 read there. A time point that adds and deletes the same atom does both.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from fractions import Fraction

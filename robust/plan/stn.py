@@ -14,8 +14,6 @@ everything is declared before it is used. Action and object names are lower-case
 parameters are case-sensitive. All numbers are exact; time has the unit of the problem.
 """
 
-from __future__ import annotations
-
 import re
 from bisect import bisect_right
 from dataclasses import dataclass, field

@@ -14,8 +14,6 @@ after which time starts again. Everything else in a log is skipped, but a line t
 error, because a step that goes unread would silently make another plan.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Variants of a plan: with values for what is unknown, and within narrower bounds for some of its parameters."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from fractions import Fraction

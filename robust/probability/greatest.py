@@ -8,8 +8,6 @@ asked. The winner is checked, and what is bad in it adds a polyhedron; then each
 goes, so that no valid box contains the result.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -18,17 +16,14 @@ from math import ceil, floor, lcm
 from typing import Unpack
 
 from robust.encode.interface import Encoding
+from robust.irr import search, widen
 from robust.irr.exact import ExactSearch, end_of, missing
-from robust.irr.search import Conduct
-from robust.irr.widen import faces_of, first, least_stretch
 from robust.plan.model import Parameter
+from robust.probability import measure, packing
 from robust.probability.distributions import ONE, UNIT, Distribution, Enclosure, product
-from robust.probability.measure import interval_probability
-from robust.probability.packing import widen_around
+from robust.qe import constraint, slabs
 from robust.qe.box import Box, Face, Interval, Side
-from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Polyhedron
-from robust.qe.slabs import Growing
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Exporter
 
@@ -108,7 +103,7 @@ class ProbableEnds:
     def add(self, piece: Polyhedron, *, strictly: bool = False) -> None:
         """The piece is bad; `strictly` if a box that only touches it is not good either."""
         if len(piece.constraints) + 2 * len(piece.mentioned) <= SIDES:
-            sides: Sequence[LinearConstraint] = missing(piece, list(self._index))
+            sides: Sequence[constraint.LinearConstraint] = missing(piece, list(self._index))
         else:
             # To be beyond one of its sides is enough to miss it, but not needed.
             self.is_exact = len(piece.constraints) == 1 and self.is_exact
@@ -119,7 +114,7 @@ class ProbableEnds:
         if self.best is not None and not self._satisfies(self.best):
             self.best, self.value = None, 0
 
-    def _limit(self, side: LinearConstraint, *, strictly: bool) -> Limit:
+    def _limit(self, side: constraint.LinearConstraint, *, strictly: bool) -> Limit:
         """In units. A box without its ends may touch what is bad, unless nothing varies there."""
         factors = tuple((self._index[name], factor) for name, factor in side.coefficients)
         fixed = all(self._limits[at // 2][0] == self._limits[at // 2][1] for at, _ in factors)
@@ -292,10 +287,10 @@ class ProbableEnds:
         lower = None if low == least and below else Fraction(low, self._unit)
         upper = None if high == most and above else Fraction(high, self._unit)
         closed = lower is not None, upper is not None
-        return interval_probability(Interval(lower, upper, *closed), distribution) if low <= high else (0, 0)
+        return measure.interval_probability(Interval(lower, upper, *closed), distribution) if low <= high else (0, 0)
 
 
-def _is_emptiness(side: LinearConstraint) -> bool:
+def _is_emptiness(side: constraint.LinearConstraint) -> bool:
     """Whether it says that a lower end is above the upper one: no box is like that."""
     return (
         side.is_strict
@@ -305,10 +300,10 @@ def _is_emptiness(side: LinearConstraint) -> bool:
     )
 
 
-def _throughout(half: LinearConstraint) -> LinearConstraint:
+def _throughout(half: constraint.LinearConstraint) -> constraint.LinearConstraint:
     """Of the ends of a box: that the constraint holds in all of it."""
     factors = {end_of((name, Side.UPPER if factor > 0 else Side.LOWER)): factor for name, factor in half.coefficients}
-    return LinearConstraint.of(factors, half.relation, half.constant)
+    return constraint.LinearConstraint.of(factors, half.relation, half.constant)
 
 
 def _least(side: Limit, ranges: Sequence[tuple[int, int]]) -> int:
@@ -350,7 +345,7 @@ class GreatestBox(ExactSearch):
         within: Fraction,
         solver: str = "z3",
         exporter: Exporter | None = None,
-        **conduct: Unpack[Conduct],
+        **conduct: Unpack[search.Conduct],
     ) -> None:
         super().__init__(encoding, method="risk", solver=solver, exporter=exporter, **conduct)
         self._within = within
@@ -411,7 +406,7 @@ class GreatestBox(ExactSearch):
             if piece is not None:
                 pieces.append(piece)
                 continue
-            widen_around(
+            packing.widen_around(
                 fixed,
                 plan.parameters,
                 self._distributions,
@@ -424,7 +419,7 @@ class GreatestBox(ExactSearch):
 
     def _extend(self) -> None:
         """Close the ends that may be closed, and move each outwards as far as it goes."""
-        for face in faces_of(self.encoding.plan.parameters):
+        for face in widen.faces_of(self.encoding.plan.parameters):
             while (moved := self._moved(face)) != self.box:
                 piece = self._bad.piece_in(moved, self.deadline)
                 if piece is None:
@@ -440,8 +435,8 @@ class GreatestBox(ExactSearch):
         end = self.box[name].end(side)
         if end is None:
             return self.box
-        growing = Growing(self.box, {face: (end, Fraction(1))})
-        least = first(least_stretch(piece, growing) for piece in self._pieces)
+        growing = slabs.Growing(self.box, {face: (end, Fraction(1))})
+        least = widen.first(widen.least_stretch(piece, growing) for piece in self._pieces)
         if least is None:
             return self.box.moved(face, None)
         return self.box.moved(face, end + side.sign * least.value, closed=not least.attained)

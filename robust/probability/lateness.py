@@ -14,8 +14,6 @@ S ≥ u + c − d. An executor that does not know d yet waits for u + c less the
 gives a lower bound for all who know more. Without them nobody does better than in the graph.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass

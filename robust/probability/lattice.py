@@ -21,8 +21,6 @@ P(A ≤ s) P(B ≤ t) by the covariance of two functions of X, at most a quarter
 of the laws is a bound.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from heapq import heappop, heappush
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Random durations: their laws on a lattice, with every rounding outwards, and random draws of them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache, cached_property
@@ -9,10 +7,9 @@ from math import ceil, floor
 
 import numpy as np
 
-from robust.probability import lattice
+from robust.probability import lattice, measure
 from robust.probability.distributions import UNIT, Below, Distribution, Enclosure, exp_minus, normal
 from robust.probability.lattice import Array
-from robust.probability.measure import interval_probability
 from robust.qe.box import Interval
 
 FAR = Fraction(13, 2)
@@ -105,7 +102,7 @@ class RandomDuration:
     @cached_property
     def mass(self) -> Enclosure:
         """The probability to be in the interval."""
-        return interval_probability(self.interval, self.distribution)
+        return measure.interval_probability(self.interval, self.distribution)
 
     @cached_property
     def range(self) -> Interval:
@@ -120,7 +117,7 @@ class RandomDuration:
     @cached_property
     def tail(self) -> float:
         """The probability to be outside of the range."""
-        inside = interval_probability(self.range, self.distribution)[0]
+        inside = measure.interval_probability(self.range, self.distribution)[0]
         return max(0.0, float(Fraction(self.mass[1] - inside, max(1, self.mass[0])))) + 2.0**-60
 
     @property

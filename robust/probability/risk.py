@@ -12,30 +12,24 @@ the same values may break several, but are counted once, so that shares add up. 
 apart from what breaks those before it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass, field
 from fractions import Fraction
 
-from robust.encode import create_encoding
-from robust.encode.interface import EPSILON
+from robust.encode import create_encoding, interface
 from robust.errors import InputError
-from robust.irr.exact import BoxMethod
-from robust.irr.proposals import is_inside
+from robust.irr import exact, proposals, widen
 from robust.irr.search import EnvelopeResult
-from robust.irr.widen import DiscoveredBadSet
 from robust.network.slack import OutsideFragmentError
 from robust.plan.model import ParametrizedPlan
 from robust.presented import Presented, VerdictEnum
 from robust.probability.distributions import Distribution
 from robust.probability.measure import Bounds, Measure, RegionMeasure, SuccessProbabilities, box_probability
 from robust.probability.packing import LatenessDraws, Packing, Points, SampledEstimate
+from robust.qe import compute, lifted
 from robust.qe.box import Box, Interval
-from robust.qe.compute import Causes, RegionResult, RegionSearch, declared_bounds
 from robust.qe.conjunctions import Conjunction
-from robust.qe.lifted import LiftedRegion
 from robust.qe.polyhedron import Polyhedron
 from robust.searching import Searching, Status
 from robust.smt.limits import Deadline, OutOfTimeError
@@ -102,7 +96,7 @@ class RiskResult(Presented, ask="probability"):
     distributions: Mapping[str, Distribution]
     within: Fraction
     probability: Bounds
-    region: RegionResult | None
+    region: compute.RegionResult | None
     kept: tuple[Kept, ...]
     shares: tuple[BlameShare, ...] | None
     disjoint: tuple[Box, ...]
@@ -149,7 +143,7 @@ class Risk(Searching[RiskResult]):
     _: KW_ONLY
     within: Fraction = Fraction(1, 1000)
     draws: int | None = None
-    epsilon: Fraction = EPSILON
+    epsilon: Fraction = interface.EPSILON
     encoding: str = "relational"
     solver: str = "z3"
     timeout: float | None = None
@@ -166,7 +160,7 @@ class Risk(Searching[RiskResult]):
         self._many = len(names) > MANY
         self._deadline = Deadline.after(self.timeout)
         self._on_stage = self.on_stage or (lambda _: None)
-        self._region: RegionResult | None = None
+        self._region: compute.RegionResult | None = None
         self._bounds = Bounds(Fraction(0), Fraction(1))
         self._cells = 0
         self._kept: list[Kept] = []
@@ -222,7 +216,7 @@ class Risk(Searching[RiskResult]):
             if self._by_longest_paths():
                 return
         self._on_stage("envelope")
-        search = RegionSearch(
+        search = compute.RegionSearch(
             self.plan,
             epsilon=self.epsilon,
             encoding=self.encoding,
@@ -233,7 +227,7 @@ class Risk(Searching[RiskResult]):
         if region.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
         self._on_stage("probability")
-        if not isinstance(region.region, LiftedRegion):
+        if not isinstance(region.region, lifted.LiftedRegion):
             self._measure(region)
         self._on_stage("boxes")
         for method in METHODS if self._bounds.upper else ():
@@ -251,7 +245,7 @@ class Risk(Searching[RiskResult]):
         supports = Box({name: Interval(low, high) for name, (low, high) in ends.items()})
         deadline = Deadline.after(self._share(Fraction(1, 10)))
         try:
-            return is_inside(self.plan, supports, self.epsilon, deadline, solver=self.solver)
+            return proposals.is_inside(self.plan, supports, self.epsilon, deadline, solver=self.solver)
         except OutOfTimeError:
             return False
 
@@ -291,7 +285,7 @@ class Risk(Searching[RiskResult]):
         if self.on_bounds is not None:
             self.on_bounds(self._bounds)
 
-    def _measure(self, region: RegionResult) -> None:
+    def _measure(self, region: compute.RegionResult) -> None:
         """The probability of the envelope, or of what is known to hold it and what is known to be in it."""
         outer = region.region.as_difference()
         whole = RegionMeasure(outer.base or Polyhedron.universe(outer.parameters), outer.pieces, self._distributions)
@@ -325,7 +319,7 @@ class Risk(Searching[RiskResult]):
             encoding = create_encoding(self.encoding, self.plan, self.epsilon, deadline)
         except OutOfTimeError:
             return
-        asked = BoxMethod(method, contain_nominal=False)
+        asked = exact.BoxMethod(method, contain_nominal=False)
         result = asked.search(encoding, solver=self.solver, deadline=deadline).run()
         if result.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
@@ -343,10 +337,10 @@ class Risk(Searching[RiskResult]):
         with _ending_early():
             self._attribution.run(self.within / FINER)
 
-    def _go_without_region(self, region: RegionResult) -> None:
+    def _go_without_region(self, region: compute.RegionResult) -> None:
         """Boxes without common points, and random points."""
         encoding = create_encoding(self.encoding, self.plan, self.epsilon, self._deadline)
-        bad = DiscoveredBadSet(encoding, solver=self.solver)
+        bad = widen.DiscoveredBadSet(encoding, solver=self.solver)
         if self._many:
             self._on_stage("boxes without common points")
             self._packing = Packing(bad, self.plan.parameters, self._distributions)
@@ -421,7 +415,7 @@ class Attribution:
 
     def __post_init__(self) -> None:
         self._names = tuple(parameter.name for parameter in self.plan.parameters)
-        self._within = Polyhedron(self._names, declared_bounds(self.plan))
+        self._within = Polyhedron(self._names, compute.declared_bounds(self.plan))
         self._broken: list[FirstBroken] = []
 
     def run(self, within: Fraction) -> None:
@@ -452,7 +446,7 @@ class Attribution:
 
     def _enumerated(self) -> Iterator[FirstBroken]:
         """Each thing that can go wrong, when all about it is known."""
-        causes = Causes(self.plan, self.epsilon, self.solver, self.deadline)
+        causes = compute.Causes(self.plan, self.epsilon, self.solver, self.deadline)
         known = causes.outside
         for name, halves in causes.demands().items():
             yield self._found(name, halves, known)

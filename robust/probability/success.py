@@ -5,8 +5,6 @@ schedule within them is valid is proved once, by the obligations themselves. Bou
 :mod:`robust.probability.lateness`; a fixed schedule has an exact product of probabilities.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -23,12 +21,11 @@ from robust.network.slack import FaceBound, OutsideFragmentError, SlackRequireme
 from robust.plan import model
 from robust.plan.polynomial import Polynomial
 from robust.plan.variants import within as restricted
-from robust.probability import lattice
+from robust.probability import lattice, packing
 from robust.probability.distributions import UNIT, Distribution, product, quotient
 from robust.probability.lateness import SINK, LatenessGraph, PathBounds, PathEdge, lateness_graph
 from robust.probability.lattice import Array, Node
 from robust.probability.measure import Bounds, SuccessProbabilities, interval_probability
-from robust.probability.packing import LatenessDraws, LateShare
 from robust.probability.random_durations import RandomDuration, drawn
 from robust.qe.box import Box, Interval
 from robust.smt.limits import Deadline
@@ -195,7 +192,7 @@ class Lateness:
             min(Fraction(1), Fraction(upper) * most + self._unordered),
         )
 
-    def draw(self, count: int) -> LatenessDraws:
+    def draw(self, count: int) -> packing.LatenessDraws:
         """Random draws, always the same: how often, and along which durations, a schedule is too late."""
         graph, random = self.graph, np.random.default_rng(0)
         lengths = {name: drawn(known.distribution, random, count) for name, known in graph.durations.items()}
@@ -243,13 +240,13 @@ class Lateness:
                     durations[name] += share
         successes = inside & (late <= margin)
         passing = {name: Fraction(at_most) for name, at_most in self.passing.items()}
-        return LatenessDraws(
+        return packing.LatenessDraws(
             count,
             int(successes.sum()),
             float((inside & (late > margin) & (late <= 1 + margin)).mean()),
-            tuple(LateShare(name, share) for name, share in sorted(points.items(), key=lambda item: -item[1])),
+            tuple(packing.LateShare(name, share) for name, share in sorted(points.items(), key=lambda item: -item[1])),
             tuple(
-                LateShare(name, share, passing.get(name))
+                packing.LateShare(name, share, passing.get(name))
                 for name, share in sorted(durations.items(), key=lambda item: -item[1])
                 if share
             ),

@@ -12,8 +12,6 @@ one by itself, so that several can be named at one point. Where the network has 
 over parameters alone does not hold, nothing is said of other obligations: nothing else is to be examined there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from fractions import Fraction
@@ -28,14 +26,13 @@ from robust.encode.interface import EPSILON, Encoding, Facet, Grid, Obligation, 
 from robust.encode.validity import Validity
 from robust.plan.model import ParametrizedPlan, Relation
 from robust.presented import Presented
-from robust.qe import inner
+from robust.qe import estimate, inner
 from robust.qe.box import Box
 from robust.qe.conjunctions import Conjunction, half_space, project_at
 from robust.qe.constraint import LinearConstraint, substitute_equality
 from robust.qe.eliminate import create_eliminator
 from robust.qe.eliminate.enumerate import polyhedra_of, satisfiable
 from robust.qe.eliminate.interface import Definition, Query, Solvers, outside
-from robust.qe.estimate import OpenShare
 from robust.qe.inner import EnvelopeFactor, FactorSearch
 from robust.qe.lifted import SHORT, LiftedRegion, lifted_envelope
 from robust.qe.nnf import FALSE, TRUE, FormulaReader, Junction, Nnf, conjunction, disjunction, names_in, negation
@@ -301,7 +298,7 @@ class RegionResult(Presented, ask="status"):
     pieces: int
     statistics: Statistics = field(default_factory=Statistics)
     factors: tuple[EnvelopeFactor, ...] = ()
-    open_share: OpenShare | None = None
+    open_share: estimate.OpenShare | None = None
     reason: str | None = None
     epsilon: Fraction = EPSILON
     plan: ParametrizedPlan | None = field(default=None, repr=False, compare=False)
@@ -396,7 +393,7 @@ class RegionSearch(Searching[RegionResult]):
         """What is bad by itself; the rest is known to the groups."""
         self._factors: list[FactorSearch] = []
         self._count = 0
-        self._share: OpenShare | None = None
+        self._share: estimate.OpenShare | None = None
         self._region: Region | None = None
         self._lifted: LiftedRegion | None = None
         self._box: Box | None = None
@@ -424,7 +421,7 @@ class RegionSearch(Searching[RegionResult]):
         return self._result(status, reason)
 
     @property
-    def open_share(self) -> OpenShare | None:
+    def open_share(self) -> estimate.OpenShare | None:
         """The share of open points, if random points have been drawn already."""
         return self._share or inner.open_share(self._factors, draw=False)
 

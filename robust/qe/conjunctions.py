@@ -6,8 +6,6 @@ pile up. At a point: Loos–Weispfenning substitution of the one bound that is t
 1993; Komuravelli, Gurfinkel and Chaki 2014], which never makes a conjunction longer.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass

@@ -11,8 +11,6 @@ around the piece of which every image is bad, so that the pieces of the whole sp
 widened where several obligations together leave no way out.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass

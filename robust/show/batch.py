@@ -1,7 +1,5 @@
 """Results of a batch of plans: a table for people, JSON, and CSV."""
 
-from __future__ import annotations
-
 import csv
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence

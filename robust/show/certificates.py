@@ -1,7 +1,5 @@
 """Certificates and what they establish, as JSON."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from msgspec import Meta

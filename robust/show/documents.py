@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from msgspec import UNSET, Meta, UnsetType
 
-from robust.backends import ENCODINGS, SOLVERS
-from robust.errors import InputError, RobustError
+from robust import backends, errors
 from robust.json_text import End, JsonObject, Rational, like, on_wire, one_of, printed, wire
 from robust.numbers import exact_end
 from robust.qe.box import Box, Interval
@@ -68,8 +67,8 @@ def range_of(bounds: Bounds) -> Range:
 
 
 Document = dict[str, Any]
-Solver = Annotated[str, one_of(*SOLVERS)]
-Encoding = Annotated[str, one_of(*ENCODINGS)]
+Solver = Annotated[str, one_of(*backends.SOLVERS)]
+Encoding = Annotated[str, one_of(*backends.ENCODINGS)]
 Verdict = Annotated[str, one_of("proved", "refuted", "unknown")]
 Ended = Annotated[str, one_of("complete", "timeout", "interrupted", "unknown")]
 SearchEnded = Annotated[str, one_of("complete", "timeout", "interrupted", "invalid", "unknown")]
@@ -108,7 +107,7 @@ class Tabulated(NamedTuple):
 @singledispatch
 def table_of(result: object) -> Tabulated:
     """The table of a result, by its type."""
-    raise InputError(
+    raise errors.InputError(
         f"found {type(result).__name__} without a table, expected a result with one: as_dict() has everything there is"
     )
 
@@ -229,7 +228,7 @@ class Error(JsonObject, tag_field="schema", tag="robust/error/1"):
     error: Failure
 
 
-def error(error: RobustError, kind: str, exit_code: int) -> Document:
+def error(error: errors.RobustError, kind: str, exit_code: int) -> Document:
     """There is no answer; `kind` says why."""
     place = {name: getattr(error.location, name, None) for name in ("file", "line", "column")}
     return document(Error(error=Failure(kind=kind, message=error.message, exit_code=exit_code, **place)))

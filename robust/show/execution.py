@@ -14,15 +14,11 @@ from rich import box as borders
 from rich.table import Table
 
 from robust.backends import CONVERSIONS
-from robust.execute.causal import Tightening
+from robust.execute import causal, convert, dispatchable, slices, worlds
 from robust.execute.controllability import ADVERBS, ControllabilityReport, Widest
 from robust.execute.controllable_boxes import HORIZON, Loss, Shrunk
-from robust.execute.convert import Conversion
-from robust.execute.dispatchable import Guarantee
 from robust.execute.parametrization import option_of, write_specs
 from robust.execute.replan import ReplanningRun, RunStatus, Segment
-from robust.execute.slices import Remainder, SliceAnswer
-from robust.execute.worlds import ExecutedInstance, InstanceOutcome
 from robust.irr.stops import advice
 from robust.json_text import Count, JsonObject, Rational, Seconds, like, on_wire, one_of, wire
 from robust.numbers import end, format_number, plural, readable
@@ -39,15 +35,15 @@ if TYPE_CHECKING:
     from robust.plan.simulate import Violation
 
 _GUARANTEES = {
-    Guarantee.DYNAMIC: "dynamically controllable: the plan succeeds while observations are inside",
-    Guarantee.WEAK: "not dynamically controllable: the plan may fail although observations are inside",
-    Guarantee.NONE: "no guarantee",
+    dispatchable.Guarantee.DYNAMIC: "dynamically controllable: the plan succeeds while observations are inside",
+    dispatchable.Guarantee.WEAK: "not dynamically controllable: the plan may fail although observations are inside",
+    dispatchable.Guarantee.NONE: "no guarantee",
 }
 _OUTCOMES = {
-    InstanceOutcome.DONE: "end",
-    InstanceOutcome.FAILED: "failed",
-    InstanceOutcome.STOPPED: "stopped",
-    InstanceOutcome.RUNNING: "running",
+    worlds.InstanceOutcome.DONE: "end",
+    worlds.InstanceOutcome.FAILED: "failed",
+    worlds.InstanceOutcome.STOPPED: "stopped",
+    worlds.InstanceOutcome.RUNNING: "running",
 }
 _REASONS = 5
 """Reasons of failures that are shown at most."""
@@ -104,12 +100,12 @@ class Convert(Noted, tag_field="schema", tag="robust/convert/1"):
     constraints: Count
     redundant: Count
     obligations: Count
-    tightened: list[Tightening]
+    tightened: list[causal.Tightening]
     violations: list[Violation]
 
 
-@documenting.register(Conversion)
-def converted(conversion: Conversion, written: Mapping[str, str] = MappingProxyType({})) -> Document:
+@documenting.register(convert.Conversion)
+def converted(conversion: convert.Conversion, written: Mapping[str, str] = MappingProxyType({})) -> Document:
     """The document of a conversion, with the files that were written, by kind."""
     return document(
         like(
@@ -129,13 +125,13 @@ def converted(conversion: Conversion, written: Mapping[str, str] = MappingProxyT
     )
 
 
-@wire.register(Tightening)
-def _(tightening: Tightening) -> TighteningRecord:
+@wire.register(causal.Tightening)
+def _(tightening: causal.Tightening) -> TighteningRecord:
     edge = tightening.edge
     return like(TighteningRecord, tightening, source=str(edge.source), target=str(edge.target), lower=edge.weight)
 
 
-has_table(Conversion, "tightened", numbers=("lower", "own"))
+has_table(convert.Conversion, "tightened", numbers=("lower", "own"))
 
 
 def unconverted(options: ConvertCommand, violations: Sequence[Violation]) -> Document:
@@ -159,8 +155,8 @@ def unconverted(options: ConvertCommand, violations: Sequence[Violation]) -> Doc
     )
 
 
-@printing.register(Conversion)
-def print_conversion(out: Console, conversion: Conversion, *, quiet: bool) -> None:
+@printing.register(convert.Conversion)
+def print_conversion(out: Console, conversion: convert.Conversion, *, quiet: bool) -> None:
     """Unless `quiet` how the plan was made, then the plan."""
     for line in () if quiet else conversion_lines(conversion):
         out.print(line, soft_wrap=True)
@@ -169,7 +165,7 @@ def print_conversion(out: Console, conversion: Conversion, *, quiet: bool) -> No
     out.print(write_stn(conversion.stn).rstrip("\n"), soft_wrap=True)
 
 
-def conversion_lines(conversion: Conversion, written: Mapping[str, str] = MappingProxyType({})) -> list[str]:
+def conversion_lines(conversion: convert.Conversion, written: Mapping[str, str] = MappingProxyType({})) -> list[str]:
     """Lines on how a plan was converted, where it was written, and which parameters must be given to read it."""
     instances, constraints = len(conversion.stn.instances), len(conversion.stn.constraints)
     size = f"{plural(instances, 'instance')}, {plural(constraints, 'constraint')}"
@@ -208,8 +204,8 @@ class ExecutedAction(JsonObject):
     outcome: Annotated[str, one_of("done", "failed", "stopped", "running")]
 
 
-@wire.register(ExecutedInstance)
-def _(executed: ExecutedInstance) -> ExecutedAction:
+@wire.register(worlds.ExecutedInstance)
+def _(executed: worlds.ExecutedInstance) -> ExecutedAction:
     return like(ExecutedAction, executed, instance=executed.instance.identifier, action=str(executed.instance))
 
 
@@ -232,9 +228,9 @@ class ExecutedPlan(JsonObject):
     end: Rational
     guarantee: Annotated[str, one_of("dynamic", "weak", "none")]
     box: Box
-    executed: list[ExecutedInstance]
+    executed: list[worlds.ExecutedInstance]
     observations: list[Observation]
-    left: list[Remainder]
+    left: list[slices.Remainder]
     rejected: list[MessageRejected]
     given_up: Rational | None
     reason: str | None
@@ -368,10 +364,10 @@ def _events(segment: Segment) -> Iterator[tuple[Fraction, str, str]]:
         yield segment.given_up, "gave up", str(segment.ending)
 
 
-def _remainder(remainder: Remainder) -> str:
+def _remainder(remainder: slices.Remainder) -> str:
     """The parameters that are still unknown, and the values for which the plan succeeds."""
     if remainder.box is None:
-        late = remainder.answer is SliceAnswer.OUT_OF_TIME
+        late = remainder.answer is slices.SliceAnswer.OUT_OF_TIME
         return "not known in time; only the box promised before counts" if late else "nothing of the envelope"
     unknown = [
         f"{name} in {interval.written(format_number)}"

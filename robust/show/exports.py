@@ -1,7 +1,5 @@
 """Envelopes for other tools: what PlanSys2's executor needs to know, CSV, and YAML."""
 
-from __future__ import annotations
-
 import csv
 import math
 import re
@@ -11,8 +9,7 @@ from fractions import Fraction
 from io import StringIO
 from typing import Any
 
-from robust import __version__
-from robust.errors import InputError, UnsupportedError
+from robust import __version__, errors
 from robust.irr.overruns import FIXED, ActionOverrun, Overrun, action_overruns, overruns
 from robust.irr.search import EnvelopeResult
 from robust.numbers import one_line, readable
@@ -52,9 +49,9 @@ def export(plan: ParametrizedPlan, result: EnvelopeResult, form: str, *, control
         UnsupportedError: if PlanSys2 has no place for an action.
     """
     if form not in EXPORTS:
-        raise InputError(f"unknown form {form!r}, expected {', '.join(EXPORTS)}")
+        raise errors.InputError(f"unknown form {form!r}, expected {', '.join(EXPORTS)}")
     if not result.verified:
-        raise InputError(f"found an envelope that is {result.status.value}, expected a verified one to export")
+        raise errors.InputError(f"found an envelope that is {result.status.value}, expected a verified one to export")
     if form == "plansys2":
         return plansys2(plan, result, controllable)
     return (csv_rows if form == "csv" else yaml_document)(plan, result)
@@ -86,16 +83,22 @@ def percentage_text(percent: Fraction, *, closed: bool) -> str:
 def plansys2(plan: ParametrizedPlan, result: EnvelopeResult, controllable: str | None = None) -> str:
     """`action_timeouts` of PlanSys2's executor, in its YAML, with what is proved in comments."""
     if not _holds_plan(plan, result):
-        raise InputError("found an envelope without the nominal values, expected one around them for percentages")
+        raise errors.InputError(
+            "found an envelope without the nominal values, expected one around them for percentages"
+        )
     limits = action_overruns(plan, result.box)
     listed = [limit for limit in limits if limit.percent is not None]
     if not listed:
         names = ", ".join(limit.action for limit in limits)
         why = f"any longer duration of {names} is proved" if limits else "no action of the plan has a duration"
-        raise InputError(f"found no action that needs a limit, expected one to export: {why}", place_of("export"))
+        raise errors.InputError(
+            f"found no action that needs a limit, expected one to export: {why}", place_of("export")
+        )
     for limit in listed:
         if limit.action == "actions":
-            raise UnsupportedError("found an action named 'actions', expected another name: PlanSys2 needs it itself")
+            raise errors.UnsupportedError(
+                "found an action named 'actions', expected another name: PlanSys2 needs it itself"
+            )
     lines = [*_obligation(result, controllable), ""]
     for limit in limits:
         if limit.percent is None:

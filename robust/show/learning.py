@@ -1,7 +1,5 @@
 """Durations learnt from logs, for people and as JSON."""
 
-from __future__ import annotations
-
 from robust.execute.learned import Learned, LearntAction
 from robust.json_text import JsonObject, Rational, Seconds, like, on_wire
 from robust.numbers import duration, plural, readable

@@ -1,7 +1,5 @@
 """Plans with choices for people and programs: answers, sizes, and simulated executions with their reasons."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Iterable, Iterator, Mapping
 from fractions import Fraction
@@ -14,15 +12,12 @@ from msgspec import UNSET, Meta, UnsetType
 
 from robust.json_text import Count, JsonObject, Seconds, like, on_wire, one_of
 from robust.numbers import duration, format_number, plural, readable
-from robust.pike_bridge.action_model import Instance
+from robust.pike_bridge import action_model, model, semantics
 from robust.pike_bridge.compile import PikeCheck, Sizes
 from robust.pike_bridge.cross_check import CrossCheck, Crossed, Disagreement
-from robust.pike_bridge.model import TeamPlan
+from robust.pike_bridge.online import executive, world
 from robust.pike_bridge.online import progress as said
-from robust.pike_bridge.online.executive import Moment, Moments
 from robust.pike_bridge.online.inquiry import Explanation, WhyChosen, WhyExcluded, WhyExecuted, WhyNot, answer
-from robust.pike_bridge.online.world import ExecutionRecord, ExecutionStep
-from robust.pike_bridge.semantics import Execution
 from robust.show.console import Console, Text, colour_of, printing
 from robust.show.documents import Document, Ended, Rationals, Verdict, document, documenting, has_table
 
@@ -108,7 +103,7 @@ class PikePatience(JsonObject, tag_field="schema", tag="robust/pike-patience/1")
 
     status: Ended
     feasible: bool | None
-    moments: list[Moment]
+    moments: list[executive.Moment]
 
 
 class PikePlot(JsonObject, tag_field="schema", tag="robust/pike-plot/1"):
@@ -140,8 +135,8 @@ DOCUMENTS: tuple[type[JsonObject], ...] = (PikeChecked, PikeCompile, PikeCross, 
 """As in :mod:`robust.show.documents`."""
 has_table(PikeCheck, "scenarios")
 has_table(Crossed, "disagreements")
-has_table(Moments, "moments", numbers=("latest",))
-has_table(ExecutionRecord, "steps", numbers=("time",))
+has_table(executive.Moments, "moments", numbers=("latest",))
+has_table(world.ExecutionRecord, "steps", numbers=("time",))
 STAGES = ("precedence", "links", "conflicts", "knowledge")
 
 
@@ -205,7 +200,7 @@ def scenario_text(scenario: Mapping[str, str]) -> str:
     return ", ".join(f"{name} = {value}" for name, value in scenario.items()) or "no choices"
 
 
-def execution_lines(execution: Execution, plan: TeamPlan | None) -> Iterable[str]:
+def execution_lines(execution: semantics.Execution, plan: model.TeamPlan | None) -> Iterable[str]:
     """The choices, and the activities by the time at which they start."""
     yield scenario_text(execution.scenario)
     if plan is None:
@@ -307,14 +302,14 @@ def print_cross(out: Console, crossed: Crossed, *, quiet: bool) -> None:
 # -- patience ----------------------------------------------------------------------------------------------------------
 
 
-@documenting.register(Moments)
-def patience_document(found: Moments) -> Document:
+@documenting.register(executive.Moments)
+def patience_document(found: executive.Moments) -> Document:
     """`robust/pike-patience/1`."""
     return document(like(PikePatience, found))
 
 
-@printing.register(Moments)
-def print_patience(out: Console, result: Moments, *, quiet: bool) -> None:
+@printing.register(executive.Moments)
+def print_patience(out: Console, result: executive.Moments, *, quiet: bool) -> None:
     """Print whether a correct execution exists; unless `quiet` also until when each value can be chosen."""
     if result.feasible is None:
         out.print("Undecided: out of time.")
@@ -343,7 +338,7 @@ def print_plot(out: Console, drawn: PikePlot, *, quiet: bool) -> None:
 # -- new --------------------------------------------------------------------------------------------------------------
 
 
-def new_document(instance: Instance, path: Path) -> Document:
+def new_document(instance: action_model.Instance, path: Path) -> Document:
     """`robust/pike-new/1`."""
     network = instance.network
     return document(
@@ -357,7 +352,7 @@ def new_document(instance: Instance, path: Path) -> Document:
     )
 
 
-def print_new(out: Console, instance: Instance, path: Path, *, quiet: bool) -> None:
+def print_new(out: Console, instance: action_model.Instance, path: Path, *, quiet: bool) -> None:
     """The files that were written; unless `quiet` also commands to try next."""
     network = instance.network
     activities = plural(len(network.activities), "activity").replace("activitys", "activities")
@@ -379,8 +374,8 @@ def print_new(out: Console, instance: Instance, path: Path, *, quiet: bool) -> N
 # -- run ---------------------------------------------------------------------------------------------------------------
 
 
-@documenting.register(ExecutionRecord)
-def run_document(record: ExecutionRecord) -> dict[str, Any]:
+@documenting.register(world.ExecutionRecord)
+def run_document(record: world.ExecutionRecord) -> dict[str, Any]:
     """`robust/pike-run/1`."""
     return {
         "schema": "robust/pike-run/1",
@@ -397,7 +392,7 @@ def run_document(record: ExecutionRecord) -> dict[str, Any]:
     }
 
 
-def _step_answer(step: ExecutionStep) -> dict[str, Any]:
+def _step_answer(step: world.ExecutionStep) -> dict[str, Any]:
     document: dict[str, Any] = {
         "time": str(step.time),
         "messages": [str(message) for message in step.messages],
@@ -415,7 +410,7 @@ def _step_answer(step: ExecutionStep) -> dict[str, Any]:
     return document
 
 
-def _with_reasons(step: ExecutionStep) -> Iterator[tuple[said.Decision, Explanation | None]]:
+def _with_reasons(step: world.ExecutionStep) -> Iterator[tuple[said.Decision, Explanation | None]]:
     """Each decision of a step with its reason, if there is one."""
     return zip_longest(step.decisions, step.reasons.decisions if step.reasons else ())
 
@@ -444,8 +439,8 @@ def _told(decision: said.Decision) -> tuple[str, str]:  # noqa: PLR0911 - one fo
             return "succeeded", "every activated event has been executed"
 
 
-@printing.register(ExecutionRecord)
-def print_run(out: Console, record: ExecutionRecord, *, quiet: bool) -> None:
+@printing.register(world.ExecutionRecord)
+def print_run(out: Console, record: world.ExecutionRecord, *, quiet: bool) -> None:
     """Print how a run ended; unless `quiet` also the timeline, and contradictions that were not explained."""
     ending = record.ending.value
 

@@ -8,20 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from msgspec import UNSET, Meta, UnsetType
 
-from robust.backends import OFFERED, SPLITTINGS
+from robust import backends, numbers
+from robust.irr import proposals, search, templates
 from robust.irr.check import CheckResult, Counterexample
 from robust.irr.compare import Comparison, Entry, FaceWitness, RatioBounds
-from robust.irr.proposals import Tolerance
-from robust.irr.search import EnvelopeResult
-from robust.irr.templates import Shape
 from robust.json_text import Count, End, JsonObject, Rational, Seconds, like, on_wire, one_of
-from robust.numbers import approximate, exact_end
+from robust.qe import compute, estimate
 from robust.qe.box import Box, Side
-from robust.qe.compute import RegionResult
-from robust.qe.estimate import OpenShare
 from robust.qe.inner import EnvelopeFactor
-from robust.show import documents
-from robust.show.regions import NOTHING_BESIDE, Beside, formed
+from robust.show import documents, regions
 
 if TYPE_CHECKING:
     from robust.execute.controllability import ControllabilityReport, Finding, Widest
@@ -120,7 +115,7 @@ class Check(documents.Noted, tag_field="schema", tag="robust/check/1"):
     counterexamples: list[CounterexampleRecord]
     reason: str | None
     repair: list[documents.PlanChange] | None
-    tolerance: Tolerance | None
+    tolerance: proposals.Tolerance | None
     interrupted: bool
     timeout: bool
     seconds: Seconds
@@ -263,7 +258,7 @@ class ShapeRecord(JsonObject):
     faces: list[ShapeFace]
 
 
-def _shape(shape: Shape) -> ShapeRecord:
+def _shape(shape: templates.Shape) -> ShapeRecord:
     faces = [
         like(ShapeFace, documents.ends_of(interval), coefficients=dict(shape.directions[name]))
         for name, interval in shape.bounded.items()
@@ -318,7 +313,7 @@ class Envelope(documents.Noted, tag_field="schema", tag="robust/envelope/1"):
     values: documents.Rationals
     counterexample: CounterexampleRecord | None
     advice: list[Advice]
-    tolerance: Tolerance | None
+    tolerance: proposals.Tolerance | None
     fallback: str | None
     convergence: list[Convergence]
     statistics: Statistics
@@ -327,9 +322,9 @@ class Envelope(documents.Noted, tag_field="schema", tag="robust/envelope/1"):
     probability: documents.Range | UnsetType = UNSET
 
 
-@documents.documenting.register(EnvelopeResult)
+@documents.documenting.register(search.EnvelopeResult)
 def envelope(
-    result: EnvelopeResult, beside: Beside = NOTHING_BESIDE, *, controllability: bool = False
+    result: search.EnvelopeResult, beside: regions.Beside = regions.NOTHING_BESIDE, *, controllability: bool = False
 ) -> documents.Document:
     """With `controllability`, it is null where it was asked for and is not known; else it is left out then."""
     seconds = {step.check: step.seconds for step in result.trace}
@@ -353,10 +348,10 @@ def envelope(
     )
 
 
-documents.has_table(EnvelopeResult, "parameters", named="parameter", numbers=documents.SIDES)
+documents.has_table(search.EnvelopeResult, "parameters", named="parameter", numbers=documents.SIDES)
 
 
-def _parameter(result: EnvelopeResult, parameter: Parameter) -> ParameterRecord:
+def _parameter(result: search.EnvelopeResult, parameter: Parameter) -> ParameterRecord:
     interval = result.box[parameter.name]
     return like(
         ParameterRecord,
@@ -391,8 +386,8 @@ def _part(box: Box, lost: Loss) -> dict[str, Lost]:
         name: like(
             Lost,
             documents.ends_of(interval),
-            lost_below=exact_end(lost.faces[name, Side.LOWER], upper=True),
-            lost_above=exact_end(lost.faces[name, Side.UPPER], upper=True),
+            lost_below=numbers.exact_end(lost.faces[name, Side.LOWER], upper=True),
+            lost_above=numbers.exact_end(lost.faces[name, Side.UPPER], upper=True),
         )
         for name, interval in box.intervals.items()
     }
@@ -493,8 +488,8 @@ class RegionDocument(documents.Noted, tag_field="schema", tag="robust/region/1",
     minus: list[PolyhedronRecord] | UnsetType = UNSET
     lifted: Lifted | UnsetType = UNSET
     box: Box | UnsetType = UNSET
-    backend: Annotated[str, one_of(*OFFERED)]
-    splitting: Annotated[str, one_of(*SPLITTINGS)]
+    backend: Annotated[str, one_of(*backends.OFFERED)]
+    splitting: Annotated[str, one_of(*backends.SPLITTINGS)]
     learning: bool
     encoding: documents.Encoding
     solver: documents.Solver
@@ -503,10 +498,10 @@ class RegionDocument(documents.Noted, tag_field="schema", tag="robust/region/1",
     seconds: Seconds
     statistics: Statistics
     factors: list[Factor]
-    open_share: OpenShare | None
+    open_share: estimate.OpenShare | None
 
 
-def region(result: RegionResult) -> documents.Document:
+def region(result: compute.RegionResult) -> documents.Document:
     """The document of a region in the form in which it is shown."""
     shown = {key: value for key, value in result.region.as_dict().items() if key != "schema"}
     shown["lifted"] = UNSET if result.lifted is None else result.lifted.lifted_dict()
@@ -517,9 +512,9 @@ def region(result: RegionResult) -> documents.Document:
     return documents.document(like(RegionDocument, result, factors=factors, **shown))
 
 
-@documents.documenting.register(RegionResult)
-def _(result: RegionResult) -> documents.Document:
-    return region(formed(result))
+@documents.documenting.register(compute.RegionResult)
+def _(result: compute.RegionResult) -> documents.Document:
+    return region(regions.formed(result))
 
 
 def _factor(factor: EnvelopeFactor) -> Factor:
@@ -547,7 +542,7 @@ def constraint_rows(region: documents.Document) -> list[documents.Document]:
     return rows_of(labeled, region["parameters"])
 
 
-documents.has_table(RegionResult, rows=constraint_rows)
+documents.has_table(compute.RegionResult, rows=constraint_rows)
 
 
 def rows_of(
@@ -557,9 +552,9 @@ def rows_of(
     return [
         {
             **label,
-            **{name: approximate(Fraction(constraint["coefficients"].get(name, 0))) for name in parameters},
+            **{name: numbers.approximate(Fraction(constraint["coefficients"].get(name, 0))) for name in parameters},
             "relation": constraint["relation"],
-            "constant": approximate(Fraction(constraint["constant"])),
+            "constant": numbers.approximate(Fraction(constraint["constant"])),
         }
         for label, constraints in pieces
         for constraint in constraints
@@ -640,7 +635,7 @@ def compare(result: Comparison) -> documents.Document:
     """The document of a comparison."""
     volume = None
     if result.volume is not None:
-        volume = Volume(lower=result.volume.lower, upper=exact_end(result.volume.upper, upper=True))
+        volume = Volume(lower=result.volume.lower, upper=numbers.exact_end(result.volume.upper, upper=True))
     return documents.document(
         like(
             Compare,
@@ -659,7 +654,10 @@ def _compared(entry: Entry) -> ComparedBox:
     parameters = {parameter.name: parameter for parameter in entry.result.parameters}
     faces = [
         like(
-            FaceRecord, face, percent=parameters[face.parameter].percent(face.end), gap=exact_end(face.gap, upper=True)
+            FaceRecord,
+            face,
+            percent=parameters[face.parameter].percent(face.end),
+            gap=numbers.exact_end(face.gap, upper=True),
         )
         for face in entry.faces
     ]

@@ -14,11 +14,10 @@ from robust.irr.compare import Comparison, Entry, FaceGap, RatioBounds
 from robust.irr.search import EnvelopeResult
 from robust.numbers import duration, end, plural, readable
 from robust.plan.model import Parameter
+from robust.qe import inner, lifted
 from robust.qe.box import Box, Interval, Side, interval_text
 from robust.qe.compute import RegionResult
 from robust.qe.constraint import LinearConstraint, Sense
-from robust.qe.inner import EnvelopeFactor
-from robust.qe.lifted import LiftedRegion
 from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import Region, absorb, signed_sum
 from robust.searching import Status
@@ -59,7 +58,7 @@ def in_form(region: Region, form: str | None) -> Region:
     Raises:
         UnsupportedError: if a form is asked for that a region of difference constraints is too long for.
     """
-    if isinstance(region, LiftedRegion):
+    if isinstance(region, lifted.LiftedRegion):
         return region if form is None else Region.difference(region.base, ())
     match form:
         case "union":
@@ -100,7 +99,7 @@ def _(out: Console, result: RegionResult, *, quiet: bool) -> None:
 
 def print_region(out: Console, result: RegionResult, *, quiet: bool) -> None:
     """Inequalities, and what they mean; unless `quiet` also how they were found."""
-    if isinstance(result.region, LiftedRegion):
+    if isinstance(result.region, lifted.LiftedRegion):
         for line in _lifted_lines(result.region, {} if result.plan is None else result.plan.nominal):
             out.print(Text(line), soft_wrap=True)
         if not quiet:
@@ -125,7 +124,7 @@ def print_region(out: Console, result: RegionResult, *, quiet: bool) -> None:
         out.print(_summary(result), soft_wrap=True)
 
 
-def _lifted_lines(region: LiftedRegion, nominal: Point) -> Iterator[str]:
+def _lifted_lines(region: lifted.LiftedRegion, nominal: Point) -> Iterator[str]:
     """The constraints, and how far each parameter may go alone."""
     if region.is_empty:
         yield "The plan is valid for no parameter values."
@@ -157,7 +156,7 @@ def _difference_line(constraint: LinearConstraint, times: Sequence[str]) -> str:
     return f"{signed_sum(left, '−', readable)} {relation} {right or readable(total)}"
 
 
-def _ordered_lines(factors: Sequence[EnvelopeFactor]) -> Iterator[str]:
+def _ordered_lines(factors: Sequence[inner.EnvelopeFactor]) -> Iterator[str]:
     """The region up to permutations of parameters, for each group of them; all have to hold."""
     for index, factor in enumerate(factors):
         yield from ("",) if index else ()
@@ -165,7 +164,7 @@ def _ordered_lines(factors: Sequence[EnvelopeFactor]) -> Iterator[str]:
         yield from region_lines(in_form(factor.outer, None), exact=True)
 
 
-def _ordering(factor: EnvelopeFactor) -> Iterator[str]:
+def _ordering(factor: inner.EnvelopeFactor) -> Iterator[str]:
     for names in factor.symmetry.classes:
         yield f"In ascending order of {', '.join(names)}, which are interchangeable:"
 
@@ -380,7 +379,7 @@ def print_comparison(out: Console, result: Comparison, *, quiet: bool) -> None:
 
 
 def _compared_lines(region: RegionResult) -> Iterator[str]:
-    if isinstance(region.region, LiftedRegion):
+    if isinstance(region.region, lifted.LiftedRegion):
         return _lifted_lines(region.region, {})
     return region_lines(in_form(region.region, None), exact=region.is_exact)
 

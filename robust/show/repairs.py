@@ -1,7 +1,5 @@
 """Repairs of plans: what changes, what for and at what cost, for people and as JSON."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

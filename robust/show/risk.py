@@ -1,7 +1,5 @@
 """Probabilities of success: JSON, and texts for people."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from typing import Annotated
 
@@ -9,8 +7,7 @@ from msgspec import UNSET, UnsetType
 
 from robust.json_text import Count, JsonObject, Rational, Seconds, like, on_wire, one_of, wire
 from robust.numbers import duration, plural
-from robust.probability.measure import Bounds
-from robust.probability.packing import LatenessDraws, SampledEstimate
+from robust.probability import measure, packing
 from robust.probability.risk import METHODS, BlameShare, RiskResult, RiskStatus
 from robust.qe.box import Box
 from robust.searching import Status
@@ -33,12 +30,12 @@ class KeptBox(JsonObject):
 
     method: Annotated[str, one_of(*METHODS)]
     complete: bool
-    probability: Bounds
+    probability: measure.Bounds
     parameters: Box
 
 
 on_wire("BlameShare", name="obligation")
-wire.register(Bounds, documents.range_of)
+wire.register(measure.Bounds, documents.range_of)
 
 
 class Disjoint(JsonObject):
@@ -56,9 +53,9 @@ class ThreeProbabilities(JsonObject):
         starts: that schedule
     """
 
-    weak: Bounds
-    dynamic: Bounds
-    strong: Bounds
+    weak: measure.Bounds
+    dynamic: measure.Bounds
+    strong: measure.Bounds
     starts: dict[str, Rational]
 
 
@@ -121,7 +118,7 @@ class RiskAnswer(documents.Noted, tag_field="schema", tag="robust/risk/1", kw_on
     """
 
     status: Annotated[str, one_of("complete", "wide", "timeout", "interrupted", "unknown")]
-    probability: Bounds
+    probability: measure.Bounds
     within: Rational
     distributions: dict[str, str]
     box: KeptBox | None
@@ -129,7 +126,7 @@ class RiskAnswer(documents.Noted, tag_field="schema", tag="robust/risk/1", kw_on
     by_obligation: list[BlameShare] | None
     cells: Count
     disjoint: Disjoint | UnsetType = UNSET
-    estimate: SampledEstimate | UnsetType = UNSET
+    estimate: packing.SampledEstimate | UnsetType = UNSET
     probabilities: ThreeProbabilities | UnsetType = UNSET
     late: LateDocument | UnsetType = UNSET
     reason: str | UnsetType = UNSET
@@ -167,7 +164,7 @@ def _(result: RiskResult) -> documents.Document:
     )
 
 
-def _late_document(late: LatenessDraws) -> LateDocument:
+def _late_document(late: packing.LatenessDraws) -> LateDocument:
     return LateDocument(
         draws=late.draws,
         gain=late.gain,
@@ -229,7 +226,7 @@ SHOWN = 8
 """Rows of what is late."""
 
 
-def _print_late(out: Console, result: RiskResult, late: LatenessDraws, places: int) -> None:
+def _print_late(out: Console, result: RiskResult, late: packing.LatenessDraws, places: int) -> None:
     """What is late in draws, and on whose account."""
     if not late.durations:
         return
@@ -250,7 +247,7 @@ def _print_late(out: Console, result: RiskResult, late: LatenessDraws, places: i
     show_table(out, table(("broken, or on a chain that is late", "share of draws", "certified: at most"), rows))
 
 
-def _estimate(estimate: SampledEstimate, places: int) -> Text:
+def _estimate(estimate: packing.SampledEstimate, places: int) -> Text:
     share = f"{estimate.successes / estimate.draws:.{places}f}"
     ends = f"{estimate.lower:.{places}f} to {estimate.upper:.{places}f}"
     confidence = f"{float(estimate.confidence):.1%} confidence (Clopper-Pearson)"
@@ -268,7 +265,7 @@ def _share_rows(result: RiskResult, places: int) -> list[tuple[str, str]]:
     return rows
 
 
-def _of_success(kept: Bounds, result: RiskResult) -> str:
+def _of_success(kept: measure.Bounds, result: RiskResult) -> str:
     """The share of all successes that lies in a box."""
     total = result.probability
     if not total.lower:

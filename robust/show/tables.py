@@ -1,7 +1,5 @@
 """Output that needs rich: tables, and pages for notebooks."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence

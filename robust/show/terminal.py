@@ -1,7 +1,5 @@
 """Lines on a terminal, as rich prints them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from typing import Any, TextIO
 

@@ -13,9 +13,8 @@ from fractions import Fraction
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from robust.irr import proposals, stops
 from robust.irr.check import Answer, CheckResult, Counterexample
-from robust.irr.proposals import Tolerance
-from robust.irr.stops import Advice
 from robust.numbers import approximate, duration, end, format_number, plural, readable, readable_values
 from robust.plan import model
 from robust.plan.polynomial import Polynomial
@@ -227,7 +226,7 @@ def print_check(out: Console, result: CheckResult, *, quiet: bool) -> None:
         out.print(Text.assemble(("repair: ", "bold"), "; ".join(map(change_text, result.repair))), soft_wrap=True)
 
 
-def print_tolerance(out: Console, tolerance: Tolerance | None) -> None:
+def print_tolerance(out: Console, tolerance: proposals.Tolerance | None) -> None:
     """λ* in one line, if it is known."""
     if tolerance is not None:
         out.print(Text.assemble(("tolerance", "bold"), f": {tolerance}"), soft_wrap=True)
@@ -381,7 +380,7 @@ def stopped(status: Enum, reason: str | None) -> str:
     return {"timeout": "out of time", "interrupted": "interrupted"}.get(status.value) or f"{reason}"
 
 
-def print_advice(out: Console, advice: Iterable[Advice]) -> None:
+def print_advice(out: Console, advice: Iterable[stops.Advice]) -> None:
     """Print which options to use for parameters without room."""
     for hint in advice:
         out.print(Text(str(hint), style="yellow"), soft_wrap=True)

@@ -24,9 +24,8 @@ from pysmt.logics import QF_LRA
 from pysmt.smtlib.printers import SmtDagPrinter
 from pysmt.utils import quote
 
+from robust import presented, records
 from robust.errors import SolverError, did_you_mean
-from robust.presented import VerdictEnum
-from robust.records import Folder
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError, current_question, from_copy, raise_if_interrupted
 from robust.smt.terms import Formula, Terms
 
@@ -63,7 +62,7 @@ Value = Fraction | bool
 log = logging.getLogger(__name__)
 
 
-class Satisfiability(VerdictEnum):
+class Satisfiability(presented.VerdictEnum):
     """What a solver says of a query; UNKNOWN covers time-outs and crashes."""
 
     SATISFIABLE = "sat"
@@ -401,7 +400,7 @@ class Exporter:
     """
 
     def __init__(self, directory: str | Path) -> None:
-        self._folder = Folder(directory, "SMT-LIB files")
+        self._folder = records.Folder(directory, "SMT-LIB files")
         self._count = 0
 
     def write(self, terms: Terms, assertions: Iterable[Formula], question: str, answer: str) -> Path:

@@ -1,7 +1,5 @@
 """Formulas of linear real arithmetic over polynomials, with constants folded before any solver sees them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Hashable, Iterable
 from fractions import Fraction
 from functools import cached_property

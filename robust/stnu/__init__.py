@@ -7,8 +7,6 @@
 >>> stnu.repair(network).changes                     # doctest: +SKIP
 """
 
-from __future__ import annotations
-
 from robust.irr.conflicts import RepairStatus
 from robust.qe.box import Side
 from robust.stnu.files import load, write

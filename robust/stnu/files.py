@@ -10,8 +10,6 @@ JSON: `nodes` with `node_id`, and `constraints` with `first_node`, `second_node`
 `type`, `stc` for a requirement, `stcu` for a contingent link. Node 0 is the origin.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

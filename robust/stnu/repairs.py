@@ -9,8 +9,6 @@ whole walk and the pieces after its lower-case edges are negative; each length i
 repair one of them is at least 0: a clause for :mod:`robust.irr.conflicts`, which finds the cheapest changes.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -18,20 +16,17 @@ from fractions import Fraction
 from math import inf
 from typing import Any
 
+from robust import errors, searching
 from robust.encode.interface import variable
-from robust.errors import InputError, Location
 from robust.irr.conflicts import Candidate, Chosen, Clause, Point, RepairSearching, RepairStatus
 from robust.network.uncertain import EdgeStep, NegativeCycle, Way, dynamic, explain
 from robust.numbers import Number, exact, format_number
 from robust.plan.model import ParameterReference
 from robust.plan.polynomial import Polynomial
 from robust.presented import Presented
+from robust.qe import constraint, simplex
 from robust.qe.box import Side
-from robust.qe.constraint import LinearConstraint
-from robust.qe.simplex import maximize
-from robust.searching import Status
-from robust.smt.limits import Deadline
-from robust.smt.terms import Formula
+from robust.smt import limits, terms
 from robust.stnu.files import Source, deadline, network_of
 from robust.stnu.network import Link, Network, Role
 
@@ -116,7 +111,9 @@ def repair(
     single = {ends: _weight(weight, "weights") for ends, weight in (weights or {}).items()}
     unknown = single.keys() - {(link.source, link.target) for link in whole.links}
     if unknown:
-        raise InputError(f"found no link {min(unknown)}, expected one of the network", Location("weights"))
+        raise errors.InputError(
+            f"found no link {min(unknown)}, expected one of the network", errors.Location("weights")
+        )
     every = _weight(requirement, "requirement"), _weight(contingent, "contingent")
     return NetworkRepairSearch(whole, *every, single, deadline(timeout)).run()
 
@@ -125,9 +122,9 @@ def _weight(value: Number | None, name: str) -> Fraction | None:
     """A weight; None is infinite."""
     if value is None:
         return None
-    weight = exact(value, Location(name))
+    weight = exact(value, errors.Location(name))
     if weight <= 0:
-        raise InputError(f"found {weight}, expected a number above 0", Location(name))
+        raise errors.InputError(f"found {weight}, expected a number above 0", errors.Location(name))
     return weight
 
 
@@ -140,7 +137,7 @@ class NetworkRepairSearch(RepairSearching[Fraction, NetworkRepair]):
         requirement: Fraction | None,
         contingent: Fraction | None,
         weights: Mapping[tuple[str, str], Fraction | None],
-        deadline: Deadline,
+        deadline: limits.Deadline,
     ) -> None:
         super().__init__(solver="z3", deadline=deadline, lowest=_NOTHING)
         self._network = network
@@ -158,13 +155,13 @@ class NetworkRepairSearch(RepairSearching[Fraction, NetworkRepair]):
     def symbols(self) -> list[str]:
         return sorted({n for clause in self.clauses for choice in clause.choices for n in choice.parameters})
 
-    def always(self) -> Iterator[LinearConstraint]:
+    def always(self) -> Iterator[constraint.LinearConstraint]:
         return self._limits(self.symbols())
 
-    def holds(self, choice: LinearConstraint, point: Point) -> bool:
+    def holds(self, choice: constraint.LinearConstraint, point: Point) -> bool:
         return choice.evaluate(_Zeros(point))
 
-    def cheaper(self, cost: Fraction) -> Formula:
+    def cheaper(self, cost: Fraction) -> terms.Formula:
         price = (variable(ParameterReference(name)).scaled(self._weight[name]) for name in self.symbols())
         return self.terms.greater(Polynomial.constant(cost) - sum(price, Polynomial({})))
 
@@ -172,7 +169,7 @@ class NetworkRepairSearch(RepairSearching[Fraction, NetworkRepair]):
         """The cheapest changes that satisfy inequalities and leave contingent links some length; None if none do."""
         names = sorted({name for choice in chosen.values() for name in choice.parameters})
         constraints = [*chosen.values(), *self._limits(names)]
-        best = maximize(names, constraints, {name: -self._weight[name] for name in names})
+        best = simplex.maximize(names, constraints, {name: -self._weight[name] for name in names})
         if best is None or best.value is None:
             return None
         return Candidate(chosen, {name: value for name, value in best.point.items() if value}, -best.value)
@@ -222,7 +219,7 @@ class NetworkRepairSearch(RepairSearching[Fraction, NetworkRepair]):
         choices = tuple(dict.fromkeys(self._choices(network, answer.cycle)))
         return Clause(choices, explain(network.examined.stnu, answer.cycle))
 
-    def _choices(self, network: Network, cycle: NegativeCycle) -> Iterator[LinearConstraint]:
+    def _choices(self, network: Network, cycle: NegativeCycle) -> Iterator[constraint.LinearConstraint]:
         """For each negative piece that changes can help, that it is at least 0.
 
         It may be these changes that made the piece negative; then fewer of them help.
@@ -241,17 +238,17 @@ class NetworkRepairSearch(RepairSearching[Fraction, NetworkRepair]):
                 if factor and name in self._weight:
                     coefficients[name] = factor * _direction(self._network.links[number], side)
             if length >= 0 or any(factor > 0 for factor in coefficients.values()):
-                yield LinearConstraint.of(coefficients, ">=", -length)
+                yield constraint.LinearConstraint.of(coefficients, ">=", -length)
 
-    def _limits(self, names: Sequence[str]) -> Iterator[LinearConstraint]:
+    def _limits(self, names: Sequence[str]) -> Iterator[constraint.LinearConstraint]:
         """Changes go one way, and leave contingent links some length."""
         for name in names:
-            yield LinearConstraint.of({name: 1}, ">=", 0)
+            yield constraint.LinearConstraint.of({name: 1}, ">=", 0)
             number, _ = self._bound_of[name]
             link = self._network.links[number]
             if link.is_contingent and link.lower is not None and link.upper is not None:
                 both = {_name((number, side)): 1 for side in Side if _name((number, side)) in names}
-                yield LinearConstraint.of(both, "<=", link.upper - link.lower)
+                yield constraint.LinearConstraint.of(both, "<=", link.upper - link.lower)
 
     # -- results -------------------------------------------------------------------------------------------------------
 
@@ -264,7 +261,7 @@ class NetworkRepairSearch(RepairSearching[Fraction, NetworkRepair]):
             links[number] = replace(links[number], **bounds)
         return self._network.with_links(links)
 
-    def _result(self, status: Status, reason: str | None = None) -> NetworkRepair:
+    def _result(self, status: searching.Status, reason: str | None = None) -> NetworkRepair:
         return NetworkRepair(
             self.repaired(status),
             None if self.best is None else self._changed(self.best.point),
@@ -273,7 +270,7 @@ class NetworkRepairSearch(RepairSearching[Fraction, NetworkRepair]):
             len(self.clauses),
             self.examined,
             self._seconds(),
-            status is Status.INTERRUPTED,
+            status is searching.Status.INTERRUPTED,
             self._network.name,
         )
 

@@ -6,8 +6,6 @@ length without the upper-case edge of the same contingent link. :func:`refutes` 
 network alone; it shares no code with the search that finds it.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,8 +13,7 @@ from fractions import Fraction
 from random import Random
 
 from robust.errors import InputError, RefutedError
-from robust.network.dispatchable import DispatchNetwork, Windows, edges_between, minimal_edges, needed_waits, strategy
-from robust.network.uncertain import DynamicAnswer, UncertainLink, Wait, dynamic, explain
+from robust.network import dispatchable, uncertain
 from robust.numbers import Number
 from robust.plan.model import ZERO, TimePoint
 from robust.presented import NoTruthValue, Presented, VerdictEnum
@@ -77,16 +74,16 @@ def check(network: Source, *, timeout: Number | None = None) -> NetworkCheck:
     return _decided(network_of(network), timeout)[0]
 
 
-def _decided(network: Network, timeout: Number | None) -> tuple[NetworkCheck, DynamicAnswer | None]:
+def _decided(network: Network, timeout: Number | None) -> tuple[NetworkCheck, uncertain.DynamicAnswer | None]:
     """The verdict, and the answer with which a controllable network is executed."""
     started = time.perf_counter()
     verdict, cycle, reason = NetworkVerdict.CONTROLLABLE, tuple[Edge, ...](), None
     try:
-        answer = dynamic(network.examined.stnu, deadline(timeout))
+        answer = uncertain.dynamic(network.examined.stnu, deadline(timeout))
     except OutOfTimeError:
         answer, verdict, reason = None, NetworkVerdict.UNKNOWN, "out of time"
     if answer is not None and answer.cycle is not None:
-        verdict, reason = NetworkVerdict.UNCONTROLLABLE, explain(network.examined.stnu, answer.cycle)
+        verdict, reason = NetworkVerdict.UNCONTROLLABLE, uncertain.explain(network.examined.stnu, answer.cycle)
         cycle = tuple(edges_of(network, answer.cycle.steps))
         if not refutes(network, cycle):
             raise RuntimeError(f"the witness for {network.name} does not hold")
@@ -187,9 +184,9 @@ class DispatchResult(Presented, ask="checked"):
 
     checked: NetworkCheck
     requirements: tuple[Requirement, ...]
-    waits: tuple[Wait, ...]
+    waits: tuple[uncertain.Wait, ...]
     derived: int
-    tables: DispatchNetwork[UncertainLink[Fraction]] | None
+    tables: dispatchable.DispatchNetwork[uncertain.UncertainLink[Fraction]] | None
     seconds: float
 
     @property
@@ -260,15 +257,15 @@ def dispatch(network: Source, *, timeout: Number | None = None) -> DispatchResul
     checked, answer = _decided(network, timeout)
     if answer is None or not checked.is_controllable:
         return DispatchResult(checked, (), (), 0, None, time.perf_counter() - started)
-    full = strategy(answer, answer.form.stnu.contingents)
+    full = dispatchable.strategy(answer, answer.form.stnu.contingents)
     index = full.index
     natural = [
         edge
         for link in full.natural.values()
-        for edge in edges_between(index[link.source], index[link.target], link.lower, link.upper)
+        for edge in dispatchable.edges_between(index[link.source], index[link.target], link.lower, link.upper)
     ]
-    kept, waits = tuple(minimal_edges(full)), tuple(needed_waits(full))
-    tables = DispatchNetwork(
+    kept, waits = tuple(dispatchable.minimal_edges(full)), tuple(dispatchable.needed_waits(full))
+    tables = dispatchable.DispatchNetwork(
         full.points,
         full.natural.values(),
         [*kept, *natural],
@@ -287,21 +284,21 @@ def dispatch(network: Source, *, timeout: Number | None = None) -> DispatchResul
 # -- executions --------------------------------------------------------------------------------------------------------
 
 
-def _drawn(draw: Random, link: UncertainLink[Fraction]) -> Fraction:
+def _drawn(draw: Random, link: uncertain.UncertainLink[Fraction]) -> Fraction:
     low = link.lower or _NOTHING
     width = UNBOUNDED * (low + 1) if link.upper is None else link.upper - low
     return low + width * Fraction(draw.randint(0, GRAIN), GRAIN)
 
 
 def run_early(
-    tables: DispatchNetwork[UncertainLink[Fraction]], lengths: Mapping[TimePoint, Fraction]
+    tables: dispatchable.DispatchNetwork[uncertain.UncertainLink[Fraction]], lengths: Mapping[TimePoint, Fraction]
 ) -> Iterable[tuple[TimePoint, Fraction]]:
     """The times of time points if all happen as early as they may.
 
     Raises:
         RuntimeError: if nothing may happen although something has to, which is an error of the network.
     """
-    windows = Windows(tables)
+    windows = dispatchable.Windows(tables)
     waiting = {point for point in tables.points if point not in tables.natural}
     now = _NOTHING
     coming: dict[TimePoint, Fraction] = {}

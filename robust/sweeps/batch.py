@@ -4,8 +4,6 @@ Tasks carry the texts of the files, so that workers of a cluster need no files, 
 that has changed. Answers hold boxes as exact text.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import sys

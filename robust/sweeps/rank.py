@@ -5,8 +5,6 @@ and it still does (λ*, :func:`robust.irr.proposals.tolerance`); where durations
 it does. Of plans that are equal in this, the one that ends first is the better.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -17,13 +15,8 @@ from robust.execute.convert import Settings, convert
 from robust.execute.demands import earliest_end, latest_end, with_deadline
 from robust.irr.proposals import Tolerance, tolerance
 from robust.numbers import Number
-from robust.plan.load import File, assemble
-from robust.plan.model import ParametrizedPlan
-from robust.plan.parameters import ParameterSpec
-from robust.plan.pddl.forms import read_plan_text
-from robust.plan.pddl.syntax import Domain, Problem
-from robust.plan.stn import STNPlan, is_network, parse_stn
-from robust.plan.timed import TimedPlan, plans_in
+from robust.plan import load, model, parameters, stn, timed
+from robust.plan.pddl import forms, syntax
 from robust.presented import VerdictEnum
 from robust.probability.measure import Bounds
 from robust.searching import Searching, Status, Stoppable
@@ -115,14 +108,14 @@ class RankSearch(Searching[Ranking]):
 
     def __init__(
         self,
-        domain: Domain,
-        problem: Problem,
-        files: Sequence[File],
+        domain: syntax.Domain,
+        problem: syntax.Problem,
+        files: Sequence[load.File],
         *,
-        specs: Sequence[ParameterSpec],
+        specs: Sequence[parameters.ParameterSpec],
         latest: Number,
         settings: Settings,
-        success: Callable[[ParametrizedPlan, Deadline], Bounds] | None,
+        success: Callable[[model.ParametrizedPlan, Deadline], Bounds] | None,
         deadline: Deadline,
         on_plan: Callable[[str], None],
     ) -> None:
@@ -130,7 +123,7 @@ class RankSearch(Searching[Ranking]):
         self._domain, self._problem = domain, problem
         self._specs, self._settings = tuple(specs), settings
         self._success, self._deadline, self._on_plan = success, deadline, on_plan
-        self._plans: dict[str, TimedPlan | STNPlan] = {}
+        self._plans: dict[str, timed.TimedPlan | stn.STNPlan] = {}
         self._ranked: dict[str, RankedPlan] = {}
         bases = [PurePath(file).name for file in files]
         for name, plan in (
@@ -148,8 +141,8 @@ class RankSearch(Searching[Ranking]):
             raise InputError(f"found no plan that can be read: {next(iter(self._ranked.values())).reason}")
         self._latest = latest_end(latest, max(ends), Location("--deadline"))
 
-    def _end(self, plan: TimedPlan | STNPlan) -> Fraction:
-        if isinstance(plan, STNPlan):
+    def _end(self, plan: timed.TimedPlan | stn.STNPlan) -> Fraction:
+        if isinstance(plan, stn.STNPlan):
             return earliest_end(plan)
         return max(step.time + (step.duration or 0) for step in plan.steps)
 
@@ -159,7 +152,7 @@ class RankSearch(Searching[Ranking]):
             self._deadline.enforce()
             self._ranked[name] = self._asked(self._ranked[name], plan)
 
-    def _asked(self, ranked: RankedPlan, plan: TimedPlan | STNPlan) -> RankedPlan:
+    def _asked(self, ranked: RankedPlan, plan: timed.TimedPlan | stn.STNPlan) -> RankedPlan:
         """The plan with what it bears; what is wrong with one is its answer, and the others go on."""
         if ranked.end is not None and ranked.end > self._latest:
             return replace(ranked, fitness=Fitness.LATE)
@@ -172,26 +165,26 @@ class RankSearch(Searching[Ranking]):
         reason = None if found is not None else "no single number: durations are no parameters, or numbers decide"
         return replace(ranked, fitness=Fitness.VALID, tolerance=found, success=success, reason=reason)
 
-    def _network(self, plan: TimedPlan | STNPlan) -> ParametrizedPlan:
-        if isinstance(plan, TimedPlan):
+    def _network(self, plan: timed.TimedPlan | stn.STNPlan) -> model.ParametrizedPlan:
+        if isinstance(plan, timed.TimedPlan):
             settings: Settings = {**self._settings, "specs": self._specs, "deadline": self._latest}
             return convert(self._domain, self._problem, plan, **settings).plan
         limited = with_deadline(plan, self._latest, Location("--deadline"))
-        return assemble(self._domain, self._problem, limited, self._specs)
+        return load.assemble(self._domain, self._problem, limited, self._specs)
 
     def _result(self, status: Status, reason: str | None = None) -> Ranking:
         ordered = sorted(self._ranked.values(), key=lambda ranked: ranked.merit, reverse=True)
         return Ranking(status, tuple(ordered), self._latest, self._settings["epsilon"], self._seconds(), reason)
 
 
-def plans_of(file: File) -> Iterator[tuple[str, TimedPlan | STNPlan | RobustError]]:
+def plans_of(file: load.File) -> Iterator[tuple[str, timed.TimedPlan | stn.STNPlan | RobustError]]:
     """The plans in a file, in its order; of several ones each with its number."""
     try:
-        text, name = read_plan_text(file)
-        if is_network(text, name):
-            yield "", parse_stn(text, name)
+        text, name = forms.read_plan_text(file)
+        if stn.is_network(text, name):
+            yield "", stn.parse_stn(text, name)
             return
-        plans = [plan for plan in plans_in(text, name) if isinstance(plan, TimedPlan)][::-1]
+        plans = [plan for plan in timed.plans_in(text, name) if isinstance(plan, timed.TimedPlan)][::-1]
         if not plans:
             raise InputError("found no plan, expected at least one", Location(name))
     except RobustError as error:

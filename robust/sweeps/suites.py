@@ -7,8 +7,6 @@ it, or in the nearest folder above within the suite, whose names fit: without wo
 whose files are not known.
 """
 
-from __future__ import annotations
-
 import csv
 import os
 import re

@@ -9,8 +9,6 @@ if that is killed (by a person, or by the system for want of memory). A Dask sch
 died to another one.
 """
 
-from __future__ import annotations
-
 import json
 import pickle
 import sys
@@ -28,10 +26,9 @@ from typing import Any, TypeVar
 import msgspec
 
 import robust
+from robust import json_text, records
 from robust.errors import InputError, RobustError, missing
-from robust.json_text import plain
 from robust.processes import Processes
-from robust.records import RecordFile, RecordFormat, unwritten
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 ATTEMPTS = 3
@@ -72,7 +69,7 @@ class ClusterLostError(Exception):
 
 def text_of(value: object, *, ordered: bool = False) -> str:
     """The value as one line of JSON, `ordered` by key or not."""
-    return json.dumps(plain(value), allow_nan=False, sort_keys=ordered, separators=(",", ":"))
+    return json.dumps(json_text.plain(value), allow_nan=False, sort_keys=ordered, separators=(",", ":"))
 
 
 def attempt(work: Work, task: Task) -> TaskOutcome:
@@ -264,7 +261,7 @@ def restored(value: object, kind: type[Value] | Any) -> Value:
     return msgspec.convert(value, kind, dec_hook=lambda wanted, text: wanted(text))
 
 
-class Store(RecordFile):
+class Store(records.RecordFile):
     """The results of a file, by key; only one process at a time may have it open.
 
     Raises:
@@ -273,7 +270,7 @@ class Store(RecordFile):
 
     def __init__(self, path: Path) -> None:
         self.results: dict[str, Any] = {}
-        form = RecordFormat("store of results", {"schema": SCHEMA, "robust": robust.__version__})
+        form = records.RecordFormat("store of results", {"schema": SCHEMA, "robust": robust.__version__})
         super().__init__(path, form, self._accept)
 
     def add(self, key: str, label: str, result: Any) -> None:
@@ -410,7 +407,7 @@ def run_sweep(
                 try:
                     opened.add(key, label, value)
                 except InputError as error:
-                    unwritten(error)
+                    records.unwritten(error)
             keep(key, restored(value, record))
 
     def begun(pending: Sequence[tuple[int, str]]) -> Iterator[tuple[int, Task]]:

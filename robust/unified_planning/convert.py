@@ -22,8 +22,7 @@ from typing import TYPE_CHECKING, Any
 from robust.errors import InputError, UnsupportedError, did_you_mean, missing
 from robust.numbers import format_number
 from robust.plan.model import Atom, Fluent, ParameterReference, TimedLiteral, TimePoint, TimePointKind
-from robust.plan.pddl.reader import parse_domain, parse_problem
-from robust.plan.pddl.syntax import Domain, Problem
+from robust.plan.pddl import reader, syntax
 from robust.plan.stn import InstanceDeclaration, STNBound, STNConstraint, STNPlan
 from robust.plan.timed import TimedPlan, TimedStep
 
@@ -133,7 +132,7 @@ _WRITERS: dict[str, str | Callable[[Any, list[str]], str]] = {
 _NEEDS = ":typing :fluents :adl :durative-actions :duration-inequalities :timed-initial-literals"
 
 
-def problem_of(problem: up.Problem) -> tuple[Domain, Problem]:
+def problem_of(problem: up.Problem) -> tuple[syntax.Domain, syntax.Problem]:
     """Domain and problem of a unified-planning problem.
 
     Raises:
@@ -143,8 +142,8 @@ def problem_of(problem: up.Problem) -> tuple[Domain, Problem]:
     _check_supported(problem)
     name = name_of(problem.name or "problem")
     file = f"<unified-planning problem {name}>"
-    domain = parse_domain(_domain_text(problem, name), file)
-    read = parse_problem(_problem_text(problem, name), domain, file)
+    domain = reader.parse_domain(_domain_text(problem, name), file)
+    read = reader.parse_problem(_problem_text(problem, name), domain, file)
     atoms, fluents = _initial_state(problem)
     literals = sorted(_timed_literals(problem), key=lambda literal: literal.time)
     return domain, replace(read, atoms=atoms, fluents=fluents, timed_literals=tuple(literals))
@@ -338,7 +337,9 @@ def _timed_literals(problem: up.Problem) -> Iterator[TimedLiteral]:
 # -- plans in ----------------------------------------------------------------------------------------------------------
 
 
-def from_unified_planning(problem: up.Problem, plan: up_plans.Plan) -> tuple[Domain, Problem, TimedPlan | STNPlan]:
+def from_unified_planning(
+    problem: up.Problem, plan: up_plans.Plan
+) -> tuple[syntax.Domain, syntax.Problem, TimedPlan | STNPlan]:
     """Domain, problem and plan from unified-planning's problem and plan; numbers stay exact.
 
     A time-triggered plan is what :func:`robust.convert` and :func:`robust.execute.validate.validate` take; so is a
@@ -357,7 +358,7 @@ def from_unified_planning(problem: up.Problem, plan: up_plans.Plan) -> tuple[Dom
     return triple
 
 
-def converted(problem: up.Problem, plan: up_plans.Plan) -> tuple[Domain, Problem, TimedPlan | STNPlan]:
+def converted(problem: up.Problem, plan: up_plans.Plan) -> tuple[syntax.Domain, syntax.Problem, TimedPlan | STNPlan]:
     """Domain, problem and plan from unified-planning's; bounds of types are ignored."""
     plans = module_of("unified_planning.plans")
     if isinstance(plan, plans.STNPlan):

@@ -25,12 +25,10 @@ from unified_planning.plans import PlanKind
 
 from robust.encode.interface import EPSILON
 from robust.errors import InputError, Location, RobustError
-from robust.execute.causal import check_plan
-from robust.execute.distances import declarations, schedule_of
+from robust.execute import causal, distances
 from robust.irr.check import Answer
 from robust.numbers import parse_number, readable, readable_values
-from robust.plan.load import assemble
-from robust.plan.model import TimePointKind, concerned
+from robust.plan import load, model
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.simulate import Simulation, Violation, simulate
 from robust.plan.stn import STNPlan
@@ -152,10 +150,10 @@ class _PlanJudge:
         return self._of_schedule(domain, problem, plan)
 
     def _of_schedule(self, domain: Domain, problem: Problem, timed: TimedPlan) -> ValidationResult:
-        declared = declarations(timed, domain, self.epsilon) if timed.steps else ()
-        plan = assemble(domain, problem, STNPlan((), declared, (), timed.file), may_be_empty=True)
+        declared = distances.declarations(timed, domain, self.epsilon) if timed.steps else ()
+        plan = load.assemble(domain, problem, STNPlan((), declared, (), timed.file), may_be_empty=True)
         epsilon = self.epsilon if self.plan.kind is PlanKind.TIME_TRIGGERED_PLAN else Fraction(1)
-        simulation = simulate(plan, plan.nominal, schedule_of(timed, declared), epsilon=epsilon)
+        simulation = simulate(plan, plan.nominal, distances.schedule_of(timed, declared), epsilon=epsilon)
         outside = self._outside(simulation)
         if simulation.valid and outside is not None:
             return _result(ValidationResultStatus.INVALID, outside)
@@ -165,9 +163,9 @@ class _PlanJudge:
         return self._refuted(simulation, first, "")
 
     def _of_network(self, domain: Domain, problem: Problem, stn: STNPlan, timeout: float | None) -> ValidationResult:
-        plan = assemble(domain, problem, stn, may_be_empty=True)
+        plan = load.assemble(domain, problem, stn, may_be_empty=True)
         with one_question():
-            checked = check_plan(plan, self.epsilon, "z3", Deadline.after(timeout))
+            checked = causal.check_plan(plan, self.epsilon, "z3", Deadline.after(timeout))
         if checked.answer is Answer.PROVED and type_bounds(self.problem):
             return _result(ValidationResultStatus.UNKNOWN, "found bounds of types, expected a plan with times for them")
         if checked.answer is Answer.PROVED:
@@ -204,7 +202,7 @@ class _PlanJudge:
         message = f"{broken.obligation} is broken at {readable(broken.time)}: {readable_values(broken.detail)}{more}"
         known: dict[str, Any] = {"reason": reason, "trace": self._trace(simulation, broken)}
         if reason is FailedValidationReason.INAPPLICABLE_ACTION:
-            number = concerned(broken.obligation)[0].removeprefix("n")
+            number = model.concerned(broken.obligation)[0].removeprefix("n")
             known["inapplicable_action"] = instances_of(self.plan)[int(number)]
         return _result(ValidationResultStatus.INVALID, message, **known)
 
@@ -232,7 +230,7 @@ class _PlanJudge:
         state = UPState(self.problem.explicit_initial_values, self.problem)
         yield INITIALLY, state
         for step in simulation.trace:
-            if all(point.kind is TimePointKind.ZERO for point in step.points):
+            if all(point.kind is model.TimePointKind.ZERO for point in step.points):
                 continue
             if broken is not None and (step.time > broken.time or (step.time == broken.time and _at_once(broken))):
                 return

@@ -6,8 +6,6 @@ graph: `t_target − t_source ≥ weight`, weight over parameters. Between two n
 never matter within the box in question are redundant. What remains on loops are the facets.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
@@ -15,12 +13,10 @@ from functools import cached_property
 from itertools import permutations
 from typing import assert_never
 
-from robust.encode import interface
-from robust.encode.effects import Writes
+from robust.encode import effects, interface
 from robust.encode.network import Difference, Orders, TemporalNetwork, duration_rules
 from robust.encode.positions.formulas import Positions, PositionState, Reader, Setting, Trajectory
-from robust.plan import model
-from robust.plan.simulate import mutex_pairs
+from robust.plan import model, simulate
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Satisfiability, Session
 from robust.smt.terms import Formula, Terms
@@ -315,8 +311,8 @@ class PositionsEncoding(interface.Encoding):
         self.places = self.network.places
         self.validity = Projection(self.network, self.terms)
         self._reader = Reader(plan, self.network, self.terms)
-        self._writes = Writes(plan)
-        self._mutex = tuple(mutex_pairs(plan))
+        self._writes = effects.Writes(plan)
+        self._mutex = tuple(simulate.mutex_pairs(plan))
         self._rules = tuple(duration_rules(plan, self._writes))
         self._parts: dict[Formula, tuple[Part, model.ActionInstance | None]] = {}
         self._defined: dict[Formula, list[Formula]] = {}

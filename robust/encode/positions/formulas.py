@@ -5,8 +5,6 @@ choice is a Boolean per time point and position, "by then it has happened", so f
 searches the orders.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache

@@ -3,8 +3,6 @@
 They are created by name, or by the command that starts them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from fractions import Fraction
 

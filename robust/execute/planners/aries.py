@@ -26,8 +26,7 @@ from robust.errors import InputError, Location, UnsupportedError, missing
 from robust.execute.planners.interface import MEMORY_MB, PlannerAnswer, PlannerStatus, judged, last_valid_plan
 from robust.numbers import format_number
 from robust.plan.model import Atom, Fluent, TimedLiteral, Timing
-from robust.plan.pddl import syntax
-from robust.plan.pddl.declarations import fits
+from robust.plan.pddl import declarations, syntax
 from robust.plan.timed import TimedPlan, TimedStep
 from robust.processes import ProcessEnd, Processes
 from robust.smt.limits import Deadline
@@ -127,7 +126,7 @@ class AriesTranslation:
         """The bindings with every choice of objects for the variables of a quantifier."""
         known, hierarchy = self._problem.objects.items(), self._domain.types
         choices = {
-            variable.name: [name for name, typed in known if fits(typed.types, variable.types, hierarchy)]
+            variable.name: [name for name, typed in known if declarations.fits(typed.types, variable.types, hierarchy)]
             for variable in variables
         }
         for chosen in product(*choices.values()):

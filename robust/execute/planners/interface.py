@@ -8,8 +8,6 @@ Programs read PDDL files and print a time-triggered plan: any program by its com
 numeric planner of the extra `planners`.
 """
 
-from __future__ import annotations
-
 import re
 import shlex
 import shutil
@@ -22,21 +20,18 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Protocol
 
+from robust import numbers, presented
 from robust.encode.interface import EPSILON
 from robust.errors import InputError, RobustError, did_you_mean, missing
 from robust.execute.distances import declarations, schedule_of, validated
-from robust.numbers import format_number
-from robust.plan.load import assemble
+from robust.plan import load, stn, timed
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.pddl.write import domain_text, problem_text
-from robust.plan.stn import STNPlan
-from robust.plan.timed import TimedPlan, plans_in
-from robust.presented import NoTruthValue, VerdictEnum
 from robust.processes import KEPT, ProcessEnd, Processes
 from robust.smt.limits import Deadline
 
 
-class PlannerStatus(VerdictEnum):
+class PlannerStatus(presented.VerdictEnum):
     """Status of a call of a planner."""
 
     SOLVED = "solved"
@@ -52,7 +47,7 @@ class PlannerStatus(VerdictEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class PlannerAnswer(NoTruthValue, ask="status"):
+class PlannerAnswer(presented.NoTruthValue, ask="status"):
     """Answer of a planner; `plan` is given exactly when the status is `SOLVED`.
 
     `message` is one line: why there is no plan. `seconds` is wall time from the call to the answer, the check of the
@@ -61,7 +56,7 @@ class PlannerAnswer(NoTruthValue, ask="status"):
 
     planner: str
     status: PlannerStatus
-    plan: TimedPlan | None
+    plan: timed.TimedPlan | None
     seconds: float = 0.0
     message: str = ""
 
@@ -93,11 +88,11 @@ _NO_PLAN = re.compile(
 )
 
 
-Renaming = Callable[[TimedPlan], TimedPlan]
+Renaming = Callable[[timed.TimedPlan], timed.TimedPlan]
 """From the names and times of a planner to those of a problem."""
 
 
-def check(plan: TimedPlan, domain: Domain, problem: Problem, epsilon: Fraction) -> None:
+def check(plan: timed.TimedPlan, domain: Domain, problem: Problem, epsilon: Fraction) -> None:
     """Execute a plan in the simulator.
 
     Raises:
@@ -106,16 +101,16 @@ def check(plan: TimedPlan, domain: Domain, problem: Problem, epsilon: Fraction) 
         UnsupportedError: if the simulator cannot decide.
     """
     instances = declarations(plan, domain, epsilon)
-    bare = assemble(domain, problem, STNPlan((), instances, (), plan.file))
+    bare = load.assemble(domain, problem, stn.STNPlan((), instances, (), plan.file))
     validated(bare, schedule_of(plan, instances), epsilon, plan.file)
 
 
 def last_valid_plan(
     text: str, domain: Domain, problem: Problem, epsilon: Fraction, planner: str, *, renamed: Renaming | None = None
-) -> tuple[TimedPlan | None, str]:
+) -> tuple[timed.TimedPlan | None, str]:
     """The last plan in a text that is valid; without one, what is wrong with the last, or an empty message."""
     message = ""
-    for printed in plans_in(text, f"<plan of {planner}>"):
+    for printed in timed.plans_in(text, f"<plan of {planner}>"):
         try:
             if isinstance(printed, InputError):
                 raise printed
@@ -203,7 +198,7 @@ def command_planner(template: str, *, epsilon: Fraction = EPSILON) -> CommandPla
     return CommandPlanner(Path(arguments[0]).name, arguments, epsilon)
 
 
-def judged(name: str, ended: ProcessEnd, last: tuple[TimedPlan | None, str], verdict: Judge) -> PlannerAnswer:
+def judged(name: str, ended: ProcessEnd, last: tuple[timed.TimedPlan | None, str], verdict: Judge) -> PlannerAnswer:
     """The answer that a run of a process amounts to; `found` is a valid plan, or what is wrong with the last one."""
     plan, wrong = last
     if plan is not None:
@@ -285,7 +280,15 @@ def kairos_planner(*, epsilon: Fraction = EPSILON) -> KairosPlanner:
     command = program("kairos")
     if command is None:
         raise missing("planner kairos (package kairos-planner)", "planners")
-    options = ("--no-anytime", "--threads", "1", "--memory", str(_MEMORY_MB), "--epsilon", format_number(epsilon))
+    options = (
+        "--no-anytime",
+        "--threads",
+        "1",
+        "--memory",
+        str(_MEMORY_MB),
+        "--epsilon",
+        numbers.format_number(epsilon),
+    )
     arguments = (command, "solve", "{domain}", "{problem}", "--timeout", "{timeout}", *options)
     first = CommandPlanner("kairos", (*arguments, "--search", "eager-lama"), epsilon, _verdict)
     return KairosPlanner(first, CommandPlanner("kairos", arguments, epsilon, _verdict))

@@ -39,9 +39,7 @@ from robust.execute.planners.interface import Planner, PlannerAnswer, PlannerSta
 from robust.execute.snap import duration_range
 from robust.numbers import format_number
 from robust.plan import model
-from robust.plan.pddl import syntax
-from robust.plan.pddl.declarations import fits
-from robust.plan.pddl.grounding import ground_action, ground_goal
+from robust.plan.pddl import declarations, grounding, syntax
 from robust.plan.polynomial import Polynomial
 from robust.smt.limits import Deadline, OutOfTimeError
 
@@ -118,13 +116,15 @@ def relaxed_problem(domain: syntax.Domain, problem: syntax.Problem, deadline: De
     for schema in domain.actions.values():
         for arguments in constants.arguments(schema):
             deadline.enforce()
-            ground = ground_action(domain, problem, schema.name, schema.name, arguments, schema.durative, None)
+            ground = grounding.ground_action(
+                domain, problem, schema.name, schema.name, arguments, schema.durative, None
+            )
             shortest = constants.shortest(ground)
             if shortest is not None and constants.allow(ground, at_once=not shortest):
                 candidates.append((ground, shortest))
             if len(candidates) > MOST_ACTIONS:
                 raise TooLargeError
-    goal = model.And(tuple(demand.condition for demand in ground_goal(domain, problem)))
+    goal = model.And(tuple(demand.condition for demand in grounding.ground_goal(domain, problem)))
     facts = _facts(problem, (action for action, _ in candidates), goal)
     number = {atom: i for i, atom in enumerate(facts)}
     # at one moment, the literals that make an atom true count, and come last
@@ -207,7 +207,7 @@ class _Constants:
                     checks.setdefault(place, []).append(proposition)
         objects = self._problem.objects.values()
         choices = [
-            [thing.name for thing in objects if fits(thing.types, parameter.types, self._hierarchy)]
+            [thing.name for thing in objects if declarations.fits(thing.types, parameter.types, self._hierarchy)]
             for parameter in schema.parameters
         ]
 

@@ -29,14 +29,13 @@ from typing import TypeAlias
 from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import format_number, shorten
 from robust.pike_bridge.model import Constraint, TeamPlan, Tpnu, check_choice
-from robust.plan.model import Parameter, ParameterReference
+from robust.plan import model, stn
 from robust.plan.parameters import ATTRIBUTES, attributes_of, kind_of, number_text, set_attribute, toml_document
 from robust.plan.pddl.forms import read_text
 from robust.plan.polynomial import Polynomial
-from robust.plan.stn import ParameterDeclaration, bad_parameter_name, check_range, is_parameter_name
 from robust.qe.box import Box
 
-Bound: TypeAlias = Polynomial[ParameterReference]
+Bound: TypeAlias = Polynomial[model.ParameterReference]
 """A number, or a number and a parameter."""
 
 
@@ -76,7 +75,7 @@ class TeamParameterSpec:
 class TeamParameter:
     """A parameter with what it stands for."""
 
-    parameter: Parameter
+    parameter: model.Parameter
     kind: TeamParameterKind
     places: tuple[int, ...]
     """In `Tpnu.temporal_constraints`."""
@@ -108,7 +107,7 @@ class ParametricPlan:
         return tuple(parameter.name for parameter in self.parameters)
 
     @property
-    def declared(self) -> tuple[Parameter, ...]:
+    def declared(self) -> tuple[model.Parameter, ...]:
         """The parameters with their nominal values, weights and bounds."""
         return tuple(parameter.parameter for parameter in self.parameters)
 
@@ -124,7 +123,7 @@ class ParametricPlan:
 
     def at(self, values: Mapping[str, Fraction]) -> TeamPlan:
         """The plan with values for all parameters, whether or not they are within their bounds."""
-        known = {ParameterReference(name): value for name, value in values.items()}
+        known = {model.ParameterReference(name): value for name, value in values.items()}
 
         def number(bound: Bound | None) -> Fraction | None:
             return None if bound is None else bound.evaluate(known)
@@ -218,8 +217,8 @@ def of_members(members: Mapping[str, str], location: Location | None) -> TeamPar
 
 
 def _checked(spec: TeamParameterSpec) -> TeamParameterSpec:
-    if spec.name is not None and not is_parameter_name(spec.name):
-        raise InputError(bad_parameter_name(spec.name), spec.location)
+    if spec.name is not None and not stn.is_parameter_name(spec.name):
+        raise InputError(stn.bad_parameter_name(spec.name), spec.location)
     if not spec.subject:
         raise InputError(f"found nothing after {spec.kind.value!r}, expected {_EXPECTED}", spec.location)
     return spec
@@ -281,7 +280,7 @@ class _Parametrization:
         given = spec.attributes
         durations = min(places) >= len(self._network.constraints)
         lower = Fraction(0) if durations or spec.kind is TeamParameterKind.HESITATION else None
-        declaration = ParameterDeclaration(
+        declaration = stn.ParameterDeclaration(
             name,
             weight=given.get("weight") or Fraction(1),
             default=given.get("default", self._nominal(spec, places, what)),
@@ -289,18 +288,18 @@ class _Parametrization:
             upper=given.get("upper"),
             location=spec.location,
         )
-        check_range(declaration, spec.location)
+        stn.check_range(declaration, spec.location)
         if declaration.default is None:
             example = f"{spec.kind.value}:{spec.subject},default=D"
             raise InputError(f"found no one value for {what}, expected a nominal value: {example}", spec.location)
-        parameter = Parameter(
+        parameter = model.Parameter(
             name, declaration.default, declaration.weight, declaration.lower, declaration.upper, spec.location
         )
         self._replace(spec, name, places)
         self.parameters.append(TeamParameter(parameter, spec.kind, places, what))
 
     def _replace(self, spec: TeamParameterSpec, name: str, places: tuple[int, ...]) -> None:
-        parameter: Bound = Polynomial.variable(ParameterReference(name))
+        parameter: Bound = Polynomial.variable(model.ParameterReference(name))
         for place in places:
             for side in spec.kind.sides:
                 other = self._taken.setdefault((place, side), name)

@@ -5,8 +5,6 @@ execution. A box for whatever people choose lies in that union for every combina
 exact widening, as for plans without choices, inside polyhedra instead of formulas.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
 from fractions import Fraction

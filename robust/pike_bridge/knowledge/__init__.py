@@ -1,7 +1,5 @@
 """Knowledge bases over finite-domain variables by name, behind one interface; each is imported when it is created."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module

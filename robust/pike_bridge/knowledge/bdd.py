@@ -1,16 +1,14 @@
 """A theory as one binary decision diagram: its order of variables, its prime implicants, and what is asked of it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import reduce
 from operator import and_, invert, methodcaller, or_
 from typing import Any, TypeAlias
 
 from robust.errors import from_extra
+from robust.pike_bridge import model
 from robust.pike_bridge import theory as logic
 from robust.pike_bridge.knowledge.goal import NOTHING, UNIT, Families, count_models
-from robust.pike_bridge.model import Assignment, Guard
 from robust.pike_bridge.theory import Formula, Theory, assignments_of, interpret, is_consistent, race
 from robust.smt.limits import NEVER, Deadline
 
@@ -49,7 +47,7 @@ class BinaryDiagrams:
         self._domains = domains
         self.digits: dict[str, tuple[str, ...]] = {}
         """The binary variables of each variable; none if it has only one value."""
-        self._values: dict[Assignment, Node] = {}
+        self._values: dict[model.Assignment, Node] = {}
         self._places: dict[str, int] = {}
         position = 0
         for place, variable in enumerate(order):
@@ -59,18 +57,18 @@ class BinaryDiagrams:
             position += count
             self.manager.declare(*self.digits[variable])
             for number, value in enumerate(domains[variable]):
-                self._values[Assignment(variable, value)] = self.manager.cube(self._code(variable, number))
+                self._values[model.Assignment(variable, value)] = self.manager.cube(self._code(variable, number))
 
     def valid(self, variable: str) -> Node:
         """That the digits are the number of some value."""
-        values = (self._values[Assignment(variable, value)] for value in self._domains[variable])
+        values = (self._values[model.Assignment(variable, value)] for value in self._domains[variable])
         return reduce(or_, values, self.manager.false)
 
-    def environment(self, assignments: Iterable[Assignment]) -> Node:
+    def environment(self, assignments: Iterable[model.Assignment]) -> Node:
         """The conjunction of assignments."""
         return reduce(and_, map(self._values.__getitem__, assignments), self.manager.true)
 
-    def excluded(self, conflict: Guard) -> Node:
+    def excluded(self, conflict: model.Guard) -> Node:
         """That not all assignments of a conflict hold."""
         return ~self.environment(conflict)
 
@@ -178,7 +176,7 @@ class BddKnowledgeBase(logic.KnowledgeBase):
         families, implicants = self._primes(deadline)
         return families.count(implicants, deadline)
 
-    def prime_implicants(self, deadline: Deadline = NEVER) -> Iterator[Guard]:
+    def prime_implicants(self, deadline: Deadline = NEVER) -> Iterator[model.Guard]:
         """Every prime implicant of what is left of the theory, once; there may be very many.
 
         Raises:
@@ -187,7 +185,7 @@ class BddKnowledgeBase(logic.KnowledgeBase):
         families, implicants = self._primes(deadline)
         order, domains = self._diagrams.order, self.theory.domains
         for environment in families.environments([implicants]):
-            yield frozenset(Assignment(order[at], domains[order[at]][number]) for at, number in environment)
+            yield frozenset(model.Assignment(order[at], domains[order[at]][number]) for at, number in environment)
 
     def _primes(self, deadline: Deadline) -> tuple[Families, int]:
         deadline.enforce()
@@ -226,7 +224,7 @@ class BddKnowledgeBase(logic.KnowledgeBase):
     def _narrowed(self, asked: logic.Narrowing, deadline: Deadline) -> Node:
         if not asked.consistent:
             return self._diagrams.manager.false
-        root = self._root & self._diagrams.environment(Assignment(*item) for item in asked.required.items())
+        root = self._root & self._diagrams.environment(model.Assignment(*item) for item in asked.required.items())
         for number, conflict in enumerate(asked.conflicts):
             deadline.enforce()
             if number % GLANCE == GLANCE - 1:

@@ -15,8 +15,6 @@ assignment is the disjunction of the other values. Each conflict justifies a con
 a node.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field

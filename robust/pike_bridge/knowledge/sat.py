@@ -1,7 +1,5 @@
 """Choices and times as formulas of a solver, and the knowledge base that asks an incremental solver each question."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain, combinations
 

@@ -8,8 +8,6 @@ conflict are dropped as soon as a label mentions all of its variables. An enviro
 manifest a conflict, so queries look for environments that resolve all conflicts.
 """
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,8 +18,8 @@ from typing import Any, ClassVar, NamedTuple
 
 from robust.pike_bridge import theory as logic
 from robust.pike_bridge.knowledge import labels as labeling
+from robust.pike_bridge.knowledge import sat
 from robust.pike_bridge.knowledge.goal import LARGEST_GOAL, compile_goal
-from robust.pike_bridge.knowledge.sat import SatKnowledgeBase
 from robust.pike_bridge.model import Assignment, AssignmentVocabulary, Environment, Guard, bits, guard, union
 from robust.pike_bridge.theory import FALSE, Effort, Theory, connected
 from robust.smt.limits import NEVER, Deadline
@@ -228,7 +226,9 @@ class LabelKnowledgeBase(logic.KnowledgeBase):
         self._largest_label = largest_label
         self._committed: tuple[labeling.LabelConflict, ...] = ()
         with self._compiling(deadline):
-            possible = not shortcut or SatKnowledgeBase(theory, solver=solver, deadline=deadline).satisfiable(deadline)
+            possible = not shortcut or sat.SatKnowledgeBase(theory, solver=solver, deadline=deadline).satisfiable(
+                deadline
+            )
             self.simplified = labeling.simplify(theory, deadline) if possible else Theory(theory.domains, (FALSE,))
             """The equivalent theory that was encoded."""
             network = labeling.encode(self.simplified)

@@ -4,19 +4,16 @@ It is an :class:`robust.execute.drive.Executive`: told what has happened and how
 now and when to look again. Whatever it decides, a correct execution remains possible; when none is left, it says so.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import partial
 from typing import NamedTuple, assert_never
 
-from robust.pike_bridge.model import ALWAYS, Assignment, Guard, TeamPlan
+from robust.pike_bridge import model, semantics
 from robust.pike_bridge.online import progress as said
+from robust.pike_bridge.online import semantic
 from robust.pike_bridge.online.patience import Patience, openings, values_of
-from robust.pike_bridge.online.semantic import Reasoner, SemanticReasoner
-from robust.pike_bridge.semantics import restrict
 from robust.searching import Searching, Status, Stoppable
 from robust.smt.limits import NEVER, Deadline
 
@@ -29,7 +26,7 @@ def as_written(alternatives: Sequence[str]) -> Sequence[str]:
     return alternatives
 
 
-def objection(plan: TeamPlan, known: Mapping[str, str], message: said.Outcome) -> str | None:
+def objection(plan: model.TeamPlan, known: Mapping[str, str], message: said.Outcome) -> str | None:
     """Why an outcome is not taken where the values of some choices are known; None if it is."""
     name, value = message.choice, message.value
     choice = next((choice for choice in plan.network.choices if choice.name == name), None)
@@ -61,8 +58,8 @@ class PlanExecutive:
 
     def __init__(
         self,
-        plan: TeamPlan,
-        reasoner: Callable[[said.Progress], Reasoner],
+        plan: model.TeamPlan,
+        reasoner: Callable[[said.Progress], semantic.Reasoner],
         *,
         ranking: Ranking = as_written,
         monitor: bool = True,
@@ -78,7 +75,7 @@ class PlanExecutive:
         self.outcome: said.Failed | said.Succeeded | None = None
         self._monitor = said.Monitor(self.progress) if monitor else None
         self._ranking = ranking
-        shared = self.reasoner if isinstance(self.reasoner, SemanticReasoner) else None
+        shared = self.reasoner if isinstance(self.reasoner, semantic.SemanticReasoner) else None
         self._patience = Patience(self.progress, patience, reasoner=shared, solver=solver, deadline=deadline)
         self._values: Mapping[str, str] = {}
         """Of the choices that are made at the event that is being executed, as far as they are decided."""
@@ -153,7 +150,7 @@ class PlanExecutive:
         decisions += self._execute_all()
         self._wake = None
         if self._is_finished():
-            scenario = tuple(Assignment(*each) for each in sorted(self.progress.chosen.items()))
+            scenario = tuple(model.Assignment(*each) for each in sorted(self.progress.chosen.items()))
             self.outcome = said.Succeeded(self.progress.now, scenario)
             decisions.append(self.outcome)
         return decisions
@@ -305,7 +302,9 @@ class PlanExecutive:
 
     def _possible(self, choice: str, values: Iterable[str]) -> Iterator[str]:
         return (
-            value for value in values if self.reasoner.could(frozenset({Assignment(choice, value)}), self._deadline)
+            value
+            for value in values
+            if self.reasoner.could(frozenset({model.Assignment(choice, value)}), self._deadline)
         )
 
     def _is_finished(self) -> bool:
@@ -354,8 +353,8 @@ class LatestMoments(Searching[Moments]):
         assume: choices that are made already.
     """
 
-    plan: TeamPlan
-    assume: Guard = ALWAYS
+    plan: model.TeamPlan
+    assume: model.Guard = model.ALWAYS
     solver: str = "z3"
     deadline: Deadline = NEVER
 
@@ -373,7 +372,7 @@ class LatestMoments(Searching[Moments]):
     def _search(self) -> None:
         executive = self._beginning()
         progress, known = executive.progress, self._known
-        reasoner = SemanticReasoner(progress, solver=self.solver)
+        reasoner = semantic.SemanticReasoner(progress, solver=self.solver)
         known.feasible = not executive.ended or isinstance(executive.outcome, said.Succeeded)
         for intent in values_of(openings(progress), progress):
             [(choice, value)] = intent.values
@@ -383,8 +382,8 @@ class LatestMoments(Searching[Moments]):
 
     def _beginning(self) -> PlanExecutive:
         """An executive that has done what it does before anyone else can."""
-        plan = restrict(self.plan, self.assume)
-        executive = PlanExecutive(plan, partial(SemanticReasoner, solver=self.solver), deadline=self.deadline)
+        plan = semantics.restrict(self.plan, self.assume)
+        executive = PlanExecutive(plan, partial(semantic.SemanticReasoner, solver=self.solver), deadline=self.deadline)
         now: Fraction | None = Fraction(0)
         while now is not None and not executive.ended:
             executive.step(now)

@@ -4,8 +4,6 @@ A :class:`Situation` is a moment of an execution; it finds continuations and min
 events, bounds and conditions in the words of the plan's activities.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
@@ -20,9 +18,8 @@ from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.online.semantic import OnlineSemantics, SemanticReasoner
 from robust.pike_bridge.semantics import Execution
 from robust.qe.eliminate.enumerate import minimal
-from robust.smt.limits import NEVER, Deadline
+from robust.smt import limits, terms
 from robust.smt.session import Session
-from robust.smt.terms import Formula
 
 _MOST = 4
 """The most activities that are named one by one."""
@@ -208,7 +205,7 @@ class Fact:
 
     kind: About
     text: str
-    formula: Formula = field(compare=False, repr=False)
+    formula: terms.Formula = field(compare=False, repr=False)
     activity: model.Activity | None = field(default=None, compare=False)
     """Of a least duration: whose it is."""
     limit: Fraction | None = field(default=None, compare=False)
@@ -229,7 +226,7 @@ class Situation:
         SolverError: if the solver is unknown or not installed.
     """
 
-    def __init__(self, progress: Progress, *, solver: str = "z3", deadline: Deadline = NEVER) -> None:
+    def __init__(self, progress: Progress, *, solver: str = "z3", deadline: limits.Deadline = limits.NEVER) -> None:
         self.progress = progress.copy()
         self.semantics = OnlineSemantics(self.progress)
         self.wording = Wording(self.progress)
@@ -384,7 +381,7 @@ class Situation:
     def _merely_orders(self, lower: Fraction) -> bool:
         return 0 <= lower <= self._plan.separation
 
-    def _apart(self, constraint: model.Constraint, bound: Fraction, *, least: bool) -> Formula:
+    def _apart(self, constraint: model.Constraint, bound: Fraction, *, least: bool) -> terms.Formula:
         """That the events are at least, or at most, so far apart."""
         semantics = self.semantics
         difference = semantics.difference(constraint.source, constraint.target) - bound
@@ -412,7 +409,11 @@ class Situation:
 
 
 def conflict(
-    progress: Progress, environment: model.Guard = model.ALWAYS, *, solver: str = "z3", deadline: Deadline = NEVER
+    progress: Progress,
+    environment: model.Guard = model.ALWAYS,
+    *,
+    solver: str = "z3",
+    deadline: limits.Deadline = limits.NEVER,
 ) -> tuple[Fact, ...] | None:
     """Why no correct execution continues what has happened in an environment; None if one does.
 

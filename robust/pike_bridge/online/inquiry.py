@@ -9,15 +9,14 @@ from functools import cached_property
 from itertools import takewhile
 from typing import Any, ClassVar, TypeAlias
 
+from robust import json_text, presented
 from robust.errors import InputError, did_you_mean
-from robust.json_text import plain
 from robust.numbers import format_number
 from robust.pike_bridge.model import Activity, Assignment, check_choice, may_produce, starts_with
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.explain import OF_PLAN, About, Fact, Situation, durations, listed
 from robust.pike_bridge.online.progress import Chosen, Decision, Dispatched, Excluded, Executed, Failed
 from robust.pike_bridge.semantics import Execution, holds
-from robust.presented import NoTruthValue, VerdictEnum
 from robust.smt.limits import NEVER, Deadline
 
 _FEW = 6
@@ -204,7 +203,7 @@ class WhyExcluded(Explanation):
         return _excluding(self.impossible)
 
 
-class Obstacle(VerdictEnum):
+class Obstacle(presented.VerdictEnum):
     """Why something is not done, or cannot be."""
 
     NONE = "possible"
@@ -218,7 +217,7 @@ class Obstacle(VerdictEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class WhyNot(Explanation, NoTruthValue, ask="obstacle"):
+class WhyNot(Explanation, presented.NoTruthValue, ask="obstacle"):
     """Why an event is not executed now, a choice has not a value, or no correct execution is left.
 
     Attributes:
@@ -251,11 +250,11 @@ def answer(value: object) -> Any:
             return [fact.as_dict() for fact in facts]
         case Execution():
             schedule = sorted(value.schedule.items(), key=lambda item: (item[1], item[0]))
-            return plain({"scenario": value.scenario, "schedule": dict(schedule)})
+            return json_text.plain({"scenario": value.scenario, "schedule": dict(schedule)})
         case Mapping():
             return {key: answer(each) for key, each in value.items()}
         case _:
-            return plain(value)
+            return json_text.plain(value)
 
 
 def _contradicted(clashes: Mapping[str, Clash | None]) -> dict[str, Clash]:

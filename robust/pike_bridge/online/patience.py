@@ -17,8 +17,6 @@ does what excludes nothing; an act that does not is withheld. What decides when 
 L supposes that nobody hesitates later on; with a margin the executive stops waiting that much earlier.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from fractions import Fraction

@@ -12,8 +12,7 @@ from typing import TypeAlias
 from robust.errors import InputError, Location
 from robust.json_text import JsonTypes, Tagged, named
 from robust.numbers import shorten
-from robust.pike_bridge import model
-from robust.pike_bridge.semantics import holds
+from robust.pike_bridge import model, semantics
 from robust.plan.model import Atom
 
 
@@ -236,7 +235,7 @@ class Progress:
 
     def theirs(self, event: str, scenario: Mapping[str, str]) -> bool:
         """Whether the event is not the executive's to execute in a scenario."""
-        return any(holds(label, scenario) for label in self.external(event))
+        return any(semantics.holds(label, scenario) for label in self.external(event))
 
     def ours(self, event: str) -> bool:
         """Whether the executive may execute the event in some scenario."""

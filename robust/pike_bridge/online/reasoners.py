@@ -4,8 +4,6 @@ Labeled execution windows come from the labeled shortest paths of the augmented 
 [PIKE §3, Equation 1]; facts become assignments and conflicts of the knowledge base [PIKE §5.7].
 """
 
-from __future__ import annotations
-
 from bisect import bisect_left
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -15,11 +13,8 @@ from typing import NamedTuple
 
 from robust.backends import SMT
 from robust.errors import InputError, did_you_mean
-from robust.pike_bridge import model
-from robust.pike_bridge.compile import Compilation, Compiling, Temporal
-from robust.pike_bridge.distance_graph import LabeledValueSet
+from robust.pike_bridge import compile, distance_graph, labeled_apsp, model
 from robust.pike_bridge.knowledge import knowledge_bases
-from robust.pike_bridge.labeled_apsp import LabeledDistances, most_general
 from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.online.semantic import News, Reasoner, SemanticReasoner
 from robust.pike_bridge.theory import Commitment, Exclude, Require
@@ -45,7 +40,7 @@ class LabeledWindows:
     deadline passes first.
     """
 
-    def __init__(self, network: model.Tpnu, distances: LabeledDistances, deadline: Deadline) -> None:
+    def __init__(self, network: model.Tpnu, distances: labeled_apsp.LabeledDistances, deadline: Deadline) -> None:
         self.vocabulary: model.AssignmentVocabulary = distances.vocabulary
         self.guards: Mapping[str, model.Environment] = {
             event.name: self.vocabulary.encode(event.guard) for event in network.events
@@ -54,9 +49,9 @@ class LabeledWindows:
         """D(event, other) for every other event."""
         self._before: dict[str, list[LabeledReach]] = {event: [] for event in self.guards}
         """D(other, event) for every other event."""
-        self.lower = {event: LabeledValueSet[Fraction](self.vocabulary) for event in self.guards}
+        self.lower = {event: distance_graph.LabeledValueSet[Fraction](self.vocabulary) for event in self.guards}
         """(−l, φ): in φ, the event is at l or later."""
-        self.upper = {event: LabeledValueSet[Fraction](self.vocabulary) for event in self.guards}
+        self.upper = {event: distance_graph.LabeledValueSet[Fraction](self.vocabulary) for event in self.guards}
         """(u, φ): in φ, the event is at u or earlier."""
         for source in self.guards:
             deadline.enforce()
@@ -95,7 +90,9 @@ class WindowReasoner(Reasoner):
     What has happened becomes commitments, which wait until something is asked, because only questions have deadlines.
     """
 
-    def __init__(self, progress: Progress, compilation: Compilation, deadline: Deadline, solver: str = "z3") -> None:
+    def __init__(
+        self, progress: Progress, compilation: compile.Compilation, deadline: Deadline, solver: str = "z3"
+    ) -> None:
         super().__init__(progress)
         self._solver = solver
         self._instead: SemanticReasoner | None = None
@@ -103,7 +100,7 @@ class WindowReasoner(Reasoner):
         self._knowledge = compilation.knowledge
         network = compilation.augmented.network
         # A back end that reasons about time itself needs no conflicts, and so had no distances.
-        distances = compilation.distances or LabeledDistances(network, deadline)
+        distances = compilation.distances or labeled_apsp.LabeledDistances(network, deadline)
         self._windows = LabeledWindows(network, distances, deadline)
         self._vocabulary = self._windows.vocabulary
         self._epsilon = progress.plan.separation
@@ -255,7 +252,7 @@ class WindowReasoner(Reasoner):
         made, consistent = self._vocabulary.made, self._vocabulary.consistent
         whole = self._known | self._vocabulary.encode(given.environment)
         remainders = (label & ~whole & made for label in excluded if consistent(whole | label))
-        labels = most_general(sorted(remainders, key=int.bit_count))
+        labels = labeled_apsp.most_general(sorted(remainders, key=int.bit_count))
         if 0 in labels:
             return False
         if self._waiting:
@@ -281,13 +278,13 @@ class CompiledReasoners:
     backend: str
     solver: str = "z3"
     deadline: Deadline = NEVER
-    compilation: Compilation | None = None
+    compilation: compile.Compilation | None = None
     seconds: Mapping[str, float] = field(default_factory=dict)
     """By stage: those of :class:`~robust.pike_bridge.compile.Compiling`, and windows."""
 
     def __call__(self, progress: Progress) -> Reasoner:
-        compiling = Compiling(
-            progress.plan, self.backend, temporal=Temporal.APSP, solver=self.solver, deadline=self.deadline
+        compiling = compile.Compiling(
+            progress.plan, self.backend, temporal=compile.Temporal.APSP, solver=self.solver, deadline=self.deadline
         )
         self.seconds = compiling.seconds
         self.compilation = compiling.compile()

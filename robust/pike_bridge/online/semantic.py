@@ -9,8 +9,6 @@ The semantic reasoner compiles nothing: one incremental solver is told what happ
 shortest paths, no causal links and no knowledge base, so that it is also what executives with those are held against.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass

@@ -8,8 +8,6 @@ on disk before it is announced; so a line that a crash has cut off can be droppe
 :meth:`PlanExecutive.repeat` without any search.
 """
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -19,16 +17,15 @@ from fractions import Fraction
 from hashlib import sha256
 from typing import Any, TypeAlias, assert_never
 
+from robust import json_text, records
 from robust.errors import InputError, Location, did_you_mean
-from robust.json_text import Array, Tagged, parse_line
 from robust.numbers import shorten
 from robust.pike_bridge.compile import checked_assumptions
 from robust.pike_bridge.model import TeamPlan, check_choice, guard
+from robust.pike_bridge.online import explain
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.executive import PlanExecutive
-from robust.pike_bridge.online.explain import conflict
 from robust.pike_bridge.online.progress import JSON, Decision, Executed, Message
-from robust.records import Accept, RecordFile, RecordFormat, in_line, read_records
 from robust.smt.limits import NEVER, Deadline
 
 JOURNAL_SCHEMA = "robust/pike-journal/1"
@@ -43,7 +40,7 @@ class JournalStep:
     decisions: tuple[Decision, ...] = ()
 
 
-class Journal(RecordFile):
+class Journal(records.RecordFile):
     """A journal that can be written to; a context manager. `steps` are those that were there when it was opened.
 
     One process at a time: the file is locked until it is closed, or its process is no more.
@@ -79,7 +76,7 @@ def read_journal(path: str | os.PathLike[str], plan: TeamPlan) -> tuple[JournalS
         OSError: if it cannot be read.
     """
     steps: list[JournalStep] = []
-    read_records(path, _format(plan), _accepting(plan, str(path), steps))
+    records.read_records(path, _format(plan), _accepting(plan, str(path), steps))
     return tuple(steps)
 
 
@@ -127,16 +124,16 @@ class _Header:
     epsilon: Fraction
 
 
-def _format(plan: TeamPlan) -> RecordFormat:
+def _format(plan: TeamPlan) -> records.RecordFormat:
     header = _Header(JOURNAL_SCHEMA, plan.name, plan_digest(plan), plan.epsilon)
-    return RecordFormat("journal", JSON.write(_Header, header), chained=True)
+    return records.RecordFormat("journal", JSON.write(_Header, header), chained=True)
 
 
-def _accepting(plan: TeamPlan, file: str, steps: list[JournalStep]) -> Accept:
+def _accepting(plan: TeamPlan, file: str, steps: list[JournalStep]) -> records.Accept:
     """Takes the lines of a journal of a plan, and adds what they say to the steps."""
 
     def accept(number: int, text: str) -> None:
-        line = parse_line(text, file)
+        line = json_text.parse_line(text, file)
         if number == 1:
             _check_header(JSON.read(_Header, line), plan)
             return
@@ -168,33 +165,33 @@ Encoded: TypeAlias = dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
-class Tick(Tagged):
+class Tick(json_text.Tagged):
     """Nothing but time."""
 
 
 @dataclass(frozen=True, slots=True)
-class Together(Tagged):
+class Together(json_text.Tagged):
     """Several messages about one moment."""
 
     messages: tuple[said.Message, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class AskPossible(Tagged):
+class AskPossible(json_text.Tagged):
     """Which values have open choices left?"""
 
     KIND = "possible"
 
 
 @dataclass(frozen=True, slots=True)
-class AskState(Tagged):
+class AskState(json_text.Tagged):
     """What has happened so far?"""
 
     KIND = "state"
 
 
 @dataclass(frozen=True, slots=True)
-class AskWhy(Tagged):
+class AskWhy(json_text.Tagged):
     """Why is no correct execution left, under assumptions?"""
 
     KIND = "why"
@@ -218,7 +215,7 @@ class Request:
 def read_request(text: bytes, line: int, plan: TeamPlan, *, timed: bool) -> Request:
     """What a line asks for; `timed` says whether it gives the time, or the clock does."""
     try:
-        with in_line(INPUT, line):
+        with records.in_line(INPUT, line):
             return _request(text, line, plan, timed=timed)
     except InputError as error:
         return Request(line, str(error))
@@ -226,7 +223,7 @@ def read_request(text: bytes, line: int, plan: TeamPlan, *, timed: bool) -> Requ
 
 def _request(text: bytes, line: int, plan: TeamPlan, *, timed: bool) -> Request:
     try:
-        line_object = parse_line(text.decode(), INPUT)
+        line_object = json_text.parse_line(text.decode(), INPUT)
     except UnicodeDecodeError:
         raise InputError("found bytes that are no UTF-8, expected a JSON object") from None
     request: News | Query = said.JSON.read(News | Query, line_object, beside=("time",))
@@ -240,7 +237,7 @@ def _request(text: bytes, line: int, plan: TeamPlan, *, timed: bool) -> Request:
             return Request(line, request)
         case Together(messages):
             listed = line_object.members.get("messages")
-            places = [each.location for each in listed.items] if isinstance(listed, Array) else []
+            places = [each.location for each in listed.items] if isinstance(listed, json_text.Array) else []
         case Tick():
             messages, places = (), []
         case _:
@@ -407,7 +404,7 @@ class Service:
                 open_choices = [name for name in self.executive.plan.network.domains if name not in progress.chosen]
                 return {"values": {name: list(self.executive.possible_values(name)) for name in open_choices}}
             case AskWhy(assume):
-                facts = conflict(progress, guard(assume), solver=self.solver, deadline=self.deadline)
+                facts = explain.conflict(progress, guard(assume), solver=self.solver, deadline=self.deadline)
                 reasons = None if facts is None else [fact.as_dict() for fact in facts]
                 return {"possible": facts is None, "conflict": reasons}
             case AskState():

@@ -3,8 +3,6 @@
 A world decides uncontrollable choices, how long activities take, and what goes wrong with the state.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field, replace
@@ -16,17 +14,14 @@ from math import ceil, floor
 from random import Random
 from typing import TypeAlias
 
-from robust.backends import DRAKE, SMT, WINDOWS
-from robust.errors import SolverError
+from robust import backends, errors
 from robust.execute.drive import run_in_world
 from robust.pike_bridge.model import ALWAYS, Assignment, Literal, TeamPlan
 from robust.pike_bridge.online import progress as said
+from robust.pike_bridge.online import reasoners, semantic, service
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.explain import Fact, conflict
 from robust.pike_bridge.online.inquiry import Inquiry, StepReasons
-from robust.pike_bridge.online.reasoners import make_reasoner, without_states
-from robust.pike_bridge.online.semantic import Reasoner, SemanticReasoner
-from robust.pike_bridge.online.service import JournalStep
 from robust.pike_bridge.semantics import Execution, faults, holds
 from robust.presented import Presented, VerdictEnum
 from robust.searching import DECIDED, Searching, Status
@@ -93,7 +88,7 @@ class SimulatedTeam:
 
     plan: TeamPlan
     executive: PlanExecutive
-    judge: SemanticReasoner
+    judge: semantic.SemanticReasoner
     story: Story = Story()
     _: KW_ONLY
     seed: int = 0
@@ -232,7 +227,7 @@ class Ending(VerdictEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class ExecutionStep(JournalStep):
+class ExecutionStep(service.JournalStep):
     """A step, with the inferences and reasons that followed from it."""
 
     inferred: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
@@ -294,7 +289,7 @@ class Rehearsal(Searching[ExecutionRecord]):
     seed: int = 0
     infer: bool = True
     solver: str = "z3"
-    backend: str = SMT
+    backend: str = backends.SMT
     deadline: Deadline = NEVER
     on_step: Callable[[ExecutionStep], None] = lambda _step: None
     explain: bool = False
@@ -313,8 +308,8 @@ class Rehearsal(Searching[ExecutionRecord]):
             OutOfTimeError: if the deadline passes before the first step.
             SolverError: if the solver is unknown, or an execution that ended well is not correct.
         """
-        deciding = make_reasoner(self.backend, solver=self.solver, deadline=self.deadline)
-        seen = without_states(self.plan) if self.drake else self.plan
+        deciding = reasoners.make_reasoner(self.backend, solver=self.solver, deadline=self.deadline)
+        seen = reasoners.without_states(self.plan) if self.drake else self.plan
         self._executive = PlanExecutive(
             seen, partial(self._reasoner, deciding), patience=self.patience, solver=self.solver, deadline=self.deadline
         )
@@ -334,7 +329,7 @@ class Rehearsal(Searching[ExecutionRecord]):
         outcome = self._executive.outcome
         wrong = self._faults() if isinstance(outcome, said.Succeeded) else ()
         if wrong and not self.drake:
-            raise SolverError(f"the execution is not correct: {wrong[0]}; please report this")
+            raise errors.SolverError(f"the execution is not correct: {wrong[0]}; please report this")
         if wrong:
             return replace(self._record(Ending.SUCCEEDED), ending=Ending.FAILED, faults=wrong)
         return self._record(Ending.WAITING if outcome is None else Ending(outcome.kind()))
@@ -350,7 +345,11 @@ class Rehearsal(Searching[ExecutionRecord]):
             dict(progress.times),
             plan=self.plan,
             seed=self.seed,
-            reasoner=DRAKE if self.drake else SMT if self.backend == SMT else WINDOWS,
+            reasoner=backends.DRAKE
+            if self.drake
+            else backends.SMT
+            if self.backend == backends.SMT
+            else backends.WINDOWS,
             backend=self.backend,
             explained=self.explain,
             conflict=facts or (),
@@ -382,10 +381,12 @@ class Rehearsal(Searching[ExecutionRecord]):
         """Whether the execution has succeeded or failed."""
         return self._executive.ended
 
-    def _reasoner(self, deciding: Callable[[said.Progress], Reasoner], progress: said.Progress) -> Reasoner:
+    def _reasoner(
+        self, deciding: Callable[[said.Progress], semantic.Reasoner], progress: said.Progress
+    ) -> semantic.Reasoner:
         """The reasoner that decides; a semantic reasoner, which may be the same one, advises the team."""
-        self._judge = SemanticReasoner(progress, solver=self.solver)
-        return self._judge if self.backend == SMT else deciding(progress)
+        self._judge = semantic.SemanticReasoner(progress, solver=self.solver)
+        return self._judge if self.backend == backends.SMT else deciding(progress)
 
     def _inferred(self) -> dict[str, tuple[str, ...]]:
         chosen = self._executive.progress.chosen

@@ -1,7 +1,5 @@
 """Conditions, numeric expressions, durations and effects from their forms, with every name checked."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from fractions import Fraction
 

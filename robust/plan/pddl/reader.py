@@ -4,8 +4,6 @@ Forms become checked data (:mod:`robust.plan.pddl.syntax`). Conditions, duration
 :mod:`robust.plan.pddl.conditions`, declarations by :mod:`robust.plan.pddl.declarations`.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterable, Mapping
 from fractions import Fraction

@@ -6,15 +6,12 @@ so that no condition holds for longer than it does, other numbers to the nearest
 that is not valid for the exact numbers is refuted when it is checked.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import assert_never
 
-from robust.errors import UnsupportedError
-from robust.numbers import format_number
+from robust import errors, numbers
 from robust.plan.model import Atom, Fluent, TimedLiteral, Timing
 from robust.plan.pddl import syntax
 
@@ -148,7 +145,9 @@ def domain_text(domain: syntax.Domain) -> str:
     parameters = [*domain.parameters, *(name for schema in actions for name in schema.synth_parameters)]
     if parameters:
         expected = "a domain without: write their values in"
-        raise UnsupportedError(f"found synthesis parameter {parameters[0]!r}, expected {expected}", domain.location)
+        raise errors.UnsupportedError(
+            f"found synthesis parameter {parameters[0]!r}, expected {expected}", domain.location
+        )
     continuous = any(isinstance(effect, syntax.ContinuousUpdate) for schema in actions for effect in schema.effects)
     sections = [
         section(":requirements", [_REQUIREMENTS, _CONTINUOUS if continuous else ""]),
@@ -182,7 +181,7 @@ def decimal(value: Fraction, places: int, *, up: bool | None = None) -> str:
     """The value with at most `places` decimals; rounded up, down, or (None) to the nearest where it has more."""
     scaled = value * 10**places
     whole = round(scaled) if up is None else -(-scaled // 1) if up else scaled // 1
-    return format_number(Fraction(whole, 10**places))
+    return numbers.format_number(Fraction(whole, 10**places))
 
 
 def _timed_literal(literal: TimedLiteral) -> str:

@@ -1,7 +1,5 @@
 """Quantifier elimination back ends behind one interface; see :mod:`robust.qe.eliminate.interface`."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from importlib import import_module
 

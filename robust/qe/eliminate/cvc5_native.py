@@ -1,17 +1,13 @@
 """Quantifier elimination by cvc5, one disjunct after the other."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
 from typing import Any
 
 from robust.errors import SolverError, UnsupportedError
-from robust.qe import nnf
+from robust.qe import constraint, nnf
 from robust.qe.conjunctions import Conjunction
-from robust.qe.constraint import Sense
-from robust.qe.eliminate.enumerate import polyhedra_of
-from robust.qe.eliminate.interface import Eliminator, Query, without
+from robust.qe.eliminate import enumerate, interface
 from robust.qe.nnf import FALSE, BoolLeaf, Junction, Leaf, Nnf, Operator, Shape, names_in
 from robust.smt.limits import Deadline, stream_from_copy
 
@@ -22,21 +18,23 @@ except ImportError as error:
     raise SolverError("cvc5 is not installed; expected the Python package cvc5") from error
 
 
-class Cvc5Disjuncts(Eliminator):
+class Cvc5Disjuncts(interface.Eliminator):
     """`getQuantifierEliminationDisjunct`, until nothing is left."""
 
     name = "cvc5"
     booleans = False
 
-    def eliminate(self, query: Query, known: Iterable[Conjunction], deadline: Deadline) -> Iterator[Conjunction]:
+    def eliminate(
+        self, query: interface.Query, known: Iterable[Conjunction], deadline: Deadline
+    ) -> Iterator[Conjunction]:
         said = list(known)
-        formula = without(query.formula, said)
+        formula = interface.without(query.formula, said)
         if booleans := nnf.booleans_in(formula):
             raise self.unable("booleans", f"the Boolean symbol {min(booleans)!r}")
         for result in stream_from_copy(
             lambda: self._work(formula, query.eliminated), deadline, "quantifier elimination"
         ):
-            for piece in polyhedra_of(result, self.context, deadline, said):
+            for piece in enumerate.polyhedra_of(result, self.context, deadline, said):
                 yield piece
                 said.append(piece)
 
@@ -84,7 +82,11 @@ class _Native:
             if isinstance(node, BoolLeaf):
                 raise TypeError(f"{node.name!r} is no real symbol")
             parts = [manager.mkTerm(Kind.MULT, number(c), symbols[name]) for name, c in node.coefficients]
-            kind = {Sense.AT_MOST: Kind.LEQ, Sense.LESS: Kind.LT, Sense.EQUAL: Kind.EQUAL}[node.relation]
+            kind = {
+                constraint.Sense.AT_MOST: Kind.LEQ,
+                constraint.Sense.LESS: Kind.LT,
+                constraint.Sense.EQUAL: Kind.EQUAL,
+            }[node.relation]
             return manager.mkTerm(kind, joined(Kind.ADD, parts), number(node.constant))
 
         def junction(node: Junction, operands: list[Any]) -> Any:

@@ -1,16 +1,12 @@
 """Quantifier elimination by z3's tactic `qe2`, which is model-based and takes alternating quantifiers."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from robust.errors import SolverError, UnsupportedError
-from robust.qe import nnf
+from robust.qe import constraint, nnf
 from robust.qe.conjunctions import Conjunction
-from robust.qe.constraint import Sense
-from robust.qe.eliminate.enumerate import polyhedra_of
-from robust.qe.eliminate.interface import Eliminator, Query, without
+from robust.qe.eliminate import enumerate, interface
 from robust.qe.nnf import BoolLeaf, Leaf, Nnf, Operator, Shape
 from robust.smt.limits import Deadline, stream_from_copy
 
@@ -20,19 +16,23 @@ except ImportError as error:
     raise SolverError("z3 is not installed; expected the Python package z3-solver") from error
 
 
-class Z3Tactic(Eliminator):
+class Z3Tactic(interface.Eliminator):
     """z3's `qe2`."""
 
     name = "z3"
     tactic = "qe2"
     alternation = True
 
-    def eliminate(self, query: Query, known: Iterable[Conjunction], deadline: Deadline) -> Iterator[Conjunction]:
+    def eliminate(
+        self, query: interface.Query, known: Iterable[Conjunction], deadline: Deadline
+    ) -> Iterator[Conjunction]:
         known = list(known)
-        formula = without(query.formula, known)
+        formula = interface.without(query.formula, known)
         yield from self._eliminate(lambda: _exists(formula, query.eliminated), known, deadline)
 
-    def eliminate_nested(self, query: Query, exists: Query, deadline: Deadline) -> Iterator[Conjunction]:
+    def eliminate_nested(
+        self, query: interface.Query, exists: interface.Query, deadline: Deadline
+    ) -> Iterator[Conjunction]:
         def build() -> Any:
             inner = _exists(exists.formula, exists.eliminated)
             return z3.Or(_exists(query.formula, query.eliminated), z3.Not(inner))
@@ -52,7 +52,7 @@ class Z3Tactic(Eliminator):
             yield nnf.disjunction(nnf.conjunction(from_z3(part) for part in goal) for goal in goals)
 
         for result in stream_from_copy(work, deadline, "quantifier elimination"):
-            yield from polyhedra_of(result, self.context, deadline, known)
+            yield from enumerate.polyhedra_of(result, self.context, deadline, known)
 
 
 def _exists(formula: Nnf, names: Iterable[str]) -> Any:
@@ -73,11 +73,11 @@ def to_z3(root: Nnf) -> Any:
         form = z3.Sum([z3.RealVal(int(c * scale)) * z3.Real(n) for n, c in node.coefficients])
         constant = z3.RealVal(node.constant.numerator)
         match node.relation:
-            case Sense.AT_MOST:
+            case constraint.Sense.AT_MOST:
                 return form <= constant
-            case Sense.LESS:
+            case constraint.Sense.LESS:
                 return form < constant
-            case Sense.EQUAL:
+            case constraint.Sense.EQUAL:
                 return form == constant
 
     return nnf.fold(root, leaf, lambda node, operands: (z3.And if node.conjunctive else z3.Or)(operands))
