@@ -1,7 +1,8 @@
 """Every method on one plan: the exact envelope beside the boxes, how much of it they cover, and what stops them."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import KW_ONLY, dataclass
+from contextlib import suppress
+from dataclasses import KW_ONLY, dataclass, replace
 from fractions import Fraction
 from functools import partial
 from operator import itemgetter
@@ -9,6 +10,7 @@ from operator import itemgetter
 from robust.encode import create_encoding, interface
 from robust.irr import check, stops, widen
 from robust.irr.exact import BoxMethod
+from robust.irr.proposals import tolerance
 from robust.irr.search import EnvelopeResult
 from robust.plan.model import ParametrizedPlan
 from robust.presented import Presented
@@ -179,6 +181,10 @@ class Comparing(Searching[Comparison]):
         name, _, around = method.partition("-")
         box_method = BoxMethod(name, self.beta, doubling=self.doubling, contain_nominal=bool(around))
         result = box_method.search(encoding, solver=self.solver, deadline=deadline).run()
+        if method == "widen" and result.verified and not result.cut_short:
+            with suppress(OutOfTimeError):
+                known = tolerance(self.plan, self.epsilon, deadline, self.solver, result.box)
+                result = replace(result, tolerance=known)
         self._entries[method] = Entry(method, result)
         self._interrupted = result.status is Status.INTERRUPTED
 

@@ -407,8 +407,10 @@ def comparison_details(result: Comparison) -> str:
     lines = ["not computed"] if result.region is None else _compared_lines(result.region)
     ends = (f"{METHOD_NAMES[entry.method]}: {_box_text(entry)}" for entry in result.entries)
     inequalities = escape("\n".join(lines))
+    known = (entry.result.tolerance for entry in result.entries)
+    tolerances = "".join(f"<p>Tolerance: {escape(str(tolerance))}.</p>" for tolerance in known if tolerance is not None)
     return (
-        f"<p>{escape(_compare_summary(result))}</p><h2>Exact envelope</h2><pre>{inequalities}</pre>"
+        f"<p>{escape(_compare_summary(result))}</p>{tolerances}<h2>Exact envelope</h2><pre>{inequalities}</pre>"
         f"<h2>Boxes</h2>{_html_table(_BOXES, box_rows(result))}"
         f"<ul>{''.join(f'<li>{escape(text)}</li>' for text in ends)}</ul>"
         f"<h2>What stops each face</h2>{_html_table(_FACES, face_rows(result))}"

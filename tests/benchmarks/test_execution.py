@@ -236,14 +236,15 @@ def test_the_longest_steps_are_uncertain_first():
     assert [one.subject for one in tables.uncertain_specs(1, 2)] == ["prepare_step6", "prepare_step5"]
     five = tables.uncertain_rules(1, 5).rules
     assert [rule.name for rule in five] == [f"prepare_step{i}" for i in (6, 5, 4, 3, 2)]
-    assert {(rule.distribution, *rule.numbers.items()) for rule in five} == {
-        ("normal", ("deviation", 70), ("minimum", 30))
-    }
+    assert {
+        (rule.form.kind, *((key, amount.value) for key, (amount,) in rule.form.amounts.items())) for rule in five
+    } == {("normal", ("deviation", 70), ("minimum", 30))}
     every = tables.uncertain_rules(1, 6).rules
     assert {rule.name for rule in every} == {one.subject for one in tables.uncertain_specs(1, 6)}
-    assert (len(every), every[0].name, every[0].relative) == (12, "move", True)
+    assert (len(every), every[0].name) == (12, "move")
+    assert all(amount.relative for (amount,) in every[0].form.amounts.values())
     [rule] = tables.uncertain_rules(2, 1).rules
-    assert (rule.name, rule.numbers["deviation"]) == ("battery_use", Fraction(13, 2))
+    assert (rule.name, rule.form.amounts["deviation"][0].value) == ("battery_use", Fraction(13, 2))
     assert len(tables.uncertain_specs(2, 1)) == 12
 
 

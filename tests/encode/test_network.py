@@ -14,7 +14,7 @@ from hypothesis import Phase, assume, given, settings
 from hypothesis import strategies as st
 
 from robust.backends import ENCODINGS
-from robust.encode import create_encoding, effects, encoding, interface, network, settled
+from robust.encode import create_encoding, effects, interface, network, settled
 from robust.encode.encoding import RelationalEncoding
 from robust.encode.interface import Auxiliary, Encoding, Facet, Grid, Range, TimeVariable, constant, variable
 from robust.encode.network import Difference, Inequality, Orders, TemporalNetwork
@@ -247,12 +247,13 @@ def test_pairs_in_known_order_are_separated_until_nothing_is_new() -> None:
 def test_the_solver_proves_what_paths_prove(count, monkeypatch) -> None:
     epsilon = Fraction(1, 1000)
     obligations: Counter[bool] = Counter()
-    monkeypatch.setattr(encoding, "proved", lambda *_: frozenset())
+    proved = settled.proved
+    monkeypatch.setattr(settled, "proved", lambda *_: frozenset())
 
     @settings(drawn(count), phases=[Phase.generate], database=None)
     @given(plans(linear=True))
     def run(plan) -> None:
-        names = settled.proved(plan, epsilon, effects.mutex_pairs(plan))
+        names = proved(plan, epsilon, effects.mutex_pairs(plan))
         with suppress(UnsupportedError):
             alone = create_encoding("relational", plan, epsilon)
             assert names <= {obligation.name for obligation in alone.obligations}

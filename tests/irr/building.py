@@ -100,13 +100,13 @@ def schedule_of(
 def ask_solvers(monkeypatch) -> None:
     """Solvers are asked about parameters alone, too, and about what shortest paths could settle."""
     monkeypatch.setattr(Questions, "_takes_apart", lambda *_: False)
-    monkeypatch.setattr("robust.encode.encoding.proved", lambda *_: frozenset())
+    monkeypatch.setattr("robust.encode.settled.proved", lambda *_: frozenset())
     monkeypatch.setattr("robust.encode.validity.Validity._has_no_simple_cycle", lambda *_: False)
 
     def outside(*_):
         raise OutsideFragmentError("not asked")
 
-    monkeypatch.setattr("robust.irr.exact.propose", outside)
+    monkeypatch.setattr("robust.irr.proposals.propose", outside)
 
 
 def fail_at_query(monkeypatch, number: int, error) -> None:

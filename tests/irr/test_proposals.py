@@ -89,7 +89,7 @@ def asked_of_solvers(plan: ParametrizedPlan, monkeypatch: pytest.MonkeyPatch) ->
         raise OutsideFragmentError("asked of solvers")
 
     with monkeypatch.context() as patch:
-        patch.setattr("robust.irr.exact.propose", outside)
+        patch.setattr("robust.irr.proposals.propose", outside)
         search = ExactSearch(create_encoding("relational", plan, EPSILON, NEVER))
         assert search.run().status is Status.COMPLETE
     return search
@@ -172,7 +172,7 @@ def test_a_tolerance_names_the_chain_that_ends_it() -> None:
 
 
 def test_risk_asks_first_whether_all_values_are_inside(monkeypatch) -> None:
-    monkeypatch.setattr("robust.probability.risk.RegionSearch", None)
+    monkeypatch.setattr("robust.qe.compute.RegionSearch", None)
     plan = next(plan for plan in map(drawn_plan, range(300, 330)) if len(plan.parameters) > 6)
     ends = {name: (side.lower, side.upper) for name, side in envelope(plan).box.intervals.items()}
     ends = {name: (low, low + 50 if high is None else high) for name, (low, high) in ends.items()}

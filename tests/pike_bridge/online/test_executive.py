@@ -9,6 +9,7 @@ from robust.errors import InputError
 from robust.pike import PlanExecutive, act, build, parallel, sequence, within
 from robust.pike_bridge.model import EPSILON, Assignment, Constraint, TeamPlan, guard
 from robust.pike_bridge.online import progress as said
+from robust.pike_bridge.online import reasoners
 from robust.pike_bridge.online.explain import About, Situation, conflict
 from robust.pike_bridge.online.inquiry import Inquiry, Obstacle, WhyChosen, WhyNot, why, why_failed, why_not
 from robust.pike_bridge.online.semantic import SemanticReasoner
@@ -233,7 +234,7 @@ def test_how_rehearsals_end_and_that_the_team_has_a_judge_of_its_own(monkeypatch
             asked.append(event)
             return super().executable(event, deadline)
 
-    monkeypatch.setattr("robust.pike_bridge.online.world.make_reasoner", lambda name, *, solver, deadline: Listening)
+    monkeypatch.setattr(reasoners, "make_reasoner", lambda name, *, solver, deadline: Listening)
     plain, record = (Rehearsal(kitchen(), MUG, backend=name, infer=False).run() for name in ("smt", "listening"))
     assert asked
     assert (record.schedule, record.choices) == (plain.schedule, plain.choices)
