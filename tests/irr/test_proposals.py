@@ -157,6 +157,14 @@ def test_tolerances_are_the_greatest_that_checks_prove() -> None:
     assert known >= 10
 
 
+def test_tolerances_shrink_as_separation_grows() -> None:
+    for plan in map(drawn_plan, range(400, 408)):
+        answers = [tolerance(plan, EPSILON / share, NEVER, "z3") for share in (4, 2, 1)]
+        ratios = [answer.ratio for answer in answers if answer is not None]
+        assert len(ratios) == 3
+        assert ratios == sorted(ratios, reverse=True)
+
+
 def test_a_tolerance_names_the_chain_that_ends_it() -> None:
     actions = durative("one", "2", "(at start (open))", "(at end (first))")
     actions += durative("two", "3", "(at start (first))", "(at end (second))")

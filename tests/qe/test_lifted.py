@@ -163,6 +163,14 @@ def test_a_shop_with_36_durations_is_complete_and_as_checked(monkeypatch):
         _ = known.base
 
 
+def test_tolerances_grow_with_the_deadline():
+    for seed in range(4):
+        known = [check(job_shop(2, 3, seed, deadline)).tolerance for deadline in ("+2%", "+5%", "+20%", "+80%")]
+        ratios = [one.ratio for one in known if one is not None]
+        assert len(ratios) == len(known)
+        assert ratios == sorted(set(ratios))
+
+
 def test_large_numbers_are_exact():
     plan = job_shop(2, 4)
     known = lifted(plan)
