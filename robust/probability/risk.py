@@ -251,10 +251,8 @@ class Risk(Searching[RiskResult]):
 
     def _by_longest_paths(self) -> bool:
         """Whether longest paths decide about the plan, and how probably all of them are in time."""
-        try:
-            from robust.probability.success import Lateness  # noqa: PLC0415 - numpy takes a tenth of a second, if it is there
-        except ImportError:
-            return False
+        from robust.probability.success import Lateness  # noqa: PLC0415 - numpy takes a tenth of a second
+
         self._on_stage("longest paths")
         try:
             search = Lateness(self.plan, self._distributions, self.epsilon, self._deadline, solver=self.solver)
