@@ -12,7 +12,7 @@ from functools import cache
 from math import lcm
 
 from robust.certify import tape
-from robust.certify.checker.formulas import FALSE, TRUE, Formulas, plus, replaced
+from robust.certify.checker.formulas import FALSE, Formulas, plus, replaced
 from robust.certify.checker.reader import Ground, Linear, constant
 from robust.certify.hints import Fact, KnownFacts, Line, LinearSide, Model, implied, model, refutation
 from robust.encode.interface import Encoding, Range
@@ -101,14 +101,9 @@ class Reasons:
             UnsupportedError: if nothing is wrong there.
             OutOfTimeError: if the deadline passes.
         """
-        circle = tape.positive_circle(self._ground, point)
-        if circle is not None:
-            total: Linear = {}
-            for number in circle:
-                total = plus(total, self._ground.edges[number][2])
-            around = Polyhedron(self._names, (side_of(total, True),))
-            region = [*facts_of(around.constraints), *bounds]
-            return around, [["cycle", circle, tape.sums(implied(KnownFacts(region), total, strictly=True))]]
+        known = self._circle(point, bounds)
+        if known is not None:
+            return known
         broken = self.breaking(_pins({name: point[name] for name in self._names}))
         if broken is None:
             raise UnsupportedError(f"nothing breaks at {dict(point)}, which is outside of the region")
@@ -128,33 +123,35 @@ class Reasons:
         """
         region = [*facts_of(piece.constraints), *bounds]
         at = {name: point[name] for name in self._names}
-        circle = tape.positive_circle(self._ground, at)
-        if circle is not None:
-            around, lines = self.piece(at, bounds)
-            if around.equals(piece):
-                return lines
+        circle = self._circle(at, bounds)
+        if circle is not None and circle[0].equals(piece):
+            return circle[1]
         known = KnownFacts([*region, *((slack, False) for slack in self._slacks)])
         formulas = Formulas(self._ground, self._epsilon)
-        obligations = formulas.obligations()
         numbers: list[int] = []
-        kept = TRUE
         # First what breaks with all else as it is at the point: that is nearly always enough.
         inside = {name for side in piece.constraints for name in side.parameters}
-        pins = _pins({name: value for name, value in at.items() if name not in inside})
-        while (how := model(formulas, known, kept, self._deadline, pins)) is not None or pins:
-            if how is None:
-                pins = []
-                continue
-            schedule = {name: value for name, value in how.point.items() if name in self._names or name[0] == "@"}
-            broken = self.breaking(_pins(schedule), like, instants=False)
-            if broken is None or broken[0] in numbers:
-                raise UnsupportedError(f"found a valid schedule of values like {at}, which are outside of the region")
-            numbers.append(broken[0])
-            kept = formulas.circuit.all([-obligations[number][1]() for number in numbers])
+        for pins in (_pins({name: value for name, value in at.items() if name not in inside}), []):
+            while (how := model(formulas, known, _none_broken(formulas, numbers), self._deadline, pins)) is not None:
+                schedule = {name: value for name, value in how.point.items() if name in self._names or name[0] == "@"}
+                broken = self.breaking(_pins(schedule), like, instants=False)
+                if broken is None or broken[0] in numbers:
+                    raise UnsupportedError(f"found a valid schedule of values outside of the region, like {at}")
+                numbers.append(broken[0])
         formulas = Formulas(self._ground, self._epsilon)  # as the checker makes them
-        obligations = formulas.obligations()
-        kept = formulas.circuit.all([-obligations[number][1]() for number in numbers])
-        return [["every", numbers], refutation(formulas, known, kept, self._deadline)]
+        return [["every", numbers], refutation(formulas, known, _none_broken(formulas, numbers), self._deadline)]
+
+    def _circle(self, point: tape.Point, bounds: Sequence[Fact]) -> tuple[Polyhedron, list[Line]] | None:
+        """A half-space around a point in which a circle of constraints leaves no schedule, and why."""
+        circle = tape.positive_circle(self._ground, point)
+        if circle is None:
+            return None
+        total: Linear = {}
+        for number in circle:
+            total = plus(total, self._ground.edges[number][2])
+        around = Polyhedron(self._names, (side_of(total, True),))
+        region = [*facts_of(around.constraints), *bounds]
+        return around, [["cycle", circle, tape.sums(implied(KnownFacts(region), total, strictly=True))]]
 
     def _widened(
         self, number: int, values: Mapping[str, Linear], around: Polyhedron, bounds: Sequence[Fact]
@@ -210,6 +207,12 @@ def _about(name: str) -> tuple[str, ...]:
     """What an obligation is about, as far as the checker's names and this package's are alike."""
     words = name.replace(":", " ").replace(",", " ").split()
     return tuple(words if words[:1] == ["separation"] else words[:1])
+
+
+def _none_broken(formulas: Formulas, numbers: Sequence[int]) -> int:
+    """That none of these obligations is broken."""
+    obligations = formulas.obligations()
+    return formulas.circuit.all([-obligations[number][1]() for number in numbers])
 
 
 def _pins(point: tape.Point) -> list[LinearSide]:

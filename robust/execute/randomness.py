@@ -32,8 +32,7 @@ def distributions_of(
     Raises:
         InputError: wrong distributions, or names that fit nothing; or nothing is said about any parameter.
     """
-    lasting = _lengths(plan)
-    known = _given(given, plan, lasting, place_of)
+    known = _given(given, plan, place_of)
     rules = world or Rules()
     ruled = bool(known)
     for parameter in plan.parameters:
@@ -41,8 +40,8 @@ def distributions_of(
         if name in known:
             continue
         rule = rules.parameter(name)
-        if rule is None and name in lasting:
-            rule = rules.duration(plan.instance[lasting[name]])
+        if rule is None and name in plan.lasting:
+            rule = rules.duration(plan.instance[plan.lasting[name]])
         ruled = ruled or rule is not None
         known[name] = _ruled(rule, parameter, place_of, "distribution" if world is None else "world")
     if not ruled and (plan.parameters or world is not None):
@@ -52,9 +51,7 @@ def distributions_of(
     return {parameter.name: known[parameter.name] for parameter in plan.parameters}
 
 
-def _given(
-    given: Given, plan: ParametrizedPlan, lasting: Mapping[str, str], place_of: Places
-) -> dict[str, Distribution]:
+def _given(given: Given, plan: ParametrizedPlan, place_of: Places) -> dict[str, Distribution]:
     """The distributions of the parameters that what was given is about."""
     parameters = {parameter.name: parameter for parameter in plan.parameters}
     said: dict[str, tuple[int, str | Distribution, Location]] = {}
@@ -70,7 +67,7 @@ def _given(
         if name in subjects:
             raise InputError(f"found a second distribution of {shorten(name)}, expected one", place)
         subjects.add(name)
-        for width, parameter in _subjects(str(name), plan, lasting, place):
+        for width, parameter in _subjects(str(name), plan, place):
             if parameter not in said or width < said[parameter][0]:
                 said[parameter] = width, kind, place
     distributions = {}
@@ -80,9 +77,7 @@ def _given(
     return distributions
 
 
-def _subjects(
-    name: str, plan: ParametrizedPlan, lasting: Mapping[str, str], place: Location
-) -> Iterator[tuple[int, str]]:
+def _subjects(name: str, plan: ParametrizedPlan, place: Location) -> Iterator[tuple[int, str]]:
     """The parameters that a name is about, and how little it says about which.
 
     Raises:
@@ -93,17 +88,15 @@ def _subjects(
     if name in names:
         yield 0, name
         return
-    fits = {name: plan.instance[identifier] for name, identifier in lasting.items()}
-    ways: tuple[Callable[[ActionInstance], bool], ...] = (
-        lambda step: step.identifier == subject,
-        lambda step: str(step) == subject,
-        lambda step: step.action == subject,
-        lambda _: name == "duration:*",
-    )
-    found = [(width, one) for width, way in enumerate(ways) for one, step in fits.items() if way(step)]
-    found = found or ([(len(ways), one) for one in names] if name == "*" else [])
+    found = [
+        (width, parameter)
+        for parameter, identifier in plan.lasting.items()
+        for width, known in enumerate((*_names_of(plan.instance[identifier]), "*"))
+        if known == subject and name != "*"
+    ]
+    found = found or ([(4, one) for one in names] if name == "*" else [])
     if not found:
-        steps = {name for step in plan.instances for name in (step.identifier, step.action, str(step), "*")}
+        steps = {name for step in plan.instances for name in (*_names_of(step), "*")}
         remedy = did_you_mean(name, names) if names else "; the plan has none, and --parameter makes some"
         if subject in steps and name != "*":
             raise InputError(f"found no parameter that is a duration of {shorten(subject)}, expected one", place)
@@ -128,25 +121,16 @@ def _ruled(rule: Rule | None, parameter: Parameter, place_of: Places, option: st
     return distribution
 
 
-def _lengths(plan: ParametrizedPlan) -> dict[str, str]:
-    """The instance whose duration a parameter is, by parameter."""
-    ends = {(action.start, action.end): action.identifier for action in plan.instances}
-    owners: dict[str, str] = {}
-    for constraint in plan.constraints:
-        length, instance = constraint.lower, ends.get((constraint.source, constraint.target))
-        fixed = length is not None and length == constraint.upper and len(length.variables) == 1
-        if instance is not None and length is not None and fixed:
-            ((unknown, factor),) = length.coefficients()
-            if factor == 1 and length.constant_term == 0:
-                owners.setdefault(str(unknown), instance)
-    return owners
+def _names_of(instance: ActionInstance) -> tuple[str, ...]:
+    """What an instance is called, the name that says most precisely which first."""
+    return instance.identifier, str(instance), instance.action
 
 
 def parameters_by_action(plan: ParametrizedPlan) -> dict[str, list[str]]:
     """The parameters that are durations, by `duration:` and an action, a ground action, or an instance."""
     groups: dict[str, list[str]] = {}
-    for parameter, identifier in _lengths(plan).items():
+    for parameter, identifier in plan.lasting.items():
         instance = plan.instance[identifier]
-        for name in dict.fromkeys((identifier, str(instance), instance.action)):
+        for name in dict.fromkeys(_names_of(instance)):
             groups.setdefault(f"duration:{name}", []).append(parameter)
     return groups

@@ -539,7 +539,7 @@ def tolerance(
     Raises:
         OutOfTimeError: if the deadline passes first.
     """
-    durations = dict(_durations(plan))
+    durations = {name: plan.nominal[name] for name in plan.lasting if plan.nominal[name] > 0}
     if not durations:
         return None
     try:
@@ -557,18 +557,6 @@ def tolerance(
     if not known and not is_inside(plan, box, epsilon, deadline, solver=solver):
         return None
     return Tolerance(ratio, True, tuple(_chain(plan, stop)))
-
-
-def _durations(plan: model.ParametrizedPlan) -> Iterator[tuple[str, Fraction]]:
-    """The parameters that are durations of actions, and their nominal values unless they are 0."""
-    nominal = plan.nominal
-    for item in plan.constraints:
-        length = item.lower
-        if length is not None and length == item.upper and len(length.terms) == 1:
-            (unknown, factor), *_ = *length.coefficients(), (None, 0)
-            name = str(unknown)
-            if factor == 1 and nominal[name] > 0 and item.source.instance == item.target.instance is not None:
-                yield name, nominal[name]
 
 
 def _chain(plan: model.ParametrizedPlan, stop: FaceStop) -> Iterator[str]:

@@ -447,6 +447,19 @@ class ParametrizedPlan:
         return {instance.identifier: instance for instance in self.instances}
 
     @cached_property
+    def lasting(self) -> Mapping[str, str]:
+        """The identifier of the first instance whose duration a parameter is, by parameter."""
+        ends = {(instance.start, instance.end): instance.identifier for instance in self.instances}
+        alone: dict[Bound | None, str] = {
+            Polynomial.variable(ParameterReference(parameter.name)): parameter.name for parameter in self.parameters
+        }
+        owners: dict[str, str] = {}
+        for item in self.constraints:
+            if item.lower in alone and item.lower == item.upper and (item.source, item.target) in ends:
+                owners.setdefault(alone[item.lower], ends[item.source, item.target])
+        return owners
+
+    @cached_property
     def time_points(self) -> tuple[TimePoint, ...]:
         """Zero, the time points of all instances in the plan's order, then the timed literals' by time."""
         of_instances = [point for instance in self.instances for point in instance.time_points]
