@@ -24,22 +24,19 @@ from .proofs import Rejected, Tape, demand
 from .reader import Ground, Unsupported, ground, need, number
 
 FORMAT, LATE = "robust/certificate/2", (3, "unknown")
-KINDS = ("plan", "box", "maximal", "region", *(CHOICES := ("knowledge", "execution")))
+KINDS = ("plan", "box", "maximal", "shape", "region", *(CHOICES := ("knowledge", "execution")))
 MALFORMED = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
 LONGEST, EXPANDED = 1 << 20, 32  # bytes of a certificate that is unpacked: these, and as many for each of its own
 SMALL = 120_000
 """Bytes of all files; what is above that may take time and memory of its own."""
 
 
-class Inputs:
-    """The files, each read once, with the digests of what has been read."""
-
-    def __init__(self) -> None:
-        self.digests: dict[str, str] = {}
+class Inputs(dict[str, str]):
+    """The files, each read once: digests of what has been read."""
 
     def text(self, kind: str, path: Path) -> str:
         data = path.read_bytes()
-        self.digests[kind] = hashlib.sha256(data).hexdigest()
+        self[kind] = hashlib.sha256(data).hexdigest()
         need(b"\0" not in data, f"{path}: found binary data, expected text")
         return data.decode("utf-8-sig").replace("\r", "\n")
 
@@ -174,14 +171,13 @@ def main() -> int:
     parser.add_argument("--seconds", type=int, help="of processor time that it may take (by the sizes of the files)")
     arguments = parser.parse_args()
     limit(arguments)
-    inputs = Inputs()
-    code, answer = report(arguments, inputs)
+    code, answer = report(arguments, inputs := Inputs())
     if arguments.json:
-        print(json.dumps(answer | {"files": inputs.digests}))
+        print(json.dumps(answer | {"files": inputs}))
     else:
         print(f"{answer['verdict']}: {answer.get('claim') or answer['reason']}")
         if not code:
-            print(*(f"of {kind}: sha256 {digest}" for kind, digest in inputs.digests.items()), sep="\n")
+            print(*(f"of {kind}: sha256 {digest}" for kind, digest in inputs.items()), sep="\n")
             print(f"checked: {answer['obligations']} obligations, {answer['refuted']} of them not constant")
     return code
 

@@ -192,9 +192,7 @@ class Choices:
     def activity(self, place: int, activity: dict[str, Any]) -> None:
         """Its durations, conditions and effects."""
         ends, guard = {point: self.ends[point] for point in (2 * place + 1, 2 * place + 2)}, activity["guard"]
-        lows, highs = (
-            [bound for bound in (end,) if bound is not None] for end in (activity["lower"], activity["upper"])
-        )
+        lows, highs = ([activity[end]] * (activity[end] is not None) for end in ("lower", "upper"))
         need(lows[0] > 0 and len({*ends.values()} - {"e_initial", "e_goal"}) == 2, "found an activity without time")
         for duty in self.formulas.ground.duties:
             if duty.first in ends:

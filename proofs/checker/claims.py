@@ -1,4 +1,4 @@
-"""What certificates claim of a plan, and how the claim follows: `plan`, `box`, `maximal` and `region`.
+"""What certificates claim of a plan, and how the claim follows: `plan`, `box`, `maximal`, `shape`, `region`.
 
 The robustness envelope holds the parameter values, within the declared bounds, that leave some schedule of the network
 and no schedule that breaks an obligation. Good values: one schedule, linear in the parameters, that keeps the network,
@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-from .formulas import Formulas, plus, replaced
+from .formulas import TRUE, Formulas, plus, replaced
 from .proofs import Facts, Tape, all_hold, demand, linear, listed, orders, rational, refute, schedule, sides, way, whole
 from .reader import Fact, Ground, Linear, constant, need
 
@@ -83,19 +83,26 @@ def check(tape: Tape, ground: Ground, kind: str, stated: object, epsilon: Fracti
     if kind == "region":
         check_region(tape, ground, claim)
     else:
-        claim.box = nominal(ground) if kind == "plan" else box_of(ground, stated)
-        for name, values in claim.box.items():
+        box = claim.box = nominal(ground) if kind == "plan" else box_of(ground, stated)
+        for name, values in box.items():
             demand(values.within(declared(ground, name)), f"the box leaves the declared bounds of {name}")
-        formulas = Formulas(ground, epsilon)
-        facts = Facts([fact for name, values in claim.box.items() for fact in values.facts(name)], formulas)
+        formulas, place = Formulas(ground, epsilon), " x ".join(map(str, box.values()))
+        claim.text = "valid for every schedule" + (f", for all ({', '.join(box)}) in {place}" if place else "")
+        region = [fact for name, values in box.items() for fact in values.facts(name)]
+        if kind == "shape":  # what of the box is within other sides, too: a point shows that there is something
+            texts, point = listed(tape.next("shape"), 2)
+            region += (shape := sides(texts, box))
+            at = dict(zip(box, map(constant, map(rational, listed(point, len(box))))))
+            there = [(replaced(form, at), strict) for form, strict in region]
+            demand(inside(formulas, there) == TRUE, "the point is not in the shape")
+            claim.box, claim.text = None, f"{claim.text} with {text_of(shape)}"
+        facts = Facts(region, formulas)
         orders(tape, formulas, facts)
         schedule(tape, formulas, facts)
         claim.obligations, claim.refuted = all_hold(tape, formulas, facts)
-        place = " x ".join(map(str, claim.box.values()))
-        claim.text = "valid for every schedule" + (f", for all ({', '.join(claim.box)}) in {place}" if place else "")
         if kind == "maximal":
-            for name in claim.box:
-                check_faces(tape, ground, claim, claim.box, name)
+            for name in box:
+                check_faces(tape, ground, claim, box, name)
             claim.text += "; no other valid box within the declared bounds contains this one"
     tape.finish()
     if ground.varied:

@@ -340,8 +340,7 @@ class Formulas:
     def evaluate(self) -> None:
         """All effects have a meaning, also where nothing reads what they change."""
         changes = [each for writes in self.writes.values() for each in writes]
-        flows = self.ground.flows
-        changes += [(start, Effect("increase", fluent, rate, True, (start, end))) for start, end, fluent, rate in flows]
+        changes += [(a, Effect("increase", fluent, rate, True, (a, b))) for a, b, fluent, rate in self.ground.flows]
         for point, effect in changes:
             self.truth(effect.when, ("before", point), effect.owner)
             if effect.kind in NUMERIC:
@@ -407,16 +406,15 @@ def names_in(tree: Tree) -> Iterator[str]:
                 yield from names_in(each)
 
 
-HARM = {"add": ["read", "delete"], "assign": ["read", "assign", "increase"], "read": []}
-HARM |= {"delete": ["read"], "increase": ["read"]}
+HARM = {"add": ["read", "delete"], "delete": ["read"], "assign": ["read", "assign", "increase"], "increase": ["read"]}
 
 
 @cache
 def mutex(ground: Ground) -> list[tuple[int, int]]:
     """The pairs of time points that must be apart: no moving targets [PDDL 2.1]. What a text mentions, it reads."""
     changes = [(point, effect) for point, effects in enumerate(ground.effects) for effect in effects]
-    flows = [(point, fluent, rate) for *ends, fluent, rate in ground.flows for point in ends]
-    changes += [(point, Effect("increase", fluent, rate, True, None)) for point, fluent, rate in flows]
+    flows = ((point, flow) for flow in ground.flows for point in flow[:2])
+    changes += [(point, Effect("increase", fluent, rate, True, None)) for point, (*_, fluent, rate) in flows]
     reads = [(duty.first, duty.condition) for duty in ground.duties if duty.first is not None and duty.last is None]
     reads += [(point, ("", effect.amount, effect.when)) for point, effect in changes]
     done = [(name, point, "read") for point, trees in reads for name in names_in(trees)]
@@ -424,6 +422,6 @@ def mutex(ground: Ground) -> list[tuple[int, int]]:
     does: dict[tuple[str, str], set[int]] = {}
     for name, point, kind in done:
         does.setdefault((name, kind), set()).add(point)
-    harms = [(points, does.get((name, other), ())) for (name, kind), points in does.items() for other in HARM[kind]]
+    harms = [(does[key], does.get((key[0], other), ())) for key in does for other in HARM.get(key[1], ())]
     pairs = {(min(a, b), max(a, b)) for some, others in harms for a in some for b in others if a != b}
     return sorted(pair for pair in pairs if not ground.timed.issuperset(pair))

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
 from math import lcm
+from typing import Any
 
 from robust.certify import tape
 from robust.certify.checker.formulas import FALSE, Formulas, plus, replaced
@@ -17,6 +18,7 @@ from robust.certify.checker.reader import Ground, Linear, constant
 from robust.certify.hints import Fact, KnownFacts, Line, LinearSide, Model, implied, model, refutation
 from robust.encode.interface import Encoding, Range
 from robust.errors import UnsupportedError
+from robust.irr.templates import Shape
 from robust.irr.widen import DiscoveredBadSet
 from robust.qe import lifted, simplex
 from robust.qe.box import Box, Interval
@@ -272,6 +274,17 @@ def declared_bounds(ground: Ground) -> Box:
     """The declared bounds of the parameters, closed where finite."""
     ends = {name: (p.lower, p.upper) for name, p in ground.parameters.items()}
     return Box({name: Interval(low, high, low is not None, high is not None) for name, (low, high) in ends.items()})
+
+
+def shape_lines(ground: Ground, epsilon: Fraction, shape: Shape, **conduct: Any) -> list[Line]:
+    """That the plan is valid all over a shape; options and errors as of :func:`robust.certify.tape.good_lines`."""
+    inside = shape.polyhedron
+    point = inside.interior_point() or inside.some_point() or {}
+    hull = Box({name: inside.extent(name) or Interval(None, None) for name in inside.parameters})
+    slanting = tuple(side for side in inside.constraints if len(side.parameters) > 1)
+    stated = ["shape", _shown(Polyhedron(inside.parameters, slanting)), [str(point[name]) for name in hull.intervals]]
+    good = tape.good_lines(ground, epsilon, hull, facts_of(slanting), **conduct)
+    return [tape.header("shape", hull), stated, *good]
 
 
 def region_lines(ground: Ground, epsilon: Fraction, region: Region, *, deadline: Deadline) -> list[Line]:

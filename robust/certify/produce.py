@@ -12,6 +12,7 @@ from robust.certify.checker import choices, reader
 from robust.certify.hints import KnownFacts, Line, NotRefutedError, refutation
 from robust.encode import create_encoding, interface
 from robust.errors import Location, RefutedError, UnsupportedError
+from robust.irr.templates import Shape
 from robust.plan.model import ParametrizedPlan
 from robust.plan.pddl.forms import read_text
 from robust.qe.box import Box
@@ -86,6 +87,10 @@ class PlanCertificate:
             lines += supported(lambda: [*faces])
         return lines
 
+    def of_shape(self, shape: Shape) -> list[Line]:
+        """That the plan is valid all over a shape; errors as of :meth:`of_box`."""
+        return supported(lambda: bad.shape_lines(self.ground, self.epsilon, shape, **self._conduct))
+
     def of_region(self, region: Region) -> list[Line]:
         """That a region is the whole envelope; errors as of :meth:`of_box`."""
         ground, epsilon, deadline = self.ground, self.epsilon, self.deadline
@@ -96,8 +101,11 @@ class PlanCertificate:
         return [tape.header("region"), *lines]
 
     def _good(self, box: Box) -> list[Line]:
-        options: dict[str, Any] = {"deadline": self.deadline, "on_obligation": self.on_obligation}
-        return supported(lambda: tape.good_lines(self.ground, self.epsilon, box, solver=self.solver, **options))
+        return supported(lambda: tape.good_lines(self.ground, self.epsilon, box, **self._conduct))
+
+    @property
+    def _conduct(self) -> dict[str, Any]:
+        return {"solver": self.solver, "deadline": self.deadline, "on_obligation": self.on_obligation}
 
 
 def knowledge(

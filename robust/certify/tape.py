@@ -245,22 +245,24 @@ def good_lines(
     ground: Ground,
     epsilon: Fraction,
     box: Box,
+    sides: Sequence[Fact] = (),
     *,
     solver: str,
     deadline: Deadline,
     on_obligation: Progress | None = None,
 ) -> list[Line]:
-    """That all values in a box have a schedule, and none that breaks an obligation.
+    """That all values in a box, and within other sides, have a schedule, and none that breaks an obligation.
 
     Raises:
-        RefutedError: if an obligation breaks somewhere in the box.
-        UnsupportedError: if no schedule that is linear in the parameters suits the whole box.
+        RefutedError: if an obligation breaks somewhere there.
+        UnsupportedError: if no schedule that is linear in the parameters suits all of it.
         OutOfTimeError: if the deadline passes.
     """
-    formulas, region = Formulas(ground, epsilon), box_facts(box)
+    formulas, region = Formulas(ground, epsilon), [*box_facts(box), *sides]
     times = constant_times(formulas, box.ranges) or affine_times(formulas, region, solver=solver, deadline=deadline)
     if times is None:
-        _require_schedules(ground, box)
+        if not sides:
+            _require_schedules(ground, box)
         raise errors.UnsupportedError(
             "no schedule that is linear in the parameters suits all of these values; try fewer"
         )

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from robust.certify.verify import Verification
     from robust.cli.guard import Run
     from robust.execute.convert import Conversion
+    from robust.irr.search import EnvelopeResult
+    from robust.irr.templates import Shape
     from robust.plan.model import ParametrizedPlan
     from robust.plan.parameters import ParameterSpec
     from robust.qe.region import Region
@@ -275,6 +277,8 @@ def _lines(options: CertifyCommand, deadline: Deadline, run: Run) -> tuple[list[
     )
     if options.kind == "region":
         return certificate.of_region(_region(options, plan, deadline)), None
+    if options.kind == "shape":
+        return certificate.of_shape(_shape(options, plan, deadline)), None
     box = _box(options, plan, deadline)
     plain = options.kind in (None, "plan")
     lines = certificate.of_plan() if plain else certificate.of_box(box, maximal=options.kind == "maximal")
@@ -327,17 +331,33 @@ def _box(options: CertifyCommand, plan: ParametrizedPlan, deadline: Deadline) ->
         return nominal
     if options.box is not None:
         return read_box(options.box, nominal)
+    return _envelope(options, plan, deadline, "box").box
+
+
+def _shape(options: CertifyCommand, plan: ParametrizedPlan, deadline: Deadline) -> Shape:
+    shape = _envelope(options, plan, deadline, options.shape).shape
+    if shape is None:
+        raise UnsupportedError("found no parameters, expected some that a shape bounds")
+    return shape
+
+
+def _envelope(options: CertifyCommand, plan: ParametrizedPlan, deadline: Deadline, shape: str) -> EnvelopeResult:
     from robust.api import envelope
     from robust.searching import Status
 
     result = envelope(
-        plan, epsilon=options.separation, encoding=options.encoding, solver=options.solver, timeout=deadline.remaining
+        plan,
+        epsilon=options.separation,
+        encoding=options.encoding,
+        solver=options.solver,
+        shape=shape,
+        timeout=deadline.remaining,
     )
     if result.status is Status.INVALID:
         raise RefutedError(f"the nominal point is outside of the envelope: {result.reason}; expected a valid plan")
     if result.status is not Status.COMPLETE:
         raise OutOfTimeError(result.reason)
-    return result.box
+    return result
 
 
 def demanded_box(texts: Sequence[str]) -> str | None:

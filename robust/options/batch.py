@@ -47,6 +47,7 @@ from robust.options.shared import (
     Separation,
     Solver,
     Solving,
+    shape_option,
 )
 from robust.options.verbs import EliminationOptions
 
@@ -122,7 +123,7 @@ class ExecuteCommand(FromSteps, PlanParameters, Separation, Solving, BoxOptions,
 
 
 WITH_CHOICES = ("execution", "knowledge")
-CERTIFICATES = ("plan", "box", "maximal", "region", *WITH_CHOICES)
+CERTIFICATES = ("plan", "box", "maximal", "shape", "region", *WITH_CHOICES)
 ASSUMED = "a choice that has already been made; may be repeated"
 
 
@@ -136,10 +137,11 @@ class CertifyCommand(FromSteps, PlanParameters, SearchOptions, Force, Output):
     kind: str | None = option(
         None,
         "plan (default): valid at the nominal values; box: everywhere in a box; maximal: and no larger box is valid; "
-        "region: everywhere in the robustness envelope; of a NETWORK: execution: one that is correct; knowledge: none "
-        "is correct; default: whichever holds",
+        "shape: everywhere in a shape around it; region: everywhere in the robustness envelope; of a NETWORK: "
+        "execution: one that is correct; knowledge: none is correct; default: whichever holds",
         choices=CERTIFICATES,
     )
+    shape: str = shape_option("octagon", needs=("kind", ("shape",)))
     box: Path | None = path_option("the box, as printed by robust envelope --json; default: widening finds one")
     assume: tuple[str, ...] = option((), ASSUMED, metavar="NAME=VALUE", many=True)
     alethe: Path | None = path_option(
@@ -159,10 +161,10 @@ class CertifyCommand(FromSteps, PlanParameters, SearchOptions, Force, Output):
         if kind in WITH_CHOICES or self.assume:
             option = "--assume" if self.assume else f"--kind {kind}"
             raise InputError(f"found {option} with DOMAIN PROBLEM PLAN; expected it with a plan with choices")
-        if kind in {"plan", "region"} and self.box is not None:
+        if kind in {"plan", "shape", "region"} and self.box is not None:
             raise InputError(f"found --box with --kind {kind}; expected it with box or maximal")
-        if kind == "region" and self.alethe is not None:
-            raise InputError("found --alethe with --kind region; expected it with plan, box or maximal")
+        if kind in {"shape", "region"} and self.alethe is not None:
+            raise InputError(f"found --alethe with --kind {kind}; expected it with plan, box or maximal")
 
 
 class VerifyCommand(Separation, Limited, Json):

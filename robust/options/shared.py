@@ -118,6 +118,17 @@ def method_option(**others: str) -> Any:
     return declare.option("widen", "; ".join(f"{name}: {what}" for name, what in known.items()), choices=known)
 
 
+def shape_option(default: str, introduction: str = "", needs: tuple[str, tuple[str, ...]] | None = None) -> Any:
+    """The option for the template of a shape."""
+    return declare.option(
+        default,
+        f"{introduction}octagon: bounds on sums and differences of two parameters; FILE: bounds on the linear forms in "
+        "its lines, such as a + 2 b; it is proved by the exact region",
+        metavar="SHAPE",
+        needs=needs,
+    )
+
+
 _FOR_IRR = ("method", ("irr",))
 
 

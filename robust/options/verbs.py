@@ -81,12 +81,7 @@ class EnvelopeOptions(shared.Separation, shared.Solving, shared.Export, shared.A
         needs=_FOR_RISK,
     )
     encoding: str = shared.encoding_option(rank=0)
-    shape: str = declare.option(
-        "box",
-        "also widen a shape around the box: octagon: bounds on sums and differences of two parameters; FILE: bounds on "
-        "the linear forms in its lines, such as a + 2 b; it is proved by the exact region",
-        metavar="SHAPE",
-    )
+    shape: str = shared.shape_option("box", "also widen a shape around the box: ")
     on_step: Callable[[Step], None] | None = declare.option(
         None, "called after each step with the best box so far", shown=False
     )

@@ -11,7 +11,7 @@ from robust.show.documents import Noted
 class Certify(Noted, tag_field="schema", tag="robust/certify/1"):
     """robust certify --json: a certificate that has been written and checked."""
 
-    kind: Annotated[str, one_of("plan", "box", "maximal", "region", "execution", "knowledge")]
+    kind: Annotated[str, one_of("plan", "box", "maximal", "shape", "region", "execution", "knowledge")]
     certificate: str
     bytes: Annotated[int, Meta(ge=1)]
     seconds: Seconds

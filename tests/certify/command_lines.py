@@ -60,7 +60,7 @@ def prepared(place):
     without_nominal = tools.written(PLAIN._replace(plan=PLAIN.plan.replace(" default 5", "")), place / "open")
     inside, outside = Interval(Fraction(29), Fraction(31)), Interval(Fraction(31), Fraction(32))
     beyond, nominal = Interval(Fraction(41), Fraction(42)), Interval(Fraction(40), Fraction(40))
-    certificates = {kind: tools.made(tools.NAVIGATION, kind) for kind in ("plan", "box", "maximal", "region")}
+    certificates = {kind: tools.made(tools.NAVIGATION, kind) for kind in ("plan", "box", "maximal", "shape", "region")}
     for number, ends in enumerate(((inside, beyond), (outside, nominal), (outside, beyond))):
         away = Box(dict(zip(("to_ridge", "to_crater"), ends, strict=True)))
         certificates[f"away-{number}"] = tools.made(tools.NAVIGATION, "box", box=away)

@@ -139,7 +139,7 @@ def within():
 def commands(folder):
     """The command, with honest certificates."""
     delivery = tuple(tools.EXAMPLES / "delivery" / name for name in ("domain.pddl", "problem.pddl", "plan.stn"))
-    every = ("plan", "box", "maximal", "region")
+    every = ("plan", "box", "maximal", "shape", "region")
     for files, kinds in ((tools.NAVIGATION, every), (tools.GENERATOR, every), (delivery, ("box",))):
         for kind in kinds:
             path = folder / f"{files[0].parent.name}-{kind}.cert"

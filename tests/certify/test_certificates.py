@@ -11,7 +11,7 @@ from benchmarks.suite import read_deliveries, read_suite
 from robust import Box, InputError, Interval, RefutedError, RobustError, UnsupportedError, check, envelope, region
 from robust.certify import tape
 from robust.certify.alethe import export
-from robust.certify.bad import declared_bounds, face_lines, lifted_lines, region_lines
+from robust.certify.bad import declared_bounds, face_lines, lifted_lines, region_lines, shape_lines, side_of
 from robust.certify.checker import reader
 from robust.certify.checker.claims import SCHEDULED
 from robust.certify.checker.formulas import Formulas
@@ -21,13 +21,17 @@ from robust.encode import create_encoding
 from robust.encode.encoding import RelationalEncoding
 from robust.pike_bridge.action_model import load_team_plan
 from robust.plan.load import load_plan
+from robust.qe.polyhedron import Polyhedron
+from robust.qe.region import Region
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.certify import networks, tools
-from tests.certify.adversary import BESIDE, PLAIN, TABLES, same_region
+from tests.certify.adversary import BESIDE, PLAIN, TABLES, changed, same_region
 from tests.certify.test_reader import meaningless
 from tests.certify.texts import Texts, random_texts
 from tests.pike_bridge.stories import sat_plan
 from tests.sampling import often
+
+STEP = Fraction(1, 100)
 
 
 def soon():
@@ -69,7 +73,7 @@ def assert_certified(files, *kinds):
 
 @pytest.mark.parametrize("files", [tools.NAVIGATION, tools.GENERATOR], ids=["navigation", "generator"])
 def test_examples(files):
-    assert_certified(files, "plan", "box", "maximal", "region")
+    assert_certified(files, "plan", "box", "maximal", "shape", "region")
 
 
 def test_recorded_plans(dataset):
@@ -79,7 +83,59 @@ def test_recorded_plans(dataset):
     for name in ("auv_mission_10_0_3", "generator_linear_05_2", "solar_rover_01_3", "delivery_g02_w06"):
         assert_certified(recorded[name], "plan", "maximal")
     for name in ("generator_linear_05_2", "solar_rover_01_2"):
-        assert_certified(recorded[name], "region")
+        assert_certified(recorded[name], "shape", "region")
+
+
+def pushed_out(lines):
+    """A shape with one of its faces, or of its hull's, farther out."""
+    (format_, kind, ends), (_, sides, point) = lines[:2]
+    for place, (low, low_closed, high, high_closed) in enumerate(ends):
+        for further in ((low, high and str(Fraction(high) + STEP)), (low and str(Fraction(low) - STEP), high)):
+            moved = [further[0], low_closed, further[1], high_closed]
+            yield [[format_, kind, tools.put(ends, place, moved)], *lines[1:]]
+    for place, (form, strict) in enumerate(sides):
+        values = dict(form) | {"": str(Fraction(dict(form).get("", 0)) + STEP)}
+        moved = [sorted([name, value] for name, value in values.items() if value != "0"), strict]
+        yield [lines[0], ["shape", tools.put(sides, place, moved), point], *lines[2:]]
+
+
+def stated(lines, names):
+    """The shape in the first two lines of a certificate."""
+    (*_, ends), (_, sides, _) = lines[:2]
+    box = {
+        name: Interval(low and Fraction(low), high and Fraction(high), low_closed, high_closed)
+        for name, (low, low_closed, high, high_closed) in zip(names, ends, strict=True)
+    }
+    hull = Polyhedron.of_box(names, Box(box))
+    slanting = [side_of({name: Fraction(factor) for name, factor in form}, strict) for form, strict in sides]
+    return Region.union_of(names, [Polyhedron(names, (*hull.constraints, *slanting))])
+
+
+@pytest.mark.parametrize("first", range(0, often(20, 200), 20))
+def test_shapes_of_random_plans(first):
+    """No face can be moved; whatever is changed in a certificate, only what is inside the region is accepted."""
+    shapes = accepted = 0
+    for seed in range(first, first + 20):
+        texts, random = random_texts(seed, easy=True), Random(seed)
+        try:
+            plan, ground = tools.assembled(texts), reader.ground(*texts)
+            shape, whole = envelope(plan, shape="octagon").shape, region(plan).region
+        except (InputError, UnsupportedError, reader.Unsupported):
+            continue
+        if shape is None or meaningless(tools.CHECKER, texts):
+            continue
+        lines = shape_lines(ground, tools.EPSILON, shape, solver="z3", deadline=soon())
+        assert tools.judged(lines, ground).kind == "shape"
+        shapes += 1
+        for tried in (
+            *pushed_out(lines),
+            *([lines[0], *changed(lines[1:], lines, random)] for _ in range(often(40, 400))),
+        ):
+            if not isinstance(tools.judged(tried, ground), str):
+                assert stated(tried, shape.parameters).is_subset_of(whole)
+                accepted += 1
+    assert shapes > 3
+    assert accepted > 0
 
 
 @pytest.mark.parametrize("first", range(0, often(40, 60), 20))

@@ -64,6 +64,8 @@ def made(files: Sequence[Path], kind: str, *, box: Box | None = None, epsilon: F
     certificate = PlanCertificate(tuple(files), plan, epsilon)
     if kind == "plan":
         return certificate.of_plan()
+    if kind == "shape":
+        return certificate.of_shape(envelope(plan, epsilon=epsilon, shape="octagon").shape)
     if kind == "region":
         return certificate.of_region(region(plan, epsilon=epsilon).region)
     return certificate.of_box(box or envelope(plan, epsilon=epsilon).box, maximal=kind == "maximal")
