@@ -161,8 +161,7 @@ def _files(options: CertifyCommand | VerifyCommand) -> tuple[Path, ...]:
 def _network(options: CertifyCommand, run: Run) -> dict[Path, str]:
     """What is written beside the certificate, because it is about that: a network that is made of steps, or that other
     parameters than its own are put into, first; and a file of those that are not in the network."""
-    from robust.execute.demands import with_deadline, with_relative_weights
-    from robust.execute.parametrization import write_specs
+    from robust.execute.parametrization import with_deadline, with_relative_weights, write_specs
     from robust.plan.pddl.forms import read_plan_text
     from robust.plan.stn import is_network, parse_stn, write_stn
 
@@ -280,7 +279,7 @@ def _lines(options: CertifyCommand, deadline: Deadline, run: Run) -> tuple[list[
     lines = certificate.of_plan() if plain else certificate.of_box(box, maximal=options.kind == "maximal")
     if options.alethe is None:
         return lines, None
-    from robust.certify.alethe import export
+    from robust.certify.produce import export
     from robust.encode import create_encoding
 
     encoding = create_encoding(options.encoding, plan, options.separation, deadline)
