@@ -71,9 +71,9 @@ def certify(options: CertifyCommand, run: Run) -> int:
         reason = report.answer["reason"]
         raise InputError(f"the checker does not accept the certificate: {reason}; please report this as a bug")
 
-    from robust.show import certificates, documents
+    from robust.show import documents
 
-    answer = certificates.Certify(
+    answer = documents.Certify(
         certificate=str(options.output),
         bytes=size,
         seconds=round(seconds, 6),
@@ -124,7 +124,7 @@ def verify(options: VerifyCommand, run: Run) -> int:
     report, seconds = run.only(work)
 
     from robust.certify.verify import CheckerOutcome
-    from robust.show import certificates, documents
+    from robust.show import documents
 
     if report.outcome is CheckerOutcome.UNREADABLE:
         raise InputError(f"cannot read ({report.answer['reason']}), expected {CERTIFICATE}", place)
@@ -132,7 +132,7 @@ def verify(options: VerifyCommand, run: Run) -> int:
         names = ", ".join(map(quoted, options.files))
         raise UnsupportedError(f"the checker of certificates does not read one of {names}: {report.answer['reason']}")
     said = ("kind", "claim", "epsilon", "box", "obligations", "refuted", "reason")
-    answer = certificates.Verify(
+    answer = documents.Verify(
         verdict=report.answer["verdict"],
         files=report.answer["files"],
         seconds=round(seconds, 6),
