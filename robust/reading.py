@@ -73,7 +73,7 @@ def load_plan(
         UnsupportedError: for steps with an expression that is not linear.
         KeyboardInterrupt: if interrupted.
     """
-    from robust.execute.demands import with_deadline, with_relative_widths
+    from robust.execute.parametrization import with_deadline, with_relative_widths
     from robust.plan.load import assemble
     from robust.plan.parameters import specifications
     from robust.plan.pddl.forms import read_plan_text

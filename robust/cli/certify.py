@@ -73,9 +73,9 @@ def certify(options: CertifyCommand, run: Run) -> int:
         reason = report.answer["reason"]
         raise InputError(f"the checker does not accept the certificate: {reason}; please report this as a bug")
 
-    from robust.show import certificates, documents
+    from robust.show import documents
 
-    answer = certificates.Certify(
+    answer = documents.Certify(
         certificate=str(options.output),
         bytes=size,
         seconds=round(seconds, 6),
@@ -126,7 +126,7 @@ def verify(options: VerifyCommand, run: Run) -> int:
     report, seconds = run.only(work)
 
     from robust.certify.verify import CheckerOutcome
-    from robust.show import certificates, documents
+    from robust.show import documents
 
     if report.outcome is CheckerOutcome.UNREADABLE:
         raise InputError(f"cannot read ({report.answer['reason']}), expected {CERTIFICATE}", place)
@@ -134,7 +134,7 @@ def verify(options: VerifyCommand, run: Run) -> int:
         names = ", ".join(map(quoted, options.files))
         raise UnsupportedError(f"the checker of certificates does not read one of {names}: {report.answer['reason']}")
     said = ("kind", "claim", "epsilon", "box", "obligations", "refuted", "reason")
-    answer = certificates.Verify(
+    answer = documents.Verify(
         verdict=report.answer["verdict"],
         files=report.answer["files"],
         seconds=round(seconds, 6),
@@ -163,8 +163,7 @@ def _files(options: CertifyCommand | VerifyCommand) -> tuple[Path, ...]:
 def _network(options: CertifyCommand, run: Run) -> dict[Path, str]:
     """What is written beside the certificate, because it is about that: a network that is made of steps, or that other
     parameters than its own are put into, first; and a file of those that are not in the network."""
-    from robust.execute.demands import with_deadline, with_relative_weights
-    from robust.execute.parametrization import write_specs
+    from robust.execute.parametrization import with_deadline, with_relative_weights, write_specs
     from robust.plan.pddl.forms import read_plan_text
     from robust.plan.stn import is_network, parse_stn, write_stn
 
@@ -284,7 +283,7 @@ def _lines(options: CertifyCommand, deadline: Deadline, run: Run) -> tuple[list[
     lines = certificate.of_plan() if plain else certificate.of_box(box, maximal=options.kind == "maximal")
     if options.alethe is None:
         return lines, None
-    from robust.certify.alethe import export
+    from robust.certify.produce import export
     from robust.encode import create_encoding
 
     encoding = create_encoding(options.encoding, plan, options.separation, deadline)

@@ -354,7 +354,7 @@ def _mission(options: ExecuteCommand, run: Run) -> replan.Mission:
 
 def _prepared(options: ExecuteCommand, mission: replan.Mission, run: Run) -> replan.Prepared:
     """The plan in a file: a network, or steps as planners print them."""
-    from robust.execute.demands import with_deadline, with_relative_widths
+    from robust.execute.parametrization import with_deadline, with_relative_widths
     from robust.execute.replan import prepare_plan, prepare_timed
     from robust.plan.load import assemble
     from robust.plan.pddl.forms import read_plan_text

@@ -1,18 +1,31 @@
-"""`robust pike`: plans with choices."""
+"""`robust pike`: plans with choices.
+
+`robust pike run --stdio`: any process drives an executive through lines of JSON, in its own time or in real time.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import gc
+import json
+import os
+import queue
+import select
+import sys
+import threading
+from collections.abc import Callable, Iterable, Mapping
+from fractions import Fraction
 from functools import partial
+from math import floor
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from robust.backends import DRAKE
+from robust.cli import guard, output
 from robust.cli.guard import Run, action
-from robust.errors import UNDECIDED, InputError, exit_code_of
+from robust.errors import UNDECIDED, InputError, Location, SolverError, exit_code_of
 from robust.options import declare
 from robust.options import pike as asking
-from robust.smt.limits import Deadline, OutOfTimeError
+from robust.smt.limits import GLANCE, NEVER, Deadline, OutOfTimeError, has_input
 
 if TYPE_CHECKING:
     from robust.api import AnytimeSearch
@@ -128,7 +141,6 @@ def _drawing(options: asking.PikePlotCommand, run: Run) -> tuple[PikePlot, Calla
 def run(options: asking.PikeRunCommand, run: Run) -> int:
     """Execute a plan with choices: dispatch, recognise intent, adapt, watch for what goes wrong."""
     if options.stdio:
-        from robust.cli.serving import serve
         from robust.pike_bridge.online.reasoners import without_states
 
         seen = without_states if options.reasoner == DRAKE else lambda plan: plan
@@ -244,3 +256,277 @@ def new(options: asking.PikeNewCommand, run: Run) -> int:
         lambda: show.new_document(instance, path), lambda out: show.print_new(out, instance, path, quiet=options.quiet)
     )
     return 0
+
+
+if TYPE_CHECKING:
+    from robust.execute.drive import WallClock
+    from robust.options.pike import PikeRunCommand
+    from robust.pike_bridge.model import TeamPlan
+    from robust.pike_bridge.online.service import Request
+
+    Inbox = queue.SimpleQueue[tuple[Fraction, Request] | OSError | None]
+
+_TOLERANCE = Fraction(1)
+"""Seconds by which decisions in real time may be late, for thinking and writing, and still count as on time."""
+_LOOK = 0.05
+"""Seconds between two looks for signals and the deadline, in real time."""
+
+
+def serve(run: guard.Run, options: PikeRunCommand, load: Callable[[], TeamPlan]) -> int:
+    """Serve until the input ends; the exit code says how the execution ended.
+
+    Args:
+        load: reads the plan.
+
+    Raises:
+        RobustError: wrong options or files, or a journal that does not fit or cannot be written.
+        GivenUpError: if interrupted or out of time before the plan was read.
+    """
+    server = _Server(run, options)
+    run.only(lambda: server.prepare(load))
+    try:
+        return server.serve()
+    finally:
+        server.close()
+
+
+class _Server:
+    def __init__(self, run: guard.Run, options: PikeRunCommand) -> None:
+        self._run = run
+        self._options = options
+        self._rate = Fraction(options.rate or 1) if options.clock == "real" else None
+        """Seconds that a unit of time lasts, in real time; None: messages give the time."""
+        self._deadline = Deadline.after(run.remaining)
+
+    def prepare(self, load: Callable[[], TeamPlan]) -> None:
+        """Read the plan and the journal, and make what decides."""
+        from robust.pike_bridge.online.executive import PlanExecutive
+        from robust.pike_bridge.online.reasoners import make_reasoner
+        from robust.pike_bridge.online.service import Journal, Service
+
+        if sys.stdin is None:  # closed by the caller, as in `robust ... <&-`
+            raise InputError("found no standard input, expected lines of JSON", Location("--stdio"))
+        self._reader = LineReader(sys.stdin.fileno())
+        sys.stdout.flush()
+        self._writer = LineWriter(sys.stdout.fileno(), lambda: self._run.guard.cause is not None, self._deadline)
+        plan, options = load(), self._options
+        solver, deadline = options.solver, self._deadline
+        self._journal = None if options.journal is None else Journal(options.journal, plan)
+        reasoner = make_reasoner(options.deciding, solver=solver, deadline=deadline)
+        self._service = Service(
+            PlanExecutive(plan, reasoner, patience=options.margin, solver=solver, deadline=deadline),
+            self._journal,
+            solver=solver,
+            deadline=deadline,
+            # Signals and the time limit interrupt there; elsewhere they wait until what is written is written.
+            thinking=lambda: self._run.working(self._on_stuck),
+            tolerance=Fraction(0) if self._rate is None else _TOLERANCE / self._rate,
+        )
+        gc.freeze()  # garbage collection looks at nothing of this again, so that its pauses are short
+        self._deadline.enforce()
+
+    def close(self) -> None:
+        """Let others have the journal."""
+        if self._journal is not None:
+            self._journal.close()
+
+    def serve(self) -> int:
+        """Until the input ends, or something else ends it; returns the exit code."""
+        from robust.pike_bridge.online.progress import Succeeded
+
+        try:
+            self._announce(self._service.greet())
+            if self._rate is None:
+                self._serve_given_time()
+            else:
+                self._serve_real_time(self._rate)
+        except BrokenPipeError as error:
+            output.drop_output(error)
+        except InputError as error:
+            self._writer.write_last({"kind": "error", "line": None, "message": str(error)})
+            raise
+        except OutOfTimeError as stopped:
+            if stopped.reason is not None:
+                raise SolverError(stopped.reason) from stopped
+            self._end("timeout")
+        except KeyboardInterrupt:
+            self._end("timeout" if self._run.timed_out else "interrupted")
+        else:
+            self._end("waiting")
+        if not self._service.ended:
+            return UNDECIDED
+        return 0 if isinstance(self._service.executive.outcome, Succeeded) else 1
+
+    def _announce(self, answers: Iterable[dict[str, Any]]) -> None:
+        """Write an answer, object by object as it becomes known."""
+        for answer in answers:
+            self._writer.write(answer)
+
+    def _read(self) -> Request | None:
+        """The next request that is not an empty line; None at the end of the input."""
+        from robust.pike_bridge.online.service import INPUT, Request, read_request
+
+        timed = self._rate is None
+        while True:
+            try:
+                text = self._reader.read(self._deadline if timed else NEVER)
+            except InputError as error:
+                number = self._reader.number
+                return Request(number, f"{Location(INPUT, number)}: {error}")
+            if text is None:
+                return None
+            if text.strip():
+                return read_request(text, self._reader.number, self._service.executive.plan, timed=timed)
+
+    def _serve_given_time(self) -> None:
+        while True:
+            with self._run.working():
+                request = self._read()
+            if request is None:
+                return
+            self._announce(self._service.answer(request))
+
+    def _serve_real_time(self, rate: Fraction) -> None:
+        """What has come is heard, as of when it came, before what is due is done."""
+        from robust.execute.drive import WallClock
+
+        grid, clock = self._service.executive.progress.grid, WallClock(rate, self._service.time)
+
+        def on_grid(time: Fraction) -> Fraction:
+            """Rounded down: what is due at a time on the grid is late by less than a step then, not early."""
+            return floor(time / grid) * grid
+
+        inbox: Inbox = queue.SimpleQueue()
+        threading.Thread(target=self._listen, args=(inbox, clock), daemon=True).start()
+        closed = False
+        while not closed:
+            if self._run.guard.cause is not None:
+                raise KeyboardInterrupt
+            if self._deadline.passed:
+                raise OutOfTimeError
+            wake = self._service.wake
+            try:
+                arrived = inbox.get(timeout=_LOOK if wake is None else min(_LOOK, max(0, clock.seconds_until(wake))))
+            except queue.Empty:
+                self._announce(self._service.due(on_grid(clock.now())))
+                continue
+            match arrived:
+                case OSError():
+                    raise arrived
+                case None:
+                    self._announce(self._service.due(on_grid(clock.now())))
+                    closed = True
+                case (time, request):
+                    self._announce(self._service.due(on_grid(time)))
+                    self._announce(self._service.answer(request, on_grid(time)))
+
+    def _listen(self, inbox: Inbox, clock: WallClock) -> None:
+        """Note when each request arrives, in a thread: not every input can be waited for otherwise."""
+        try:
+            while (request := self._read()) is not None:
+                inbox.put((clock.now(), request))
+            inbox.put(None)
+        except OSError as error:
+            inbox.put(error)
+
+    def _end(self, outcome: str) -> None:
+        """The last line; where the execution has ended it has been written before."""
+        if not self._service.ended:
+            self._writer.write_last(self._service.end(outcome))
+
+    def _on_stuck(self) -> bool:
+        """A solver does not heed the signal: the answer comes from another thread, and the process ends."""
+        self._end(self._run.guard.why().value)
+        return True
+
+
+# -- lines -------------------------------------------------------------------------------------------------------------
+
+LONGEST = 1 << 20
+"""Bytes of a line; what is longer is no message."""
+_CHUNK = 1 << 16
+_ATOMIC = 512
+"""Bytes that a pipe takes at once, if it takes any (PIPE_BUF is at least that)."""
+
+
+class LineReader:
+    """Reads lines from a file descriptor, and counts them from 1."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._pending = bytearray()
+        self._ended = False
+        self._skipping = False
+        self.number = 0
+
+    def read(self, deadline: Deadline) -> bytes | None:
+        """The next line without its end; None at the end of the input.
+
+        Raises:
+            InputError: if the line is too long; the next call reads the line after it.
+            OutOfTimeError: if the deadline passes.
+        """
+        while True:
+            line, end, rest = self._pending.partition(b"\n")
+            if end or (self._ended and line):
+                self._pending = rest
+                self.number += 1
+                if self._skipping or len(line) > LONGEST:
+                    self._skipping = False
+                    raise InputError(f"found a line of more than {LONGEST} bytes, expected a shorter one")
+                return bytes(line).removesuffix(b"\r")
+            if self._ended:
+                return None
+            if len(line) > LONGEST:
+                self._skipping = True
+                self._pending.clear()
+                self._pending += b"."  # so that it counts as a line, whatever comes
+            if not has_input(self._descriptor, deadline):
+                raise OutOfTimeError
+            chunk = os.read(self._descriptor, _CHUNK)
+            self._ended = not chunk
+            self._pending += chunk
+
+
+class LineWriter:
+    """Writes JSON objects to a file descriptor, a line for each.
+
+    What a signal cuts off is completed before anything else is written.
+    """
+
+    def __init__(self, descriptor: int, stopped: Callable[[], bool], deadline: Deadline) -> None:
+        self._descriptor = descriptor
+        self._stopped = stopped
+        self._deadline = deadline
+        self._pending = memoryview(b"")
+
+    def write(self, value: Mapping[str, Any]) -> None:
+        """Write an object, and wait until it is read.
+
+        Raises:
+            BrokenPipeError: if nobody reads any more.
+            KeyboardInterrupt, OutOfTimeError: if nobody has read until it was stopped, or until the deadline.
+        """
+        self._pending = memoryview(bytes(self._pending) + json.dumps(value).encode() + b"\n")
+        while self._pending:
+            if self._is_writable(GLANCE):
+                self._advance()
+            elif self._stopped():
+                raise KeyboardInterrupt
+            elif self._deadline.passed:
+                raise OutOfTimeError
+
+    def write_last(self, value: Mapping[str, Any]) -> None:
+        """Write an object if somebody reads it now, before the process ends."""
+        self._pending = memoryview(bytes(self._pending) + json.dumps(value).encode() + b"\n")
+        try:
+            while self._pending and self._is_writable(0.0):
+                self._advance()
+        except BrokenPipeError:
+            self._pending = memoryview(b"")
+
+    def _is_writable(self, seconds: float) -> bool:
+        return bool(select.select([], [self._descriptor], [], seconds)[1])
+
+    def _advance(self) -> None:
+        self._pending = self._pending[os.write(self._descriptor, self._pending[:_ATOMIC]) :]

@@ -14,13 +14,22 @@ from collections.abc import Callable, Iterator, Mapping
 from fractions import Fraction
 from functools import cache, cached_property
 
-from robust.encode import effects, settled
+from robust.encode import settled
 from robust.encode.interface import EPSILON, Auxiliary, Encoding, Linear, Obligation, Range, Stage
-from robust.encode.network import IndependentParts, Orders, TemporalNetwork, duration_rules
+from robust.encode.network import (
+    Flow,
+    IndependentParts,
+    Orders,
+    TemporalNetwork,
+    Writes,
+    duration_rules,
+    mutex_pairs,
+    names_in,
+)
 from robust.encode.state import FINALLY, MomentOrder, MomentSide, StateMoment, States, after, before
 from robust.encode.validity import Validity
 from robust.errors import UnsupportedError
-from robust.plan import model, variants
+from robust.plan import model
 from robust.smt.terms import Formula, Terms
 
 
@@ -112,7 +121,7 @@ class OverAll:
     def _breakpoints(self, condition: model.Condition) -> dict[model.TimePoint, bool]:
         """The happenings that can change a condition's truth: whether it jumps there, or a fluent only bends."""
         jumps: dict[model.TimePoint, bool] = {}
-        for name in effects.names_in(condition):
+        for name in names_in(condition):
             match name:
                 case model.Atom():
                     jumps.update((write.point, True) for write in self._writes.of_atom.get(name, ()))
@@ -123,10 +132,10 @@ class OverAll:
                             jumps.setdefault(point, False)
         return dict(sorted(jumps.items(), key=lambda item: self._rank[item[0]]))
 
-    def _flows(self, leaf: model.NumericCondition) -> list[effects.Flow]:
+    def _flows(self, leaf: model.NumericCondition) -> list[Flow]:
         return [
             flow
-            for name in effects.names_in(leaf)
+            for name in names_in(leaf)
             if isinstance(name, model.Fluent)
             for flow in self._writes.flows.get(name, ())
         ]
@@ -180,13 +189,13 @@ class RelationalEncoding(Encoding):
     def __init__(
         self, plan: model.ParametrizedPlan, epsilon: Fraction = EPSILON, ranges: Mapping[str, Range] | None = None
     ) -> None:
-        self._settling = plan if ranges is None else variants.within(plan, ranges)
+        self._settling = plan if ranges is None else model.within(plan, ranges)
         self.plan = plan
         self.epsilon = epsilon
         self.terms = Terms()
         self.network = TemporalNetwork(plan)
         self.places = self.network.places
-        writes = effects.Writes(plan)
+        writes = Writes(plan)
         self._rules = tuple(duration_rules(plan, writes))
         self.validity = Validity(self.network, self._rules, self.terms)
         self._writes = writes
@@ -195,7 +204,7 @@ class RelationalEncoding(Encoding):
     def obligations(self) -> tuple[Obligation, ...]:  # type: ignore[override]
         """All obligations by stage; formulas are built when they are asked for."""
         plan = self.plan
-        self._mutex = effects.mutex_pairs(plan)
+        self._mutex = mutex_pairs(plan)
         self._proved = settled.proved(self._settling, self.epsilon, self._mutex)
         self._orders = self._known_orders()
         self._states = States(plan, self._writes, MomentOrder(self.network, self._orders, self.terms))

@@ -21,7 +21,7 @@ from fractions import Fraction
 from itertools import groupby, pairwise, product
 from math import lcm
 
-from robust.encode import effects, interface
+from robust.encode import interface, network
 from robust.network.differences import DifferenceNetwork
 from robust.plan import model
 from robust.plan.polynomial import Polynomial
@@ -58,7 +58,7 @@ class Accesses:
         self.writes: dict[Name, list[Write]] = defaultdict(list)
         self.moving = {change.fluent for instance in plan.instances for change in instance.continuous_effects}
         for number, instance in enumerate(plan.instances):
-            for name, points in effects.reads(instance):
+            for name, points in network.reads(instance):
                 self.readers[name].update(self.index[point] for point in points)
             self._write(number, instance)
         for literal in plan.timed_literals:
@@ -115,7 +115,7 @@ class Settled:
         for name, writes in accesses.writes.items():
             for write in writes:
                 expression = None if isinstance(write.amount, bool) else write.amount
-                for read in (*effects.names_in(write.condition), *(model.fluents_in(expression) if expression else ())):
+                for read in (*network.names_in(write.condition), *(model.fluents_in(expression) if expression else ())):
                     readers[read].append(name)
                 if not self._is_known(write.condition, write.instance, expression):
                     unsteady.add(name)
@@ -197,7 +197,7 @@ class Settled:
 
     def holds_at(self, condition: model.Condition, point: int, instance: int | None = None) -> bool:
         """Whether a condition that is read at a point, or FINALLY, holds there in all schedules."""
-        if not self._is_known(condition, instance) or not self._are_steady(effects.names_in(condition)):
+        if not self._is_known(condition, instance) or not self._are_steady(network.names_in(condition)):
             return False
         return self.history.before(point).holds(condition, self._duration(instance))
 

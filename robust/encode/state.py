@@ -7,9 +7,8 @@ atoms. All knowledge about the order of time points in the relational encoding c
 from dataclasses import dataclass
 from enum import Enum
 
-from robust.encode.effects import AtomWrite, Flow, FluentWrite, Writes
 from robust.encode.interface import Auxiliary, Definitions, Linear, constant, initial_value, variable
-from robust.encode.network import Orders, TemporalNetwork
+from robust.encode.network import AtomWrite, Flow, FluentWrite, Orders, TemporalNetwork, Writes
 from robust.errors import UnsupportedError
 from robust.plan import model
 from robust.smt.terms import Formula, Terms

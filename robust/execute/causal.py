@@ -47,7 +47,7 @@ from robust.execute import distances, parametrization
 from robust.execute.distances import edge
 from robust.irr.check import Answer, Checker, CheckResult, Counterexample
 from robust.irr.exact import ExactSearch
-from robust.plan import model, variants
+from robust.plan import model
 from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import simulate
 from robust.qe.box import Box
@@ -352,7 +352,7 @@ def check_plan(plan: model.ParametrizedPlan, epsilon: Fraction, solver: str, dea
         UnsupportedError: for an expression that is not linear.
     """
     # Shortest paths prove more about numbers than about parameters.
-    encoding = create_encoding("relational", variants.at_values(plan, plan.nominal), epsilon, deadline)
+    encoding = create_encoding("relational", model.at_values(plan, plan.nominal), epsilon, deadline)
     result = Checker(encoding, Box({}), solver=solver, deadline=deadline).run()
     if result.interrupted:
         raise KeyboardInterrupt

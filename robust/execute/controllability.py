@@ -35,8 +35,7 @@ from robust.irr.stops import JUST, Stop, declared_stop
 from robust.network.dispatchable import waits
 from robust.network.uncertain import Wait, dynamic, explain
 from robust.plan.model import ParametrizedPlan
-from robust.qe.box import Box, Face, Side
-from robust.qe.slabs import Growing
+from robust.qe.box import Box, Face, Growing, Side
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Satisfiability as SolverVerdict
 from robust.smt.session import Session, Statistics

@@ -36,10 +36,9 @@ from robust.network.differences import Distances
 from robust.network.uncertain import EdgeStep, Stnu, UncertainLink, dynamic
 from robust.plan import model
 from robust.plan.polynomial import Polynomial
-from robust.qe.box import Box, Face, Side
+from robust.qe.box import Box, Face, Growing, Side
 from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Polyhedron
-from robust.qe.slabs import Growing
 from robust.smt.limits import NEVER, Deadline
 
 Length = Polynomial[str]

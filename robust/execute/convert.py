@@ -17,7 +17,7 @@ from typing import TypedDict, Unpack
 
 from robust.encode.interface import EPSILON
 from robust.errors import Location, SolverError
-from robust.execute import demands, distances, esterel, snap
+from robust.execute import distances, snap
 from robust.execute.causal import (
     Tightener,
     Tightening,
@@ -27,8 +27,8 @@ from robust.execute.causal import (
     undecided,
     verdict_of,
 )
-from robust.execute.parametrization import Parametrization, parametrization
-from robust.execute.room import RoomFirst
+from robust.execute.parametrization import Parametrization, parametrization, with_deadline, with_relative_weights
+from robust.execute.room import RoomFirst, esterel_edges
 from robust.irr.check import Answer, CheckResult
 from robust.numbers import Number, format_number
 from robust.plan import load, model, parameters
@@ -116,7 +116,8 @@ class Settings(TypedDict, total=False):
         free_durations: in mode ROOM, let durations vary that the domain leaves open; else all are as planned.
         specs: what becomes a parameter, see :mod:`robust.plan.parameters`; nominal values of durations and starts are
             those of the plan.
-        deadline: by when every action must end, as :func:`robust.execute.demands.latest_end` reads it; None is never.
+        deadline: by when every action must end, as :func:`robust.execute.parametrization.latest_end` reads it;
+            None is never.
         relative: weights of parameters are in proportion to nominal values.
         epsilon: the separation of mutex time points.
         tolerance: how far exact times may be from the printed ones; None is one unit of the last digit that was
@@ -172,7 +173,7 @@ class Converting:
         original, _, _ = self._original
         try:
             if self.mode is Mode.ESTEREL:
-                network = _Network(esterel.esterel_edges(original), check=verdict_of(original.plan, Answer.UNKNOWN))
+                network = _Network(esterel_edges(original), check=verdict_of(original.plan, Answer.UNKNOWN))
                 self._proved = network
             else:
                 network = self._causal()
@@ -275,8 +276,8 @@ class Converting:
         constraints = tuple(sorted(every, key=lambda bound: bound.source.instance != bound.target.instance))
         stn = replace(chosen.bare, parameters=chosen.parameters, constraints=constraints)
         end = max(original.times[instance.end] for instance in stn.instances)
-        stn = demands.with_deadline(stn, self.deadline, Location("--deadline"), end)
-        stn = demands.with_relative_weights(stn) if self.relative else stn
+        stn = with_deadline(stn, self.deadline, Location("--deadline"), end)
+        stn = with_relative_weights(stn) if self.relative else stn
         return stn, load.assemble(self.domain, self.problem, stn, chosen.beside)
 
     def _conversion(

@@ -26,7 +26,7 @@ from robust.execute.planners.interface import Planner
 from robust.execute.worlds import ExecutedInstance, InstanceOutcome, Luck, Rules, SimulatedWorld
 from robust.irr.exact import BoxMethod
 from robust.numbers import Number, format_number
-from robust.plan import model, parameters, timeline, variants
+from robust.plan import model, parameters, timeline
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import Simulation, simulate
@@ -462,7 +462,7 @@ def beginning(plan: model.ParametrizedPlan, world: SimulatedWorld) -> model.Para
         initial_atoms=plan.initial_atoms,
         initial_fluents={fluent: Polynomial.constant(value) for fluent, value in world.initial.items()},
         timed_literals=plan.timed_literals,
-        goal=variants.with_values(plan.goal, world.values),
+        goal=model.with_values(plan.goal, world.values),
     )
 
 

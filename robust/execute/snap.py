@@ -14,7 +14,7 @@ from functools import cached_property
 from math import lcm
 from operator import le
 
-from robust.encode.effects import names_in
+from robust.encode.network import names_in
 from robust.errors import RefutedError
 from robust.network.differences import Bound, delay, following
 from robust.numbers import format_number, plural, round_up

@@ -59,7 +59,7 @@ from robust.errors import InputError, Location, did_you_mean
 from robust.execute import dispatcher
 from robust.execute.dispatchable import Dispatchable, Means, NaturalLink
 from robust.numbers import shorten
-from robust.plan import model, parameters, timeline, variants
+from robust.plan import model, parameters, timeline
 from robust.plan.pddl.forms import read_text
 from robust.presented import VerdictEnum
 from robust.probability.distributions import (
@@ -578,7 +578,7 @@ class SimulatedWorld:
             values[model.Duration()] = duration
         if self.dispatchable.reads[instance.identifier].isdisjoint(values):
             return instance
-        return variants.with_values(instance, values)
+        return model.with_values(instance, values)
 
     def _reveal(self, point: model.TimePoint) -> None:
         for revelation in self.dispatchable.expected.get(point, ()):

@@ -14,8 +14,8 @@ from robust.irr.proposals import tolerance
 from robust.irr.search import EnvelopeResult
 from robust.plan.model import ParametrizedPlan
 from robust.presented import Presented
-from robust.qe import compute, estimate, lifted, slabs
-from robust.qe.box import Box, Face, Side
+from robust.qe import compute, estimate, lifted
+from robust.qe.box import Box, Face, Growing, Side
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
 from robust.searching import DECIDED, Searching, Status
@@ -264,7 +264,7 @@ def face_gap(
 ) -> FaceGap:
     """How far the face could move, and a point beyond that the box would hold if it were moved a little more."""
     name, side = face
-    growing = slabs.Growing(box, {face: (end, Fraction(1))})
+    growing = Growing(box, {face: (end, Fraction(1))})
     met = ((widen.least_stretch(piece, growing), piece) for piece in bad)
     nearest = min(((least.value, piece) for least, piece in met if least is not None), key=itemgetter(0), default=None)
     if nearest is None:
@@ -284,7 +284,7 @@ def sides_beyond(region: lifted.LiftedRegion, box: Box, face: Face, end: Fractio
         UnsupportedError: if it takes all inequalities of the region, which are too many.
     """
     side = face[1]
-    growing = slabs.Growing(box, {face: (end, Fraction(1))})
+    growing = Growing(box, {face: (end, Fraction(1))})
     while True:
         sides = region.known_sides()
         met = (widen.least_stretch(piece, growing) for piece in sides)

@@ -15,10 +15,10 @@ from itertools import product
 from typing import Unpack
 
 from robust.encode.interface import Encoding, Linear, variable
-from robust.irr import irr, proposals, stops
+from robust.irr import proposals, stops
 from robust.irr.conflicts import Candidate, Chosen, Clause, MasterProblem, Point
 from robust.irr.containment import Containment, Margins, require_some_schedule
-from robust.irr.search import BoxSearch, Conduct, OutsideError
+from robust.irr.search import BoxSearch, Conduct, IncrementalRobustification, OutsideError, ordered
 from robust.irr.widen import BadSet, DiscoveredBadSet, Obstacle, Widening, faces_of
 from robust.network.slack import OutsideFragmentError
 from robust.plan.model import ParameterReference
@@ -73,7 +73,7 @@ class ExactSearch(BoxSearch):
         self._contain_nominal = contain_nominal
         self._pieces: list[Polyhedron] = []
         parameters = encoding.plan.parameters
-        turns = [[parameter] for parameter in irr.ordered(parameters, order)] if order else [parameters]
+        turns = [[parameter] for parameter in ordered(parameters, order)] if order else [parameters]
         self._groups = [faces_of(turn) for turn in turns]
         self._by_paths = method == "widen" and not order and exporter is None and encoding.name == "relational"
         self._proposed = False
@@ -390,7 +390,7 @@ class BoxMethod:
         """
         if self.name == "irr":
             containment = Containment(formulas, solver=solver, exporter=exporter)
-            return irr.IncrementalRobustification(
+            return IncrementalRobustification(
                 containment, beta=self.beta, doubling=self.doubling, order=self.order, **conduct
             )
         return ExactSearch(

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
-from robust.encode import effects, network
+from robust.encode import network
 from robust.plan import model
 from robust.plan.model import ActionInstance, ParameterReference, ParametrizedPlan
 from robust.plan.polynomial import Polynomial
@@ -154,7 +154,7 @@ def _limits(plan: ParametrizedPlan) -> dict[str, Limits]:
             add(item.source, item.target, item.lower)
         if item.upper is not None:
             add(item.target, item.source, -item.upper)
-    for rule in network.duration_rules(plan, effects.Writes(plan)):
+    for rule in network.duration_rules(plan, network.Writes(plan)):
         for bound in rule.bounds:
             add(bound.source, bound.target, bound.weight)
     return limits

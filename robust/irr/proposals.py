@@ -18,9 +18,9 @@ from functools import cached_property
 from itertools import groupby, pairwise
 from math import ceil, lcm
 
-from robust.encode import create_encoding, effects
+from robust.encode import create_encoding
 from robust.encode.interface import Linear, constant, is_over_parameters, over_parameters, variable
-from robust.encode.network import TemporalNetwork
+from robust.encode.network import TemporalNetwork, mutex_pairs
 from robust.encode.settled import FINALLY, Settled, Write
 from robust.irr.containment import Containment
 from robust.irr.stops import NO_SCHEDULE, Stop
@@ -35,7 +35,7 @@ from robust.network.slack import (
     SlackRequirement,
 )
 from robust.numbers import format_number
-from robust.plan import model, variants
+from robust.plan import model
 from robust.plan.polynomial import Polynomial
 from robust.qe.box import Box, Face, Interval, Side
 from robust.smt.limits import Deadline, OutOfTimeError, raise_if_interrupted
@@ -157,7 +157,7 @@ class SlackPlan:
         self.plan = plan
         self._number = {parameter.name: number for number, parameter in enumerate(plan.parameters)}
         self._network = TemporalNetwork(plan)
-        self._pairs = {frozenset(pair): pair for pair in effects.mutex_pairs(plan)}
+        self._pairs = {frozenset(pair): pair for pair in mutex_pairs(plan)}
         weights = [self._nominal(bound.weight) for bound in self._network.differences]
         parts = [part.condition.expression for instance in plan.instances for part in instance.durations]
         factors = [factor for part in parts for factor in part.terms.values()]
@@ -171,7 +171,7 @@ class SlackPlan:
         if paths.schedule is None or paths.schedule[0]:
             raise OutsideFragmentError(NO_SCHEDULE)
         self.times = paths.schedule
-        self.settled = Settled(variants.at_values(plan, plan.nominal), paths, self.scale, self._apart)
+        self.settled = Settled(model.at_values(plan, plan.nominal), paths, self.scale, self._apart)
         if self.settled.unsteady:
             raise OutsideFragmentError(f"the order of what happens to {min(map(str, self.settled.unsteady))} is open")
         self.bounds = [
@@ -476,7 +476,7 @@ def is_inside(
     declared = ((known.name, Interval(known.lower, known.upper)) for known in plan.parameters)
     if not all(box[name].is_within(bounds) for name, bounds in declared):
         return False
-    encoding = create_encoding("relational", variants.within(plan, box.ranges), epsilon, deadline)
+    encoding = create_encoding("relational", model.within(plan, box.ranges), epsilon, deadline)
     return Containment(encoding, solver=solver, statistics=statistics).contains(box, deadline)
 
 

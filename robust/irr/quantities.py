@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from fractions import Fraction
 
-from robust.encode import effects, network
+from robust.encode import network
 from robust.errors import Location
 from robust.numbers import format_number, readable
 from robust.plan import model
@@ -126,7 +126,7 @@ def _limits(plan: ParametrizedPlan) -> dict[tuple[TimePoint, TimePoint], Limits]
 
     for point in plan.time_points[1:]:
         add(model.ZERO, point, Fraction(0))
-    for rule in network.duration_rules(plan, effects.Writes(plan)):
+    for rule in network.duration_rules(plan, network.Writes(plan)):
         for bound in rule.bounds:
             if bound.weight.is_constant:
                 add(bound.source, bound.target, bound.weight.constant_term)

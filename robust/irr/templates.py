@@ -21,10 +21,9 @@ from robust.numbers import is_number, parse_number, shorten
 from robust.plan.model import Parameter
 from robust.plan.pddl.forms import read_text
 from robust.qe import constraint, simplex
-from robust.qe.box import Box, Face, Interval, Side
+from robust.qe.box import Box, Face, Growing, Interval, Side
 from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import Region, signed_sum
-from robust.qe.slabs import Growing
 from robust.smt.limits import Deadline
 
 Direction = tuple[tuple[str, Fraction], ...]

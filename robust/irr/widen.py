@@ -13,13 +13,12 @@ from typing import Protocol, cast
 from robust.encode.interface import Encoding, Facet
 from robust.irr.containment import Margins, ObligationQuestion, Questions
 from robust.plan.model import Parameter, Relation
-from robust.qe.box import Box, Face, Side
+from robust.qe.box import Box, Face, Growing, Side
 from robust.qe.conjunctions import Conjunction, irredundant, project
 from robust.qe.constraint import LinearConstraint
 from robust.qe.nnf import Leaf, Model, Nnf, conjunction, implicant, names_in
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.simplex import maximize
-from robust.qe.slabs import Growing
 from robust.smt.limits import Deadline
 from robust.smt.session import Exporter, Session
 

@@ -2,17 +2,20 @@
 
 Everything here is plain, frozen data: what readers produce, and what simulator and encoders consume. Only the action
 instances that the plan uses are ground. Numeric expressions are polynomials over fluents, parameters and `?duration`.
+
+A plan has variants: with values for what is unknown, and within narrower bounds for some of its parameters.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from enum import Enum, StrEnum
 from fractions import Fraction
 from functools import cached_property
 from itertools import combinations
+from typing import Any, TypeVar
 
 from robust import errors, numbers
 from robust.plan.polynomial import Polynomial
@@ -568,3 +571,55 @@ def conjuncts(condition: Condition) -> Iterator[Condition]:
             yield from conjuncts(operand)
     else:
         yield condition
+
+
+Values = Mapping[NumericVariable, Fraction]
+
+_Part = TypeVar("_Part")
+_READING = {"durations", "conditions", "atom_effects", "numeric_effects", "continuous_effects"} | {
+    "condition", "operands", "expression", "rate",
+}  # fmt: skip
+"""Fields of instances, their parts and conditions that read variables, or hold what does."""
+
+
+def with_values(part: _Part, values: Values) -> _Part:
+    """An instance, or a part of one, with these variables replaced by their values, in conditions and effects."""
+
+    def value(variable: NumericVariable) -> Expression:
+        known = values.get(variable)
+        return Polynomial.variable(variable) if known is None else Polynomial.constant(known)
+
+    whole: Any = part
+    if isinstance(whole, Polynomial):
+        whole = whole if values.keys().isdisjoint(whole.variables) else whole.substitute(value)
+    elif isinstance(whole, tuple):
+        whole = tuple(with_values(member, values) for member in whole)
+    else:
+        names = [field.name for field in fields(whole) if field.name in _READING]
+        whole = replace(whole, **{name: with_values(getattr(whole, name), values) for name in names})
+    replaced: _Part = whole
+    return replaced
+
+
+def at_values(plan: ParametrizedPlan, values: Mapping[str, Fraction]) -> ParametrizedPlan:
+    """The plan at values of some of its parameters, which are none any more."""
+    known: Values = {ParameterReference(name): value for name, value in values.items()}
+
+    def bound(weight: Bound | None) -> Bound | None:
+        return None if weight is None else with_values(weight, known)
+
+    constraints = (replace(item, lower=bound(item.lower), upper=bound(item.upper)) for item in plan.constraints)
+    return replace(
+        plan,
+        parameters=tuple(parameter for parameter in plan.parameters if parameter.name not in values),
+        instances=with_values(plan.instances, known),
+        constraints=tuple(constraints),
+        initial_fluents={fluent: with_values(value, known) for fluent, value in plan.initial_fluents.items()},
+        goal=with_values(plan.goal, known),
+    )
+
+
+def within(plan: ParametrizedPlan, ranges: Mapping[str, tuple[Fraction | None, Fraction | None]]) -> ParametrizedPlan:
+    """The plan with these bounds of parameters in place of the declared ones; None is no bound."""
+    bounded = (replace(known, lower=low, upper=high) for known in plan.parameters for low, high in [ranges[known.name]])
+    return replace(plan, parameters=tuple(bounded))

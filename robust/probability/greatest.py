@@ -21,8 +21,8 @@ from robust.irr.exact import ExactSearch, end_of, missing
 from robust.plan.model import Parameter
 from robust.probability import measure, packing
 from robust.probability.distributions import ONE, UNIT, Distribution, Enclosure, product
-from robust.qe import constraint, slabs
-from robust.qe.box import Box, Face, Interval, Side
+from robust.qe import constraint
+from robust.qe.box import Box, Face, Growing, Interval, Side
 from robust.qe.polyhedron import Polyhedron
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Exporter
@@ -435,7 +435,7 @@ class GreatestBox(ExactSearch):
         end = self.box[name].end(side)
         if end is None:
             return self.box
-        growing = slabs.Growing(self.box, {face: (end, Fraction(1))})
+        growing = Growing(self.box, {face: (end, Fraction(1))})
         least = widen.first(widen.least_stretch(piece, growing) for piece in self._pieces)
         if least is None:
             return self.box.moved(face, None)

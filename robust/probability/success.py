@@ -19,8 +19,8 @@ from robust.irr.containment import Containment
 from robust.irr.proposals import SlackPlan
 from robust.network.slack import FaceBound, OutsideFragmentError, SlackRequirement
 from robust.plan import model
+from robust.plan.model import within as restricted
 from robust.plan.polynomial import Polynomial
-from robust.plan.variants import within as restricted
 from robust.probability import lattice, packing
 from robust.probability.distributions import UNIT, Distribution, product, quotient
 from robust.probability.lateness import SINK, LatenessGraph, PathBounds, PathEdge, lateness_graph

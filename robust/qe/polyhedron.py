@@ -9,11 +9,10 @@ from functools import cached_property
 from itertools import combinations
 
 from robust.errors import InputError, UnsupportedError, did_you_mean
-from robust.qe.box import Box, Interval
+from robust.qe.box import Box, Interval, Slabs
 from robust.qe.conjunctions import SolvedForm, normal_form, project
 from robust.qe.constraint import ONE, ZERO, LinearConstraint, Sense, substitute_equality, trim
 from robust.qe.simplex import Supremum, Tableau, extend, feasible_point, integer_form, supremum, tableau, violates
-from robust.qe.slabs import Slabs
 from robust.smt.terms import Formula, Terms
 
 Point = Mapping[str, Fraction]

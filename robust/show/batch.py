@@ -1,4 +1,6 @@
-"""Results of a batch of plans: a table for people, JSON, and CSV."""
+"""Answers about many plans and many runs, for people and as JSON: batches of plans (as CSV as well), rankings of plans,
+and durations learnt from logs.
+"""
 
 import csv
 from collections import Counter
@@ -10,16 +12,20 @@ from typing import Annotated, Any
 
 from msgspec import UNSET, UnsetType
 
-from robust.irr.proposals import rounded_percent
-from robust.json_text import Count, JsonObject, Rational, Seconds, like, one_of
-from robust.numbers import duration, plural
+from robust.execute.learned import Learned, LearntAction
+from robust.irr.proposals import Tolerance, rounded_percent
+from robust.json_text import Count, JsonObject, Rational, Seconds, like, on_wire, one_of
+from robust.numbers import duration, plural, readable
 from robust.qe.box import Box, interval_text
 from robust.qe.region import Region
+from robust.show import documents
 from robust.show.console import Console, Text, colour_of, printing
-from robust.show.documents import ENDS, Document, document, documenting, has_table
+from robust.show.documents import ENDS, Document, bounds_text, document, documenting, has_table
 from robust.show.regions import in_form, region_lines
 from robust.show.tables import show_table, table
+from robust.show.text import stopped
 from robust.sweeps.batch import CCMMZ, IRR, REGION, Batch, BatchRow, PlanRun, Solved, box_of
+from robust.sweeps.rank import Fitness, RankedPlan, Ranking
 
 NAMES = {IRR: "IRR", CCMMZ: "CCMMZ", REGION: "region"}
 """What is compared, as people call it."""
@@ -374,5 +380,163 @@ def csv_text(batch: Batch) -> str:
     return text.getvalue()
 
 
-DOCUMENTS: tuple[type[JsonObject], ...] = (BatchDocument, BatchCompareDocument)
-"""As in :mod:`robust.show.documents`."""
+# -- rankings ----------------------------------------------------------------------------------------------------------
+
+_PLACES = 4
+
+
+@printing.register(Ranking)
+def print_ranking(out: Console, ranking: Ranking, *, quiet: bool) -> None:
+    """A row for each plan, the best first; unless `quiet` also what makes each better than the next."""
+    random = any(plan.success is not None for plan in ranking.plans)
+    columns = ["", "plan", "", "end", "all durations", *["in time"] * random]
+    rows = [_ranked_cells(number, plan, random) for number, plan in enumerate(ranking.plans, start=1)]
+    show_table(out, table(columns, rows, right=("", "end", "all durations")))
+    if quiet:
+        return
+    out.print()
+    for sentence in ranking.deciding:
+        out.print(Text(f"  {sentence}"), soft_wrap=True)
+    ended = "" if ranking.status.value == "complete" else f"{stopped(ranking.status, ranking.reason)}: "
+    counted = f"{plural(len(ranking.plans), 'plan')}, each to end by {readable(ranking.latest)}"
+    out.print(Text(f"{ended}{counted}; {duration(ranking.seconds)}.", style="dim"), soft_wrap=True)
+
+
+def _ranked_cells(number: int, plan: RankedPlan, random: bool) -> tuple[str, ...]:
+    borne = "" if plan.tolerance is None else f"± {rounded_percent(plan.tolerance.ratio)}"
+    end = "" if plan.end is None else readable(plan.end)
+    success = [] if not random else ["" if plan.success is None else bounds_text(plan.success, _PLACES)]
+    fitness = "" if plan.fitness is Fitness.VALID else plan.fitness.value
+    return str(number), plan.name, fitness, end, borne, *success
+
+
+class RankedPlanRecord(JsonObject):
+    """
+    Attributes:
+        name: the file, with its number in a log that holds several plans
+        fitness: valid: proved, and can be in time; late: ends too late as planned; wrong: for the reason given;
+            unasked: time was over
+        end: as planned; null if it cannot be read
+        tolerance: how much all durations may be longer or shorter at once, as a share of their nominal values; null if
+            that is not one number
+        success: the probability that the plan is in time; null without distributions
+        reason: why the plan is wrong, or has no tolerance
+    """
+
+    name: str
+    fitness: Annotated[str, one_of(*(fitness.value for fitness in Fitness))]
+    end: Rational | None
+    tolerance: Tolerance | None
+    success: documents.Range | None
+    reason: str | None
+
+
+class Rank(documents.Noted, tag_field="schema", tag="robust/rank/1"):
+    """robust rank --json: several plans of one problem, the best first
+
+    Attributes:
+        latest: by when all plans must end
+        deciding: for each plan but the last what makes it better than the next
+    """
+
+    status: documents.Ended
+    epsilon: Rational
+    latest: Rational
+    plans: list[RankedPlanRecord]
+    deciding: list[str]
+    seconds: Seconds
+
+
+@documents.documenting.register(Ranking)
+def _(ranking: Ranking) -> documents.Document:
+    return documents.document(
+        like(Rank, ranking, status=ranking.status.value, plans=[_ranked_record(plan) for plan in ranking.plans])
+    )
+
+
+def _ranked_record(plan: RankedPlan) -> RankedPlanRecord:
+    return like(
+        RankedPlanRecord,
+        plan,
+        fitness=plan.fitness.value,
+        success=None if plan.success is None else documents.range_of(plan.success),
+    )
+
+
+documents.has_table(Ranking, "plans", numbers=("end",))
+
+
+# -- durations learnt from logs ----------------------------------------------------------------------------------------
+
+
+@printing.register(Learned)
+def print_learned(out: Console, learned: Learned, *, quiet: bool) -> None:
+    """A row for each action; unless `quiet` also what limits mean, and what is not known."""
+    columns = ["action", "runs", "failed", "from", "to", "longest", "later runs"]
+    rows = [_learnt_cells(name, action) for name, action in learned.actions.items()]
+    show_table(out, table(columns, rows, right=("runs", "failed", "from", "to", "longest")))
+    if quiet:
+        return
+    actions = learned.actions.values()
+    out.print()
+    for sentence in _sentences(learned):
+        out.print(Text(f"  {sentence}"), soft_wrap=True)
+    counted = f"{plural(sum(action.runs for action in actions), 'run')} of {plural(len(actions), 'action')}"
+    out.print(Text(f"{counted}; {duration(learned.seconds)}.", style="dim"), soft_wrap=True)
+
+
+def _learnt_cells(name: str, action: LearntAction) -> tuple[str, ...]:
+    longest = "" if action.longest is None else readable(action.longest)
+    upper = "?" if action.upper is None else readable(action.upper)
+    drift = action.drift
+    change = "" if drift is None or not drift.found else f"differ: {readable(drift.earlier)} → {readable(drift.later)}"
+    return name, str(action.runs), str(action.failed or ""), readable(action.lower), upper, longest, change
+
+
+def _sentences(learned: Learned) -> list[str]:
+    actions = learned.actions.values()
+    cover, confidence = (f"{float(100 * share):g} %" for share in (learned.cover, learned.confidence))
+    promised = [action for action in actions if action.upper is not None]
+    sentences = [f"to: covers {cover} of future runs with {confidence} confidence, if they are as those in the logs."]
+    if len(promised) < len(actions):
+        missing = plural(len(actions) - len(promised), "action")
+        needed = f"a limit needs {next(iter(actions)).needed}, of the later half where runs differ"
+        sentences.append(f"?: {missing} with too few runs: {needed}.")
+    if drifting := sum(action.drift is not None and action.drift.found for action in actions):
+        what = "medians of the earlier and the later half; limits hold for the later half by itself too"
+        sentences.append(f"later runs of {plural(drifting, 'action')} differ: {what}.")
+    for count, what in (
+        (sum(action.failed for action in actions), "failed: no limit counts failures"),
+        (sum(action.unfinished for action in actions), "did not end in the logs"),
+        (sum(action.clock_resets for action in actions), "took unknown time: the clock was set back"),
+    ):
+        if count:
+            sentences.append(f"{plural(count, 'run')} {what}.")
+    return sentences
+
+
+on_wire("LearntAction", values=None)
+
+
+class Learn(documents.Noted, tag_field="schema", tag="robust/learn/1"):
+    """robust learn --json: durations of actions, learnt from logs
+
+    Attributes:
+        cover: the share of future runs that limits cover
+        confidence: with which they do
+    """
+
+    cover: Rational
+    confidence: Rational
+    actions: dict[str, LearntAction]
+    seconds: Seconds
+
+
+@documents.documenting.register(Learned)
+def _(learned: Learned) -> documents.Document:
+    return documents.document(like(Learn, learned, actions=dict(learned.actions)))
+
+
+documents.has_table(
+    Learned, "actions", named="action", numbers=("lower", "upper", "longest", "drift_earlier", "drift_later")
+)

@@ -1,7 +1,7 @@
 """Documents that `--json` prints, as types: the fields, their meaning, and how results become documents.
 
-The published schemas in :mod:`robust.show.schemas` are those of these types. An object that `--json` prints is one of
-:data:`DOCUMENTS`, and names itself in `schema`. What a result holds is itself where JSON says the same; records are
+The published schemas in :mod:`robust.show.schemas` are those of these types. An object that `--json` prints names
+itself in `schema`, the tag of its type. What a result holds is itself where JSON says the same; records are
 declared only for what differs. Probabilities are decimals that are rounded outwards, so that they hold as printed.
 """
 
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 from msgspec import UNSET, Meta, UnsetType
 
 from robust import backends, errors
-from robust.json_text import End, JsonObject, Rational, like, on_wire, one_of, printed, wire
+from robust.json_text import Count, End, JsonObject, Rational, Seconds, like, on_wire, one_of, printed, wire
 from robust.numbers import exact_end
 from robust.qe.box import Box, Interval
 
@@ -234,5 +234,44 @@ def error(error: errors.RobustError, kind: str, exit_code: int) -> Document:
     return document(Error(error=Failure(kind=kind, message=error.message, exit_code=exit_code, **place)))
 
 
-DOCUMENTS: tuple[type[JsonObject], ...] = (Error,)
-"""Every object whose schema is generated, see `tests/show`."""
+# -- certificates ------------------------------------------------------------------------------------------------------
+
+
+class Certify(Noted, tag_field="schema", tag="robust/certify/1"):
+    """robust certify --json: a certificate that has been written and checked."""
+
+    kind: Annotated[str, one_of("plan", "box", "maximal", "shape", "region", "execution", "knowledge")]
+    certificate: str
+    bytes: Annotated[int, Meta(ge=1)]
+    seconds: Seconds
+    checking_s: Seconds
+    claim: str
+    epsilon: str
+    files: dict[str, str]
+    obligations: Count
+    refuted: Count
+    alethe_holes: Count | None
+
+
+class Proved(JsonObject):
+    """The values of a parameter that have been proved."""
+
+    lower: str
+    upper: str
+    lower_closed: bool
+    upper_closed: bool
+
+
+class Verify(JsonObject, tag_field="schema", tag="robust/verify/1"):
+    """robust verify --json: what a certificate establishes of files with these digests."""
+
+    verdict: Annotated[str, one_of("established", "rejected")]
+    kind: str | None
+    claim: str | None
+    epsilon: str | None
+    box: dict[str, Proved] | None
+    files: dict[str, str]
+    obligations: Count | None
+    refuted: Count | None
+    reason: str | None
+    seconds: Seconds

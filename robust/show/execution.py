@@ -470,7 +470,3 @@ def _print_widest(out: Console, widest: Widest, adverb: str, quiet: bool) -> Non
             stop = widest.stops.get((name, side))
             if stop is not None and not quiet:
                 out.print(Text(f"    {word}: {stop.short}", "dim"), soft_wrap=True)
-
-
-DOCUMENTS: tuple[type[JsonObject], ...] = (Convert, Execute)
-"""As in :mod:`robust.show.documents`."""

@@ -131,8 +131,6 @@ class PikeNew(JsonObject, tag_field="schema", tag="robust/pike-new/1"):
     activities: Count
 
 
-DOCUMENTS: tuple[type[JsonObject], ...] = (PikeChecked, PikeCompile, PikeCross, PikeNew, PikePatience, PikePlot)
-"""As in :mod:`robust.show.documents`."""
 has_table(PikeCheck, "scenarios")
 has_table(Crossed, "disagreements")
 has_table(executive.Moments, "moments", numbers=("latest",))

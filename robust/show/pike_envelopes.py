@@ -165,8 +165,6 @@ class PikeEnvelope(JsonObject, tag_field="schema", tag="robust/pike-envelope/1")
     seconds: Seconds
 
 
-DOCUMENTS: tuple[type[JsonObject], ...] = (PikeRegion, PikeEnvelope)
-"""As in :mod:`robust.show.documents`."""
 Cells = Sequence[tuple[tuple[Combination, ...], Region]]
 
 

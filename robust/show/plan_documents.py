@@ -669,7 +669,3 @@ def _compared(entry: Entry) -> ComparedBox:
         width_ratio=entry.width_share,
         faces=faces,
     )
-
-
-DOCUMENTS: tuple[type[JsonObject], ...] = (Check, Envelope, RegionDocument, Compare)
-"""As in :mod:`robust.show.documents`."""

@@ -147,6 +147,3 @@ def _ended(repair: Repair) -> str:
     if repair.reason is not None:
         return "unknown"
     return "interrupted" if repair.interrupted else "timeout"
-
-
-DOCUMENTS: tuple[type[JsonObject], ...] = (PlanRepair,)

@@ -133,9 +133,6 @@ class RiskAnswer(documents.Noted, tag_field="schema", tag="robust/risk/1", kw_on
     seconds: Seconds
 
 
-DOCUMENTS: tuple[type[JsonObject], ...] = (RiskAnswer,)
-
-
 @documents.documenting.register(RiskResult)
 def _(result: RiskResult) -> documents.Document:
     boxes = {

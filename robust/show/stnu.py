@@ -449,7 +449,3 @@ class StnuExport(Noted, tag_field="schema", tag="robust/stnu-export/1"):
 def export_document(network: Network) -> Document:
     points, links, contingent = map(len, (network.nodes, network.links, network.contingents))
     return document(StnuExport(written=network.name, time_points=points, links=links, contingent=contingent))
-
-
-DOCUMENTS: tuple[type[JsonObject], ...] = (StnuCheck, StnuDispatch, StnuRepair, StnuExport)
-"""As in :mod:`robust.show.documents`."""

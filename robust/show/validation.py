@@ -159,7 +159,3 @@ def _record(judged: JudgedPlan) -> JudgedPlanRecord:
         remedies=Remedies() if verdict is None else verdict.remedies,
         error=None if verdict is not None else str(judged.error),
     )
-
-
-DOCUMENTS: tuple[type[JsonObject], ...] = (Validate,)
-"""As in :mod:`robust.show.documents`."""

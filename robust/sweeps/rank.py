@@ -12,7 +12,7 @@ from pathlib import PurePath
 
 from robust.errors import InputError, Location, RobustError
 from robust.execute.convert import Settings, convert
-from robust.execute.demands import earliest_end, latest_end, with_deadline
+from robust.execute.parametrization import earliest_end, latest_end, with_deadline
 from robust.irr.proposals import Tolerance, tolerance
 from robust.numbers import Number
 from robust.plan import load, model, parameters, stn, timed

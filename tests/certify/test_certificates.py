@@ -10,12 +10,11 @@ import pytest
 from benchmarks.suite import read_deliveries, read_suite
 from robust import Box, InputError, Interval, RefutedError, RobustError, UnsupportedError, check, envelope, region
 from robust.certify import tape
-from robust.certify.alethe import export
 from robust.certify.bad import declared_bounds, face_lines, lifted_lines, region_lines, shape_lines, side_of
 from robust.certify.checker import reader
 from robust.certify.checker.claims import SCHEDULED
 from robust.certify.checker.formulas import Formulas
-from robust.certify.produce import PlanCertificate, knowledge
+from robust.certify.produce import PlanCertificate, export, knowledge
 from robust.certify.tape import header
 from robust.encode import create_encoding
 from robust.encode.encoding import RelationalEncoding

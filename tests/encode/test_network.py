@@ -14,7 +14,7 @@ from hypothesis import Phase, assume, given, settings
 from hypothesis import strategies as st
 
 from robust.backends import ENCODINGS
-from robust.encode import create_encoding, effects, interface, network, settled
+from robust.encode import create_encoding, interface, network, settled
 from robust.encode.encoding import RelationalEncoding
 from robust.encode.interface import Auxiliary, Encoding, Facet, Grid, Range, TimeVariable, constant, variable
 from robust.encode.network import Difference, Inequality, Orders, TemporalNetwork
@@ -132,7 +132,7 @@ def test_mutex_pairs_are_those_of_the_simulator() -> None:
     @drawn(50)
     @given(plans(tame=False))
     def run(plan) -> None:
-        pairs = effects.mutex_pairs(plan)
+        pairs = network.mutex_pairs(plan)
         assert list(pairs) == list(simulated_mutex_pairs(plan))
         kinds.update(point.kind for pair in pairs for point in pair)
 
@@ -158,7 +158,7 @@ OTHERS = building.different(DURATION, 4), at_least(DURATION * DURATION, 4), at_l
 def test_what_duration_constraints_say_of_start_and_end(condition, bounds, exact) -> None:
     a = action("a", DurationConstraint(building.START, condition, "d"))
     plan = plan_of(a)
-    not_negative, rule = network.duration_rules(plan, effects.Writes(plan))
+    not_negative, rule = network.duration_rules(plan, network.Writes(plan))
     name = "a act: non-negative duration"
     assert (not_negative.name, not_negative.exact) == (name, True)
     assert not_negative.bounds == (Difference(a.start, a.end, constant(0), (name,)),)
@@ -253,7 +253,7 @@ def test_the_solver_proves_what_paths_prove(count, monkeypatch) -> None:
     @settings(drawn(count), phases=[Phase.generate], database=None)
     @given(plans(linear=True))
     def run(plan) -> None:
-        names = proved(plan, epsilon, effects.mutex_pairs(plan))
+        names = proved(plan, epsilon, network.mutex_pairs(plan))
         with suppress(UnsupportedError):
             alone = create_encoding("relational", plan, epsilon)
             assert names <= {obligation.name for obligation in alone.obligations}

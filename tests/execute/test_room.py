@@ -10,7 +10,7 @@ import robust
 from robust import Answer, Box, InputError, Interval, InvalidPlanError, Location, Status
 from robust.encode import create_encoding
 from robust.execute.convert import ConversionEnd, Mode
-from robust.execute.demands import earliest_end, latest_end, with_deadline
+from robust.execute.parametrization import earliest_end, latest_end, with_deadline
 from robust.execute.room import RoomFirst
 from robust.irr.exact import ExactSearch
 from robust.plan.stn import parse_stn, write_stn

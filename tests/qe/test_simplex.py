@@ -15,11 +15,10 @@ from robust.errors import InputError, UnsupportedError
 from robust.irr.widen import Least, least_stretch
 from robust.plan.model import Duration, ParameterReference, Relation
 from robust.plan.polynomial import Polynomial
-from robust.qe.box import Box, Face, Interval, Side
+from robust.qe.box import Box, Face, Growing, Interval, Side
 from robust.qe.constraint import LinearConstraint, Sense, trim
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.simplex import Tableau, feasible_point, maximize, tableau
-from robust.qe.slabs import Growing
 from robust.smt.terms import Terms
 from tests.plan.building import drawn, groups
 from tests.qe import polyhedra

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import jsonschema
 import pytest
+from msgspec import StructMeta
 
 from robust import show
 from robust.json_text import schema_of
@@ -17,7 +18,8 @@ from robust.show import schemas
 from robust.show.schemas import FILES, schema
 
 MODULES = [import_module(module.name) for module in pkgutil.iter_modules(show.__path__, "robust.show.")]
-DOCUMENTS = {kind.__struct_config__.tag: kind for module in MODULES for kind in getattr(module, "DOCUMENTS", ())}
+KINDS = {kind for module in MODULES for kind in vars(module).values() if isinstance(kind, StructMeta)}
+DOCUMENTS = {tag: kind for kind in sorted(KINDS, key=str) if (tag := kind.__struct_config__.tag)}
 
 
 @pytest.mark.parametrize("name", FILES)

@@ -13,8 +13,8 @@ from functools import cached_property
 from itertools import permutations
 from typing import assert_never
 
-from robust.encode import effects, interface
-from robust.encode.network import Difference, Orders, TemporalNetwork, duration_rules
+from robust.encode import interface
+from robust.encode.network import Difference, Orders, TemporalNetwork, Writes, duration_rules
 from robust.encode.positions.formulas import Positions, PositionState, Reader, Setting, Trajectory
 from robust.plan import model, simulate
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
@@ -311,7 +311,7 @@ class PositionsEncoding(interface.Encoding):
         self.places = self.network.places
         self.validity = Projection(self.network, self.terms)
         self._reader = Reader(plan, self.network, self.terms)
-        self._writes = effects.Writes(plan)
+        self._writes = Writes(plan)
         self._mutex = tuple(simulate.mutex_pairs(plan))
         self._rules = tuple(duration_rules(plan, self._writes))
         self._parts: dict[Formula, tuple[Part, model.ActionInstance | None]] = {}

@@ -10,9 +10,8 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import assert_never
 
-from robust.encode.effects import AtomWrite, Flow, FluentWrite, Writes
 from robust.encode.interface import Auxiliary, Case, Definitions, Linear, constant, initial_value, variable
-from robust.encode.network import Orders, TemporalNetwork
+from robust.encode.network import AtomWrite, Flow, FluentWrite, Orders, TemporalNetwork, Writes
 from robust.errors import UnsupportedError
 from robust.plan import model
 from robust.smt.limits import Deadline
