@@ -7,7 +7,7 @@ import cvc5
 
 from robust import errors, records
 from robust.encode.interface import Encoding
-from robust.irr.containment import within
+from robust.irr.check import within
 from robust.qe.box import Box
 from robust.smt import limits, session
 
@@ -32,7 +32,7 @@ def export(encoding: Encoding, box: Box, directory: Path, deadline: limits.Deadl
     """
     holes, folder = 0, records.Folder(directory, "proofs")
     for index, obligation in enumerate(encoding.obligations):
-        if obligation.violation is encoding.terms.false:
+        if obligation.violation is None:
             continue
         formulas = [*encoding.query(obligation), *within(encoding, box.intervals)]
         problem = session.smtlib(encoding.terms, formulas, obligation.name, "unsat")

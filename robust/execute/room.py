@@ -66,8 +66,6 @@ class RoomFirst:
             UndecidedError: if the solver cannot decide.
             KeyboardInterrupt: if interrupted.
         """
-        if not (forced or compares_over_time(self._plan)):
-            return ()
         chosen = self._roomiest(self._rung((), forced))
         self.tightener.say("looking for the distances that the box needs")
         needed = self._needed(chosen)
@@ -240,15 +238,3 @@ def _size(box: Box) -> tuple[int, Fraction]:
 
 def _breaks(schedule: Mapping[model.TimePoint, Fraction], edge: DistanceEdge) -> bool:
     return schedule[edge.target] - schedule[edge.source] < edge.weight
-
-
-def compares_over_time(plan: model.ParametrizedPlan) -> bool:
-    """Whether distances in time decide comparisons: by continuous effects, or over-all conditions over numbers."""
-    return any(
-        instance.continuous_effects
-        or any(
-            part.timing is model.Timing.OVER_ALL and next(model.comparisons(part.condition), None) is not None
-            for part in instance.conditions
-        )
-        for instance in plan.instances
-    )

@@ -16,7 +16,8 @@ from itertools import cycle
 from typing import Unpack
 
 from robust.errors import InputError, did_you_mean
-from robust.irr.containment import Containment, Margins, require_some_schedule
+from robust.irr.check import require_some_schedule
+from robust.irr.containment import Containment, Margins
 from robust.irr.search import BoxSearch, Conduct, OutsideError
 from robust.plan.model import Parameter
 from robust.qe.box import Box, Face, Side

@@ -13,7 +13,6 @@ from fractions import Fraction
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from robust.irr import proposals, stops
 from robust.irr.check import Answer, CheckResult, Counterexample
 from robust.numbers import approximate, duration, end, format_number, plural, readable, readable_values
 from robust.plan import model
@@ -23,6 +22,7 @@ from robust.qe.box import Interval
 from robust.show.console import Console, Text, colour_of, printing
 
 if TYPE_CHECKING:
+    from robust.irr import proposals, stops
     from robust.irr.quantities import QuantityChange
 
 MANY = 8

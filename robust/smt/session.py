@@ -21,7 +21,6 @@ from typing import Any
 
 from pysmt.exceptions import SolverAPINotFound, SolverReturnedUnknownResultError
 from pysmt.logics import QF_LRA
-from pysmt.smtlib.printers import SmtDagPrinter
 from pysmt.utils import quote
 
 from robust import presented, records
@@ -414,6 +413,8 @@ def smtlib(terms: Terms, assertions: Iterable[Formula], question: str, answer: s
 
     Symbols that have a reserved word for a name are written with a space before it.
     """
+    from pysmt.smtlib.printers import SmtDagPrinter  # noqa: PLC0415 - imports z3
+
     conjunction = terms.conjunction(assertions)
     renamed = {
         symbol: terms.manager.Symbol(f" {symbol.symbol_name()}", symbol.symbol_type())
