@@ -1,14 +1,12 @@
 """Formulas of linear real arithmetic over polynomials, with constants folded before any solver sees them.
 
-z3, which pySMT imports for them, is loaded with the first one: questions that shortest paths answer build none.
+pySMT, and z3 with it, is loaded with the first one: questions that shortest paths answer build none.
 """
 
 from collections.abc import Callable, Hashable, Iterable
 from fractions import Fraction
 from functools import cache, cached_property
 from typing import Any, TypeAlias
-
-from pysmt.typing import BOOL, REAL
 
 from robust.errors import UnsupportedError
 from robust.plan.model import Relation
@@ -68,6 +66,12 @@ class Terms:
         return manager
 
     @cached_property
+    def _types(self) -> Any:
+        from pysmt import typing  # noqa: PLC0415 - loaded with the first formula
+
+        return typing
+
+    @cached_property
     def true(self) -> Formula:
         """The constant."""
         return self.manager.TRUE()
@@ -80,11 +84,11 @@ class Terms:
     def real(self, variable: Hashable) -> Formula:
         """The real-valued symbol of a variable, named after it."""
         if variable not in self._symbols:
-            self._symbols[variable] = self.manager.Symbol(str(variable), REAL)
+            self._symbols[variable] = self.manager.Symbol(str(variable), self._types.REAL)
         return self._symbols[variable]
 
     def fresh_boolean(self, name: str) -> Formula:
-        return self.manager.FreshSymbol(BOOL, f"{name}%d")
+        return self.manager.FreshSymbol(self._types.BOOL, f"{name}%d")
 
     def truth(self, value: bool) -> Formula:
         return self.true if value else self.false
