@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from robust.execute.learned import Learned
     from robust.irr.check import CheckResult
     from robust.irr.compare import Comparison
-    from robust.irr.proposals import Tolerance
     from robust.irr.repair import Repair, RepairSearch
     from robust.irr.search import EnvelopeResult
     from robust.plan.load import File
@@ -43,7 +42,7 @@ if TYPE_CHECKING:
 
 Given = ParamSpec("Given")
 Result = TypeVar("Result")
-Judged = TypeVar("Judged", "CheckResult", "EnvelopeResult")
+Judged = TypeVar("Judged", bound="CheckResult | EnvelopeResult")
 Found_co = TypeVar("Found_co", covariant=True)
 
 
@@ -75,32 +74,36 @@ def _read(plan: Plan, options: declare.Options) -> ParametrizedPlan:
 verb = declare.Verb(_read, "what :func:`load_plan` returns, or the paths of a domain, a problem and a plan")
 
 
-class _Encoded(Generic[Result]):
-    """A search for which the plan is encoded first; until then, `nothing` is what is known."""
+class _Encoded(Generic[Judged]):
+    """A search for which the plan is encoded first; until then, `nothing` is what is known.
+
+    `bearable` says of a result whether the tolerance around nominal values is part of it, and the box that is proved
+    already, if any.
+    """
 
     def __init__(
         self,
         plan: ParametrizedPlan,
         options: verbs.EnvelopeOptions | verbs.CheckOptions,
-        make: Callable[[Encoding, Deadline, Exporter | None], AnytimeSearch[Result]],
-        nothing: Callable[[bool, float], Result],
+        make: Callable[[Encoding, Deadline, Exporter | None], AnytimeSearch[Judged]],
+        nothing: Callable[[bool, float], Judged],
         *,
-        complete: Callable[[Result, Tolerance], Result],
-        shaped: Callable[[Result, Deadline], Result] = lambda result, _: result,
+        bearable: Callable[[Judged], tuple[bool, Box | None]],
+        shaped: Callable[[Judged, Deadline], Judged] = lambda result, _: result,
         ranges: Mapping[str, Range] | None = None,
     ) -> None:
         self._plan = plan
         self._options = options
         self._make = make
         self._nothing = nothing
-        self._complete = complete
+        self._bearable = bearable
         self._shaped = shaped
         self._ranges = ranges
-        self._search: AnytimeSearch[Result] | None = None
+        self._search: AnytimeSearch[Judged] | None = None
         self._started = time.perf_counter()
         self._deadline = Deadline.after(options.limit)
 
-    def run(self) -> Result:
+    def run(self) -> Judged:
         from robust.encode import create_encoding
         from robust.smt.session import Exporter
 
@@ -115,42 +118,31 @@ class _Encoded(Generic[Result]):
             return self._nothing(isinstance(error, OutOfTimeError), time.perf_counter() - self._started)
         return self._shaped(self._with_tolerance(self._search.run()), self._deadline)
 
-    def _with_tolerance(self, result: Result) -> Result:
+    def _with_tolerance(self, result: Judged) -> Judged:
         """The result with λ*, if it says that the nominal values are inside, and there is time for it."""
-        from robust.irr.check import Answer, CheckResult
-        from robust.irr.proposals import tolerance
-        from robust.irr.search import EnvelopeResult
-        from robust.qe.box import Box
-
-        match result:
-            case CheckResult(answer=Answer.PROVED, box=box):
-                asked, proved = box == Box.nominal(self._plan.parameters), None
-            case EnvelopeResult(verified=True, cut_short=False, box=proved):
-                asked = result.contain_nominal
-            case _:
-                return result
         options = self._options
+        asked, proved = self._bearable(result)
+        if not asked or not self._plan.lasting:
+            return result
+        from robust.irr.proposals import tolerance
+
         try:
-            found = asked and tolerance(self._plan, options.separation, self._deadline, options.solver, proved)
+            bound = tolerance(self._plan, options.separation, self._deadline, options.solver, proved)
         except (OutOfTimeError, KeyboardInterrupt):
             return result
-        return self._complete(result, found) if found else result
+        return result if bound is None else replace(result, tolerance=bound)
 
-    def so_far(self, *, timed_out: bool) -> Result | None:
+    def so_far(self, *, timed_out: bool) -> Judged | None:
         if self._search is None:
             return self._nothing(timed_out, time.perf_counter() - self._started)
         return self._search.so_far(timed_out=timed_out)
-
-
-def _tolerant(result: Judged, tolerance: Tolerance) -> Judged:
-    return replace(result, tolerance=tolerance)
 
 
 def _intervals(
     plan: ParametrizedPlan, given: declare.Settings | Box | EnvelopeResult, option: str
 ) -> dict[str, Interval]:
     """Intervals that an option gives; of several for a parameter, that for the fewest parameters counts."""
-    from robust.execute.randomness import parameters_by_action
+    from robust.plan.parameters import parameters_by_action
 
     groups = parameters_by_action(plan)
     intervals: dict[str, Interval] = {}
@@ -199,7 +191,10 @@ def searching_check(plan: ParametrizedPlan, options: verbs.CheckOptions) -> Anyt
             plan=plan,
         )
 
-    return _Encoded(plan, options, make, nothing, complete=_tolerant, ranges=box.ranges)
+    def bearable(result: CheckResult) -> tuple[bool, Box | None]:
+        return result.answer is Answer.PROVED and box == Box.nominal(plan.parameters), None
+
+    return _Encoded(plan, options, make, nothing, bearable=bearable, ranges=box.ranges)
 
 
 @verb(verbs.CheckOptions)
@@ -282,7 +277,10 @@ def searching_envelope(plan: ParametrizedPlan, options: verbs.EnvelopeOptions) -
             return replace(result, status=Status.TIMEOUT if isinstance(error, OutOfTimeError) else Status.INTERRUPTED)
         return replace(result, shape=shape)
 
-    return _Encoded(plan, options, make, nothing, complete=_tolerant, shaped=shaped)
+    def bearable(result: EnvelopeResult) -> tuple[bool, Box | None]:
+        return result.verified and not result.cut_short and result.contain_nominal, result.box
+
+    return _Encoded(plan, options, make, nothing, bearable=bearable, shaped=shaped)
 
 
 @verb(verbs.EnvelopeOptions)

@@ -14,12 +14,10 @@ import fcntl
 import json
 import os
 import re
-import tempfile
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from hashlib import sha256
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TypeAlias
@@ -86,9 +84,11 @@ def _replace(target: Path, content: str | bytes | Callable[[Path], None]) -> Non
     if target.exists() and not target.is_file():  # a device, as in `--output /dev/stdout`, or a pipe
         _write(target, content)
         return
+    from tempfile import mkstemp  # noqa: PLC0415 - most commands write no file
+
     # The suffix stays: it is what names a format. A link is followed, so that it stays one.
     target = target.resolve()
-    descriptor, name = tempfile.mkstemp(target.suffix, f".{target.stem}.", target.parent)
+    descriptor, name = mkstemp(target.suffix, f".{target.stem}.", target.parent)
     beside = Path(name)
     try:
         os.close(descriptor)
@@ -306,4 +306,6 @@ class _Chain:
         return f"{body}}}"
 
     def _next_checksum(self, body: str) -> str:
+        from hashlib import sha256  # noqa: PLC0415 - most commands append to no file of records
+
         return sha256(f"{self.checksum}\n{body}".encode()).hexdigest()[:_DIGITS]

@@ -220,14 +220,14 @@ def test_an_interrupt_while_a_child_starts_leaves_none(told, monkeypatch, start)
 def test_a_copy_whose_parent_dies_at_once_does_not_begin(told):
     """The parent is gone before the copy can ask the system to end with it."""
     code = f"""
-import os, time
+import ctypes, os, time
 from robust.smt import limits
 class Late:
     def __init__(self, _):
         time.sleep(1)
     def prctl(self, *_):
         pass
-fork, limits.ctypes.CDLL = os.fork, Late
+fork, ctypes.CDLL = os.fork, Late
 os.fork = lambda: fork() and os._exit(0)
 limits.from_copy(lambda: exec({told.code!r}), limits.Deadline(), "x")
 """

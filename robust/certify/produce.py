@@ -18,7 +18,7 @@ from robust.certify.hints import KnownFacts, Line, NotRefutedError, refutation
 from robust.encode import create_encoding, interface
 from robust.encode.interface import Encoding
 from robust.errors import Location, RefutedError, UnsupportedError
-from robust.irr.containment import within
+from robust.irr.check import within
 from robust.irr.templates import Shape
 from robust.plan.model import ParametrizedPlan
 from robust.plan.pddl.forms import read_text
@@ -178,7 +178,7 @@ def export(encoding: Encoding, box: Box, directory: Path, deadline: limits.Deadl
     """
     holes, folder = 0, records.Folder(directory, "proofs")
     for index, obligation in enumerate(encoding.obligations):
-        if obligation.violation is encoding.terms.false:
+        if obligation.violation is None:
             continue
         formulas = [*encoding.query(obligation), *within(encoding, box.intervals)]
         problem = session.smtlib(encoding.terms, formulas, obligation.name, "unsat")

@@ -23,6 +23,7 @@ from robust.encode.network import (
     TemporalNetwork,
     Writes,
     duration_rules,
+    is_never_negative,
     mutex_pairs,
     names_in,
 )
@@ -217,11 +218,7 @@ class RelationalEncoding(Encoding):
         self._assumed[Stage.AGREEMENT] = [*self._assumed[Stage.SEPARATION], *self._learn_separations()]
         self._assumed[Stage.CONDITION] = self._assumed[Stage.AGREEMENT]
         agreements = list(self._by_instance(self._agreements_of))
-        self._agreed = [
-            self.terms.negation(agreement.violation)
-            for agreement in agreements
-            if agreement.violation != self.terms.false
-        ]
+        self._agreed = [self.terms.negation(a.violation) for a in agreements if a.violation is not None]
         conditions = (*self._by_instance(self._conditions_of), *self._goals())
         self._slices = cache(self._make_slices)
         return (*durations, *separations, *agreements, *conditions)
@@ -235,7 +232,7 @@ class RelationalEncoding(Encoding):
         the same reason a violation over parameters alone needs no network.
         """
         formulas = self._about_states(obligation)
-        if len(formulas) == 1 and len(self.parameters_in(formulas)) == len(self.terms.variables(obligation.violation)):
+        if len(formulas) == 1 and len(self.parameters_in(formulas)) == len(self.terms.variables(formulas[0])):
             return formulas
         return [*self._slices(obligation.stage).touching(formulas), *formulas]
 
@@ -247,7 +244,7 @@ class RelationalEncoding(Encoding):
     def _about_states(self, obligation: Obligation) -> list[Formula]:
         """The violation, that effects agree if that may be assumed, and the definitions of what occurs in these."""
         agreed = self._agreed if obligation.stage is Stage.CONDITION else ()
-        formulas = [obligation.violation, *agreed]
+        formulas = [self.violation(obligation), *agreed]
         return [*formulas, *self._states.definitions.needed_by(formulas)]
 
     def network_formulas(self) -> list[Formula]:
@@ -258,21 +255,23 @@ class RelationalEncoding(Encoding):
 
     def _duration_obligations(self) -> Iterator[Obligation]:
         for rule in self._rules:
-            violation = self.terms.false
-            if rule.name not in self._proved:
-                holds = self._states.condition(rule.condition, before(rule.instance.start), rule.instance)
-                violation = self.terms.negation(holds)
-            yield Obligation(rule.name, Stage.DURATION, violation)
+            if rule.exact and all(map(is_never_negative, map(self.network.slack, rule.bounds))):
+                yield Obligation(rule.name, Stage.DURATION, None)
+            else:
+                read = before(rule.instance.start)
+                yield self._condition(rule.name, rule.condition, read, rule.instance, Stage.DURATION)
 
     def _separation_obligations(self) -> Iterator[Obligation]:
         for first, second in self._mutex:
             name = f"separation: {first}, {second}"
-            violation = self.terms.false
-            if name not in self._proved and not self._is_separated(first, second):
-                gap = self.network.distance(first, second)
-                near = (self.terms.greater(-gap + self.epsilon), self.terms.greater(gap + self.epsilon))
-                violation = self.terms.conjunction(near) if self.epsilon else self.terms.equal(gap)
-            yield Obligation(name, Stage.SEPARATION, violation)
+            if name in self._proved or self._is_separated(first, second):
+                yield Obligation(name, Stage.SEPARATION, None)
+                continue
+            gap = self.network.distance(first, second)
+            near = (self.terms.greater(-gap + self.epsilon), self.terms.greater(gap + self.epsilon))
+            yield self.obligation(
+                name, Stage.SEPARATION, self.terms.conjunction(near) if self.epsilon else self.terms.equal(gap)
+            )
 
     def _by_instance(
         self, obligations_of: Callable[[model.ActionInstance], Iterator[Obligation]]
@@ -314,13 +313,12 @@ class RelationalEncoding(Encoding):
         stage: Stage = Stage.CONDITION,
     ) -> Obligation:
         """That a condition holds at a moment, or throughout an instance."""
-        violation = self.terms.false
-        if name not in self._proved:
-            if moment is None and instance is not None:
-                violation = self._overall.violation(instance, condition)
-            else:
-                violation = self.terms.negation(self._states.condition(condition, moment or FINALLY, instance))
-        return Obligation(name, stage, violation)
+        if name in self._proved:
+            return Obligation(name, stage, None)
+        if moment is None and instance is not None:
+            return self.obligation(name, stage, self._overall.violation(instance, condition))
+        holds = self._states.condition(condition, moment or FINALLY, instance)
+        return self.obligation(name, stage, self.terms.negation(holds))
 
     # -- what is known of the order, and what a stage assumes -----------------------------------------------------
 
@@ -337,7 +335,7 @@ class RelationalEncoding(Encoding):
         """All bounds are assumed, also those that the network implies: its slices may leave out what implies them."""
         for rule in self._rules:
             for bound, slack in zip(rule.bounds, map(self.network.slack, rule.bounds), strict=True):
-                if not slack.is_constant or slack.constant_term < 0:
+                if not is_never_negative(slack):
                     yield slack
                     for learnt in () if rule.name in self._proved else self.network.bounds((bound,)):
                         self._orders.learn(*learnt)

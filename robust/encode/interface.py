@@ -38,11 +38,14 @@ class Stage(Enum):
 
 @dataclass(frozen=True)
 class Obligation:
-    """One conjunct of enc_proofs, named after its source; `violation` is its negation over the encoding's unknowns."""
+    """One conjunct of enc_proofs, named after its source; `violation` is its negation over the encoding's unknowns.
+
+    None: no schedule breaks it, whatever the parameters are.
+    """
 
     name: str
     stage: Stage
-    violation: Formula
+    violation: Formula | None
 
 
 @dataclass(frozen=True)
@@ -99,6 +102,14 @@ class Encoding(ABC):
     validity: ScheduleExistence
     obligations: tuple[Obligation, ...]
     places: Mapping[TimePoint, Linear]
+
+    def obligation(self, name: str, stage: Stage, violation: Formula) -> Obligation:
+        """The obligation that a formula is the violation of."""
+        return Obligation(name, stage, None if violation is self.terms.false else violation)
+
+    def violation(self, obligation: Obligation) -> Formula:
+        """What breaks an obligation."""
+        return self.terms.false if obligation.violation is None else obligation.violation
 
     @abstractmethod
     def query(self, obligation: Obligation) -> list[Formula]:

@@ -314,6 +314,11 @@ class DurationRule:
     exact: bool
 
 
+def is_never_negative(slack: interface.Linear) -> bool:
+    """Whether equalities of the network alone keep the inequality that has this slack."""
+    return slack.is_constant and slack.constant_term >= 0
+
+
 def duration_rules(plan: model.ParametrizedPlan, writes: Writes) -> Iterator[DurationRule]:
     """The rules of all durative instances: not negative, and what the domain says of `?duration`."""
     positive = model.NumericCondition(Polynomial.variable(model.Duration()), model.Relation.AT_LEAST)

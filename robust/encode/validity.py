@@ -10,9 +10,8 @@ from functools import cached_property
 from math import lcm
 
 from robust.encode import interface
-from robust.encode.network import Difference, DurationRule, TemporalNetwork
-from robust.network.differences import Cycle, delay
-from robust.network.slack import forward_only
+from robust.encode.network import Difference, DurationRule, TemporalNetwork, is_never_negative
+from robust.network.differences import Cycle, delay, forward_only
 from robust.plan.model import ZERO, ParameterReference, TimePoint
 from robust.smt.limits import Deadline
 from robust.smt.session import Satisfiability, Session
@@ -168,8 +167,7 @@ class Validity:
         for rule in rules:
             for bound in rule.bounds:
                 expression = network.slack(bound)
-                trivial = expression.is_constant and expression.constant_term >= 0
-                if interface.is_over_parameters(expression) and not trivial:
+                if interface.is_over_parameters(expression) and not is_never_negative(expression):
                     self.facets.append(interface.Facet(expression, (rule.name,), rule.name))
 
     def broken_facet(

@@ -46,7 +46,6 @@ from robust.encode.settled import is_proved
 from robust.execute import distances, parametrization
 from robust.execute.distances import edge
 from robust.irr.check import Answer, Checker, CheckResult, Counterexample
-from robust.irr.exact import ExactSearch
 from robust.plan import model
 from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import simulate
@@ -320,6 +319,8 @@ class Tightener:
 
     def _widened(self, edges: Sequence[distances.DistanceEdge], tightened: Sequence[Tightening]) -> Box:
         """The box of lower bounds that widening finds; the bounds themselves if it does not finish in time."""
+        from robust.irr.exact import ExactSearch  # noqa: PLC0415 - most networks are proved without
+
         named = dict(zip(named_bounds(tightened), (bound.edge for bound in tightened), strict=True))
         plan = self._plan(edges)
         fixed = [replace(parameter, lower=parameter.nominal, upper=parameter.nominal) for parameter in plan.parameters]

@@ -27,8 +27,8 @@ from robust.execute.causal import (
     undecided,
     verdict_of,
 )
+from robust.execute.esterel import esterel_edges
 from robust.execute.parametrization import Parametrization, parametrization, with_deadline, with_relative_weights
-from robust.execute.room import RoomFirst, esterel_edges
 from robust.irr.check import Answer, CheckResult
 from robust.numbers import Number, format_number
 from robust.plan import load, model, parameters
@@ -229,11 +229,14 @@ class Converting:
         needed = (*fixed, *irredundant)
         forced, proof = tightener.forced(needed)
         self._proved = _Network((*needed, *(bound.edge for bound in forced)), tuple(forced), check=proof)
-        if self.mode is Mode.ROOM and has_parameters:
+        tightened: tuple[Tightening, ...] = ()
+        if not (self.mode is Mode.ROOM and has_parameters):
+            tightened = tightener.loosened(needed, forced)
+        elif forced or _compares_over_time(original.plan):
+            from robust.execute.room import RoomFirst  # noqa: PLC0415 - searches for boxes, which few plans need
+
             room = RoomFirst(causal, needed, chosen.pinned_durations, tightener, self._parametrized)
             tightened = room.bounds(forced)
-        else:
-            tightened = tightener.loosened(needed, forced)
         bounds = [tightening.edge for tightening in tightened]
         every = list(dict.fromkeys((*causal.edges, *bounds)))
         kept = every
@@ -342,6 +345,18 @@ def _rigid(original: distances.Original) -> _Network:
         length = original.distance(earlier, later)
         edges += [distances.DistanceEdge(earlier, later, length), distances.DistanceEdge(later, earlier, -length)]
     return _Network(tuple(edges))
+
+
+def _compares_over_time(plan: model.ParametrizedPlan) -> bool:
+    """Whether distances in time decide comparisons: by continuous effects, or over-all conditions over numbers."""
+    return any(
+        instance.continuous_effects
+        or any(
+            part.timing is model.Timing.OVER_ALL and next(model.comparisons(part.condition), None) is not None
+            for part in instance.conditions
+        )
+        for instance in plan.instances
+    )
 
 
 def _is_propositional(plan: model.ParametrizedPlan) -> bool:

@@ -204,7 +204,7 @@ class Revelation:
 
 def revelations(plan: model.ParametrizedPlan, links: Iterable[NaturalLink]) -> tuple[Revelation, ...]:
     """The revelations of the parameters of a plan; a parameter may have none."""
-    written = written_fluents(plan)
+    written = model.written_fluents(plan)
     times = ((link.parameter, Means.TIME, link.target, link.target.instance) for link in links)
     levels = (
         (_single(plan, expression, written), Means.LEVEL, point, instance.identifier)
@@ -231,14 +231,6 @@ def _parameter(expression: model.Expression) -> str | None:
     """The parameter in an expression, if it is the only one."""
     names = [variable.name for variable in expression.variables if isinstance(variable, model.ParameterReference)]
     return names[0] if len(names) == 1 else None
-
-
-def written_fluents(plan: model.ParametrizedPlan) -> set[model.Fluent]:
-    """The fluents that change."""
-    effects = {effect.fluent for instance in plan.instances for effect in instance.numeric_effects}
-    flows = {effect.fluent for instance in plan.instances for effect in instance.continuous_effects}
-    timed = {literal.target for literal in plan.timed_literals if isinstance(literal.target, model.Fluent)}
-    return effects | flows | timed
 
 
 def _changes(instance: model.ActionInstance) -> list[tuple[model.Expression, model.TimePoint]]:
@@ -353,7 +345,7 @@ class Dispatchable:
     @cached_property
     def varying(self) -> Mapping[str, tuple[model.Fluent, ...]]:
         """For each instance the fluents in its effects that nothing changes: what it may consume."""
-        changed, varying = written_fluents(self.plan), {}
+        changed, varying = model.written_fluents(self.plan), {}
         for instance in self.plan.instances:
             fluents = {fluent for expression, _ in _changes(instance) for fluent in model.fluents_in(expression)}
             varying[instance.identifier] = tuple(sorted(fluents - changed))

@@ -19,7 +19,7 @@ from fractions import Fraction
 from functools import cached_property
 
 from robust.errors import InputError, Location
-from robust.execute import dispatchable, snap
+from robust.execute import snap
 from robust.execute.distances import DistanceEdge, Original
 from robust.network.differences import Distances
 from robust.numbers import Number, exact, format_number, is_number, shorten
@@ -138,7 +138,7 @@ def settled_durations(original: Original, pinned: Collection[str]) -> frozenset[
     Not those in `pinned`, nor those with a duration constraint that reads a parameter or a fluent that changes.
     """
     plan = original.plan
-    written = dispatchable.written_fluents(plan)
+    written = model.written_fluents(plan)
 
     def is_settled(variable: model.NumericVariable) -> bool:
         if isinstance(variable, model.Fluent):

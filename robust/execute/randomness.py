@@ -6,7 +6,8 @@ from fractions import Fraction
 from robust.errors import InputError, Location, did_you_mean
 from robust.execute.worlds import Rule, Rules, normal_name
 from robust.numbers import shorten
-from robust.plan.model import ActionInstance, Parameter, ParametrizedPlan
+from robust.plan.model import Parameter, ParametrizedPlan
+from robust.plan.parameters import names_of
 from robust.probability.distributions import Distribution, parse_distribution, require_possible
 
 Given = Mapping[str, str | Distribution] | Sequence[str]
@@ -91,12 +92,12 @@ def _subjects(name: str, plan: ParametrizedPlan, place: Location) -> Iterator[tu
     found = [
         (width, parameter)
         for parameter, identifier in plan.lasting.items()
-        for width, known in enumerate((*_names_of(plan.instance[identifier]), "*"))
+        for width, known in enumerate((*names_of(plan.instance[identifier]), "*"))
         if known == subject and name != "*"
     ]
     found = found or ([(4, one) for one in names] if name == "*" else [])
     if not found:
-        steps = {name for step in plan.instances for name in (*_names_of(step), "*")}
+        steps = {name for step in plan.instances for name in (*names_of(step), "*")}
         remedy = did_you_mean(name, names) if names else "; the plan has none, and --parameter makes some"
         if subject in steps and name != "*":
             raise InputError(f"found no parameter that is a duration of {shorten(subject)}, expected one", place)
@@ -119,18 +120,3 @@ def _ruled(rule: Rule | None, parameter: Parameter, place_of: Places, option: st
     distribution = rule.about(planned)
     require_possible(distribution.kind, distribution.numbers, place_of(option, parameter.name))
     return distribution
-
-
-def _names_of(instance: ActionInstance) -> tuple[str, ...]:
-    """What an instance is called, the name that says most precisely which first."""
-    return instance.identifier, str(instance), instance.action
-
-
-def parameters_by_action(plan: ParametrizedPlan) -> dict[str, list[str]]:
-    """The parameters that are durations, by `duration:` and an action, a ground action, or an instance."""
-    groups: dict[str, list[str]] = {}
-    for parameter, identifier in plan.lasting.items():
-        instance = plan.instance[identifier]
-        for name in dict.fromkeys(_names_of(instance)):
-            groups.setdefault(f"duration:{name}", []).append(parameter)
-    return groups

@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from robust.encode.interface import EPSILON, Encoding, Facet, Obligation
-from robust.errors import SolverError
-from robust.irr.containment import no_schedule, require_some_schedule, within, worst_point
-from robust.plan.model import ParametrizedPlan, TimePoint
+from robust.encode.interface import EPSILON, Encoding, Facet, Obligation, variable
+from robust.errors import InputError, Location, SolverError
+from robust.plan.model import ParameterReference, ParametrizedPlan, TimePoint
 from robust.plan.simulate import Simulation, simulate
 from robust.presented import Presented, VerdictEnum
-from robust.qe.box import Box
+from robust.qe.box import Box, Interval
 from robust.searching import Searching, Status
-from robust.smt import limits, terms
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Exporter, Satisfiability, Session, Statistics
+from robust.smt.terms import Formula
 
 if TYPE_CHECKING:
-    from robust.irr.proposals import Tolerance
     from robust.irr.quantities import QuantityChange
+    from robust.irr.stops import Tolerance
 
 
 class Answer(VerdictEnum):
@@ -103,7 +103,7 @@ class Checker(Searching[CheckResult]):
     _: KW_ONLY
     solver: str = "z3"
     every: bool = False
-    deadline: limits.Deadline = limits.NEVER
+    deadline: Deadline = NEVER
     exporter: Exporter | None = None
     on_obligation: Callable[[int, int, str], None] | None = None
 
@@ -185,7 +185,7 @@ class Checker(Searching[CheckResult]):
                 self.on_obligation(index, len(obligations), obligation.name)
             try:
                 answer = self._decide(obligation)
-            except limits.OutOfTimeError:
+            except OutOfTimeError:
                 # Formulas can take longer to build than the time that is left.
                 answer = Answer.UNKNOWN
             self._answers[obligation.name] = answer
@@ -199,7 +199,7 @@ class Checker(Searching[CheckResult]):
             self._reason = f"no schedule keeps {self._broken.obligation!r} with {listed}"
 
     def _decide(self, obligation: Obligation) -> Answer:
-        if obligation.violation is self.encoding.terms.false:
+        if obligation.violation is None:
             self._settled += 1
             return Answer.PROVED
         if not self._counterexamples:
@@ -228,7 +228,7 @@ class Checker(Searching[CheckResult]):
             )
         return Counterexample(obligation.name, parameters, schedule, simulation)
 
-    def _within_box(self, query: Sequence[terms.Formula]) -> Session:
+    def _within_box(self, query: Sequence[Formula]) -> Session:
         session = self._session()
         session.add_all(query, self.deadline)
         session.add(*within(self.encoding, self.box.intervals))
@@ -243,3 +243,81 @@ _ANSWERS = {
     Satisfiability.UNSATISFIABLE: Answer.PROVED,
     Satisfiability.UNKNOWN: Answer.UNKNOWN,
 }
+
+
+# -- boxes in formulas, and what leaves no schedule --------------------------------------------------------------------
+
+
+def within(encoding: Encoding, intervals: Mapping[str, Interval]) -> Iterator[Formula]:
+    """enc_R: the parameters are within their intervals."""
+    terms = encoding.terms
+    for name, interval in intervals.items():
+        value = variable(ParameterReference(name))
+        if interval.lower is not None:
+            above = value - interval.lower
+            yield terms.at_least(above) if interval.lower_closed else terms.greater(above)
+        if interval.upper is not None:
+            below = -value + interval.upper
+            yield terms.at_least(below) if interval.upper_closed else terms.greater(below)
+
+
+def no_schedule(facet: Facet, values: Mapping[str, Fraction]) -> str:
+    """The statements of the network that contradict each other, and with which parameter values."""
+    names = sorted(str(unknown) for unknown in facet.expression.variables)
+    where = f" with {', '.join(f'{name} = {values[name]}' for name in names)}" if names else ""
+    return f"no schedule{where}: {_contradiction(facet)}"
+
+
+def _contradiction(facet: Facet) -> str:
+    return f"{'; '.join(facet.origins)} {'contradict each other' if len(facet.origins) > 1 else 'cannot hold'}"
+
+
+def require_some_schedule(encoding: Encoding, session: Session, deadline: Deadline) -> None:
+    """Tell a plan that can never be executed from parameter values that leave no schedule.
+
+    Args:
+        encoding: the plan's formulas.
+        session: a new session over the encoding's terms.
+        deadline: when to give up, as if there were a schedule.
+
+    Raises:
+        InputError: if no parameter values leave a schedule; the message names statements that contradict each other.
+    """
+    session.add(*encoding.network_formulas())
+    if session.check("enc_tn", deadline) is Satisfiability.UNSATISFIABLE:
+        facet = encoding.validity.contradiction(encoding.plan.nominal)
+        place = next((item.location for item in encoding.plan.constraints if item.location), None)
+        why = _contradiction(facet) if facet is not None else "its constraints contradict each other"
+        raise InputError(
+            f"the plan's network has no schedule: {why}; expected constraints that can hold together",
+            Location(place.file) if place else None,
+        )
+
+
+def worst_point(facet: Facet, box: Box) -> dict[str, Fraction]:
+    """A point of the box at which the facet breaks, as far out as the box allows.
+
+    An infinite end is replaced by a value far enough to break the facet whatever the other parameters are, and a point
+    on an open end by one inside that still breaks it.
+    """
+    inside = {name: interval.some_value() for name, interval in box.intervals.items()}
+    values = dict(inside)
+    infinite: list[tuple[str, Fraction]] = []
+    for unknown, factor in facet.expression.coefficients():
+        name = str(unknown)
+        end = box[name].lower if factor > 0 else box[name].upper
+        if end is None:
+            infinite.append((name, factor))
+        else:
+            values[name] = end
+    for name, factor in infinite[:1]:
+        values[name] -= (max(_value(facet, values), Fraction(0)) + 1) / factor
+    if values not in box:
+        outer, inner = _value(facet, values), _value(facet, inside)
+        share = Fraction(1, 2) if inner < 0 else outer / (outer - inner) / 2
+        values = {name: value + (inside[name] - value) * share for name, value in values.items()}
+    return values
+
+
+def _value(facet: Facet, values: Mapping[str, Fraction]) -> Fraction:
+    return facet.expression.evaluate({unknown: values[str(unknown)] for unknown in facet.expression.variables})

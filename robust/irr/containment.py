@@ -1,14 +1,14 @@
 """CheckInEnvelope: is a box inside the robustness envelope [IRR §4, Algorithm 1 lines 18–22, Theorem 1]?"""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from typing import ClassVar, Generic, TypeVar
 
-from robust.encode.interface import Encoding, Facet, Obligation, variable
-from robust.errors import InputError, Location
+from robust.encode.interface import Encoding, Facet, Obligation
+from robust.irr.check import no_schedule, within, worst_point
 from robust.plan.model import ParameterReference
 from robust.qe import constraint, nnf
 from robust.qe.box import Box, Face, Interval
@@ -78,8 +78,7 @@ class Questions(ABC, Generic[Found]):
     @cached_property
     def _in_order(self) -> tuple[ObligationQuestion, ...]:
         """A question for each obligation that is not settled."""
-        none = self.encoding.terms.false
-        return tuple(ObligationQuestion(o) for o in self.encoding.obligations if o.violation is not none)
+        return tuple(ObligationQuestion(o) for o in self.encoding.obligations if o.violation is not None)
 
     @cached_property
     def _questions(self) -> list[ObligationQuestion]:
@@ -377,78 +376,3 @@ def _moved(box: Box, reach: Margins) -> Box:
         if end is not None:
             box = box.moved(face, end + face[1].sign * step)
     return box
-
-
-def within(encoding: Encoding, intervals: Mapping[str, Interval]) -> Iterator[Formula]:
-    """enc_R: the parameters are within their intervals."""
-    terms = encoding.terms
-    for name, interval in intervals.items():
-        value = variable(ParameterReference(name))
-        if interval.lower is not None:
-            above = value - interval.lower
-            yield terms.at_least(above) if interval.lower_closed else terms.greater(above)
-        if interval.upper is not None:
-            below = -value + interval.upper
-            yield terms.at_least(below) if interval.upper_closed else terms.greater(below)
-
-
-def no_schedule(facet: Facet, values: Mapping[str, Fraction]) -> str:
-    """The statements of the network that contradict each other, and with which parameter values."""
-    names = sorted(str(unknown) for unknown in facet.expression.variables)
-    where = f" with {', '.join(f'{name} = {values[name]}' for name in names)}" if names else ""
-    return f"no schedule{where}: {_contradiction(facet)}"
-
-
-def _contradiction(facet: Facet) -> str:
-    return f"{'; '.join(facet.origins)} {'contradict each other' if len(facet.origins) > 1 else 'cannot hold'}"
-
-
-def require_some_schedule(encoding: Encoding, session: Session, deadline: Deadline) -> None:
-    """Tell a plan that can never be executed from parameter values that leave no schedule.
-
-    Args:
-        encoding: the plan's formulas.
-        session: a new session over the encoding's terms.
-        deadline: when to give up, as if there were a schedule.
-
-    Raises:
-        InputError: if no parameter values leave a schedule; the message names statements that contradict each other.
-    """
-    session.add(*encoding.network_formulas())
-    if session.check("enc_tn", deadline) is Satisfiability.UNSATISFIABLE:
-        facet = encoding.validity.contradiction(encoding.plan.nominal)
-        place = next((item.location for item in encoding.plan.constraints if item.location), None)
-        why = _contradiction(facet) if facet is not None else "its constraints contradict each other"
-        raise InputError(
-            f"the plan's network has no schedule: {why}; expected constraints that can hold together",
-            Location(place.file) if place else None,
-        )
-
-
-def worst_point(facet: Facet, box: Box) -> dict[str, Fraction]:
-    """A point of the box at which the facet breaks, as far out as the box allows.
-
-    An infinite end is replaced by a value far enough to break the facet whatever the other parameters are, and a point
-    on an open end by one inside that still breaks it.
-    """
-    inside = {name: interval.some_value() for name, interval in box.intervals.items()}
-    values = dict(inside)
-    infinite: list[tuple[str, Fraction]] = []
-    for unknown, factor in facet.expression.coefficients():
-        name = str(unknown)
-        end = box[name].lower if factor > 0 else box[name].upper
-        if end is None:
-            infinite.append((name, factor))
-        else:
-            values[name] = end
-    for name, factor in infinite[:1]:
-        values[name] -= (max(_value(facet, values), Fraction(0)) + 1) / factor
-    if values not in box:
-        outer, inner = _value(facet, values), _value(facet, inside)
-        share = Fraction(1, 2) if inner < 0 else outer / (outer - inner) / 2
-        values = {name: value + (inside[name] - value) * share for name, value in values.items()}
-    return values
-
-
-def _value(facet: Facet, values: Mapping[str, Fraction]) -> Fraction:
-    return facet.expression.evaluate({unknown: values[str(unknown)] for unknown in facet.expression.variables})

@@ -16,8 +16,9 @@ from typing import Unpack
 
 from robust.encode.interface import Encoding, Linear, variable
 from robust.irr import proposals, stops
+from robust.irr.check import require_some_schedule
 from robust.irr.conflicts import Candidate, Chosen, Clause, MasterProblem, Point
-from robust.irr.containment import Containment, Margins, require_some_schedule
+from robust.irr.containment import Containment, Margins
 from robust.irr.search import BoxSearch, Conduct, IncrementalRobustification, OutsideError, ordered
 from robust.irr.widen import BadSet, DiscoveredBadSet, Obstacle, Widening, faces_of
 from robust.network.slack import OutsideFragmentError

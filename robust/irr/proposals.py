@@ -23,7 +23,7 @@ from robust.encode.interface import Linear, constant, is_over_parameters, over_p
 from robust.encode.network import TemporalNetwork, mutex_pairs
 from robust.encode.settled import FINALLY, Settled, Write
 from robust.irr.containment import Containment
-from robust.irr.stops import NO_SCHEDULE, Stop
+from robust.irr.stops import NO_SCHEDULE, Stop, Tolerance
 from robust.network.differences import DifferenceNetwork
 from robust.network.slack import (
     FaceBound,
@@ -34,7 +34,6 @@ from robust.network.slack import (
     SlackGraph,
     SlackRequirement,
 )
-from robust.numbers import format_number
 from robust.plan import model
 from robust.plan.polynomial import Polynomial
 from robust.qe.box import Box, Face, Interval, Side
@@ -493,40 +492,6 @@ def known_box(plan: model.ParametrizedPlan, epsilon: Fraction, solver: str, dead
 
 
 # -- one number --------------------------------------------------------------------------------------------------------
-
-
-LINKS = 8
-"""Of a chain that is told link by link."""
-
-
-@dataclass(frozen=True, slots=True)
-class Tolerance:
-    """The largest λ such that all durations that are parameters may be anywhere in nominal · (1 ± λ) at once.
-
-    `attained` says whether they may be at both ends; `chain` what ends it: steps in the order of time, then a demand.
-    """
-
-    ratio: Fraction
-    attained: bool
-    chain: tuple[str, ...]
-
-    def __str__(self) -> str:
-        exact = "" if self.ratio * 1000 % 1 == 0 else f" (exactly {self.ratio})"
-        bound = f"{'up to' if self.attained else 'less than'} {rounded_percent(self.ratio)}{exact}"
-        return f"each duration may be {bound} longer or shorter, all at once; what ends it: {self.what}"
-
-    @property
-    def what(self) -> str:
-        """The chain in one line, without the middle of a long one."""
-        if len(self.chain) <= LINKS:
-            return ", ".join(self.chain)
-        first, *others, last, demand = self.chain
-        return f"{first}, {len(others)} more (--json lists them), {last}, {demand}"
-
-
-def rounded_percent(ratio: Fraction) -> str:
-    """A share in per cent, down to a tenth."""
-    return f"{format_number(Fraction(ratio * 1000 // 1, 10))} %"
 
 
 def tolerance(

@@ -23,7 +23,7 @@ from robust import errors, searching
 from robust.encode.encoding import RelationalEncoding
 from robust.encode.interface import EPSILON, Facet
 from robust.irr import containment, widen
-from robust.irr.check import Answer, Checker, CheckResult
+from robust.irr.check import Answer, Checker, CheckResult, within
 from robust.irr.conflicts import Candidate, Chosen, Clause, Point, RepairSearching, RepairStatus
 from robust.irr.quantities import (
     Changeable,
@@ -328,9 +328,7 @@ class RepairSearch(RepairSearching[Cost, Repair]):
         self._network.add_all(self._bad.encoding.network_formulas(), self.deadline)
         point = {name: self._required.get(name, Interval(value, value)) for name, value in self.plan.nominal.items()}
         self._network.add(
-            *containment.within(
-                self._bad.encoding, {n: interval for n, interval in point.items() if n not in self._quantities}
-            )
+            *within(self._bad.encoding, {n: interval for n, interval in point.items() if n not in self._quantities})
         )
         self.search()
         if self.best is None and not self._contradiction:
@@ -347,7 +345,7 @@ class RepairSearch(RepairSearching[Cost, Repair]):
         can be left out. What the solver does not tell soon is left to the search.
         """
         encoding = self._bad.encoding
-        asked = [obligation for obligation in encoding.obligations if obligation.violation is not encoding.terms.false]
+        asked = [obligation for obligation in encoding.obligations if obligation.violation is not None]
         kept = {obligation.name: encoding.terms.negation(obligation.violation) for obligation in asked}
         violations = {obligation.violation for obligation in asked}
         session = self._bad.open_session()
@@ -356,7 +354,7 @@ class RepairSearch(RepairSearching[Cost, Repair]):
         fixed = {name: value for name, value in self.plan.nominal.items() if name not in self._quantities}
         for corner in _ends(self._required):
             at = {name: Interval(value, value) for name, value in {**fixed, **corner}.items()}
-            with session.frame(*containment.within(encoding, at)):
+            with session.frame(*within(encoding, at)):
 
                 def refuted(formulas: Iterable[Formula], session: Session = session) -> bool:
                     with session.frame(*formulas):

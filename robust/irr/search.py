@@ -17,9 +17,20 @@ from itertools import cycle, product
 from typing import Any, TypedDict, Unpack
 
 from robust.errors import InputError, did_you_mean
-from robust.irr import containment, proposals, templates
-from robust.irr.containment import Containment, Margins, require_some_schedule
-from robust.irr.stops import APPROACHED, CUT_SHORT, NO_SCHEDULE, NOT_EXAMINED, Advice, Stop, advice, declared_stop
+from robust.irr import containment, templates
+from robust.irr.check import require_some_schedule
+from robust.irr.containment import Containment, Margins
+from robust.irr.stops import (
+    APPROACHED,
+    CUT_SHORT,
+    NO_SCHEDULE,
+    NOT_EXAMINED,
+    Advice,
+    Stop,
+    Tolerance,
+    advice,
+    declared_stop,
+)
 from robust.plan.model import Parameter, ParametrizedPlan
 from robust.presented import Presented
 from robust.qe.box import Box, Face, Side
@@ -85,7 +96,7 @@ class EnvelopeResult(Presented, ask="verified"):
     contain_nominal: bool = True
     plan: ParametrizedPlan | None = field(default=None, repr=False, compare=False)
     fallback: str | None = None
-    tolerance: proposals.Tolerance | None = None
+    tolerance: Tolerance | None = None
     shape: templates.Shape | None = None
 
     @property

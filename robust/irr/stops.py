@@ -2,6 +2,7 @@
 
 A side ends at a declared bound; else at statements of the network, if some values just beyond leave no schedule; else
 at all obligations that break just beyond: as near as one likes for exact boxes, and for IRR within its last attempt.
+What ends a tolerance, the share by which all durations may deviate at once, is a chain of steps and a demand.
 """
 
 import shlex
@@ -48,6 +49,38 @@ class Stop:
         return f"{self.name}: {first}; {len(others)} more of the network (--json lists them); {last}"
 
 
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """The largest λ such that all durations that are parameters may be anywhere in nominal · (1 ± λ) at once.
+
+    `attained` says whether they may be at both ends; `chain` what ends it: steps in the order of time, then a demand.
+    """
+
+    ratio: Fraction
+    attained: bool
+    chain: tuple[str, ...]
+
+    def __str__(self) -> str:
+        exact = "" if self.ratio * 1000 % 1 == 0 else f" (exactly {self.ratio})"
+        bound = f"{'up to' if self.attained else 'less than'} {rounded_percent(self.ratio)}{exact}"
+        return f"each duration may be {bound} longer or shorter, all at once; what ends it: {self.what}"
+
+    @property
+    def what(self) -> str:
+        """The chain in one line, without the middle of a long one."""
+        if len(self.chain) <= LINKS:
+            return ", ".join(self.chain)
+        first, *others, last, demand = self.chain
+        return f"{first}, {len(others)} more (--json lists them), {last}, {demand}"
+
+
+def rounded_percent(ratio: Fraction) -> str:
+    """A share in per cent, down to a tenth."""
+    return f"{format_number(Fraction(ratio * 1000 // 1, 10))} %"
+
+
+LINKS = 8
+"""Of a chain that is told link by link."""
 MANY = 5
 """Statements or obligations that are all shown to people."""
 NO_SCHEDULE = "no schedule"

@@ -405,3 +405,34 @@ class Elimination(ABC, Generic[Weight]):
             for target, second in after.items():
                 if source != target:
                     self.join(source, first, node, second, target)
+
+
+def forward_only(size: int, edges: Sequence[tuple[int, int, Hashable | None]]) -> Iterator[tuple[int, int, int]]:
+    """A graph whose circles are those of another one that turn back on no interval.
+
+    Args:
+        size: points are 0 … size − 1.
+        edges: source, target, and the interval that an edge is an end of; where both ends join the same two points, a
+            value makes both the same distance, so that to go there and back says nothing.
+
+    Yields:
+        Source, target and number of each edge. Nodes are the points, followed by points as they are reached on an
+        interval.
+    """
+    ways = {edge for edge in edges if edge[2] is not None}
+    turning = {edge for edge in ways if (edge[1], edge[0], edge[2]) in ways}
+    leaving: dict[int, list[int]] = defaultdict(list)
+    for number, edge in enumerate(edges):
+        leaving[edge[0]].append(number)
+    nodes: dict[tuple[int, Hashable | None], int] = {(point, None): point for point in range(size)}
+    waiting = list(nodes)
+    for point, interval in waiting:
+        for number in leaving[point]:
+            edge = edges[number]
+            if interval is not None and edge[2] == interval:
+                continue
+            reached = (edge[1], edge[2] if edge in turning else None)
+            if reached not in nodes:
+                nodes[reached] = len(nodes)
+                waiting.append(reached)
+            yield nodes[point, interval], nodes[reached], number

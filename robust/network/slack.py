@@ -16,14 +16,14 @@ that floats cannot tell apart.
 """
 
 from collections import defaultdict, deque
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from heapq import heappop, heappush
 from math import inf
 
-from robust.network.differences import strong_components
+from robust.network.differences import forward_only, strong_components
 
 FaceNumber = int
 """2i is the lower end of interval i, 2i + 1 its upper end."""
@@ -367,37 +367,6 @@ def _blocks(path: _Shortest, faces: set[FaceNumber]) -> bool:
                 seen.add(other)
                 waiting.append(other)
     return path.points[-1] not in seen
-
-
-def forward_only(size: int, edges: Sequence[tuple[int, int, Hashable | None]]) -> Iterator[tuple[int, int, int]]:
-    """A graph whose circles are those of another one that turn back on no interval.
-
-    Args:
-        size: points are 0 … size − 1.
-        edges: source, target, and the interval that an edge is an end of; where both ends join the same two points, a
-            value makes both the same distance, so that to go there and back says nothing.
-
-    Yields:
-        Source, target and number of each edge. Nodes are the points, followed by points as they are reached on an
-        interval.
-    """
-    ways = {edge for edge in edges if edge[2] is not None}
-    turning = {edge for edge in ways if (edge[1], edge[0], edge[2]) in ways}
-    leaving: dict[int, list[int]] = defaultdict(list)
-    for number, edge in enumerate(edges):
-        leaving[edge[0]].append(number)
-    nodes: dict[tuple[int, Hashable | None], int] = {(point, None): point for point in range(size)}
-    waiting = list(nodes)
-    for point, interval in waiting:
-        for number in leaving[point]:
-            edge = edges[number]
-            if interval is not None and edge[2] == interval:
-                continue
-            reached = (edge[1], edge[2] if edge in turning else None)
-            if reached not in nodes:
-                nodes[reached] = len(nodes)
-                waiting.append(reached)
-            yield nodes[point, interval], nodes[reached], number
 
 
 class _Circles:

@@ -564,6 +564,14 @@ def fluents_in(expression: Expression) -> Iterator[Fluent]:
     return (variable for variable in expression.variables if isinstance(variable, Fluent))
 
 
+def written_fluents(plan: ParametrizedPlan) -> set[Fluent]:
+    """The fluents that change."""
+    effects = {effect.fluent for instance in plan.instances for effect in instance.numeric_effects}
+    flows = {effect.fluent for instance in plan.instances for effect in instance.continuous_effects}
+    timed = {literal.target for literal in plan.timed_literals if isinstance(literal.target, Fluent)}
+    return effects | flows | timed
+
+
 def conjuncts(condition: Condition) -> Iterator[Condition]:
     """The top-level conjuncts of a condition."""
     if isinstance(condition, And):

@@ -43,7 +43,7 @@ from typing import Any, assert_never
 from robust.errors import InputError, InputWarning, Location, did_you_mean
 from robust.numbers import shorten
 from robust.plan import stn
-from robust.plan.model import ZERO, Expression, Fluent, ParameterReference, TimePoint
+from robust.plan.model import ZERO, ActionInstance, Expression, Fluent, ParameterReference, ParametrizedPlan, TimePoint
 from robust.plan.pddl.forms import read_text
 
 _SPEC = re.compile(r"\s*(?:(?P<name>[^=:]*)=)?\s*(?P<target>[^=:()\s]*)\s*:(?P<subject>.*)", re.DOTALL)
@@ -543,3 +543,21 @@ def _fixed(intervals: Iterable[tuple[stn.STNBound, stn.STNBound]]) -> Fraction |
     if lowers and uppers and max(lowers) == min(uppers):
         return max(lowers)
     return None
+
+
+# -- parameters by what they are about ---------------------------------------------------------------------------------
+
+
+def names_of(instance: ActionInstance) -> tuple[str, ...]:
+    """What an instance is called, the name that says most precisely which first."""
+    return instance.identifier, str(instance), instance.action
+
+
+def parameters_by_action(plan: ParametrizedPlan) -> dict[str, list[str]]:
+    """The parameters that are durations, by `duration:` and an action, a ground action, or an instance."""
+    groups: dict[str, list[str]] = {}
+    for parameter, identifier in plan.lasting.items():
+        instance = plan.instance[identifier]
+        for name in dict.fromkeys(names_of(instance)):
+            groups.setdefault(f"duration:{name}", []).append(parameter)
+    return groups

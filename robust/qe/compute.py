@@ -64,9 +64,7 @@ class ProblemBuilder:
     def violations(self, splitting: str) -> tuple[Query, ...]:
         """The queries of a splitting, quickest first; just one unless it is full."""
         queries = [
-            self.query(obligation)
-            for obligation in self._encoding.obligations
-            if obligation.violation is not self._encoding.terms.false
+            self.query(obligation) for obligation in self._encoding.obligations if obligation.violation is not None
         ]
         if splitting != "full":
             return (merged("all obligations", self._kept, queries),)
@@ -621,8 +619,7 @@ class Causes:
     @cached_property
     def obligations(self) -> list[Obligation]:
         """Those that can break in some schedule."""
-        false = self._encoding.terms.false
-        return [obligation for obligation in self._encoding.obligations if obligation.violation is not false]
+        return [obligation for obligation in self._encoding.obligations if obligation.violation is not None]
 
     @cached_property
     def _durations_may_break(self) -> bool:

@@ -647,7 +647,7 @@ def lifted_envelope(encoding: RelationalEncoding, reader: FormulaReader, deadlin
     demands: list[tuple[Conjunction, str]] = []
     for obligation in encoding.obligations:
         deadline.enforce()
-        if obligation.violation is encoding.terms.false:
+        if obligation.violation is None:
             continue
         violation = reader.read(obligation.violation)
         if not names_in(violation) <= set(names) or len(encoding.query(obligation)) > 1:

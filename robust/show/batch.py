@@ -13,7 +13,7 @@ from typing import Annotated, Any
 from msgspec import UNSET, UnsetType
 
 from robust.execute.learned import Learned, LearntAction
-from robust.irr.proposals import Tolerance, rounded_percent
+from robust.irr.stops import Tolerance, rounded_percent
 from robust.json_text import Count, JsonObject, Rational, Seconds, like, on_wire, one_of
 from robust.numbers import duration, plural, readable
 from robust.qe.box import Box, interval_text

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 from msgspec import UNSET, Meta, UnsetType
 
 from robust import backends, numbers
-from robust.irr import proposals, search, templates
+from robust.irr import search, stops, templates
 from robust.irr.check import CheckResult, Counterexample
 from robust.irr.compare import Comparison, Entry, FaceWitness, RatioBounds
 from robust.json_text import Count, End, JsonObject, Rational, Seconds, like, on_wire, one_of
@@ -115,7 +115,7 @@ class Check(documents.Noted, tag_field="schema", tag="robust/check/1"):
     counterexamples: list[CounterexampleRecord]
     reason: str | None
     repair: list[documents.PlanChange] | None
-    tolerance: proposals.Tolerance | None
+    tolerance: stops.Tolerance | None
     interrupted: bool
     timeout: bool
     seconds: Seconds
@@ -313,7 +313,7 @@ class Envelope(documents.Noted, tag_field="schema", tag="robust/envelope/1"):
     values: documents.Rationals
     counterexample: CounterexampleRecord | None
     advice: list[Advice]
-    tolerance: proposals.Tolerance | None
+    tolerance: stops.Tolerance | None
     fallback: str | None
     convergence: list[Convergence]
     statistics: Statistics

@@ -13,7 +13,6 @@ from fractions import Fraction
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from robust.irr import proposals, stops
 from robust.irr.check import Answer, CheckResult, Counterexample
 from robust.numbers import approximate, duration, end, format_number, plural, readable, readable_values
 from robust.plan import model
@@ -23,6 +22,7 @@ from robust.qe.box import Interval
 from robust.show.console import Console, Text, colour_of, printing
 
 if TYPE_CHECKING:
+    from robust.irr import stops
     from robust.irr.quantities import QuantityChange
 
 MANY = 8
@@ -226,7 +226,7 @@ def print_check(out: Console, result: CheckResult, *, quiet: bool) -> None:
         out.print(Text.assemble(("repair: ", "bold"), "; ".join(map(change_text, result.repair))), soft_wrap=True)
 
 
-def print_tolerance(out: Console, tolerance: proposals.Tolerance | None) -> None:
+def print_tolerance(out: Console, tolerance: stops.Tolerance | None) -> None:
     """λ* in one line, if it is known."""
     if tolerance is not None:
         out.print(Text.assemble(("tolerance", "bold"), f": {tolerance}"), soft_wrap=True)

@@ -6,16 +6,13 @@ process that can be ended at any moment.
 
 from __future__ import annotations
 
-import ctypes
 import os
-import pickle
 import select
 import signal
 import struct
 import sys
 import threading
 import time
-import traceback
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -221,6 +218,8 @@ def stream_from_copy(work: Callable[[], Iterable[T]], deadline: Deadline, task: 
         OutOfTimeError: if the deadline passes.
         SolverError: if the work failed; DiedError if the copy died.
     """
+    import pickle  # noqa: PLC0415 - loaded with the first copy
+
     reader, writer = os.pipe()
     child, parent = 0, os.getpid()
     try:
@@ -262,6 +261,9 @@ def _how_it_ended(child: int) -> str:
 
 def _run_in_copy(work: Callable[[], Iterable[Any]], writer: int, parent: int) -> NoReturn:
     """Runs in the copy, which must never return into the caller's stack; None marks the end."""
+    import ctypes  # noqa: PLC0415 - only copies ask for it
+    import traceback  # noqa: PLC0415 - likewise
+
     try:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         if sys.platform == "linux":
@@ -279,6 +281,8 @@ def _run_in_copy(work: Callable[[], Iterable[Any]], writer: int, parent: int) ->
 
 
 def _write(writer: int, failed: bool, item: Any) -> None:
+    import pickle  # noqa: PLC0415 - as in the parent
+
     content = pickle.dumps(item)
     pending = memoryview(_HEADER.pack(failed, len(content)) + content)
     while pending:

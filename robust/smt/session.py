@@ -19,11 +19,6 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from pysmt.exceptions import SolverAPINotFound, SolverReturnedUnknownResultError
-from pysmt.logics import QF_LRA
-from pysmt.smtlib.printers import SmtDagPrinter
-from pysmt.utils import quote
-
 from robust import presented, records
 from robust.errors import SolverError, did_you_mean
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError, current_question, from_copy, raise_if_interrupted
@@ -151,7 +146,7 @@ class Z3(Backend):
             solver.z3 = z3.SimpleSolver(context)
             solver.z3.set("arith.solver", 2)
         elif context is not z3.main_ctx():
-            solver.z3 = z3.SolverFor(str(QF_LRA), context)
+            solver.z3 = z3.SolverFor("QF_LRA", context)
         return solver
 
     def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]], effort: int = 0) -> Satisfiability:
@@ -261,6 +256,9 @@ def create_backend(name: str, terms: Terms, *, proving: bool = False) -> Backend
 
 def _pysmt_solver(terms: Terms, name: str, module: str, solver_class: str) -> Any:
     """pySMT's adapter, taken directly: its factory would import every solver that is installed."""
+    from pysmt.exceptions import SolverAPINotFound  # noqa: PLC0415 - loaded with the first session, as z3 is
+    from pysmt.logics import QF_LRA  # noqa: PLC0415 - likewise
+
     try:
         adapter = getattr(import_module(f"pysmt.solvers.{module}"), solver_class)
     except (ImportError, SolverAPINotFound) as error:
@@ -273,6 +271,8 @@ def _pysmt_solver(terms: Terms, name: str, module: str, solver_class: str) -> An
 
 
 def _solve(solver: Any) -> Satisfiability:
+    from pysmt.exceptions import SolverReturnedUnknownResultError  # noqa: PLC0415 - likewise
+
     try:
         return Satisfiability.SATISFIABLE if solver.solve() else Satisfiability.UNSATISFIABLE
     except SolverReturnedUnknownResultError:
@@ -414,6 +414,9 @@ def smtlib(terms: Terms, assertions: Iterable[Formula], question: str, answer: s
 
     Symbols that have a reserved word for a name are written with a space before it.
     """
+    from pysmt.smtlib.printers import SmtDagPrinter  # noqa: PLC0415 - imports z3
+    from pysmt.utils import quote  # noqa: PLC0415 - likewise
+
     conjunction = terms.conjunction(assertions)
     renamed = {
         symbol: terms.manager.Symbol(f" {symbol.symbol_name()}", symbol.symbol_type())

@@ -1,52 +1,50 @@
-"""Formulas of linear real arithmetic over polynomials, with constants folded before any solver sees them."""
+"""Formulas of linear real arithmetic over polynomials, with constants folded before any solver sees them.
+
+pySMT, and z3 with it, is loaded with the first one: questions that shortest paths answer build none.
+"""
 
 from collections.abc import Callable, Hashable, Iterable
 from fractions import Fraction
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any, TypeAlias
-
-from pysmt.environment import Environment
-from pysmt.fnode import FNode
-from pysmt.typing import BOOL, REAL
 
 from robust.errors import UnsupportedError
 from robust.plan.model import Relation
 from robust.plan.polynomial import Polynomial
 
-Formula: TypeAlias = FNode
+Formula: TypeAlias = Any
+"""A node of pySMT, which declares no types."""
 Build: TypeAlias = Callable[[list[Formula]], Formula]
 
 
-class _Environment(Environment):  # type: ignore[misc]
+@cache
+def _environment_class() -> Any:
     """pySMT's, but what works on formulas is made when it is first needed: making it all takes longer than most use."""
+    from pysmt.environment import Environment  # noqa: PLC0415 - imports z3
 
-    simplifier = cached_property(Environment.SimplifierClass)
-    substituter = cached_property(Environment.SubstituterClass)
-    serializer = cached_property(Environment.HRSerializerClass)
-    qfo = cached_property(Environment.QuantifierOracleClass)
-    theoryo = cached_property(Environment.TheoryOracleClass)
-    fvo = cached_property(Environment.FreeVarsOracleClass)
-    sizeo = cached_property(Environment.SizeOracleClass)
-    ao = cached_property(Environment.AtomsOracleClass)
-    typeso = cached_property(Environment.TypesOracleClass)
+    class LazyEnvironment(Environment):  # type: ignore[misc]
+        simplifier = cached_property(Environment.SimplifierClass)
+        substituter = cached_property(Environment.SubstituterClass)
+        serializer = cached_property(Environment.HRSerializerClass)
+        qfo = cached_property(Environment.QuantifierOracleClass)
+        theoryo = cached_property(Environment.TheoryOracleClass)
+        fvo = cached_property(Environment.FreeVarsOracleClass)
+        sizeo = cached_property(Environment.SizeOracleClass)
+        ao = cached_property(Environment.AtomsOracleClass)
+        typeso = cached_property(Environment.TypesOracleClass)
 
-    # What pySMT would make at once, in attributes that the properties above take the place of.
-    SimplifierClass = SubstituterClass = HRSerializerClass = QuantifierOracleClass = TheoryOracleClass = staticmethod(
-        lambda _environment: None
-    )
-    FreeVarsOracleClass = SizeOracleClass = AtomsOracleClass = TypesOracleClass = SimplifierClass
+        # What pySMT would make at once, in attributes that the properties above take the place of.
+        SimplifierClass = SubstituterClass = HRSerializerClass = QuantifierOracleClass = staticmethod(lambda _: None)
+        FreeVarsOracleClass = SizeOracleClass = AtomsOracleClass = TypesOracleClass = SimplifierClass
+        TheoryOracleClass = SimplifierClass
+
+    return LazyEnvironment
 
 
 class Terms:
     """Builds pySMT formulas in an environment of its own; symbols stand for any printable variables."""
 
     def __init__(self) -> None:
-        self.environment = _Environment()
-        self.manager = self.environment.formula_manager
-        # Terms are of the right type by construction; checking every node takes longer than making it.
-        self.manager._do_type_check = lambda _node: None
-        self.true: Formula = self.manager.TRUE()
-        self.false: Formula = self.manager.FALSE()
         self._symbols: dict[Hashable, Formula] = {}
         self.translations: dict[str, Any] = {}
         """What solvers have translated of this environment's formulas already, by solver."""
@@ -54,14 +52,43 @@ class Terms:
         self._sizes: dict[Formula, int] = {}
         self._comparisons: dict[tuple[Polynomial[Hashable], Relation], Formula] = {}
 
+    @cached_property
+    def environment(self) -> Any:
+        """pySMT's home of these formulas."""
+        return _environment_class()()
+
+    @cached_property
+    def manager(self) -> Any:
+        """Makes the nodes."""
+        manager = self.environment.formula_manager
+        # Terms are of the right type by construction; checking every node takes longer than making it.
+        manager._do_type_check = lambda _node: None
+        return manager
+
+    @cached_property
+    def _types(self) -> Any:
+        from pysmt import typing  # noqa: PLC0415 - loaded with the first formula
+
+        return typing
+
+    @cached_property
+    def true(self) -> Formula:
+        """The constant."""
+        return self.manager.TRUE()
+
+    @cached_property
+    def false(self) -> Formula:
+        """The constant."""
+        return self.manager.FALSE()
+
     def real(self, variable: Hashable) -> Formula:
         """The real-valued symbol of a variable, named after it."""
         if variable not in self._symbols:
-            self._symbols[variable] = self.manager.Symbol(str(variable), REAL)
+            self._symbols[variable] = self.manager.Symbol(str(variable), self._types.REAL)
         return self._symbols[variable]
 
     def fresh_boolean(self, name: str) -> Formula:
-        return self.manager.FreshSymbol(BOOL, f"{name}%d")
+        return self.manager.FreshSymbol(self._types.BOOL, f"{name}%d")
 
     def truth(self, value: bool) -> Formula:
         return self.true if value else self.false

@@ -13,7 +13,8 @@ from pathlib import PurePath
 from robust.errors import InputError, Location, RobustError
 from robust.execute.convert import Settings, convert
 from robust.execute.parametrization import earliest_end, latest_end, with_deadline
-from robust.irr.proposals import Tolerance, tolerance
+from robust.irr.proposals import tolerance
+from robust.irr.stops import Tolerance
 from robust.numbers import Number
 from robust.plan import load, model, parameters, stn, timed
 from robust.plan.pddl import forms, syntax

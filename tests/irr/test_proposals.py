@@ -12,7 +12,8 @@ from robust.encode.interface import EPSILON
 from robust.execute.convert import convert
 from robust.irr.containment import Containment
 from robust.irr.exact import ExactSearch
-from robust.irr.proposals import Tolerance, propose, tolerance
+from robust.irr.proposals import propose, tolerance
+from robust.irr.stops import Tolerance
 from robust.network.slack import FaceBound, OutsideFragmentError, SlackGraph, SlackRequirement
 from robust.plan.parameters import parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem

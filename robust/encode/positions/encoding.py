@@ -318,9 +318,11 @@ class PositionsEncoding(interface.Encoding):
         self._defined: dict[Formula, list[Formula]] = {}
         self._assumed: dict[interface.Stage, list[Formula]] = {interface.Stage.DURATION: []}
         durations = list(self._duration_obligations())
-        self._assumed[interface.Stage.SEPARATION] = [self.terms.negation(o.violation) for o in durations]
+        self._assumed[interface.Stage.SEPARATION] = [
+            self.terms.negation(o.violation) for o in durations if o.violation is not None
+        ]
         separations = list(self._separation_obligations())
-        respected = [self.terms.negation(o.violation) for o in separations]
+        respected = [self.terms.negation(o.violation) for o in separations if o.violation is not None]
         self._assumed[interface.Stage.AGREEMENT] = [*self._assumed[interface.Stage.SEPARATION], *respected]
         self._agreements = list(self._agreement_obligations())
         agreed = [self.terms.negation(o.violation) for o in self._agreements]
@@ -336,7 +338,7 @@ class PositionsEncoding(interface.Encoding):
         Raises:
             OutOfTimeError: if the encoding's deadline passes.
         """
-        formulas = [*self.network_formulas(), *self._assumed[obligation.stage], obligation.violation]
+        formulas = [*self.network_formulas(), *self._assumed[obligation.stage], self.violation(obligation)]
         if obligation.violation in self._parts:
             agreed = self._agreements if obligation.stage is interface.Stage.CONDITION else ()
             formulas += self._axioms
@@ -357,14 +359,14 @@ class PositionsEncoding(interface.Encoding):
     def _duration_obligations(self) -> Iterator[interface.Obligation]:
         for rule in self._rules:
             holds = self._reader.holds(rule.condition, PositionState({}, {}), rule.instance)
-            yield interface.Obligation(rule.name, interface.Stage.DURATION, self.terms.negation(holds))
+            yield self.obligation(rule.name, interface.Stage.DURATION, self.terms.negation(holds))
 
     def _separation_obligations(self) -> Iterator[interface.Obligation]:
         for first, second in self._mutex:
             gap = self.network.distance(first, second)
             near = (self.terms.greater(gap + self.epsilon), self.terms.greater(-gap + self.epsilon))
             together = self.terms.conjunction(near) if self.epsilon else self.terms.equal(gap)
-            yield interface.Obligation(f"separation: {first}, {second}", interface.Stage.SEPARATION, together)
+            yield self.obligation(f"separation: {first}, {second}", interface.Stage.SEPARATION, together)
 
     def _agreement_obligations(self) -> Iterator[interface.Obligation]:
         for instance in self.plan.instances:
