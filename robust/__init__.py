@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from robust.execute.convert import Conversion, Mode
     from robust.execute.distances import InvalidPlanError
     from robust.execute.learned import Learned
+    from robust.execute.monitor import MessageKind, Monitor, MonitorMessage, Outlook, Prospect
     from robust.execute.snap import TooFarError
     from robust.execute.validate import Verdict
     from robust.irr.check import Answer, CheckResult, Counterexample
@@ -57,6 +58,7 @@ _NAMES = {
     "robust.execute.convert": "Conversion Mode",
     "robust.execute.distances": "InvalidPlanError",
     "robust.execute.learned": "Learned",
+    "robust.execute.monitor": "MessageKind Monitor MonitorMessage Outlook Prospect",
     "robust.execute.snap": "TooFarError",
     "robust.execute.validate": "Verdict",
     "robust.irr.check": "Answer CheckResult Counterexample",
@@ -99,9 +101,14 @@ __all__ = [
     "InvalidPlanError",
     "Learned",
     "Location",
+    "MessageKind",
     "Mode",
+    "Monitor",
+    "MonitorMessage",
+    "Outlook",
     "ParametrizedPlan",
     "Presented",
+    "Prospect",
     "Ranking",
     "RefutedError",
     "Region",

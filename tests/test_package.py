@@ -230,8 +230,8 @@ def test_scripts_of_users_are_checked_by_types(tmp_path):
 ANSWERS = "agree answer ending exit_code is_controllable obstacle outcome status valid verdict"
 """What attributes are called that say what came of a question."""
 NO_ANSWERS = """About AssignmentKind Below Case Cause Changeable Comparator Control Guarantee Human Kind Means Mode
-MomentSide NodeKind Operator Pace Phase Relation Role Sense Side Stage Subject Target TeamParameterKind Temporal
-TimePointKind Timing Update Way"""
+MessageKind MomentSide NodeKind Operator Pace Phase Relation Role Sense Side Stage Subject Target TeamParameterKind
+Temporal TimePointKind Timing Update Way"""
 """Enumerations that answer no question."""
 
 

@@ -471,7 +471,7 @@ class Kirk:
         if not self._estimates:
             return frozenset()
         progress = said.Progress(self.plan, chosen=dict(old) | self.observed)
-        monitor = said.Monitor(progress)
+        monitor = said.ExecutionMonitor(progress)
         for time, event in self._history(kept):
             progress.now = time
             if isinstance(event, said.Estimate):

@@ -30,6 +30,7 @@ COMMANDS: dict[str, Command | Group] = {
     "validate": Command("Is a plan valid as it stands, at the times that it says?", "robust.cli.execution:validate"),
     "convert": Command("Make a flexible plan of a planner's output.", "robust.cli.execution:convert"),
     "execute": Command("Execute in simulated worlds, and plan anew when needed.", "robust.cli.execution:execute"),
+    "watch": Command("Follow a plan while it runs: what may start, and is there time left?", "robust.cli.watch:watch"),
     "certify": Command("Write down why a plan is valid, for a checker without solver.", "robust.cli.certify:certify"),
     "verify": Command("Check a certificate, in a process of its own.", "robust.cli.certify:verify"),
     "demo": Command("Take a tour on shipped examples.", "robust.cli.execution:demo"),

@@ -224,16 +224,20 @@ class SlackPlan:
         known.names.append(name)
         known.exact |= exact
 
-    def open_requirements(self) -> list[SlackRequirement]:
-        """Requirements that some movement may break; of all between the same points the one that says most."""
+    def requirements(self, *, exact: bool = False) -> list[SlackRequirement]:
+        """Of all requirements between the same points the one that says most, perhaps only of those that are exact."""
         strongest: dict[tuple[int, int], SlackRequirement] = {}
         for requirement in self._requirements.values():
             pair = (requirement.source, requirement.target)
-            if pair not in strongest or strongest[pair].weight < requirement.weight:
+            if (requirement.exact or not exact) and (
+                pair not in strongest or strongest[pair].weight < requirement.weight
+            ):
                 strongest[pair] = requirement
-        return [
-            item for item in strongest.values() if not self._certain.at_least(item.source, item.target, item.weight)
-        ]
+        return list(strongest.values())
+
+    def open_requirements(self) -> list[SlackRequirement]:
+        """Those requirements that some movement may break."""
+        return [r for r in self.requirements() if not self._certain.at_least(r.source, r.target, r.weight)]
 
     @cached_property
     def _certain(self) -> DifferenceNetwork:

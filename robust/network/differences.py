@@ -17,7 +17,7 @@ consistency].
 
 from abc import ABC, abstractmethod
 from collections import defaultdict, deque
-from collections.abc import Hashable, Iterable, Iterator, Sequence
+from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -92,6 +92,34 @@ def _circle(before: Sequence[int], origins: Sequence[int]) -> Cycle | None:
             first = circle.index(min(circle))
             return Cycle(tuple(origins[member] for member in reversed(circle[first:] + circle[:first])))
     return None
+
+
+UNBOUNDED = 1 << 80
+"""Later than any time that counts."""
+
+
+def windows(
+    order: Sequence[int], bounds: Collection[Bound], times: Mapping[int, int], now: int
+) -> list[tuple[int, int | None]] | None:
+    """The earliest and latest time of each point once some have happened; None if no schedule is left.
+
+    Args:
+        order: a schedule of the network, in the order of which bounds are followed.
+        bounds: what counts of the network, which has schedules.
+        times: what has happened; point 0 is zero.
+        now: nothing else happens before.
+    """
+    size, known = len(order), {0: 0, **times}
+    earliest = [known.get(point, now) for point in range(size)]
+    in_order = sorted(range(size), key=order.__getitem__)
+    cycle = delay(earliest, following(size, bounds), in_order)
+    if cycle is not None or any(earliest[point] > time for point, time in known.items()):
+        return None
+    backwards = [-known.get(point, UNBOUNDED) for point in range(size)]
+    reverse = following(size, ((target, source, weight) for source, target, weight in bounds))
+    delay(backwards, reverse, (*known, *in_order[::-1]))
+    latest = (None if -time > UNBOUNDED // 2 else -time for time in backwards)
+    return list(zip(earliest, latest, strict=True))
 
 
 class DifferenceNetwork:

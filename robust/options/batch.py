@@ -31,6 +31,7 @@ from robust.options.shared import (
     LIMIT,
     SOLVING,
     AnyBoxOptions,
+    AskCommand,
     BoxOptions,
     Colored,
     Encoded,
@@ -120,6 +121,32 @@ class ExecuteCommand(FromSteps, PlanParameters, Separation, Solving, BoxOptions,
             raise InputError(f"found {self.replans}, expected at least 0 re-plans", place_of("replans"))
         if self.plan is None and self.planner is None:
             raise InputError("give PLAN or --planner: without either there is no plan to execute")
+
+
+class WatchCommand(AskCommand):
+    """Options of `robust watch`."""
+
+    clock: str = option("given", "given: messages say what time it is; real: the clock does", choices=("given", "real"))
+    rate: Number | None = option(
+        None,
+        "for --clock real: seconds per unit of time; 1 if not given",
+        metavar="S",
+        read=positive,
+        needs=("clock", ("real",)),
+    )
+    lateness: Number = option(
+        "0",
+        "how late messages may come, in the plan's unit of time: what was not heard of may have happened so long ago",
+        metavar="T",
+        read=not_negative,
+    )
+    journal: Path | None = path_option("record each message here before it is answered, and resume from this record")
+    numbers: str = option(
+        "exact",
+        "exact: texts such as 1/3; decimal: JSON numbers, rounded such that what they promise holds",
+        choices=("exact", "decimal"),
+    )
+    coming: int = option(10, "how many of the steps to come that may not start yet are listed", metavar="N")
 
 
 WITH_CHOICES = ("execution", "knowledge")

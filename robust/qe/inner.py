@@ -21,7 +21,7 @@ from math import factorial, prod
 from robust.qe.box import Box, Interval
 from robust.qe.conjunctions import Conjunction, half_space, linked, variables_of
 from robust.qe.constraint import ZERO, LinearConstraint
-from robust.qe.eliminate.enumerate import Outlook, PieceSearch, satisfiable
+from robust.qe.eliminate.enumerate import ExclusionSession, PieceSearch, satisfiable
 from robust.qe.eliminate.interface import Query, Solvers, outside
 from robust.qe.estimate import POINTS, Judged, OpenShare, Samples, open_points, product_share, volumes
 from robust.qe.nnf import Nnf, conjunction, disjunction, names_in, negation
@@ -51,7 +51,7 @@ class PieceWidening:
         for query in queries:
             definitions = (definition.formula for definition in query.definitions)
             fine += [*query.network, *definitions, query.remainder, negation(query.violation)]
-        self._fine = Outlook(context, deadline, *fine)
+        self._fine = ExclusionSession(context, deadline, *fine)
         """Schedules that break nothing."""
 
     def exclude(self, piece: Conjunction) -> None:
@@ -85,12 +85,12 @@ class Lifting:
         self._symmetry = symmetry
         self._pieces: list[Conjunction] = []
         self.lifted: list[Conjunction] = []
-        self._known = self._outlook()
-        self._covered = self._outlook()
+        self._known = self._exclusion()
+        self._covered = self._exclusion()
 
-    def _outlook(self) -> Outlook:
+    def _exclusion(self) -> ExclusionSession:
         """What is left of the base."""
-        return Outlook(self._context, self._deadline, *self._base.constraints)
+        return ExclusionSession(self._context, self._deadline, *self._base.constraints)
 
     def add(self, piece: Conjunction) -> None:
         """A piece that is bad in ascending order; lifted at once if that is quick."""
@@ -102,7 +102,7 @@ class Lifting:
 
     def finish(self) -> bool:
         """Lift the pieces that are needed, again; whether none of them has too many images."""
-        self._covered = self._outlook()
+        self._covered = self._exclusion()
         kept: list[Conjunction] = []
         finished = True
         for piece in self._needed():
@@ -120,7 +120,7 @@ class Lifting:
         """The pieces without those that others cover together; simple ones stay rather than others, and come first."""
         simple_first = sorted(self._pieces, key=lambda piece: (len(piece), len(variables_of(piece))))
         beyond = {piece: outside(piece) for piece in simple_first}
-        everything = self._outlook()
+        everything = self._exclusion()
         for piece in reversed(simple_first):
             others = [side for other, side in beyond.items() if other != piece]
             if everything.excludes(piece, *others):

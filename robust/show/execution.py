@@ -6,6 +6,7 @@ import shlex
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
+from math import ceil, floor
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,6 +18,7 @@ from robust.backends import CONVERSIONS
 from robust.execute import causal, convert, dispatchable, slices, worlds
 from robust.execute.controllability import ADVERBS, ControllabilityReport, Widest
 from robust.execute.controllable_boxes import HORIZON, Loss, Shrunk
+from robust.execute.monitor import Outlook, Prospect, StepOutlook
 from robust.execute.parametrization import option_of, write_specs
 from robust.execute.replan import ReplanningRun, RunStatus, Segment
 from robust.irr.stops import advice
@@ -470,3 +472,60 @@ def _print_widest(out: Console, widest: Widest, adverb: str, quiet: bool) -> Non
             stop = widest.stops.get((name, side))
             if stop is not None and not quiet:
                 out.print(Text(f"    {word}: {stop.short}", "dim"), soft_wrap=True)
+
+
+# -- plans that run ----------------------------------------------------------------------------------------------------
+
+
+class Watch(JsonObject, tag_field="schema", tag="robust/watch/1"):
+    """robust watch: a line for each message, and one before the first
+
+    Attributes:
+        message: the number of the message, by which it can be taken back; 0 before the first
+        time: what time it is at least
+        prospect: done: all has happened; on track: it succeeds if steps take as long as planned; at risk: only if some
+            take less; broken: whatever happens
+        reasons: what contradicts itself, of a plan that is broken or at risk
+        warnings: what fails unless it happens in time
+        running: steps that have started and not ended
+        startable: steps that may start now
+        coming: the first of the other steps to come
+        refused: why the message changed nothing
+        error: why the line was no message; there is nothing else then
+    """
+
+    message: Count | UnsetType = UNSET
+    time: Rational | UnsetType = UNSET
+    prospect: Annotated[str, one_of(*(prospect.value for prospect in Prospect))] | UnsetType = UNSET
+    reasons: list[str] | UnsetType = UNSET
+    warnings: list[str] | UnsetType = UNSET
+    running: list[StepOutlook] | UnsetType = UNSET
+    startable: list[StepOutlook] | UnsetType = UNSET
+    coming: list[StepOutlook] | UnsetType = UNSET
+    refused: str | UnsetType | None = UNSET
+    error: str | UnsetType = UNSET
+
+
+def outlook_line(outlook: Outlook, numbers: str, coming: int) -> Document:
+    """What `robust watch` prints; decimals are rounded such that what they promise holds."""
+    said = document(like(Watch, outlook, prospect=outlook.prospect.value, coming=list(outlook.coming[:coming])))
+    if numbers == "decimal":
+        said["time"] = _decimal(said["time"], up=False)
+        for look in (*said["running"], *said["startable"], *said["coming"]):
+            for name in ("start", "end"):
+                look[name] = [_decimal(time, up=not late) for late, time in enumerate(look[name])]
+            for name in ("since", "slack"):
+                look[name] = _decimal(look[name], up=False)
+    return said
+
+
+def not_a_message(error: str) -> Document:
+    """What `robust watch` prints for a line that it cannot read."""
+    return document(Watch(error=error))
+
+
+def _decimal(number: str | None, *, up: bool) -> float | None:
+    if number is None:
+        return None
+    value = Fraction(number) * 10**6
+    return (ceil(value) if up else floor(value)) / 10**6

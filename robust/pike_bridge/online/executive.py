@@ -73,7 +73,7 @@ class PlanExecutive:
         self.running: dict[int, Fraction] = {}
         """When each activity that runs was dispatched, by its place in the plan."""
         self.outcome: said.Failed | said.Succeeded | None = None
-        self._monitor = said.Monitor(self.progress) if monitor else None
+        self._monitor = said.ExecutionMonitor(self.progress) if monitor else None
         self._ranking = ranking
         shared = self.reasoner if isinstance(self.reasoner, semantic.SemanticReasoner) else None
         self._patience = Patience(self.progress, patience, reasoner=shared, solver=solver, deadline=deadline)

@@ -335,7 +335,7 @@ def _reversed(constraint: model.Constraint) -> model.Constraint:
     return model.Constraint(constraint.target, constraint.source, lower, upper, constraint.guard)
 
 
-class Monitor:
+class ExecutionMonitor:
     """Knows the latest planned effect on each atom, and the conditions that rely on it."""
 
     def __init__(self, progress: Progress) -> None:

@@ -24,7 +24,7 @@ L = TypeVar("L", bound=Leaf)
 Part = TypeVar("Part")
 
 
-class Outlook:
+class ExclusionSession:
     """A session in which nothing must be left: whether a conjunction stays inside what its assertions exclude.
 
     It is opened when it is first asked.
@@ -138,7 +138,11 @@ def polyhedra_of(
     Raises:
         OutOfTimeError: if the deadline passes.
     """
-    reader, asked, complement = context.reader, context.session(), Outlook(context, deadline, negation(formula))
+    reader, asked, complement = (
+        context.reader,
+        context.session(),
+        ExclusionSession(context, deadline, negation(formula)),
+    )
     asked.add(reader.write(formula))
     for piece in known:
         asked.add(reader.outside(piece))
@@ -184,9 +188,9 @@ class PieceSearch:
         self._asked = context.session()
         self._asked.add_all([self._reader.write(query.formula)], deadline)
         self._projects = bool(query.network or self._names - set(query.kept) - definition.keys())
-        self._known = Outlook(context, deadline)
+        self._known = ExclusionSession(context, deadline)
         """Where a conjunction stays inside what is excluded."""
-        self._needs = Outlook(context, deadline, *query.network, *definition.values(), negation(query.core))
+        self._needs = ExclusionSession(context, deadline, *query.network, *definition.values(), negation(query.core))
         """Where it stays inside the query or what is excluded."""
 
     def exclude(self, piece: Conjunction) -> None:

@@ -197,7 +197,7 @@ NEEDED = (
 def announced(happened, *estimates, effects=MADE, conditions=NEEDED, **chosen):
     """Of each estimate, after events: by default toast is made for our event and, where x = 1, until there is more."""
     progress = said.Progress(TeamPlan(NETWORK, conditions, effects))
-    monitor = said.Monitor(progress)
+    monitor = said.ExecutionMonitor(progress)
     for event in happened.split():
         del progress.pending[event]
         monitor.executed(event)

@@ -1,0 +1,101 @@
+"""Lines of JSON between processes: read one by one, and written whole, whatever interrupts."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from robust.errors import InputError
+from robust.smt.limits import GLANCE, Deadline, OutOfTimeError, has_input
+
+LONGEST = 1 << 20
+"""Bytes of a line; what is longer is no message."""
+_CHUNK = 1 << 16
+_ATOMIC = 512
+"""Bytes that a pipe takes at once, if it takes any (PIPE_BUF is at least that)."""
+
+
+class LineReader:
+    """Reads lines from a file descriptor, and counts them from 1."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._pending = bytearray()
+        self._ended = False
+        self._skipping = False
+        self.number = 0
+
+    def read(self, deadline: Deadline) -> bytes | None:
+        """The next line without its end; None at the end of the input.
+
+        Raises:
+            InputError: if the line is too long; the next call reads the line after it.
+            OutOfTimeError: if the deadline passes.
+        """
+        while True:
+            line, end, rest = self._pending.partition(b"\n")
+            if end or (self._ended and line):
+                self._pending = rest
+                self.number += 1
+                if self._skipping or len(line) > LONGEST:
+                    self._skipping = False
+                    raise InputError(f"found a line of more than {LONGEST} bytes, expected a shorter one")
+                return bytes(line).removesuffix(b"\r")
+            if self._ended:
+                return None
+            if len(line) > LONGEST:
+                self._skipping = True
+                self._pending.clear()
+                self._pending += b"."  # so that it counts as a line, whatever comes
+            if not has_input(self._descriptor, deadline):
+                raise OutOfTimeError
+            chunk = os.read(self._descriptor, _CHUNK)
+            self._ended = not chunk
+            self._pending += chunk
+
+
+class LineWriter:
+    """Writes JSON objects to a file descriptor, a line for each.
+
+    What a signal cuts off is completed before anything else is written.
+    """
+
+    def __init__(self, descriptor: int, stopped: Callable[[], bool], deadline: Deadline) -> None:
+        self._descriptor = descriptor
+        self._stopped = stopped
+        self._deadline = deadline
+        self._pending = memoryview(b"")
+
+    def write(self, value: Mapping[str, Any]) -> None:
+        """Write an object, and wait until it is read.
+
+        Raises:
+            BrokenPipeError: if nobody reads any more.
+            KeyboardInterrupt, OutOfTimeError: if nobody has read until it was stopped, or until the deadline.
+        """
+        self._pending = memoryview(bytes(self._pending) + json.dumps(value).encode() + b"\n")
+        while self._pending:
+            if self._is_writable(GLANCE):
+                self._advance()
+            elif self._stopped():
+                raise KeyboardInterrupt
+            elif self._deadline.passed:
+                raise OutOfTimeError
+
+    def write_last(self, value: Mapping[str, Any]) -> None:
+        """Write an object if somebody reads it now, before the process ends."""
+        self._pending = memoryview(bytes(self._pending) + json.dumps(value).encode() + b"\n")
+        try:
+            while self._pending and self._is_writable(0.0):
+                self._advance()
+        except BrokenPipeError:
+            self._pending = memoryview(b"")
+
+    def _is_writable(self, seconds: float) -> bool:
+        return bool(select.select([], [self._descriptor], [], seconds)[1])
+
+    def _advance(self) -> None:
+        self._pending = self._pending[os.write(self._descriptor, self._pending[:_ATOMIC]) :]

@@ -1,0 +1,143 @@
+"""`robust watch`: lines in, lines out, journals that survive, clocks."""
+
+import json
+import signal
+import subprocess
+from fractions import Fraction
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+from robust.show.schemas import schema
+from tests.cli.running import assert_one_line, command, process, started
+
+WORKSHOP = Path(__file__).parents[2] / "robust" / "examples" / "workshop"
+FILES = [str(WORKSHOP / name) for name in ("domain.pddl", "problem.pddl", "plan.log")]
+SAID = [
+    '{"start": "saw ann chair", "at": 0.001}',
+    '{"end": "n0", "at": "13"}',
+    '{"start": "n1", "at": 13.5, "arrived": 14}',
+    '{"tick": 20}',
+]
+
+
+OPTIONS = ("--deadline", "90", "-q")
+
+
+def watched(*options, said=SAID):
+    """The exit code and the lines that come out."""
+    ended = process("watch", *FILES, *OPTIONS, *options, input="\n".join(said))
+    assert ended.err == ""
+    return ended.code, [json.loads(line) for line in ended.out.splitlines()]
+
+
+def spoken(running, *said):
+    """The answers to lines of a process that goes on."""
+    for line in said:
+        running.stdin.write(line + "\n")
+        running.stdin.flush()
+    return [json.loads(running.stdout.readline()) for _ in said]
+
+
+def test_what_is_said_is_answered_line_by_line():
+    code, lines = watched()
+    assert code == 3, "it is not over"
+    for line in lines:
+        jsonschema.validate(line, schema("robust/watch/1"))
+    assert [line["message"] for line in lines] == [0, 1, 2, 3, 4]
+    assert {line["prospect"] for line in lines} == {"on track"}
+    assert [look["step"] for look in lines[1]["running"]] == ["n0"]
+    assert lines[1]["warnings"] == ["fails unless n0 ends by 24.996"]
+    assert lines[4]["time"] == "20"
+    (running,) = lines[4]["running"]
+    assert (running["step"], running["since"]) == ("n1", "27/2")
+
+
+def test_a_plan_that_cannot_be_in_time_is_broken_and_says_why():
+    code, lines = watched(said=['{"tick": 40}'])
+    assert (code, lines[-1]["prospect"]) == (3, "at risk")
+    assert "n0 takes as long as planned, 12" in lines[-1]["reasons"]
+    code, lines = watched(said=[*SAID, '{"tick": 95}'])
+    assert (code, lines[-1]["prospect"]) == (1, "broken")
+    assert any("deadline" in reason for reason in lines[-1]["reasons"])
+
+
+def test_decimals_are_rounded_to_the_safe_side():
+    _, exact = watched(said=['{"start": "n0", "at": "1/3"}'])
+    _, decimal = watched("--numbers", "decimal", said=['{"start": "n0", "at": "1/3"}'])
+    assert exact[1]["running"][0]["since"] == "1/3"
+    assert decimal[1]["running"][0]["since"] == 0.333333
+    assert decimal[1]["running"][0]["end"][0] == 12.333334
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("nonsense", "input:1:1: found 'nonsense', expected a JSON value"),
+        ('{"foo": 1}', "input:1:1: found 'foo', expected one of start, end, failed, cancelled, tick, retract"),
+        ('{"start": "n0"}', "input:1:1: found no 'at', expected the time when it happened"),
+        ('{"start": "n0", "end": "n0", "at": 1}', "input:1:1: found 2 of these, expected one of start"),
+        ('{"start": "n0", "at": "NaN"}', "input:1:23: found 'NaN', expected"),
+        ('{"tick": 1, "step": 2}', "input:1:13: found 'step' with tick, expected only tick"),
+        ('{"start": "n0", "at": 1} {}', "input:1:26: found"),
+        ("x" * (1 << 20) + "x", "found a line of more than 1048576 bytes"),
+    ],
+)
+def test_a_line_that_is_no_message_is_answered_and_the_run_goes_on(line, message):
+    code, lines = watched(said=[line, *SAID])
+    assert code == 3
+    assert lines[1]["error"].startswith(message) or message in lines[1]["error"]
+    assert [each.get("message") for each in lines] == [0, None, 1, 2, 3, 4]
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        ('{"start": "saw an chair", "at": 1}', "did you mean 'saw ann chair' or"),
+        ('{"end": "n0", "at": 14}', "found n0 end at 14 and at 13, expected one time; retract what was wrong first"),
+        ('{"start": "n0", "at": -1}', "found time -1, expected at least 0"),
+        ('{"start": "n2", "at": 3, "arrived": 2}', "found time 3, expected at least 0 and at most 2, when it arrived"),
+        ('{"retract": 77}', "found message '77', expected the number of one that was taken"),
+        ('{"start": "n1", "at": 12}', "found n1 start at 13.5 and at 12, expected one time"),
+    ],
+)
+def test_what_contradicts_is_refused_with_the_reason(line, reason):
+    _, lines = watched(said=[*SAID, line])
+    assert reason in lines[-1]["refused"]
+    assert {**lines[-1], "message": 0, "refused": 0} == {**lines[-2], "message": 0, "refused": 0}
+
+
+def test_a_journal_survives_and_is_resumed(tmp_path):
+    journal = tmp_path / "run.journal"
+    with started("watch", *FILES, *OPTIONS, "--journal", journal, stdin=subprocess.PIPE) as running:
+        running.stdout.readline()
+        before = spoken(running, *SAID)
+        running.send_signal(signal.SIGKILL)
+    _, after = watched("--journal", journal, said=[])
+    assert after == before[-1:], "as if nothing had happened"
+    content = journal.read_bytes()
+    journal.write_bytes(content[:-3])
+    _, cut = watched("--journal", journal, said=SAID[-1:])
+    assert cut[-1] == after[-1], "a line that was cut off is dropped"
+    journal.write_bytes(content.replace(b"13", b"14", 1))
+    assert_one_line(process("watch", *FILES, *OPTIONS, "--journal", journal), says="the journal was changed here")
+
+
+def test_real_time_passes_without_messages():
+    clock = ("--clock", "real", "--rate", "0.01")
+    with started("watch", *FILES, *OPTIONS, *clock, stdin=subprocess.PIPE) as running:
+        running.stdout.readline()
+        lines = spoken(running, '{"start": "n0"}')
+        while lines[-1]["prospect"] != "broken":
+            lines.append(json.loads(running.stdout.readline()))
+        running.stdin.close()
+        assert running.wait(30) == 1
+    assert "on track" in {line["prospect"] for line in lines}
+    assert Fraction(lines[-1]["time"]) > 24
+
+
+def test_plans_that_cannot_be_watched_are_refused():
+    directory = WORKSHOP.parent / "generator"
+    files = [directory / name for name in ("domain.pddl", "problem.pddl", "plan.stn")]
+    assert_one_line(command("watch", *files, "-q"), 4, "cannot watch this plan: continuous effects")
