@@ -25,11 +25,11 @@ from tempfile import TemporaryDirectory
 from typing import Any, ClassVar
 
 from robust.api import check, envelope, region
+from robust.certify import verify
 from robust.certify.checker.__main__ import Inputs, report
 from robust.certify.hints import Line
 from robust.certify.produce import PlanCertificate, execution, knowledge
 from robust.certify.tape import write
-from robust.certify.verify import verify
 from robust.errors import RobustError
 from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.compile import checked_assumptions

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from robust.errors import InputError
 from robust.numbers import Number, shorten
-from robust.options import declare, shared, verbs
+from robust.options import declare, verbs
 
 if TYPE_CHECKING:
     from robust.execute.convert import Conversion, Mode, Settings
@@ -118,7 +118,7 @@ def load_plan(
     return conversion.plan
 
 
-class _Reading(shared.Demands, shared.FromSteps, shared.Separation, shared.Solving):
+class _Reading(verbs.Demands, verbs.FromSteps, verbs.Separation, verbs.Solving):
     """Options for reading a plan."""
 
     def conversion(self, specs: Sequence[ParameterSpec], on_progress: Callable[[str], None] | None) -> Settings:

@@ -42,8 +42,7 @@ from robust.pike_bridge.online.reasoners import without_states
 from robust.pike_bridge.online.semantic import OnlineSemantics, Reasoner
 from robust.pike_bridge.semantics import Execution, faults, restrict
 from robust.smt.limits import NEVER, Deadline
-from robust.smt.session import Session
-from robust.smt.terms import Formula
+from robust.smt.session import Formula, Session
 
 # -- what is undone when a guess turns out wrong, and the candidate that is left after it ------------------------------
 

@@ -22,8 +22,7 @@ from robust.encode.interface import constant as term_of
 from robust.network.differences import Distances
 from robust.qe.box import Box
 from robust.smt.limits import Deadline, OutOfTimeError
-from robust.smt.session import Satisfiability, Session
-from robust.smt.terms import Formula, Terms
+from robust.smt.session import Formula, Satisfiability, Session, Terms
 
 Point = Mapping[str, Fraction]
 

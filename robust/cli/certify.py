@@ -22,7 +22,7 @@ from robust.qe.box import Box, Interval
 from robust.smt.limits import Deadline, OutOfTimeError
 
 if TYPE_CHECKING:
-    from robust.certify.verify import Verification
+    from robust.certify import Verification
     from robust.cli.guard import Run
     from robust.execute.convert import Conversion
     from robust.irr.search import EnvelopeResult
@@ -45,8 +45,8 @@ def certify(options: CertifyCommand, run: Run) -> int:
     written: dict[Path, str | bytes] = {}
 
     def work(folder: Path) -> tuple[int | None, float, Verification, float]:
+        from robust.certify import verify
         from robust.certify.tape import packed
-        from robust.certify.verify import verify
 
         deadline = Deadline.after(run.remaining)
         started = time.perf_counter()
@@ -109,7 +109,7 @@ def verify(options: VerifyCommand, run: Run) -> int:
     box = run.only(lambda: demanded_box(options.box))
 
     def work() -> tuple[Verification, float]:
-        from robust.certify.verify import verify
+        from robust.certify import verify
 
         started = time.perf_counter()
         report = verify(
@@ -125,7 +125,7 @@ def verify(options: VerifyCommand, run: Run) -> int:
 
     report, seconds = run.only(work)
 
-    from robust.certify.verify import CheckerOutcome
+    from robust.certify import CheckerOutcome
     from robust.show import documents
 
     if report.outcome is CheckerOutcome.UNREADABLE:

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from robust.show.console import Console
     from robust.show.stnu import JudgedNetwork
     from robust.stnu.network import Network
-    from robust.stnu.repairs import NetworkRepair
-    from robust.stnu.verdicts import NetworkCheck
+    from robust.stnu.verdicts import NetworkCheck, NetworkRepair
 
 Result = TypeVar("Result")
 
@@ -69,7 +68,7 @@ def repair(options: batch.StnuRepairCommand, run: Run) -> int:
     """What is the least change of bounds after which a network is controllable? Ctrl-C prints the best so far."""
     from robust.show import stnu as show
     from robust.smt.limits import Deadline
-    from robust.stnu.repairs import NetworkRepairSearch
+    from robust.stnu.verdicts import NetworkRepairSearch
 
     def judge(network: Network) -> NetworkRepair:
         def begin() -> AnytimeSearch[NetworkRepair]:

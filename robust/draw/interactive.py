@@ -49,7 +49,7 @@ def self_contained(title: str, body: str, *, scripts: Sequence[str] = (), data: 
 
 def part(name: str) -> str:
     """A file of `robust/draw/web`."""
-    return files("robust.draw.web").joinpath(name).read_text(encoding="utf-8")
+    return files("robust.draw").joinpath("web", name).read_text(encoding="utf-8")
 
 
 def _json(data: Mapping[str, Any]) -> str:

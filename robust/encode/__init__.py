@@ -37,7 +37,7 @@ def create_encoding(
 
             return RelationalEncoding(plan, epsilon, ranges)
         case "positions":
-            from robust.encode.positions.encoding import PositionsEncoding  # noqa: PLC0415 - likewise
+            from robust.encode.positions import PositionsEncoding  # noqa: PLC0415 - likewise
 
             return PositionsEncoding(plan, epsilon, deadline=deadline)
     raise InputError(f"unknown encoding {name!r}{did_you_mean(name, ENCODINGS)}")

@@ -21,8 +21,7 @@ from robust.errors import InputError
 from robust.plan.model import Expression, Fluent, NumericVariable, ParameterReference, ParametrizedPlan, TimePoint
 from robust.plan.polynomial import Polynomial
 from robust.smt.limits import NEVER, Deadline
-from robust.smt.session import Satisfiability, Session
-from robust.smt.terms import Formula, Terms
+from robust.smt.session import Formula, Satisfiability, Session, Terms
 
 EPSILON = Fraction(1, 1000)
 

@@ -18,7 +18,7 @@ from robust.encode import interface
 from robust.network.differences import DifferenceNetwork, Distances
 from robust.plan import model
 from robust.plan.polynomial import Polynomial
-from robust.smt.terms import Formula, Terms
+from robust.smt.session import Formula, Terms
 
 ZERO_RATE = Polynomial.constant(0)
 

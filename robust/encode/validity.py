@@ -14,8 +14,7 @@ from robust.encode.network import Difference, DurationRule, TemporalNetwork, is_
 from robust.network.differences import Cycle, delay, forward_only
 from robust.plan.model import ZERO, ParameterReference, TimePoint
 from robust.smt.limits import Deadline
-from robust.smt.session import Satisfiability, Session
-from robust.smt.terms import Formula, Terms
+from robust.smt.session import Formula, Satisfiability, Session, Terms
 
 BRANCHES = 128
 """Sets of cycles that are looked at one by one before a solver is asked."""

@@ -38,8 +38,7 @@ from robust.plan.model import ParametrizedPlan
 from robust.qe.box import Box, Face, Growing, Side
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Satisfiability as SolverVerdict
-from robust.smt.session import Session, Statistics
-from robust.smt.terms import Terms
+from robust.smt.session import Session, Statistics, Terms
 
 
 class Control(Enum):

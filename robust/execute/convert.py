@@ -27,8 +27,8 @@ from robust.execute.causal import (
     undecided,
     verdict_of,
 )
-from robust.execute.esterel import esterel_edges
 from robust.execute.parametrization import Parametrization, parametrization, with_deadline, with_relative_weights
+from robust.execute.room import esterel_edges
 from robust.irr.check import Answer, CheckResult
 from robust.numbers import Number, format_number
 from robust.plan import load, model, parameters

@@ -15,8 +15,7 @@ from robust.presented import Presented, VerdictEnum
 from robust.qe.box import Box, Interval
 from robust.searching import Searching, Status
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
-from robust.smt.session import Exporter, Satisfiability, Session, Statistics
-from robust.smt.terms import Formula
+from robust.smt.session import Exporter, Formula, Satisfiability, Session, Statistics
 
 if TYPE_CHECKING:
     from robust.irr.quantities import QuantityChange

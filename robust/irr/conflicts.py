@@ -18,8 +18,7 @@ from robust.qe.constraint import LinearConstraint
 from robust.qe.eliminate.enumerate import satisfiable
 from robust.searching import DECIDED, Searching, Status
 from robust.smt.limits import Deadline
-from robust.smt.session import Session
-from robust.smt.terms import Formula, Terms
+from robust.smt.session import Formula, Session, Terms
 
 
 class Comparable(Protocol):

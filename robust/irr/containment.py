@@ -14,8 +14,7 @@ from robust.qe import constraint, nnf
 from robust.qe.box import Box, Face, Interval
 from robust.qe.polyhedron import Polyhedron
 from robust.smt.limits import Deadline, OutOfTimeError, raise_if_interrupted
-from robust.smt.session import Exporter, Satisfiability, Session, Statistics
-from robust.smt.terms import Formula
+from robust.smt.session import Exporter, Formula, Satisfiability, Session, Statistics
 
 Found = TypeVar("Found")
 

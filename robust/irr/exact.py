@@ -29,7 +29,7 @@ from robust.qe.box import Box, Face, Interval, Side
 from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Polyhedron
 from robust.searching import Status
-from robust.smt import limits, session, terms
+from robust.smt import limits, session
 
 ENUMERATION = 20.0
 """Seconds at most that the optimal box spends on knowing the envelope before it starts."""
@@ -271,7 +271,7 @@ class OptimalBox(MasterProblem[Fraction]):
             return None
         return Candidate(chosen, best.point, -best.value, best.attained)
 
-    def cheaper(self, cost: Fraction) -> terms.Formula:
+    def cheaper(self, cost: Fraction) -> session.Formula:
         width = sum((variable(ParameterReference(n)).scaled(f) for n, f in self._objective.items()), _ZERO)
         return self.terms.greater(width + cost)
 

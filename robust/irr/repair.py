@@ -47,8 +47,7 @@ from robust.qe.constraint import LinearConstraint
 from robust.qe.eliminate.enumerate import CROWDED, satisfiable
 from robust.qe.polyhedron import Polyhedron
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
-from robust.smt.session import Satisfiability, Session
-from robust.smt.terms import Formula
+from robust.smt.session import Formula, Satisfiability, Session
 
 _NOTHING = Fraction(0)
 _CLOSE = Fraction(1, 1_000_000)

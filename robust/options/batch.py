@@ -26,7 +26,7 @@ from robust.options.declare import (
     writable,
     written_to,
 )
-from robust.options.shared import (
+from robust.options.verbs import (
     DRAWING,
     LIMIT,
     SOLVING,
@@ -34,6 +34,7 @@ from robust.options.shared import (
     AskCommand,
     BoxOptions,
     Colored,
+    EliminationOptions,
     Encoded,
     Force,
     FromSteps,
@@ -50,7 +51,6 @@ from robust.options.shared import (
     Solving,
     shape_option,
 )
-from robust.options.verbs import EliminationOptions
 
 
 def stnu_file(path: Path, place: Location) -> Path:

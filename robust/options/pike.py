@@ -22,7 +22,7 @@ from robust.options.declare import (
     positive,
     setting,
 )
-from robust.options.shared import Force, Output, Separation, SliceOptions, Solving
+from robust.options.verbs import Force, Output, Separation, SliceOptions, Solving
 
 if TYPE_CHECKING:
     from robust.pike_bridge.online.world import Disturbance, ExecutionStep

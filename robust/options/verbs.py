@@ -1,13 +1,19 @@
-"""Options of questions about plans: those of the functions, and those that only their commands have."""
+"""Options of questions about plans: those of the functions, and those that only their commands have.
+
+First those that several questions share: files, ε, solvers, limits, output.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from robust.backends import OFFERED, SPLITTINGS
+from robust import backends
 from robust.errors import InputError, Location
+from robust.numbers import Number
+from robust.options import declare
 
 if TYPE_CHECKING:
     from robust.irr.quantities import Cost
@@ -16,11 +22,301 @@ if TYPE_CHECKING:
     from robust.probability.measure import Bounds
     from robust.qe.box import Box
     from robust.qe.polyhedron import Polyhedron
-from robust.numbers import Number
-from robust.options import declare, shared
 
 
-class CheckOptions(shared.SearchOptions, shared.Export):
+PARAMETERS, EPSILON, ENCODING, SOLVING, LIMIT, DRAWING, EXPORT, OUTPUT = range(1, 9)
+"""Ranks."""
+
+
+def separation(read: Callable[[Number, Location], Fraction]) -> Any:
+    """ε, at least 0 or above it."""
+    what = "separation of mutex time points, in the plan's unit of time"
+    return declare.option("1/1000", what, metavar="E", read=read, rank=EPSILON)
+
+
+class Separation(declare.Options):
+    """ε."""
+
+    epsilon: Number = separation(declare.not_negative)
+
+    @property
+    def separation(self) -> Fraction:
+        """ε as a number."""
+        return Fraction(self.epsilon)
+
+
+class PlanningOutput(declare.Options):
+    """The plan that is meant in a planner's output, and how exact its numbers are."""
+
+    plan_number: int | None = declare.option(
+        None,
+        "number of the plan in a log that holds several, from 1; default: the last",
+        metavar="N",
+        read=declare.ordinal,
+        rank=EPSILON,
+    )
+    tolerance: Number | None = declare.option(
+        None,
+        "how far exact times and durations may differ from printed ones, 0 for exactness; default: one unit of the "
+        "last printed digit, and at most epsilon",
+        metavar="T",
+        read=declare.not_negative,
+        rank=EPSILON,
+    )
+
+    @property
+    def rounding(self) -> Fraction | None:
+        """The tolerance as a number, or None for what printed digits say."""
+        return None if self.tolerance is None else Fraction(self.tolerance)
+
+
+class FromSteps(PlanningOutput):
+    """How steps of a planner become a network."""
+
+    mode: str = declare.option(
+        "room",
+        "how steps become a network: room: all room goes to the parameters, durations are as planned; causal: the "
+        "least constrained network that is proved at nominal values; esterel: that of the Esterel transformer",
+        choices=backends.CONVERSIONS,
+        rank=EPSILON,
+    )
+    free_durations: bool = declare.option(
+        False,
+        "let durations vary that the domain leaves open, instead of those of the plan",
+        needs=("mode", ("room",)),
+        rank=EPSILON,
+    )
+
+
+class Limited(declare.Options):
+    """A time limit."""
+
+    timeout: Number | None = declare.option(
+        None, "time limit in seconds; the result so far is printed then", metavar="S", read=declare.seconds, rank=LIMIT
+    )
+
+    @property
+    def limit(self) -> float | None:
+        """Seconds, or None without a limit."""
+        return None if self.timeout is None else float(self.timeout)
+
+
+class Solver(declare.Options):
+    """The solver."""
+
+    solver: str = declare.option("z3", "SMT solver", choices=backends.SOLVERS, rank=SOLVING)
+
+
+class Solving(Solver, Limited):
+    """The solver and the time limit."""
+
+
+def encoding_option(rank: int = ENCODING) -> Any:
+    """The option for encoding the plan as formulas."""
+    return declare.option("relational", "how the plan is encoded as formulas", choices=backends.ENCODINGS, rank=rank)
+
+
+class Encoded(declare.Options):
+    """The encoding."""
+
+    encoding: str = encoding_option()
+
+
+def method_option(**others: str) -> Any:
+    """The option for the method that finds a box; `others` are more methods, with what they find."""
+    known = {
+        "widen": "exact, no valid box contains the result",
+        "irr": "step by step, up to a precision (IRR)",
+        "optimal": "exact, the greatest total width of all boxes, which CCMMZ asks for",
+        **others,
+    }
+    return declare.option("widen", "; ".join(f"{name}: {what}" for name, what in known.items()), choices=known)
+
+
+def shape_option(default: str, introduction: str = "", needs: tuple[str, tuple[str, ...]] | None = None) -> Any:
+    """The option for the template of a shape."""
+    return declare.option(
+        default,
+        f"{introduction}octagon: bounds on sums and differences of two parameters; FILE: bounds on the linear forms in "
+        "its lines, such as a + 2 b; it is proved by the exact region",
+        metavar="SHAPE",
+        needs=needs,
+    )
+
+
+_FOR_IRR = ("method", ("irr",))
+
+
+class BoxOptions(declare.Options):
+    """Options for finding a box around the nominal values."""
+
+    method: str = method_option()
+    beta: Number | None = declare.option(
+        None,
+        "for irr: no end of a complete box can move outwards by B; 1 if not given",
+        metavar="B",
+        read=declare.positive,
+        needs=_FOR_IRR,
+    )
+    doubling: bool = declare.option(
+        False, "for irr: steps double until the first failure; ends are up to 2 B away", needs=_FOR_IRR
+    )
+
+    @property
+    def precision(self) -> Fraction | None:
+        """β, for methods that have one."""
+        return Fraction(self.beta or 1) if self.method == "irr" else None
+
+
+class AnyBoxOptions(BoxOptions):
+    """Options for finding a box of a plan, wherever it lies."""
+
+    contain_nominal: bool = declare.option(
+        False, "for optimal: only boxes around the nominal values", needs=("method", ("optimal",))
+    )
+    order: str | Sequence[str] | None = declare.option(
+        None,
+        "the order in which parameters take turns (irr), or are widened one after the other (widen)",
+        metavar="A,B,C",
+        read=declare.names,
+        needs=("method", ("widen", "irr")),
+    )
+
+    @property
+    def from_nominal(self) -> bool:
+        """Whether the box is to be around the nominal values."""
+        return self.method != "optimal" or self.contain_nominal
+
+
+class SearchOptions(Separation, Encoded, Solving):
+    """Options of every question about a plan."""
+
+
+class Force(declare.Options):
+    """Permission to overwrite files that no option names: those in a folder, or beside a file, that one names."""
+
+    force: bool = declare.option(False, "overwrite existing files that no option names", rank=EXPORT)
+
+
+class Export(Force):
+    """Queries as files."""
+
+    smt2: str | Path | None = declare.path_option(
+        "write every query to DIR as SMT-LIB", metavar="DIR", also=lambda folder: folder.glob("*.smt2"), rank=EXPORT
+    )
+
+
+class Colored(declare.Options):
+    """An answer for people."""
+
+    color: str = declare.option(
+        "auto",
+        "auto: on a terminal, respecting NO_COLOR and FORCE_COLOR; always and never: regardless of both",
+        choices=("auto", "always", "never"),
+        rank=OUTPUT,
+    )
+
+
+class Json(Colored):
+    """An answer for programs."""
+
+    json: bool = declare.option(False, "print one JSON object on stdout", rank=OUTPUT)
+
+
+class Output(Json):
+    """Options for the form of a command's answer."""
+
+    quiet: bool = declare.option(
+        False, "only the answer: no progress, no notes, no warnings", "--quiet", "-q", rank=OUTPUT
+    )
+    verbose: bool = declare.option(False, "log each step on stderr", "--verbose", "-v", rank=OUTPUT)
+
+
+class Plot(declare.Options):
+    """A picture."""
+
+    plot: Path | None = declare.path_option(
+        "draw the result: .svg, .png or .pdf by suffix", read=declare.plot_file, rank=DRAWING
+    )
+
+
+class SliceOptions(Plot):
+    """A picture of one or two parameters."""
+
+    axes: str | Sequence[str] | None = declare.option(
+        None,
+        "the one or two parameters to draw; the others have their nominal values",
+        metavar="A,B",
+        read=declare.names,
+        rank=DRAWING,
+    )
+
+
+class Planning(declare.Options):
+    """The files of the planning problem."""
+
+    domain: Path = declare.argument(..., "PDDL domain", "DOMAIN")
+    problem: Path = declare.argument(..., "PDDL problem", "PROBLEM")
+
+
+class PlanFiles(Planning):
+    """The files of the planning problem and the plan."""
+
+    plan: Path = declare.argument(
+        ..., "network (.stn), time-triggered plan or log of a planner; - is standard input", "PLAN"
+    )
+
+
+WIDTHS = ("equal", "relative")
+
+
+class Demands(declare.Options):
+    """What is asked of a plan in addition to what it says."""
+
+    deadline: Number | None = declare.option(
+        None,
+        "every action must end by T, or for +P% by P per cent after the planned end; schedules that end later are not "
+        "allowed",
+        metavar="T",
+        rank=PARAMETERS,
+    )
+    widths: str = declare.option(
+        "equal",
+        "sides of boxes move at equal speed, or relative to the nominal values of their parameters",
+        choices=WIDTHS,
+        rank=PARAMETERS,
+    )
+
+    @property
+    def relative(self) -> bool:
+        """Whether weights are in proportion to nominal values."""
+        return self.widths == "relative"
+
+
+class PlanParameters(Demands):
+    """Parameters in addition to those that the plan declares."""
+
+    parameter: tuple[str, ...] = declare.option(
+        (),
+        "make a quantity a parameter: duration:* for all actions that take time, duration:ACTION or "
+        "'duration:(drive r1 a b)' for all their instances, duration:ID, shared:ACTION for one of all instances, "
+        "start:ID, 'fluent:(f a)', or NAME of an existing one; then ,weight=W ,lb=L ,ub=U ,default=D; may be repeated",
+        "--parameter",
+        "--parametrize",
+        metavar="SPEC",
+        many=True,
+        rank=PARAMETERS,
+    )
+    parameters: Path | None = declare.path_option(
+        "more parameters, in a TOML file; default: PLAN.toml beside PLAN.stn", rank=PARAMETERS
+    )
+
+
+class AskCommand(PlanFiles, FromSteps, PlanParameters, Separation, Solving, Output):
+    """Options of every question about a plan on the command line."""
+
+
+class CheckOptions(SearchOptions, Export):
     """Options of :func:`robust.check`."""
 
     at: declare.Settings | Box | EnvelopeResult = declare.option(
@@ -36,7 +332,7 @@ class CheckOptions(shared.SearchOptions, shared.Export):
     )
 
 
-class CheckCommand(CheckOptions, shared.AskCommand):
+class CheckCommand(CheckOptions, AskCommand):
     """Options of `robust check`."""
 
 
@@ -67,10 +363,10 @@ def world_file(needs: tuple[str, tuple[str, ...]] | None = None) -> Any:
 _FOR_RISK = ("method", ("risk",))
 
 
-class EnvelopeOptions(shared.Separation, shared.Solving, shared.Export, shared.AnyBoxOptions):
+class EnvelopeOptions(Separation, Solving, Export, AnyBoxOptions):
     """Options of :func:`robust.envelope`."""
 
-    method: str = shared.method_option(risk="the most probable box")
+    method: str = method_option(risk="the most probable box")
     distribution: Mapping[str, str | Distribution] | Sequence[str] = distributions_option(_FOR_RISK)
     world: str | Path | None = world_file(_FOR_RISK)
     within: Number = declare.option(
@@ -80,8 +376,8 @@ class EnvelopeOptions(shared.Separation, shared.Solving, shared.Export, shared.A
         read=declare.positive,
         needs=_FOR_RISK,
     )
-    encoding: str = shared.encoding_option(rank=0)
-    shape: str = shared.shape_option("box", "also widen a shape around the box: ")
+    encoding: str = encoding_option(rank=0)
+    shape: str = shape_option("box", "also widen a shape around the box: ")
     on_step: Callable[[Step], None] | None = declare.option(
         None, "called after each step with the best box so far", shown=False
     )
@@ -91,7 +387,7 @@ EXPORTS = ("plansys2", "csv", "yaml")
 """Files that other tools read."""
 
 
-class EnvelopeCommand(EnvelopeOptions, shared.Plot, shared.AskCommand):
+class EnvelopeCommand(EnvelopeOptions, Plot, AskCommand):
     """Options of `robust envelope`."""
 
     export: str | None = declare.option(
@@ -99,12 +395,12 @@ class EnvelopeCommand(EnvelopeOptions, shared.Plot, shared.AskCommand):
         "print the result for other tools instead: by how many per cent actions may take longer, for PlanSys2's "
         "executor; or parameters and intervals as CSV or YAML",
         choices=EXPORTS,
-        rank=shared.DRAWING,
+        rank=DRAWING,
     )
     output: Path | None = declare.output_option(
         "for --export: write the export to FILE, and print the answer as usual",
         read=declare.written_to("the export"),
-        rank=shared.DRAWING,
+        rank=DRAWING,
     )
 
     controllability: str | None = declare.option(
@@ -127,17 +423,17 @@ class EnvelopeCommand(EnvelopeOptions, shared.Plot, shared.AskCommand):
 class EliminationOptions(declare.Options):
     """Options for computing an exact region."""
 
-    backend: str = declare.option("project", "quantifier-elimination back end", choices=OFFERED)
+    backend: str = declare.option("project", "quantifier-elimination back end", choices=backends.OFFERED)
     splitting: str = declare.option(
         "full",
         "elimination problems: monolithic: one; partial: one for the network and one for all obligations; full: one "
         "for each obligation",
-        choices=SPLITTINGS,
+        choices=backends.SPLITTINGS,
     )
     learning: bool = declare.option(True, "let later elimination problems use what earlier ones have excluded")
 
 
-class RegionOptions(EliminationOptions, shared.SearchOptions):
+class RegionOptions(EliminationOptions, SearchOptions):
     """Options of :func:`robust.region`."""
 
     on_piece: Callable[[Polyhedron], None] | None = declare.option(
@@ -148,7 +444,7 @@ class RegionOptions(EliminationOptions, shared.SearchOptions):
     )
 
 
-class RegionCommand(RegionOptions, shared.SliceOptions, shared.AskCommand):
+class RegionCommand(RegionOptions, SliceOptions, AskCommand):
     """Options of `robust region`."""
 
     form: str | None = declare.option(
@@ -163,7 +459,7 @@ class RegionCommand(RegionOptions, shared.SliceOptions, shared.AskCommand):
             raise InputError("cannot be combined with --json; choose one", Location("--latex"))
 
 
-class CompareOptions(shared.SearchOptions):
+class CompareOptions(SearchOptions):
     """Options of :func:`robust.compare`."""
 
     beta: Number = declare.option("1", "the precision of irr", metavar="B", read=declare.positive)
@@ -171,17 +467,17 @@ class CompareOptions(shared.SearchOptions):
     on_stage: Callable[[str], None] | None = declare.option(None, "called with the name of each stage", shown=False)
 
 
-class CompareCommand(CompareOptions, shared.SliceOptions, shared.AskCommand):
+class CompareCommand(CompareOptions, SliceOptions, AskCommand):
     """Options of `robust compare`."""
 
     html: Path | None = declare.path_option(
         "write an interactive page as one HTML file: sliders for the parameters, what breaks where, boxes, schedule",
         read=declare.written_to("the page"),
-        rank=shared.DRAWING,
+        rank=DRAWING,
     )
 
 
-class RiskOptions(shared.SearchOptions):
+class RiskOptions(SearchOptions):
     """Options of :func:`robust.risk`."""
 
     distributions: Mapping[str, str | Distribution] | Sequence[str] = distributions_option()
@@ -202,7 +498,7 @@ class RiskOptions(shared.SearchOptions):
     on_stage: Callable[[str], None] | None = declare.option(None, "called with the name of each stage", shown=False)
 
 
-class RiskCommand(RiskOptions, shared.Plot, shared.AskCommand):
+class RiskCommand(RiskOptions, Plot, AskCommand):
     """Options of `robust risk`."""
 
     def check_combinations(self, given: Collection[str]) -> None:
@@ -210,7 +506,7 @@ class RiskCommand(RiskOptions, shared.Plot, shared.AskCommand):
             raise InputError("say by --distribution or --world how the parameters are distributed")
 
 
-class RepairOptions(shared.Separation, shared.Solving):
+class RepairOptions(Separation, Solving):
     """Options of :func:`robust.repair`."""
 
     require: declare.Settings | Box | EnvelopeResult = declare.option(
@@ -235,7 +531,7 @@ class RepairOptions(shared.Separation, shared.Solving):
     )
 
 
-class RepairCommand(RepairOptions, shared.AskCommand):
+class RepairCommand(RepairOptions, AskCommand):
     """Options of `robust repair`."""
 
     output: Path | None = declare.output_option(
@@ -249,7 +545,7 @@ class RepairCommand(RepairOptions, shared.AskCommand):
             raise InputError("needs PLAN in a file, not on standard input", declare.place_of("output"))
 
 
-class RankOptions(shared.PlanParameters, shared.Separation, shared.Solving):
+class RankOptions(PlanParameters, Separation, Solving):
     """Options of :func:`robust.rank`."""
 
     parameter: tuple[str, ...] = declare.option(
@@ -259,13 +555,13 @@ class RankOptions(shared.PlanParameters, shared.Separation, shared.Solving):
         "--parametrize",
         metavar="SPEC",
         many=True,
-        rank=shared.PARAMETERS,
+        rank=PARAMETERS,
     )
     deadline: Number = declare.option(
         "+10%",
         "every plan must end by T, or for +P% by P per cent after the last of them ends as planned",
         metavar="T",
-        rank=shared.PARAMETERS,
+        rank=PARAMETERS,
     )
     distribution: Sequence[str] = distributions_option()
     world: str | Path | None = world_file()
@@ -274,7 +570,7 @@ class RankOptions(shared.PlanParameters, shared.Separation, shared.Solving):
     )
 
 
-class RankCommand(RankOptions, shared.Planning, shared.Output):
+class RankCommand(RankOptions, Planning, Output):
     """Options of `robust rank`."""
 
     plans: tuple[Path, ...] = declare.argument(
@@ -296,7 +592,7 @@ class LearnOptions(declare.Options):
     domain: str | Path | None = declare.path_option("PDDL domain whose actions are the only ones that may be in logs")
 
 
-class LearnCommand(LearnOptions, shared.Output):
+class LearnCommand(LearnOptions, Output):
     """Options of `robust learn`."""
 
     logs: tuple[Path, ...] = declare.argument(
@@ -310,10 +606,10 @@ class LearnCommand(LearnOptions, shared.Output):
         "write the observed durations as distributions, for --world of other commands",
         metavar="WORLD.toml",
         read=declare.written_to("the world"),
-        rank=shared.DRAWING,
+        rank=DRAWING,
     )
     as_box: bool = declare.option(
-        False, "print only the promised intervals, for --at @FILE and --require @FILE", rank=shared.DRAWING
+        False, "print only the promised intervals, for --at @FILE and --require @FILE", rank=DRAWING
     )
 
     def check_combinations(self, given: Collection[str]) -> None:
@@ -321,11 +617,11 @@ class LearnCommand(LearnOptions, shared.Output):
             raise InputError("cannot be combined with --json; choose one", Location("--as-box"))
 
 
-class ValidateOptions(shared.Separation, shared.PlanningOutput):
+class ValidateOptions(Separation, PlanningOutput):
     """Options of :func:`robust.validate`."""
 
 
-class ValidateCommand(ValidateOptions, shared.Output):
+class ValidateCommand(ValidateOptions, Output):
     """Options of `robust validate`."""
 
     domain: Path | None = declare.argument(None, "PDDL domain", "DOMAIN")

@@ -13,7 +13,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TypeAlias, assert_never
 
-import robust.examples
+import robust
 from robust.errors import InputError, UnsupportedError
 from robust.numbers import format_number
 from robust.pike_bridge import files, model
@@ -387,4 +387,4 @@ def load_team_plan(path: str | os.PathLike[str], *, epsilon: Fraction = model.EP
 
 def shipped(name: str) -> Instance:
     """A story: the breakfast plan `kitchen` [PIKE §1.1], or the `wing` of an aeroplane [PIKE §6.1]."""
-    return Instance.read(Path(robust.examples.__file__ or "").with_name(name) / f"{name}.tpnu.json")
+    return Instance.read(Path(robust.__file__).with_name("examples") / name / f"{name}.tpnu.json")

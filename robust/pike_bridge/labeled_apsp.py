@@ -31,8 +31,7 @@ from robust.pike_bridge.model import Environment, Guard, Tpnu, entails, guard, u
 from robust.pike_bridge.theory import Theory
 from robust.plan.polynomial import Polynomial
 from robust.smt.limits import NEVER, Deadline
-from robust.smt.session import Session
-from robust.smt.terms import Formula, Terms
+from robust.smt.session import Formula, Session, Terms
 
 Numbers: TypeAlias = LabeledValueSet[int]
 

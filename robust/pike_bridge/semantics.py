@@ -21,8 +21,7 @@ from robust.plan.model import Atom
 from robust.plan.polynomial import Polynomial
 from robust.presented import NoTruthValue, VerdictEnum
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
-from robust.smt.session import Session, Value
-from robust.smt.terms import Formula, Terms
+from robust.smt.session import Formula, Session, Terms, Value
 
 Time: TypeAlias = Polynomial[str] | Fraction
 """A moment that is known, or an expression of one."""

@@ -12,7 +12,7 @@ from typing import Any
 from robust.errors import InputError, UnsupportedError
 from robust.plan.model import ParameterReference, Relation
 from robust.plan.polynomial import Polynomial
-from robust.smt.terms import Formula, Terms
+from robust.smt.session import Formula, Terms
 
 Coefficients = tuple[tuple[str, int], ...]
 """Non-zero coefficients by parameter, in the order of the names."""

@@ -19,7 +19,7 @@ from pysmt import operators
 
 from robust.errors import UnsupportedError
 from robust.qe.constraint import LinearConstraint, Sense, trim
-from robust.smt.terms import Formula, Terms
+from robust.smt.session import Formula, Terms
 
 Image = TypeVar("Image")
 Model = Mapping[str, Fraction | bool]

@@ -13,7 +13,7 @@ from robust.qe.box import Box, Interval, Slabs
 from robust.qe.conjunctions import SolvedForm, normal_form, project
 from robust.qe.constraint import ONE, ZERO, LinearConstraint, Sense, substitute_equality, trim
 from robust.qe.simplex import Supremum, Tableau, extend, feasible_point, integer_form, supremum, tableau, violates
-from robust.smt.terms import Formula, Terms
+from robust.smt.session import Formula, Terms
 
 Point = Mapping[str, Fraction]
 

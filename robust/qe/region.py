@@ -19,8 +19,7 @@ from robust.qe.box import Box
 from robust.qe.constraint import LinearConstraint, Sense
 from robust.qe.estimate import VolumeBounds, sample, volume_bounds
 from robust.qe.polyhedron import Point, Polyhedron, check_known, check_names, check_same, union_volume
-from robust.smt.session import Satisfiability, Session
-from robust.smt.terms import Formula, Terms
+from robust.smt.session import Formula, Satisfiability, Session, Terms
 
 if TYPE_CHECKING:
     import sympy

@@ -1,6 +1,6 @@
 """Documents that `--json` prints, as types: the fields, their meaning, and how results become documents.
 
-The published schemas in :mod:`robust.show.schemas` are those of these types. An object that `--json` prints names
+The published schemas in `robust/show/schemas` are those of these types. An object that `--json` prints names
 itself in `schema`, the tag of its type. What a result holds is itself where JSON says the same; records are
 declared only for what differs. Probabilities are decimals that are rounded outwards, so that they hold as printed.
 """

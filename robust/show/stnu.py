@@ -16,8 +16,7 @@ from robust.numbers import exact_end, format_number, plural, readable
 from robust.show.console import Console, Text, colour_of, printing
 from robust.show.documents import CHANGE, Document, Ended, Noted, document, documenting, has_table
 from robust.stnu.network import Edge, Link
-from robust.stnu.repairs import LinkChange, NetworkRepair
-from robust.stnu.verdicts import DispatchResult, NetworkCheck
+from robust.stnu.verdicts import DispatchResult, LinkChange, NetworkCheck, NetworkRepair
 
 if TYPE_CHECKING:
     from robust.errors import RobustError

@@ -11,12 +11,11 @@ from robust.irr.conflicts import RepairStatus
 from robust.qe.box import Side
 from robust.stnu.files import load, write
 from robust.stnu.network import Edge, Link, Network
-from robust.stnu.repairs import LinkChange as Change
-from robust.stnu.repairs import NetworkRepair as Repair
-from robust.stnu.repairs import repair
-from robust.stnu.verdicts import DispatchResult, check, dispatch, refutes
+from robust.stnu.verdicts import DispatchResult, check, dispatch, refutes, repair
+from robust.stnu.verdicts import LinkChange as Change
 from robust.stnu.verdicts import NetworkCheck as CheckResult
 from robust.stnu.verdicts import NetworkExecution as Execution
+from robust.stnu.verdicts import NetworkRepair as Repair
 from robust.stnu.verdicts import NetworkVerdict as Verdict
 
 __all__ = [

@@ -25,7 +25,7 @@ from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from robust.certify.verify import FOLDER
+from robust.certify import FOLDER
 from tests.certify.tools import Checker, put
 
 ACCEPTED = Path(__file__).with_name("mutants_accepted.txt")

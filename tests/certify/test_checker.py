@@ -23,17 +23,15 @@ from typing import Any
 import pytest
 from sympy import primerange
 
-from robust.certify import hints
+from robust.certify import FOLDER, CheckerOutcome, hints, verify
 from robust.certify.checker import proofs
 from robust.certify.checker.formulas import Formulas, plus
 from robust.certify.checker.reader import Ground, Model
 from robust.certify.hints import KnownFacts
 from robust.certify.tape import write
-from robust.certify.verify import FOLDER, CheckerOutcome, verify
 from robust.plan.polynomial import Polynomial
 from robust.smt.limits import Deadline
-from robust.smt.session import Satisfiability, Session
-from robust.smt.terms import Terms
+from robust.smt.session import Satisfiability, Session, Terms
 from tests.certify import tools
 from tests.certify.adversary import LONGER
 from tests.certify.texts import random_texts

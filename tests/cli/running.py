@@ -15,7 +15,7 @@ from tempfile import TemporaryFile
 import jsonschema
 
 from robust.cli import run
-from robust.show.schemas import schema
+from tests.schemas import schema
 
 REPOSITORY = Path(__file__).parents[2]
 EXAMPLES = REPOSITORY / "robust" / "examples"

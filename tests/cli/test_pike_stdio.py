@@ -12,10 +12,10 @@ import pytest
 
 from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.online.service import CLOSING, read_journal
-from robust.show.schemas import schema
 from tests.cli.running import COMMAND, LOAD, process, ran, started
 from tests.pike_bridge.online.examples import KITCHEN
 from tests.recordings.recordings import INPUTS
+from tests.schemas import schema
 
 OUTPUT = jsonschema.Draft202012Validator(schema("robust/pike-stdio/1"))
 INPUT = jsonschema.Draft202012Validator(schema("robust/pike-stdio-input/1"))

@@ -9,8 +9,8 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from robust.show.schemas import schema
 from tests.cli.running import assert_one_line, command, process, started
+from tests.schemas import schema
 
 WORKSHOP = Path(__file__).parents[2] / "robust" / "examples" / "workshop"
 FILES = [str(WORKSHOP / name) for name in ("domain.pddl", "problem.pddl", "plan.log")]

@@ -12,12 +12,11 @@ from robust import Answer, Box, CheckResult, check
 from robust.encode import create_encoding
 from robust.encode.encoding import RelationalEncoding
 from robust.encode.interface import EPSILON, Encoding, Facet, Grid, Obligation, Range
-from robust.encode.positions.encoding import PositionsEncoding
+from robust.encode.positions import PositionsEncoding
 from robust.irr.containment import Containment
 from robust.plan.model import ParametrizedPlan, TimePoint
 from robust.smt.limits import NEVER
-from robust.smt.session import Satisfiability, Session
-from robust.smt.terms import Formula
+from robust.smt.session import Formula, Satisfiability, Session
 from tests.sampling import Network
 
 

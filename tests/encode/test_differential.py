@@ -17,7 +17,7 @@ from robust import Answer, CheckResult, InputError, Interval, Status, Unsupporte
 from robust.backends import ENCODINGS
 from robust.encode.encoding import RelationalEncoding
 from robust.encode.interface import Stage
-from robust.encode.positions.encoding import PositionsEncoding
+from robust.encode.positions import PositionsEncoding
 from robust.plan import model
 from robust.plan.load import load_plan
 from robust.plan.model import ZERO, Holds, NumericCondition, ParametrizedPlan

@@ -16,7 +16,7 @@ from robust import Answer, InputError, Status, UnsupportedError, check, envelope
 from robust.backends import ENCODINGS
 from robust.encode import create_encoding
 from robust.encode.interface import Stage
-from robust.encode.positions.encoding import PositionsEncoding
+from robust.encode.positions import PositionsEncoding
 from robust.plan import model
 from robust.plan.model import ZERO, AssignmentKind, Holds, NumericEffect, Or, ParametrizedPlan, TimePoint
 from robust.plan.simulate import simulate

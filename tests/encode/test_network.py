@@ -18,7 +18,7 @@ from robust.encode import create_encoding, interface, network, settled
 from robust.encode.encoding import RelationalEncoding
 from robust.encode.interface import Auxiliary, Encoding, Facet, Grid, Range, TimeVariable, constant, variable
 from robust.encode.network import Difference, Inequality, Orders, TemporalNetwork
-from robust.encode.positions.encoding import PositionsEncoding
+from robust.encode.positions import PositionsEncoding
 from robust.errors import UnsupportedError
 from robust.plan import model
 from robust.plan.model import ZERO, DurationConstraint, Parameter, ParameterReference, ParametrizedPlan, TimedLiteral
@@ -26,8 +26,7 @@ from robust.plan.model import TimePointKind as Kind
 from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import mutex_pairs as simulated_mutex_pairs
 from robust.smt.limits import NEVER, Deadline
-from robust.smt.session import Satisfiability, Session
-from robust.smt.terms import Terms
+from robust.smt.session import Satisfiability, Session, Terms
 from tests.encode.asking import follows, sampled, unless_hidden
 from tests.network import oracles
 from tests.plan import building

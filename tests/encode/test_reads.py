@@ -17,7 +17,7 @@ from robust.certify.checker.reader import ground
 from robust.encode.network import mutex_pairs
 from robust.encode.settled import Accesses, proved
 from robust.execute.distances import Original
-from robust.execute.esterel import esterel_edges
+from robust.execute.room import esterel_edges
 from robust.plan import simulate as simulator
 from robust.plan.load import assemble
 from robust.plan.model import ZERO, ParametrizedPlan, TimePoint

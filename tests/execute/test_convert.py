@@ -15,8 +15,8 @@ from robust import Answer, InputError
 from robust.execute import distances
 from robust.execute.convert import ConversionEnd, Mode, convert
 from robust.execute.distances import DistanceEdge, EdgeNetwork, InvalidPlanError, Original
-from robust.execute.esterel import esterel_edges
 from robust.execute.parametrization import option_of, write_specs
+from robust.execute.room import esterel_edges
 from robust.execute.snap import NearSchedules, least_shift
 from robust.numbers import format_number
 from robust.plan.load import load_plan

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 
 from robust import Answer, EnvelopeResult, InputError, ParametrizedPlan, Status, check, envelope, load_plan
-from robust.irr.overruns import FIXED, action_overruns, overruns
 from robust.irr.stops import APPROACHED, CUT_SHORT, NOT_EXAMINED, Stop
 from robust.qe.box import Box, Interval, Side
+from robust.show.exports import FIXED, action_overruns, overruns
 from robust.smt.limits import OutOfTimeError
 from tests.cli.running import EXAMPLES, example
 from tests.irr.building import assembled, fail_at_query, loose, parameter, parametric, shipped, timed

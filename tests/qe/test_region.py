@@ -15,8 +15,7 @@ from robust import Box, InputError, Interval, SolverError, UnsupportedError
 from robust.qe.conjunctions import project_at
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import OutOfWorkError, Region, outside, outside_by_solver, outside_by_splitting
-from robust.smt.session import Satisfiability, Session
-from robust.smt.terms import Terms
+from robust.smt.session import Satisfiability, Session, Terms
 from tests.plan.building import drawn
 from tests.qe import polyhedra as shapes
 from tests.qe.polyhedra import NAMES, SYMBOLS, as_z3, cube, eq, is_valid, le, lt, polygon, polyhedra, rectangle, same

@@ -19,7 +19,7 @@ from robust.qe.box import Box, Face, Growing, Interval, Side
 from robust.qe.constraint import LinearConstraint, Sense, trim
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.simplex import Tableau, feasible_point, maximize, tableau
-from robust.smt.terms import Terms
+from robust.smt.session import Terms
 from tests.plan.building import drawn, groups
 from tests.qe import polyhedra
 from tests.qe.polyhedra import NAMES, constraints, eq, grid, le, lt, number, polygon

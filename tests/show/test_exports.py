@@ -10,8 +10,7 @@ import pytest
 
 import robust
 from robust.errors import InputError, UnsupportedError
-from robust.irr.overruns import action_overruns
-from robust.show.exports import export, percentage_text, quoted, yaml_lines
+from robust.show.exports import action_overruns, export, percentage_text, quoted, yaml_lines
 from tests.cli.running import command, example
 from tests.recordings.recordings import INPUTS
 

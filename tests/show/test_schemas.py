@@ -14,8 +14,7 @@ from msgspec import StructMeta
 
 from robust import show
 from robust.json_text import schema_of
-from robust.show import schemas
-from robust.show.schemas import FILES, schema
+from tests.schemas import FILES, FOLDER, schema
 
 MODULES = [import_module(module.name) for module in pkgutil.iter_modules(show.__path__, "robust.show.")]
 KINDS = {kind for module in MODULES for kind in vars(module).values() if isinstance(kind, StructMeta)}
@@ -37,4 +36,4 @@ if __name__ == "__main__":
     for name, kind in DOCUMENTS.items():
         if schema(name) != (new := schema_of(kind, name)):
             text = json.dumps(new, indent=2, ensure_ascii=False) + "\n"
-            Path(schemas.__file__).with_name(FILES[name]).write_text(text, encoding="utf-8")
+            Path(str(FOLDER / FILES[name])).write_text(text, encoding="utf-8")

@@ -23,8 +23,7 @@ from robust.encode.interface import Auxiliary, constant, variable
 from robust.errors import SolverError, UnsupportedError
 from robust.plan.model import ZERO, Or, Parameter, ParameterReference, Relation
 from robust.smt.limits import Deadline, current_question, one_question
-from robust.smt.session import BACKENDS, Exporter, Satisfiability, Session, Statistics, smtlib
-from robust.smt.terms import Terms
+from robust.smt.session import BACKENDS, Exporter, Satisfiability, Session, Statistics, Terms, smtlib
 from tests.children import is_running
 from tests.plan.building import ALL, END, F, above, action, between, different, drawn, flow, plan_of, reference, value
 

@@ -22,7 +22,7 @@ from robust.smt.limits import NEVER
 from robust.stnu import RepairStatus, Side
 from robust.stnu.files import graphml, network_json, parse_graphml, parse_network_json
 from robust.stnu.network import network_of_plan
-from robust.stnu.repairs import NetworkRepairSearch
+from robust.stnu.verdicts import NetworkRepairSearch
 from tests.execute.plans import box_of
 from tests.execute.test_controllability_boxes import MEET, random_box
 from tests.network import oracles

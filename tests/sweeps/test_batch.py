@@ -23,13 +23,12 @@ from robust import Box, InputError, Interval
 from robust.draw.interactive import batch_page
 from robust.show.batch import batch_document, csv_text, exact_box, print_batch
 from robust.show.console import console
-from robust.show.schemas import schema
 from robust.sweeps import batch as batches
-from robust.sweeps.batch import Asked, Batch, BatchRow, PlanRun, box_of, run_batch, volume_ratio, worst
-from robust.sweeps.suites import SuitePlan
+from robust.sweeps.batch import Asked, Batch, BatchRow, PlanRun, SuitePlan, box_of, run_batch, volume_ratio, worst
 from tests.children import eventually, is_running
 from tests.cli.running import command
 from tests.draw.browser import browser
+from tests.schemas import schema
 from tests.tables import tables, text_in_data
 
 TABLES = tables(__file__)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from robust.errors import InputError
-from robust.sweeps.suites import SuitePlan, read_suite
+from robust.sweeps.batch import SuitePlan, read_suite
 from tests.tables import tables
 
 TABLES = tables(__file__)

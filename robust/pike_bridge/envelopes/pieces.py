@@ -36,8 +36,7 @@ from robust.qe.constraint import LinearConstraint
 from robust.qe.nnf import FormulaReader, Leaf, Nnf, conjunction, implicant
 from robust.qe.polyhedron import Point, Polyhedron
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
-from robust.smt.session import Session, Value
-from robust.smt.terms import Formula, Terms
+from robust.smt.session import Formula, Session, Terms, Value
 
 Range = tuple[Fraction | int | None, Fraction | int | None]
 

@@ -8,9 +8,8 @@ from robust.pike_bridge.model import Assignment, Constraint, Guard, Tpnu, guard
 from robust.pike_bridge.theory import KnowledgeBase, KnowledgeStatistics, Narrowing, Theory, interpret
 from robust.plan.polynomial import Polynomial
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
-from robust.smt.session import Satisfiability, Session, Value
-from robust.smt.terms import Formula as Term
-from robust.smt.terms import Terms
+from robust.smt.session import Formula as Term
+from robust.smt.session import Satisfiability, Session, Terms, Value
 
 
 class Propositions:

@@ -18,7 +18,7 @@ from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.online.semantic import OnlineSemantics, SemanticReasoner
 from robust.pike_bridge.semantics import Execution
 from robust.qe.eliminate.enumerate import minimal
-from robust.smt import limits, terms
+from robust.smt import limits, session
 from robust.smt.session import Session
 
 _MOST = 4
@@ -205,7 +205,7 @@ class Fact:
 
     kind: About
     text: str
-    formula: terms.Formula = field(compare=False, repr=False)
+    formula: session.Formula = field(compare=False, repr=False)
     activity: model.Activity | None = field(default=None, compare=False)
     """Of a least duration: whose it is."""
     limit: Fraction | None = field(default=None, compare=False)
@@ -381,7 +381,7 @@ class Situation:
     def _merely_orders(self, lower: Fraction) -> bool:
         return 0 <= lower <= self._plan.separation
 
-    def _apart(self, constraint: model.Constraint, bound: Fraction, *, least: bool) -> terms.Formula:
+    def _apart(self, constraint: model.Constraint, bound: Fraction, *, least: bool) -> session.Formula:
         """That the events are at least, or at most, so far apart."""
         semantics = self.semantics
         difference = semantics.difference(constraint.source, constraint.target) - bound

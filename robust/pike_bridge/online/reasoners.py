@@ -19,7 +19,7 @@ from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.online.semantic import News, Reasoner, SemanticReasoner
 from robust.pike_bridge.theory import Commitment, Exclude, Require
 from robust.smt.limits import NEVER, Deadline
-from robust.smt.terms import Terms
+from robust.smt.session import Terms
 
 NOTHING_MORE = Require(model.ALWAYS)
 

@@ -23,8 +23,7 @@ from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.semantics import Execution, Semantics, Time, holds
 from robust.plan.polynomial import Polynomial
 from robust.smt.limits import Deadline
-from robust.smt.session import Session
-from robust.smt.terms import Formula, Terms
+from robust.smt.session import Formula, Session, Terms
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,8 +11,7 @@ from robust.qe.conjunctions import Conjunction
 from robust.qe.constraint import LinearConstraint
 from robust.qe.nnf import TRUE, FormulaReader, Nnf, conjunction, disjunction, names_in
 from robust.smt.limits import Deadline
-from robust.smt.session import Session, Statistics
-from robust.smt.terms import Terms
+from robust.smt.session import Session, Statistics, Terms
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,8 +25,7 @@ from robust.qe.box import Side
 from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Polyhedron
 from robust.smt.limits import Deadline, OutOfTimeError
-from robust.smt.session import Satisfiability, Session
-from robust.smt.terms import Terms
+from robust.smt.session import Satisfiability, Session, Terms
 from tests.pike_bridge import plans, stories
 from tests.pike_bridge.envelopes import examples
 from tests.pike_bridge.envelopes.examples import parametric, random_parameters, seeded, structured

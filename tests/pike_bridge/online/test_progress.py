@@ -18,8 +18,8 @@ from robust.pike_bridge.online.progress import JSON
 from robust.pike_bridge.online.service import CLOSING, AskPossible, AskState, AskWhy, News, Query, Tick, Together
 from robust.plan.model import Atom
 from robust.records import in_line
-from robust.show.schemas import schema
 from tests.pike_bridge.plans import network
+from tests.schemas import schema
 
 WORDS = st.text(st.characters(exclude_categories=["Cs", "Z", "C", "Lu", "Lt"], exclude_characters="()"), min_size=1)
 ATOMS = st.builds(Atom, WORDS, st.lists(WORDS, max_size=3).map(tuple)).filter(

@@ -22,11 +22,11 @@ from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.model import Activity, Event
 from robust.pike_bridge.online import semantic, service, world
 from robust.pike_bridge.online.progress import JSON, Chosen, Decision, Estimate, Executed, Message
-from robust.show.schemas import schema
 from tests.pike_bridge import stories
 from tests.pike_bridge.online import examples
 from tests.pike_bridge.online.examples import MUG, SOLVABLE, contested, drawn, kitchen
 from tests.sampling import often
+from tests.schemas import schema
 
 
 @cache

@@ -23,8 +23,7 @@ from robust.qe.eliminate.z3_tactics import to_z3
 from robust.qe.nnf import FALSE, TRUE, BoolLeaf, FormulaReader, Nnf, conjunction, disjunction, names_in, negation
 from robust.qe.simplex import feasible_point
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
-from robust.smt.session import Satisfiability, Session
-from robust.smt.terms import Terms
+from robust.smt.session import Satisfiability, Session, Terms
 from tests.plan.building import drawn
 
 KEPT, REALS = ("a", "b"), ("x", "y", "z")

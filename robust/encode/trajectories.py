@@ -15,7 +15,7 @@ from robust.encode.network import AtomWrite, Flow, FluentWrite, Orders, Temporal
 from robust.errors import UnsupportedError
 from robust.plan import model
 from robust.smt.limits import Deadline
-from robust.smt.terms import Formula, Terms
+from robust.smt.session import Formula, Terms
 
 
 class Positions:

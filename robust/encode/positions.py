@@ -15,11 +15,10 @@ from typing import assert_never
 
 from robust.encode import interface
 from robust.encode.network import Difference, Orders, TemporalNetwork, Writes, duration_rules
-from robust.encode.positions.formulas import Positions, PositionState, Reader, Setting, Trajectory
+from robust.encode.trajectories import Positions, PositionState, Reader, Setting, Trajectory
 from robust.plan import model, simulate
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
-from robust.smt.session import Satisfiability, Session
-from robust.smt.terms import Formula, Terms
+from robust.smt.session import Formula, Satisfiability, Session, Terms
 
 CROWDED = 6
 """With more weights than this between two nodes a solver is asked which of them are redundant."""
