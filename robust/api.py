@@ -372,13 +372,13 @@ def distributions_of(
     plan: ParametrizedPlan, options: verbs.RiskOptions | verbs.EnvelopeOptions
 ) -> dict[str, Distribution]:
     """The distributions of the parameters; InputError if one has none."""
-    from robust.execute import randomness
+    from robust.execute import learned
     from robust.execute.worlds import read_rules
 
     rules = None if options.world is None else read_rules(options.world)
     given = options.distributions if isinstance(options, verbs.RiskOptions) else options.distribution
     known = given if isinstance(given, Mapping) else declare.texts(given, declare.place_of("distribution"))
-    return randomness.distributions_of(plan, known, rules, declare.place_of)
+    return learned.distributions_of(plan, known, rules, declare.place_of)
 
 
 def searching_risk(plan: ParametrizedPlan, options: verbs.RiskOptions) -> AnytimeSearch[RiskResult]:

@@ -20,7 +20,7 @@ import robust
 from robust.draw.style import BLUE, VERMILION
 from robust.encode.encoding import RelationalEncoding
 from robust.errors import InputError
-from robust.execute.randomness import distributions_of
+from robust.execute.learned import distributions_of
 from robust.irr.containment import Containment
 from robust.json_text import plain
 from robust.plan.model import ParametrizedPlan

@@ -10,7 +10,7 @@ from hypothesis import given
 import robust
 from robust import Box, InputError, Interval, Status
 from robust.encode.encoding import RelationalEncoding
-from robust.execute.randomness import distributions_of
+from robust.execute.learned import distributions_of
 from robust.execute.worlds import parse_rules
 from robust.irr.containment import Containment
 from robust.irr.widen import DiscoveredBadSet
