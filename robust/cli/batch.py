@@ -16,13 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from robust import errors, records
 from robust.cli.build import Command
 from robust.cli.guard import Action, Run, action
-from robust.options.batch import (
-    BatchCheckCommand,
-    BatchCommand,
-    BatchCompareCommand,
-    BatchEnvelopeCommand,
-    BatchRegionCommand,
-)
+from robust.options import batch
 from robust.options.declare import place_of
 
 if TYPE_CHECKING:
@@ -49,7 +43,7 @@ def _about_suites(carry_out: CarryOut) -> CarryOut:
     return carry_out
 
 
-def _carry_out(verb: str, options: BatchCommand, run: Run) -> int:
+def _carry_out(verb: str, options: batch.BatchCommand, run: Run) -> int:
     with run.guard.working():
         from robust.api import run_batch
         from robust.show import batch as shown
@@ -66,30 +60,30 @@ def _carry_out(verb: str, options: BatchCommand, run: Run) -> int:
     return result.exit_code
 
 
-@action(BatchCheckCommand, epilog=EPILOG)
+@action(batch.BatchCheckCommand, epilog=EPILOG)
 @_about_suites
-def check(options: BatchCheckCommand, run: Run) -> int:
+def check(options: batch.BatchCheckCommand, run: Run) -> int:
     """Is each plan of a suite valid for every schedule that its network allows?"""
     return _carry_out("check", options, run)
 
 
-@action(BatchEnvelopeCommand, epilog=EPILOG)
+@action(batch.BatchEnvelopeCommand, epilog=EPILOG)
 @_about_suites
-def envelope(options: BatchEnvelopeCommand, run: Run) -> int:
+def envelope(options: batch.BatchEnvelopeCommand, run: Run) -> int:
     """How far may the parameters of each plan of a suite deviate?"""
     return _carry_out("envelope", options, run)
 
 
-@action(BatchRegionCommand, epilog=EPILOG)
+@action(batch.BatchRegionCommand, epilog=EPILOG)
 @_about_suites
-def region(options: BatchRegionCommand, run: Run) -> int:
+def region(options: batch.BatchRegionCommand, run: Run) -> int:
     """For exactly which parameter values is each plan of a suite valid?"""
     return _carry_out("region", options, run)
 
 
-@action(BatchCompareCommand, epilog=EPILOG)
+@action(batch.BatchCompareCommand, epilog=EPILOG)
 @_about_suites
-def compare(options: BatchCompareCommand, run: Run) -> int:
+def compare(options: batch.BatchCompareCommand, run: Run) -> int:
     """CCMMZ against IRR on each plan of a suite: who answers, in which time, and whose box is how large.
 
     IRR is incremental robustification (robust envelope --method irr); CCMMZ asks for the box of greatest total width

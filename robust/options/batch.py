@@ -8,145 +8,120 @@ from typing import Any
 from robust.backends import OFFERED
 from robust.errors import InputError, Location
 from robust.numbers import Number, shorten
-from robust.options.declare import (
-    STNU_SUFFIXES,
-    argument,
-    beside,
-    not_negative,
-    option,
-    ordinal,
-    output_option,
-    path_option,
-    place_of,
-    plan_file,
-    positive,
-    seconds,
-    spelled,
-    typed,
-    writable,
-    written_to,
-)
-from robust.options.verbs import (
-    DRAWING,
-    LIMIT,
-    SOLVING,
-    AnyBoxOptions,
-    AskCommand,
-    BoxOptions,
-    Colored,
-    EliminationOptions,
-    Encoded,
-    Force,
-    FromSteps,
-    Json,
-    Limited,
-    Output,
-    PlanFiles,
-    Planning,
-    PlanParameters,
-    Plot,
-    SearchOptions,
-    Separation,
-    Solver,
-    Solving,
-    shape_option,
-)
+from robust.options import declare, verbs
 
 
 def stnu_file(path: Path, place: Location) -> Path:
     """InputError unless a network can be written there."""
-    if path.suffix.lower() not in STNU_SUFFIXES:
+    if path.suffix.lower() not in declare.STNU_SUFFIXES:
         raise InputError(f"found {shorten(str(path))}, expected a name that ends in .stnu or .json", place)
-    return writable(path, place, "the network")
+    return declare.writable(path, place, "the network")
 
 
-class ConvertCommand(PlanFiles, FromSteps, PlanParameters, Separation, Solving, Force, Output):
+class ConvertCommand(
+    verbs.PlanFiles, verbs.FromSteps, verbs.PlanParameters, verbs.Separation, verbs.Solving, verbs.Force, verbs.Output
+):
     """Options of `robust convert`."""
 
-    plan: Path = argument(..., "time-triggered plan or log of a planner; - is standard input", "TIMED_PLAN")
-    output: Path | None = output_option(
-        "write the plan to this file instead of stdout", metavar="PLAN.stn", read=plan_file, also=beside
+    plan: Path = declare.argument(..., "time-triggered plan or log of a planner; - is standard input", "TIMED_PLAN")
+    output: Path | None = declare.output_option(
+        "write the plan to this file instead of stdout", metavar="PLAN.stn", read=declare.plan_file, also=declare.beside
     )
-    stnu: Path | None = path_option(
+    stnu: Path | None = declare.path_option(
         "also write the network with uncertainty for the values in the box: .stnu or .json by suffix; TIMED_PLAN may "
         "then be a network (.stn), which is not converted",
         read=stnu_file,
     )
-    box: Path | None = path_option(
+    box: Path | None = declare.path_option(
         "for --stnu: the values of parameters, as printed by robust envelope --json; default: nominal values"
     )
 
     def check_combinations(self, given: Collection[str]) -> None:
         if self.box is not None and self.stnu is None:
-            raise InputError("needs --stnu FILE", place_of("box"))
+            raise InputError("needs --stnu FILE", declare.place_of("box"))
 
 
-class ExecuteCommand(FromSteps, PlanParameters, Separation, Solving, BoxOptions, Plot, Planning, Output):
+class ExecuteCommand(
+    verbs.FromSteps,
+    verbs.PlanParameters,
+    verbs.Separation,
+    verbs.Solving,
+    verbs.BoxOptions,
+    verbs.Plot,
+    verbs.Planning,
+    verbs.Output,
+):
     """Options of `robust execute`."""
 
-    plan: Path | None = argument(
+    plan: Path | None = declare.argument(
         None,
         "network (.stn), time-triggered plan or log of a planner; - is standard input; default: ask the planner",
         "PLAN",
     )
-    executor: str = option(
+    executor: str = declare.option(
         "dreex",
         "when to give a plan up: dreex: when an observation leaves the box; slice: when nothing of the envelope "
         "remains, with slice:S up to S seconds to decide; blex:X: when an observation is off by more than X per cent",
         metavar="NAME",
     )
-    planner: str | None = option(
+    planner: str | None = declare.option(
         None, "planner for plans and re-plans: aries, kairos or command:TEMPLATE", metavar="NAME"
     )
-    world: Path | None = path_option("distributions that nature draws from, in a TOML file")
-    seed: int = option(0, "random seed of the first run; later runs count up", metavar="N")
-    runs: int = option(1, "number of runs", metavar="N")
-    controllability: str | None = option(
+    world: Path | None = declare.path_option("distributions that nature draws from, in a TOML file")
+    seed: int = declare.option(0, "random seed of the first run; later runs count up", metavar="N")
+    runs: int = declare.option(1, "number of runs", metavar="N")
+    controllability: str | None = declare.option(
         None, "use only the part of the box with this kind of controllability", choices=("dynamic", "strong")
     )
-    replans: int = option(10, "number of re-plans after which a run fails", metavar="N")
-    planner_limit: Number = option("7", "time limit of each call of the planner, in seconds", metavar="S", read=seconds)
-    planning_time: Number = option(
+    replans: int = declare.option(10, "number of re-plans after which a run fails", metavar="N")
+    planner_limit: Number = declare.option(
+        "7", "time limit of each call of the planner, in seconds", metavar="S", read=declare.seconds
+    )
+    planning_time: Number = declare.option(
         "0",
         "how long re-planning takes in the simulated world, in the plan's unit of time",
         metavar="T",
-        read=not_negative,
+        read=declare.not_negative,
     )
-    stop_running: bool = option(False, "stop running actions to re-plan, instead of waiting for them")
+    stop_running: bool = declare.option(False, "stop running actions to re-plan, instead of waiting for them")
 
     def check_combinations(self, given: Collection[str]) -> None:
         if self.runs < 1:
-            raise InputError(f"found {self.runs}, expected at least 1 run", place_of("runs"))
+            raise InputError(f"found {self.runs}, expected at least 1 run", declare.place_of("runs"))
         if self.replans < 0:
-            raise InputError(f"found {self.replans}, expected at least 0 re-plans", place_of("replans"))
+            raise InputError(f"found {self.replans}, expected at least 0 re-plans", declare.place_of("replans"))
         if self.plan is None and self.planner is None:
             raise InputError("give PLAN or --planner: without either there is no plan to execute")
 
 
-class WatchCommand(AskCommand):
+class WatchCommand(verbs.AskCommand):
     """Options of `robust watch`."""
 
-    clock: str = option("given", "given: messages say what time it is; real: the clock does", choices=("given", "real"))
-    rate: Number | None = option(
+    clock: str = declare.option(
+        "given", "given: messages say what time it is; real: the clock does", choices=("given", "real")
+    )
+    rate: Number | None = declare.option(
         None,
         "for --clock real: seconds per unit of time; 1 if not given",
         metavar="S",
-        read=positive,
+        read=declare.positive,
         needs=("clock", ("real",)),
     )
-    lateness: Number = option(
+    lateness: Number = declare.option(
         "0",
         "how late messages may come, in the plan's unit of time: what was not heard of may have happened so long ago",
         metavar="T",
-        read=not_negative,
+        read=declare.not_negative,
     )
-    journal: Path | None = path_option("record each message here before it is answered, and resume from this record")
-    numbers: str = option(
+    journal: Path | None = declare.path_option(
+        "record each message here before it is answered, and resume from this record"
+    )
+    numbers: str = declare.option(
         "exact",
         "exact: texts such as 1/3; decimal: JSON numbers, rounded such that what they promise holds",
         choices=("exact", "decimal"),
     )
-    coming: int = option(10, "how many of the steps to come that may not start yet are listed", metavar="N")
+    coming: int = declare.option(10, "how many of the steps to come that may not start yet are listed", metavar="N")
 
 
 WITH_CHOICES = ("execution", "knowledge")
@@ -154,24 +129,24 @@ CERTIFICATES = ("plan", "box", "maximal", "shape", "region", *WITH_CHOICES)
 ASSUMED = "a choice that has already been made; may be repeated"
 
 
-class CertifyCommand(FromSteps, PlanParameters, SearchOptions, Force, Output):
+class CertifyCommand(verbs.FromSteps, verbs.PlanParameters, verbs.SearchOptions, verbs.Force, verbs.Output):
     """Options of `robust certify`; one file is a plan with choices, three are a domain, a problem and a plan."""
 
-    files: tuple[Path, ...] = argument(..., "DOMAIN PROBLEM PLAN, or NETWORK (.tpnu.json)", "FILES", many=True)
-    output: Path = output_option(
-        "file of the certificate", default=..., metavar="CERT", read=written_to("the certificate")
+    files: tuple[Path, ...] = declare.argument(..., "DOMAIN PROBLEM PLAN, or NETWORK (.tpnu.json)", "FILES", many=True)
+    output: Path = declare.output_option(
+        "file of the certificate", default=..., metavar="CERT", read=declare.written_to("the certificate")
     )
-    kind: str | None = option(
+    kind: str | None = declare.option(
         None,
         "plan (default): valid at the nominal values; box: everywhere in a box; maximal: and no larger box is valid; "
         "shape: everywhere in a shape around it; region: everywhere in the robustness envelope; of a NETWORK: "
         "execution: one that is correct; knowledge: none is correct; default: whichever holds",
         choices=CERTIFICATES,
     )
-    shape: str = shape_option("octagon", needs=("kind", ("shape",)))
-    box: Path | None = path_option("the box, as printed by robust envelope --json; default: widening finds one")
-    assume: tuple[str, ...] = option((), ASSUMED, metavar="NAME=VALUE", many=True)
-    alethe: Path | None = path_option(
+    shape: str = verbs.shape_option("octagon", needs=("kind", ("shape",)))
+    box: Path | None = declare.path_option("the box, as printed by robust envelope --json; default: widening finds one")
+    assume: tuple[str, ...] = declare.option((), ASSUMED, metavar="NAME=VALUE", many=True)
+    alethe: Path | None = declare.path_option(
         "also write cvc5's proofs to DIR, in the Alethe format",
         metavar="DIR",
         also=lambda folder: (*folder.glob("*.smt2"), *folder.glob("*.alethe")),
@@ -186,49 +161,49 @@ class CertifyCommand(FromSteps, PlanParameters, SearchOptions, Force, Output):
             return
         kind = self.kind or "plan"
         if kind in WITH_CHOICES or self.assume:
-            option = "--assume" if self.assume else f"--kind {kind}"
-            raise InputError(f"found {option} with DOMAIN PROBLEM PLAN; expected it with a plan with choices")
+            word = "--assume" if self.assume else f"--kind {kind}"
+            raise InputError(f"found {word} with DOMAIN PROBLEM PLAN; expected it with a plan with choices")
         if kind in {"plan", "shape", "region"} and self.box is not None:
             raise InputError(f"found --box with --kind {kind}; expected it with box or maximal")
         if kind in {"shape", "region"} and self.alethe is not None:
             raise InputError(f"found --alethe with --kind {kind}; expected it with plan, box or maximal")
 
 
-class VerifyCommand(Separation, Limited, Json):
+class VerifyCommand(verbs.Separation, verbs.Limited, verbs.Json):
     """Options of `robust verify`."""
 
-    certificate: Path = argument(..., "a certificate", "CERT")
-    files: tuple[Path, ...] = argument(..., "DOMAIN PROBLEM PLAN, or NETWORK (.tpnu.json)", "FILES", many=True)
-    kind: str | None = option(None, "fail unless at least this is established", choices=CERTIFICATES)
-    box: tuple[str, ...] = option(
+    certificate: Path = declare.argument(..., "a certificate", "CERT")
+    files: tuple[Path, ...] = declare.argument(..., "DOMAIN PROBLEM PLAN, or NETWORK (.tpnu.json)", "FILES", many=True)
+    kind: str | None = declare.option(None, "fail unless at least this is established", choices=CERTIFICATES)
+    box: tuple[str, ...] = declare.option(
         (),
         "fail unless all of this box is established: FILE as printed by robust envelope --json; or NAME=LOW:HIGH or "
         "NAME=VALUE for one parameter, which may be repeated: others have their nominal values",
         metavar="FILE|NAME=LOW:HIGH",
         many=True,
     )
-    assume: tuple[str, ...] = option(
+    assume: tuple[str, ...] = declare.option(
         (),
         "fail unless an execution with this choice is established, or that there is none with it; may be repeated",
         metavar="NAME=VALUE",
         many=True,
     )
-    timeout: Number | None = option(
+    timeout: Number | None = declare.option(
         None,
         "time limit in seconds; default: 4 seconds of processor time, and 1 for every 10 kB of the files beyond 120 kB",
         metavar="S",
-        read=seconds,
-        rank=LIMIT,
+        read=declare.seconds,
+        rank=verbs.LIMIT,
     )
 
 
 # -- networks with uncertainty -----------------------------------------------------------------------------------------
 
 
-class StnuFiles(Limited, Output):
+class StnuFiles(verbs.Limited, verbs.Output):
     """Options of all of `robust stnu`."""
 
-    files: tuple[Path, ...] = argument(
+    files: tuple[Path, ...] = declare.argument(
         ..., "networks: GraphML as the CSTNU tool writes it (.stnu), or JSON", "FILE", many=True
     )
 
@@ -240,14 +215,14 @@ class StnuCheckCommand(StnuFiles):
 class StnuDispatchCommand(StnuFiles):
     """Options of `robust stnu dispatch`."""
 
-    runs: int = option(1, "number of simulated executions, each as early as possible", metavar="N")
-    seed: int = option(
+    runs: int = declare.option(1, "number of simulated executions, each as early as possible", metavar="N")
+    seed: int = declare.option(
         0, "random seed of the first execution, whose durations are drawn uniformly; later ones count up", metavar="N"
     )
 
     def check_combinations(self, given: Collection[str]) -> None:
         if self.runs < 0:
-            raise InputError(f"found {self.runs}, expected at least 0 runs", place_of("runs"))
+            raise InputError(f"found {self.runs}, expected at least 0 runs", declare.place_of("runs"))
 
 
 def _link_weights(values: Sequence[str], place: Location) -> tuple[tuple[str, Fraction | None], ...]:
@@ -258,14 +233,14 @@ def _link_weights(values: Sequence[str], place: Location) -> tuple[tuple[str, Fr
         if not equals or not name:
             expected = "requirement=W, contingent=W or SOURCE:TARGET=W"
             raise InputError(f"found {shorten(text)}, expected {expected}", place)
-        weights.append((name, None if value == "inf" else positive(value, place)))
+        weights.append((name, None if value == "inf" else declare.positive(value, place)))
     return tuple(weights)
 
 
 class StnuRepairCommand(StnuFiles):
     """Options of `robust stnu repair`."""
 
-    weight: tuple[Any, ...] = option(
+    weight: tuple[Any, ...] = declare.option(
         (),
         "cost of a unit of change, above 0 or inf: of all links as requirement=W or contingent=W, of one link as "
         "SOURCE:TARGET=W; default: 1; may be repeated",
@@ -273,67 +248,69 @@ class StnuRepairCommand(StnuFiles):
         many=True,
         read=_link_weights,
     )
-    output: Path | None = output_option(
+    output: Path | None = declare.output_option(
         "write the repaired network to this file: .stnu or .json by suffix", read=stnu_file
     )
 
     def check_combinations(self, given: Collection[str]) -> None:
         if self.output is not None and len(self.files) > 1:
-            raise InputError("needs exactly one network", place_of("output"))
+            raise InputError("needs exactly one network", declare.place_of("output"))
 
 
-class DemoCommand(Colored):
+class DemoCommand(verbs.Colored):
     """Options of `robust demo`."""
 
 
 Question = tuple[str, str, tuple[str, ...]]
 """Its name, and what is typed: the verb, and options."""
-PLACES = SOLVING
+PLACES = verbs.SOLVING
 """Rank of where and how many at a time."""
 
 
-class BatchOptions(Separation, FromSteps, PlanParameters, Encoded, Solver):
+class BatchOptions(verbs.Separation, verbs.FromSteps, verbs.PlanParameters, verbs.Encoded, verbs.Solver):
     """Options of all questions about many plans; options of single plans keep their meaning."""
 
-    jobs: int = option(
+    jobs: int = declare.option(
         1,
         "number of processes at a time on this machine; more than 1 disturbs timings",
         metavar="N",
-        read=ordinal,
+        read=declare.ordinal,
         rank=PLACES,
     )
-    cluster: str | None = option(
+    cluster: str | None = declare.option(
         None,
         "run on the workers of this Dask scheduler instead, which are sent the texts of the files (extra cluster)",
         metavar="ADDRESS",
         rank=PLACES,
     )
-    store: Path | None = path_option(
+    store: Path | None = declare.path_option(
         "keep answers as they arrive; the same command with the same FILE asks only what is missing",
         read=lambda path, _: Path(path),
         rank=PLACES,
     )
-    limit: Number | None = option(
+    limit: Number | None = declare.option(
         None,
         "time limit of each plan in seconds; its result so far is its answer then",
         metavar="S",
-        read=seconds,
-        rank=LIMIT,
+        read=declare.seconds,
+        rank=verbs.LIMIT,
     )
-    timeout: Number | None = option(
+    timeout: Number | None = declare.option(
         None,
         "time limit of all plans in seconds; the plans answered by then are shown",
         metavar="S",
-        read=seconds,
-        rank=LIMIT,
+        read=declare.seconds,
+        rank=verbs.LIMIT,
     )
-    on_result: Callable[[int, int, str], None] | None = option(
+    on_result: Callable[[int, int, str], None] | None = declare.option(
         None, "called after each answer with their number, the total and a line about it", shown=False
     )
 
     def check_combinations(self, given: Collection[str]) -> None:
         if self.cluster is not None and self.jobs != 1:
-            raise InputError(f"cannot be combined with {spelled('cluster')}; choose one", place_of("jobs"))
+            raise InputError(
+                f"cannot be combined with {declare.spelled('cluster')}; choose one", declare.place_of("jobs")
+            )
 
     @property
     def asked(self) -> tuple[Question, ...]:
@@ -341,35 +318,44 @@ class BatchOptions(Separation, FromSteps, PlanParameters, Encoded, Solver):
         return (self._ask("check"),)
 
     def _ask(self, verb: str, *words: str, name: str | None = None) -> Question:
-        return name or verb, verb, (*typed(self, Separation, Solver, Encoded, FromSteps, PlanParameters), *words)
+        return (
+            name or verb,
+            verb,
+            (
+                *declare.typed(
+                    self, verbs.Separation, verbs.Solver, verbs.Encoded, verbs.FromSteps, verbs.PlanParameters
+                ),
+                *words,
+            ),
+        )
 
 
 class BatchCheckOptions(BatchOptions):
     """Options of `robust.batch("check", ...)`."""
 
 
-class BatchEnvelopeOptions(BatchOptions, AnyBoxOptions):
+class BatchEnvelopeOptions(BatchOptions, verbs.AnyBoxOptions):
     """Options of `robust.batch("envelope", ...)`."""
 
     @property
     def asked(self) -> tuple[Question, ...]:
-        return (self._ask("envelope", *typed(self, AnyBoxOptions)),)
+        return (self._ask("envelope", *declare.typed(self, verbs.AnyBoxOptions)),)
 
 
-class BatchRegionOptions(BatchOptions, EliminationOptions):
+class BatchRegionOptions(BatchOptions, verbs.EliminationOptions):
     """Options of `robust.batch("region", ...)`."""
 
     @property
     def asked(self) -> tuple[Question, ...]:
-        return (self._ask("region", *typed(self, EliminationOptions)),)
+        return (self._ask("region", *declare.typed(self, verbs.EliminationOptions)),)
 
 
 class BatchCompareOptions(BatchOptions):
     """Options of `robust.batch("compare", ...)`."""
 
-    beta: Number | None = option("1", "the precision of IRR", metavar="B", read=positive)
-    doubling: bool = option(True, "double the steps of IRR until the first failure, as in its published runs")
-    region: str | None = option(
+    beta: Number | None = declare.option("1", "the precision of IRR", metavar="B", read=declare.positive)
+    doubling: bool = declare.option(True, "double the steps of IRR until the first failure, as in its published runs")
+    region: str | None = declare.option(
         None,
         "also compute the exact region of each plan, with which CCMMZ begins, by this quantifier-elimination back end",
         choices=OFFERED,
@@ -377,9 +363,9 @@ class BatchCompareOptions(BatchOptions):
 
     @property
     def asked(self) -> tuple[Question, ...]:
-        irr = BoxOptions(method="irr", beta=self.beta, doubling=self.doubling)
+        irr = verbs.BoxOptions(method="irr", beta=self.beta, doubling=self.doubling)
         questions = (
-            self._ask("envelope", *typed(irr, BoxOptions), name="irr"),
+            self._ask("envelope", *declare.typed(irr, verbs.BoxOptions), name="irr"),
             self._ask("envelope", "--method=optimal", name="ccmmz"),
         )
         return questions if self.region is None else (*questions, self._ask("region", f"--backend={self.region}"))
@@ -398,17 +384,17 @@ BATCHES: dict[str, type[BatchOptions]] = {
 """Options by verb."""
 
 
-class BatchCommand(BatchOptions, Output):
+class BatchCommand(BatchOptions, verbs.Output):
     """Options of all commands of `robust batch`."""
 
-    suite: Path = argument(
+    suite: Path = declare.argument(
         ..., "folder of plans with their problems and domains, or a list of them (lines, .json, .csv)", "SUITE"
     )
-    csv: Path | None = path_option(
-        "write a CSV file with a line for each plan", read=written_to("the table"), rank=DRAWING
+    csv: Path | None = declare.path_option(
+        "write a CSV file with a line for each plan", read=declare.written_to("the table"), rank=verbs.DRAWING
     )
-    html: Path | None = path_option(
-        "write the table as a self-contained HTML page", read=written_to("the table"), rank=DRAWING
+    html: Path | None = declare.path_option(
+        "write the table as a self-contained HTML page", read=declare.written_to("the table"), rank=verbs.DRAWING
     )
 
 

@@ -11,15 +11,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
-from unified_planning.engines import Credits, Engine
+from unified_planning.engines import Credits, Engine, results
 from unified_planning.engines.mixins import PlanValidatorMixin
-from unified_planning.engines.results import (
-    FailedValidationReason,
-    LogLevel,
-    LogMessage,
-    ValidationResult,
-    ValidationResultStatus,
-)
 from unified_planning.model import ProblemKind, UPState
 from unified_planning.plans import PlanKind
 
@@ -119,18 +112,20 @@ class RobustValidator(Engine, PlanValidatorMixin):  # type: ignore[misc]
     def get_credits(**_: Any) -> Credits:
         return CREDITS
 
-    def _validate(self, problem: up.AbstractProblem, plan: up_plans.Plan) -> ValidationResult:
+    def _validate(self, problem: up.AbstractProblem, plan: up_plans.Plan) -> results.ValidationResult:
         epsilon = getattr(problem, "epsilon", None)
         judge = _PlanJudge(problem, plan, self._epsilon if epsilon is None else Fraction(epsilon))
         try:
             return judge.result(self._timeout)
         except RobustError as error:
-            return _result(ValidationResultStatus.UNKNOWN, str(error))
+            return _result(results.ValidationResultStatus.UNKNOWN, str(error))
 
 
-def _result(status: ValidationResultStatus, message: str | None = None, **known: Any) -> ValidationResult:
-    messages = [] if message is None else [LogMessage(LogLevel.INFO, message)]
-    return ValidationResult(status, "robust", messages, **known)
+def _result(
+    status: results.ValidationResultStatus, message: str | None = None, **known: Any
+) -> results.ValidationResult:
+    messages = [] if message is None else [results.LogMessage(results.LogLevel.INFO, message)]
+    return results.ValidationResult(status, "robust", messages, **known)
 
 
 @dataclass(frozen=True)
@@ -141,37 +136,41 @@ class _PlanJudge:
     plan: up_plans.Plan
     epsilon: Fraction
 
-    def result(self, timeout: float | None) -> ValidationResult:
+    def result(self, timeout: float | None) -> results.ValidationResult:
         if self.plan.kind is PlanKind.STN_PLAN and not self.plan.is_consistent():
-            return _result(ValidationResultStatus.INVALID, "the plan's network has no schedule")
+            return _result(results.ValidationResultStatus.INVALID, "the plan's network has no schedule")
         domain, problem, plan = converted(self.problem, self.plan)
         if isinstance(plan, STNPlan):
             return self._of_network(domain, problem, plan, timeout)
         return self._of_schedule(domain, problem, plan)
 
-    def _of_schedule(self, domain: Domain, problem: Problem, timed: TimedPlan) -> ValidationResult:
+    def _of_schedule(self, domain: Domain, problem: Problem, timed: TimedPlan) -> results.ValidationResult:
         declared = distances.declarations(timed, domain, self.epsilon) if timed.steps else ()
         plan = load.assemble(domain, problem, STNPlan((), declared, (), timed.file), may_be_empty=True)
         epsilon = self.epsilon if self.plan.kind is PlanKind.TIME_TRIGGERED_PLAN else Fraction(1)
         simulation = simulate(plan, plan.nominal, distances.schedule_of(timed, declared), epsilon=epsilon)
         outside = self._outside(simulation)
         if simulation.valid and outside is not None:
-            return _result(ValidationResultStatus.INVALID, outside)
+            return _result(results.ValidationResultStatus.INVALID, outside)
         if simulation.valid:
-            return _result(ValidationResultStatus.VALID, trace=self._trace(simulation, None))
+            return _result(results.ValidationResultStatus.VALID, trace=self._trace(simulation, None))
         first = min(simulation.violations, key=lambda violation: violation.time)
         return self._refuted(simulation, first, "")
 
-    def _of_network(self, domain: Domain, problem: Problem, stn: STNPlan, timeout: float | None) -> ValidationResult:
+    def _of_network(
+        self, domain: Domain, problem: Problem, stn: STNPlan, timeout: float | None
+    ) -> results.ValidationResult:
         plan = load.assemble(domain, problem, stn, may_be_empty=True)
         with one_question():
             checked = causal.check_plan(plan, self.epsilon, "z3", Deadline.after(timeout))
         if checked.answer is Answer.PROVED and type_bounds(self.problem):
-            return _result(ValidationResultStatus.UNKNOWN, "found bounds of types, expected a plan with times for them")
+            return _result(
+                results.ValidationResultStatus.UNKNOWN, "found bounds of types, expected a plan with times for them"
+            )
         if checked.answer is Answer.PROVED:
-            return _result(ValidationResultStatus.VALID)
+            return _result(results.ValidationResultStatus.VALID)
         if checked.answer is Answer.UNKNOWN:
-            return _result(ValidationResultStatus.UNKNOWN, checked.reason or "not decided")
+            return _result(results.ValidationResultStatus.UNKNOWN, checked.reason or "not decided")
         example = next(iter(checked.counterexamples.values()))
         names = {instance.identifier: str(instance) for instance in stn.instances}
         times = ", ".join(
@@ -197,14 +196,14 @@ class _PlanJudge:
                     )
         return None
 
-    def _refuted(self, simulation: Simulation, broken: Violation, more: str) -> ValidationResult:
+    def _refuted(self, simulation: Simulation, broken: Violation, more: str) -> results.ValidationResult:
         reason = _reason(broken)
         message = f"{broken.obligation} is broken at {readable(broken.time)}: {readable_values(broken.detail)}{more}"
         known: dict[str, Any] = {"reason": reason, "trace": self._trace(simulation, broken)}
-        if reason is FailedValidationReason.INAPPLICABLE_ACTION:
+        if reason is results.FailedValidationReason.INAPPLICABLE_ACTION:
             number = model.concerned(broken.obligation)[0].removeprefix("n")
             known["inapplicable_action"] = instances_of(self.plan)[int(number)]
-        return _result(ValidationResultStatus.INVALID, message, **known)
+        return _result(results.ValidationResultStatus.INVALID, message, **known)
 
     # -- states --------------------------------------------------------------------------------------------------------
 
@@ -247,14 +246,16 @@ _SEPARATION = "separation: "
 _GOAL = "goal"
 
 
-def _reason(broken: Violation) -> FailedValidationReason:
+def _reason(broken: Violation) -> results.FailedValidationReason:
     if broken.obligation.startswith(_SEPARATION):
-        return FailedValidationReason.MUTEX_CONFLICT
+        return results.FailedValidationReason.MUTEX_CONFLICT
     if broken.obligation.startswith(_GOAL):
-        return FailedValidationReason.UNSATISFIED_GOALS
-    return FailedValidationReason.INAPPLICABLE_ACTION
+        return results.FailedValidationReason.UNSATISFIED_GOALS
+    return results.FailedValidationReason.INAPPLICABLE_ACTION
 
 
 def _at_once(broken: Violation) -> bool:
     """Whether what is broken is demanded before the effects of its time: an action's condition, but not a goal."""
-    return _reason(broken) is not FailedValidationReason.UNSATISFIED_GOALS and "over all" not in broken.obligation
+    return (
+        _reason(broken) is not results.FailedValidationReason.UNSATISFIED_GOALS and "over all" not in broken.obligation
+    )
