@@ -47,10 +47,11 @@ from robust.pike_bridge.envelopes.parameters import ParametricPlan, parametrize,
 from robust.pike_bridge.envelopes.search import LabeledRegion, LabeledRegionSearch, TeamEnvelope, TeamEnvelopeSearch
 from robust.pike_bridge.files import read_tpnu, write_tpnu
 from robust.pike_bridge.knowledge import knowledge_bases
+from robust.pike_bridge.likelihood import ChanceBounds, ChanceSearch, IntentChance, TeamChance, learnt
 from robust.pike_bridge.model import EPSILON, Guard, Literal, TeamPlan, Tpnu, check_choice
 from robust.pike_bridge.online.executive import LatestMoments, Moment, Moments, PlanExecutive
 from robust.pike_bridge.online.inquiry import why, why_failed, why_not
-from robust.pike_bridge.online.progress import Completion, Decision, Estimate, Message, Outcome, parse_atom
+from robust.pike_bridge.online.progress import Chosen, Completion, Decision, Estimate, Message, Outcome, parse_atom
 from robust.pike_bridge.online.reasoners import make_reasoner, reasoner_names
 from robust.pike_bridge.online.service import Journal, JournalStep, read_journal, resume
 from robust.pike_bridge.online.world import (
@@ -69,6 +70,7 @@ from robust.smt.limits import Deadline, OutOfTimeError
 
 __all__ = [
     "EPSILON",
+    "ChanceBounds",
     "Compilation",
     "Completion",
     "CrossCheck",
@@ -83,6 +85,7 @@ __all__ = [
     "ExecutionStep",
     "Human",
     "Instance",
+    "IntentChance",
     "Journal",
     "JournalStep",
     "KnowledgeBase",
@@ -100,12 +103,14 @@ __all__ = [
     "PlanVerdict",
     "Sizes",
     "Story",
+    "TeamChance",
     "TeamEnvelope",
     "TeamPlan",
     "Tpnu",
     "WallClock",
     "act",
     "build",
+    "chance",
     "check",
     "choose",
     "compile",
@@ -115,6 +120,7 @@ __all__ = [
     "k_intents",
     "knowledge_base",
     "knowledge_bases",
+    "learnt",
     "load",
     "make_reasoner",
     "moments",
@@ -256,6 +262,32 @@ def knowledge_base(plan: TeamPlan, options: asking.KnowledgeBaseOptions) -> Comp
         OutOfTimeError: if the time is over before it is there.
     """
     return _searching(Compiling, plan, options, temporal=Temporal(options.temporal)).compile()
+
+
+def searching_chance(plan: TeamPlan, options: asking.ChanceOptions) -> ChanceSearch:
+    """The search behind :func:`chance`."""
+    journals = [options.learn] if isinstance(options.learn, str | os.PathLike) else options.learn
+    if journals:
+        steps = [read_journal(journal, plan) for journal in journals]
+        chosen = (
+            [each for step in journal for each in step.decisions if isinstance(each, Chosen)] for journal in steps
+        )
+        plan = learnt(plan, [{each.choice: each.value for each in choices} for choices in chosen])
+    return _searching(ChanceSearch, plan, options, temporal=Temporal(options.temporal))
+
+
+@_verb(asking.ChanceOptions)
+def chance(plan: TeamPlan, options: asking.ChanceOptions) -> TeamChance:
+    """How likely it is that people's choices leave a correct execution, by the probabilities in the plan.
+
+    People choose by the tables of the plan, independently of each other as far as these say nothing else; the team
+    chooses what makes success most likely by what was decided before.
+
+    Raises:
+        InputError: if a choice, a value, a probability or a file is unknown or wrong.
+        SolverError: if the solver is not installed, or an answer is not confirmed.
+    """
+    return searching_chance(plan, options).run()
 
 
 def searching_moments(plan: TeamPlan, options: asking.MomentsOptions) -> LatestMoments:

@@ -38,6 +38,7 @@ COMMANDS: dict[str, Command | Group] = {
         "Plans with choices: which still lead to a correct execution?",
         {
             "check": Command("Does a correct execution exist, and in which scenarios?", "robust.cli.pike:check"),
+            "chance": Command("How likely do people's choices leave a correct execution?", "robust.cli.pike:chance"),
             "compile": Command("Compile the knowledge base of all correct executions.", "robust.cli.pike:compile_"),
             "run": Command("Execute a plan with choices with a simulated team.", "robust.cli.pike:run"),
             "plot": Command("Draw a plan with choices.", "robust.cli.pike:plot"),

@@ -91,6 +91,15 @@ def compile_(options: asking.PikeCompileCommand, run: Run) -> int:
     return exit_code_of(sizes.status)
 
 
+@action(asking.ChanceCommand)
+def chance(options: asking.ChanceCommand, run: Run) -> int:
+    """How likely is it that people's choices leave a correct execution, by the probabilities in the plan?"""
+    from robust.pike import searching_chance
+
+    result = run.reply(lambda: searching_chance(load(options), _within(options, run)))
+    return exit_code_of(result.status)
+
+
 @action(asking.PikePlotCommand)
 def plot(options: asking.PikePlotCommand, run: Run) -> int:
     """Draw events, activities, choices and guards of a plan; with assumptions, only what they leave."""

@@ -119,6 +119,27 @@ class PikeCheckCommand(PikeCheckOptions, CrossOptions, PikeCommand):
                 raise InputError("found together with --patience, expected without", place_of(name))
 
 
+class ChanceOptions(Compiled, Assuming):
+    """Options of :func:`robust.pike.chance`."""
+
+    backend: str = option(
+        "pitms",
+        "pitms: exact, by the diagrams of the knowledge base; oracle: a solver is asked about one scenario after the "
+        "other, which leaves bounds if time does not suffice",
+        choices=("pitms", "oracle"),
+    )
+    learn: str | Path | Sequence[str | Path] = option(
+        (),
+        "a journal of an earlier execution; probabilities of people's choices are learnt from all that are given",
+        metavar="JOURNAL",
+        many=True,
+    )
+
+
+class ChanceCommand(ChanceOptions, PikeCommand):
+    """Options of `robust pike chance`."""
+
+
 class KnowledgeBaseOptions(Compiled):
     """Options of :func:`robust.pike.knowledge_base`."""
 

@@ -96,6 +96,34 @@ class _Checks:
                 values = ", ".join(choice.domain) or "no values"
                 message = f"found {values} for choice {choice.name!r}, expected at least one value and each once"
                 raise self._fault(message, "choices", at, "domain")
+            if choice.probability:
+                self._probabilities(choice, at)
+
+    def _probabilities(self, choice: model.Choice, at: int) -> None:
+        """Tables are of choices of people, say something of each value, add up to 1, and one row always holds."""
+        place = ("choices", at, "probability")
+        if choice.controllable:
+            raise self._fault(
+                f"found probabilities of {choice.name!r}, expected none: the executive decides it", *place
+            )
+        for row in choice.probability:
+            values = dict(row.values)
+            if values.keys() != set(choice.domain):
+                found = f"found probabilities of {', '.join(values)}"
+                raise self._fault(f"{found}, expected one for each of {', '.join(choice.domain)}", *place)
+            if sum(values.values()) != 1 or min(values.values()) < 0:
+                numbers = ", ".join(map(format_number, values.values()))
+                raise self._fault(
+                    f"found probabilities {numbers}, expected numbers of at least 0 that add up to 1", *place
+                )
+            for variable, value in row.guard:
+                self._assignment(
+                    _Guarded(f"the probabilities of {choice.name}", row.guard, place, None), variable, value
+                )
+        if any(not row.guard for row in choice.probability[:-1]) or choice.probability[-1].guard:
+            raise self._fault(
+                "found no last row without guard, expected one, for all other cases, and only there", *place
+            )
 
     def _unique(self, kind: str, plural: str, names: list[str]) -> None:
         seen: set[str] = set()
@@ -441,6 +469,20 @@ def _guard(value: Json) -> model.Guard:
     return model.guard({name: _text(member) for name, member in value.members.items()})
 
 
+def _probability(value: Json) -> tuple[model.Likelihood, ...]:
+    """A table for all cases, or a list of tables with guards."""
+    rows = value.items if isinstance(value, Array) else None
+    if rows == ():
+        raise _fault(value, "at least one table of probabilities")
+    return (model.Likelihood(_shares(value)),) if rows is None else tuple(map(_LIKELIHOOD.read, rows))
+
+
+def _shares(value: Json) -> tuple[tuple[str, Fraction], ...]:
+    if not isinstance(value, Object):
+        raise _fault(value, 'probabilities by value: an object such as {"mug": 0.7, "glass": 0.3}')
+    return tuple((_text(key), _number(value.members[key.value])) for key in value.keys)
+
+
 def _action(value: Json) -> str:
     action = model.as_ground_action(_text(value))
     if action is None:
@@ -456,6 +498,10 @@ def _json(value: object) -> str:
             return f'"{text}"' if "/" in text else text
         case frozenset():
             return json.dumps(dict(sorted(value)), ensure_ascii=False)
+        case tuple() if value and isinstance(value[0], model.Likelihood):
+            return _json(value[0].values) if len(value) == 1 else f"[{', '.join(map(_LIKELIHOOD.text, value))}]"
+        case tuple() if value and isinstance(value[0], tuple):
+            return f"{{{', '.join(f'{_json(name)}: {_json(share)}' for name, share in value)}}}"
         case _:
             return json.dumps(value, ensure_ascii=False)
 
@@ -507,11 +553,12 @@ class _Part:
 
 
 _GUARDED: Final[Members] = {"guard": _guard}
+_LIKELIHOOD: Final = _Part("a table of probabilities", {"values": _shares}, _GUARDED, model.Likelihood)
 _BETWEEN: Final[Members] = {"from": _text, "to": _text, "lower": _bound, "upper": _bound}
 _CHOICE: Final[Members] = {"name": _text, "domain": _domain, "controllable": _boolean, "at": _text}
 _ACTIVITY: Final[Members] = {"action": _action, **_BETWEEN, "lower": _number}
 _LISTS: Final[Mapping[str, _Part]] = {
-    "choices": _Part("a choice", _CHOICE, {}, model.Choice),
+    "choices": _Part("a choice", _CHOICE, {"probability": _probability}, model.Choice),
     "events": _Part("an event", {"name": _text}, _GUARDED, model.Event),
     "constraints": _Part("a constraint", _BETWEEN, _GUARDED, model.Constraint),
     "activities": _Part("an activity", _ACTIVITY, {"agent": _text_or_null, **_GUARDED}, model.Activity, located=True),

@@ -77,6 +77,15 @@ def contradicts(one: Guard, other: Guard) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
+class Likelihood:
+    """How likely the values of an uncontrollable choice are where a guard holds."""
+
+    values: tuple[tuple[str, Fraction], ...]
+    """Each value of the choice with its probability; they add up to 1."""
+    guard: Guard = ALWAYS
+
+
+@dataclass(frozen=True, slots=True)
 class Choice:
     """A choice variable, decided by the executive (controllable) or by a human or nature, at an event at the latest."""
 
@@ -85,6 +94,8 @@ class Choice:
     controllable: bool
     event: str | None
     """variable-at-event [PIKE, Definition 2.1]; None for variables of augmented plans, which no event decides."""
+    probability: tuple[Likelihood, ...] = ()
+    """The first row whose guard holds counts, and the last one always does; none: nothing is known."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -459,9 +459,9 @@ def race(
         space = min(MORE * space, largest)
 
 
-def connected(items: Iterable[T], about: Callable[[T], frozenset[int]]) -> list[list[T]]:
+def connected(items: Iterable[T], about: Callable[[T], frozenset[Key]]) -> list[list[T]]:
     """Groups of items that share variables, directly or through others; what has none is a group of its own."""
-    groups: list[tuple[frozenset[int], list[T]]] = []
+    groups: list[tuple[frozenset[Key], list[T]]] = []
     for item in items:
         variables, members = about(item), [item]
         apart = []

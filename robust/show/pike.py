@@ -10,11 +10,12 @@ from typing import Annotated, Any
 
 from msgspec import UNSET, Meta, UnsetType
 
-from robust.json_text import Count, JsonObject, Seconds, like, on_wire, one_of
+from robust.json_text import Count, JsonObject, Rational, Seconds, like, on_wire, one_of
 from robust.numbers import duration, format_number, plural, readable
 from robust.pike_bridge import action_model, model, semantics
 from robust.pike_bridge.compile import PikeCheck, Sizes
 from robust.pike_bridge.cross_check import CrossCheck, Crossed, Disagreement
+from robust.pike_bridge.likelihood import ChanceBounds, TeamChance
 from robust.pike_bridge.online import executive, world
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.inquiry import Explanation, WhyChosen, WhyExcluded, WhyExecuted, WhyNot, answer
@@ -88,6 +89,47 @@ class PikeCross(JsonObject, tag_field="schema", tag="robust/pike-cross/1"):
     out_of_time: list[str]
     disagreements: list[Disagreement]
     witness: str | None
+
+
+class PikeChanceInterval(JsonObject):
+    """a probability, exactly; two different bounds if time did not suffice"""
+
+    lower: Rational
+    upper: Rational
+
+
+class PikeIntent(JsonObject):
+    """a value that people may choose
+
+    Attributes:
+        probability: that they do, by the tables of the plan and what is assumed
+        success: how likely success is if they do; null if they never do
+    """
+
+    choice: str
+    value: str
+    probability: Rational
+    success: PikeChanceInterval | None
+
+
+class PikeChance(JsonObject, tag_field="schema", tag="robust/pike-chance/1"):
+    """what `robust pike chance --json` prints
+
+    Attributes:
+        order: the choices in the order in which they are taken
+        success: how likely a correct execution is left, if people's choices come first where the plan leaves that open
+        hasty: the same if the team's choices come first there
+        uniform: choices of people whose values count as equally likely, as the plan says nothing about them
+    """
+
+    status: Ended
+    backend: str
+    order: list[str]
+    success: PikeChanceInterval
+    hasty: PikeChanceInterval
+    intents: list[PikeIntent]
+    uniform: list[str]
+    seconds: Seconds
 
 
 on_wire("Moment")
@@ -295,6 +337,65 @@ def print_cross(out: Console, crossed: Crossed, *, quiet: bool) -> None:
             out.print(f"  {name}: {plural(count, 'question')}{late}")
     if crossed.written is not None:
         out.print(f"The smallest plan found that shows it: {crossed.written}")
+
+
+# -- chance ------------------------------------------------------------------------------------------------------------
+
+
+@documenting.register(TeamChance)
+def chance_document(result: TeamChance) -> Document:
+    """`robust/pike-chance/1`."""
+    intents = [
+        like(PikeIntent, each, success=None if each.success is None else _interval(each.success))
+        for each in result.intents
+    ]
+    return document(
+        like(
+            PikeChance,
+            result,
+            order=list(result.order),
+            success=_interval(result.success),
+            hasty=_interval(result.hasty),
+            intents=intents,
+            uniform=list(result.uniform),
+        )
+    )
+
+
+def _interval(chance: ChanceBounds) -> PikeChanceInterval:
+    return PikeChanceInterval(chance.lower, chance.upper)
+
+
+@printing.register(TeamChance)
+def print_chance(out: Console, result: TeamChance, *, quiet: bool) -> None:
+    """Print how likely success is; unless `quiet` also by what people may choose."""
+    if result.reason is not None:
+        out.print(f"Undecided: {result.reason}.")
+    out.print(f"Success is {_percent(result.success)} likely.")
+    if quiet:
+        return
+    if result.hasty != result.success:
+        out.print(
+            f"If the team's choices do not wait for people's where the plan leaves that open: {_percent(result.hasty)}."
+        )
+    rows = [
+        (f"{each.choice} = {each.value}", f"{float(each.probability):.2%}", _percent(each.success))
+        for each in result.intents
+    ]
+    if rows:
+        widths = [max(len(row[column]) for row in rows) for column in (0, 1)]
+        out.print("What people may choose, how likely that is, and success if they do:")
+        for name, share, success in rows:
+            out.print(Text(f"  {name:<{widths[0]}}  {share:>{widths[1]}}  {success}"), soft_wrap=True)
+    if result.uniform:
+        out.print(f"The plan has no probabilities of {', '.join(result.uniform)}: all values count as equally likely.")
+
+
+def _percent(chance: ChanceBounds | None) -> str:
+    if chance is None:
+        return "–"
+    low, high = (f"{float(bound):.2%}" for bound in chance)
+    return low if chance.lower == chance.upper else f"{low} to {high}"
 
 
 # -- patience ----------------------------------------------------------------------------------------------------------

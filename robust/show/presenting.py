@@ -36,6 +36,7 @@ _SHOWN_BY: Mapping[str, tuple[str, str]] = {
     "stnu.verdicts": ("stnu", "stnu"),
     "pike_bridge.compile": ("pike", "pike"),
     "pike_bridge.cross_check": ("pike", "pike"),
+    "pike_bridge.likelihood": ("pike", "pike"),
     "pike_bridge.online.executive": ("pike", "pike"),
     "pike_bridge.online.world": ("pike", "pike"),
     "pike_bridge.envelopes.search": ("pike_envelopes", "pike_envelopes"),

@@ -16,6 +16,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from math import prod
 from typing import Final, NamedTuple, TypeAlias
 
@@ -49,6 +50,7 @@ class Functions:
         self._parts: list[tuple[int, ...]] = [(), ()]
         self._numbers: dict[tuple[int, tuple[int, ...]], int] = {}
         self._conjunctions: dict[tuple[int, int], int] = {}
+        self._negations: dict[int, int] = {FALSE: TRUE, TRUE: FALSE}
         self._primes: dict[int, int] = {FALSE: NOTHING, TRUE: UNIT}
         self.families = Families()
 
@@ -111,6 +113,49 @@ class Functions:
         known = self._meet(first, second)
         pair = (min(first, second), max(first, second))
         return evaluate(pair, self._conjunctions, self._both, deadline) if known == _UNKNOWN else known
+
+    def negated(self, function: int, deadline: Deadline = NEVER) -> int:
+        """The negation; errors as of :meth:`all`."""
+
+        def step(one: int) -> int | list[int]:
+            missing = [part for part in self._parts[one] if part not in self._negations]
+            self._look(len(self._negations))
+            return missing or self.branch(
+                self._variables[one], tuple(self._negations[part] for part in self._parts[one])
+            )
+
+        return evaluate(function, self._negations, step, deadline)
+
+    def either(self, first: int, second: int, deadline: Deadline = NEVER) -> int:
+        """The disjunction of two; errors as of :meth:`all`."""
+        neither = self.both(self.negated(first, deadline), self.negated(second, deadline), deadline)
+        return self.negated(neither, deadline)
+
+    def left(self, function: int, variable: int, number: int) -> int:
+        """What is left of a function that depends on no earlier variable, once this one has a value."""
+        return self._at(function, variable)[number]
+
+    def projected(self, function: int, onto: Functions, places: Mapping[int, int], deadline: Deadline = NEVER) -> int:
+        """Whether the variables without a place can be such that a function is true, in other diagrams.
+
+        Args:
+            onto: the diagrams of the result.
+            places: the variables of the result that are some of these.
+        """
+        known = {FALSE: FALSE, TRUE: TRUE}
+
+        def step(one: int) -> int | list[int]:
+            variable, parts = self._variables[one], self._parts[one]
+            missing = [part for part in parts if part not in known]
+            if missing:
+                return missing
+            cases = [known[part] for part in parts]
+            if variable in places:
+                values = (onto.assigned(places[variable], number) for number in range(len(cases)))
+                cases = [onto.both(value, case, deadline) for value, case in zip(values, cases, strict=True)]
+            return reduce(lambda one, other: onto.either(one, other, deadline), cases)
+
+        return evaluate(function, known, step, deadline)
 
     def _both(self, pair: tuple[int, int]) -> int | list[tuple[int, int]]:
         first, second = pair

@@ -19,7 +19,7 @@ from typing import Any, ClassVar, NamedTuple
 from robust.pike_bridge import theory as logic
 from robust.pike_bridge.knowledge import labels as labeling
 from robust.pike_bridge.knowledge import sat
-from robust.pike_bridge.knowledge.goal import LARGEST_GOAL, compile_goal
+from robust.pike_bridge.knowledge.goal import LARGEST_GOAL, Goal, compile_goal
 from robust.pike_bridge.model import Assignment, AssignmentVocabulary, Environment, Guard, bits, guard, union
 from robust.pike_bridge.theory import FALSE, Effort, Theory, connected
 from robust.smt.limits import NEVER, Deadline
@@ -382,6 +382,8 @@ class PiTms(LabelKnowledgeBase):
         largest_goal: how many nodes and results the diagrams may remember.
     """
 
+    goal: Goal
+    """What is left of the theory."""
     name = "pitms"
     consensus = True
     resolve = staticmethod(labeling.split)
@@ -396,7 +398,7 @@ class PiTms(LabelKnowledgeBase):
         Raises:
             OutOfTimeError: if the deadline passes before all are listed.
         """
-        return self._goal.prime_implicants(deadline)
+        return self.goal.prime_implicants(deadline)
 
     def implicant_count(self, deadline: Deadline = NEVER) -> int:
         """How many prime implicants what is left of the theory has.
@@ -405,24 +407,24 @@ class PiTms(LabelKnowledgeBase):
             OutOfTimeError: if the deadline passes.
         """
         deadline.enforce()
-        return self._goal.implicant_count(deadline)
+        return self.goal.implicant_count(deadline)
 
     def _compile(self, deadline: Deadline) -> None:
         labels = [list(self._decoded(label)) for label in self._constraints()]
         conflicts = [self._vocabulary.decode(conflict.environment) for conflict in self._maintenance.conflicts()]
-        self._goal = compile_goal(self.theory.domains, labels, conflicts, deadline, self._largest_goal)
-        self._goal.label(deadline)
-        self.statistics.sizes["label nodes"] = len(self._goal.diagrams.functions.families)
+        self.goal = compile_goal(self.theory.domains, labels, conflicts, deadline, self._largest_goal)
+        self.goal.label(deadline)
+        self.statistics.sizes["label nodes"] = len(self.goal.diagrams.functions.families)
 
     def _narrow_goal(self, asked: logic.Narrowing, deadline: Deadline) -> None:
-        self._goal = self._goal.narrowed(asked, deadline)
+        self.goal = self.goal.narrowed(asked, deadline)
 
     def _measure(self) -> None:
-        self.statistics.sizes["factors"] = len(self._goal.parts)
-        self.statistics.sizes["diagram nodes"] = self._goal.size()
+        self.statistics.sizes["factors"] = len(self.goal.parts)
+        self.statistics.sizes["diagram nodes"] = self.goal.size()
 
     def _possible(self, asked: logic.Narrowing, deadline: Deadline) -> bool:
-        return self._goal.possible(asked, deadline)
+        return self.goal.possible(asked, deadline)
 
     def _count(self, deadline: Deadline) -> int:
-        return self._goal.count(deadline)
+        return self.goal.count(deadline)

@@ -21,6 +21,10 @@ Ranking = Callable[[Sequence[str]], Sequence[str]]
 """Puts alternatives in the order in which they are tried."""
 
 
+Preference = Callable[[str, Sequence[str], Mapping[str, str]], Sequence[str]]
+"""Puts the values of a choice in the order in which they are tried, by the choices that are made."""
+
+
 def as_written(alternatives: Sequence[str]) -> Sequence[str]:
     """The order of the plan."""
     return alternatives
@@ -48,6 +52,7 @@ class PlanExecutive:
         plan: the plan.
         reasoner: makes the reasoning for the progress that it is given.
         ranking: in which order events are tried, and values of choices; the first that may be is taken.
+        preference: in which order values of choices are tried instead, by what is known.
         monitor: whether state estimates are compared with what later activities need.
         patience: how long before the last moment the executive ceases to keep all that people may still decide, as
             :mod:`~robust.pike_bridge.online.patience` says; None: it acts as soon as it can [PIKE §3].
@@ -62,6 +67,7 @@ class PlanExecutive:
         reasoner: Callable[[said.Progress], semantic.Reasoner],
         *,
         ranking: Ranking = as_written,
+        preference: Preference | None = None,
         monitor: bool = True,
         patience: Fraction | None = Fraction(0),
         solver: str = "z3",
@@ -74,7 +80,7 @@ class PlanExecutive:
         """When each activity that runs was dispatched, by its place in the plan."""
         self.outcome: said.Failed | said.Succeeded | None = None
         self._monitor = said.ExecutionMonitor(self.progress) if monitor else None
-        self._ranking = ranking
+        self._ranking, self._preference = ranking, preference
         shared = self.reasoner if isinstance(self.reasoner, semantic.SemanticReasoner) else None
         self._patience = Patience(self.progress, patience, reasoner=shared, solver=solver, deadline=deadline)
         self._values: Mapping[str, str] = {}
@@ -85,6 +91,7 @@ class PlanExecutive:
         self._changed = True
         self._recorded: Mapping[str, str] | None = None
         """The choices of the step that is being repeated."""
+        self._own = frozenset(choice.name for choice in plan.network.choices if choice.controllable)
         self._activities: dict[str, list[int]] = {}
         for place, activity in enumerate(plan.network.activities):
             self._activities.setdefault(activity.source, []).append(place)
@@ -237,9 +244,8 @@ class PlanExecutive:
     def _execute_all(self) -> Iterator[said.Decision]:
         """[PIKE, Algorithm 1, lines 10 to 18]: events are executed as long as there are executable ones."""
         refused: set[str] = set()
-        alternatives = {name: self._ranking(values) for name, values in self.plan.network.domains.items()}
         while True:
-            act = self._patience.decide(self._executable(refused), alternatives)
+            act = self._patience.decide(self._executable(refused), self._ranked)
             if act is None:
                 return
             if act.excluded is not None:
@@ -291,7 +297,14 @@ class PlanExecutive:
             return self._recorded.get(choice)
         if choice in self._values:
             return self._values[choice]
-        return next(self._possible(choice, self._ranking(self.plan.network.domains[choice])), None)
+        return next(self._possible(choice, self._ranked(choice)), None)
+
+    def _ranked(self, choice: str) -> Sequence[str]:
+        """The values of a choice in the order in which they are tried."""
+        values, known = self.plan.network.domains[choice], self.progress.chosen
+        if self._preference is None or choice in known or choice not in self._own:
+            return self._ranking(values)
+        return self._preference(choice, values, known)
 
     def _choose(self, choice: str, value: str) -> None:
         self.progress.chosen[choice] = value

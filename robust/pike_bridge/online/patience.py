@@ -95,7 +95,7 @@ class Patience:
         self._found: list[Execution] = []
         """Continuations in which everything that is not the executive's is later than now."""
 
-    def decide(self, executable: Iterable[str], alternatives: Mapping[str, Sequence[str]]) -> DueAct | None:
+    def decide(self, executable: Iterable[str], alternatives: Callable[[str], Sequence[str]]) -> DueAct | None:
         """What to do now; None: nothing.
 
         Args:
@@ -155,13 +155,13 @@ class Patience:
 
     # -- acts --------------------------------------------------------------------------------------------------------
 
-    def _values(self, event: str, alternatives: Mapping[str, Sequence[str]]) -> Iterator[Guard]:
+    def _values(self, event: str, alternatives: Callable[[str], Sequence[str]]) -> Iterator[Guard]:
         """The values of the executive's choices that are made at an event."""
         progress = self.progress
         made = progress.structure.made_at.get(event, ())
         choices = (choice for choice in progress.plan.network.choices if choice.controllable)
         names = [each.name for each in choices if each.name in made and each.name not in progress.chosen]
-        for values in product(*(alternatives[name] for name in names)):
+        for values in product(*map(alternatives, names)):
             yield frozenset(map(Assignment, names, values))
 
     def _free(self, event: str, environments: Iterable[Guard], kept: Sequence[Intent]) -> Guard | None:

@@ -99,14 +99,18 @@ def resume(executive: PlanExecutive, steps: Iterable[JournalStep], file: str = "
 
 
 def plan_digest(plan: TeamPlan) -> str:
-    """A checksum of all that an execution depends on: network, conditions, effects and ε."""
+    """A checksum of all that an execution depends on: network, conditions, effects and ε, not what is likely."""
     return sha256(json.dumps(_canonical(plan), separators=(",", ":")).encode()).hexdigest()
 
 
 def _canonical(value: object) -> object:
     """A value as lists of texts, the same in every process."""
     if is_dataclass(value):
-        return [_canonical(getattr(value, field.name)) for field in fields(value) if field.compare]
+        return [
+            _canonical(getattr(value, field.name))
+            for field in fields(value)
+            if field.compare and field.name != "probability"
+        ]
     if isinstance(value, frozenset):
         return sorted((_canonical(item) for item in value), key=repr)
     if isinstance(value, tuple):
