@@ -157,7 +157,7 @@ def longest(element: Element) -> Fraction:
             return sum(map(longest, elements), Fraction(0))
         case InParallel(elements):
             return max(map(longest, elements))
-        case Choose(_, branches):
+        case Choose(branches=branches):
             return max(longest(branch) for _, branch in branches)
         case Within(inner):
             return longest(inner)
@@ -174,7 +174,7 @@ def precedence(element: Element) -> tuple[list[str], dict[str, list[str]]]:
             return precedence(inner)
         case InSequence(elements) | InParallel(elements):
             parts = [precedence(part) for part in elements]
-        case Choose(_, branches):
+        case Choose(branches=branches):
             parts = [precedence(part) for _, part in branches]
         case _:
             assert_never(element)

@@ -307,6 +307,7 @@ class _Server:
 
     def prepare(self, load: Callable[[], TeamPlan]) -> None:
         """Read the plan and the journal, and make what decides."""
+        from robust.pike_bridge.likelihood import LikelyChoices
         from robust.pike_bridge.online.executive import PlanExecutive
         from robust.pike_bridge.online.reasoners import make_reasoner
         from robust.pike_bridge.online.service import Journal, Service
@@ -320,10 +321,13 @@ class _Server:
         solver, deadline = options.solver, self._deadline
         self._journal = None if options.journal is None else Journal(options.journal, plan)
         reasoner = make_reasoner(options.deciding, solver=solver, deadline=deadline)
+        wanted = options.chance
+        likely = None if wanted is None else LikelyChoices(plan, Fraction(wanted), solver=solver, deadline=deadline)
         self._service = Service(
-            PlanExecutive(plan, reasoner, patience=options.margin, solver=solver, deadline=deadline),
+            PlanExecutive(plan, reasoner, preference=likely, patience=options.margin, solver=solver, deadline=deadline),
             self._journal,
             solver=solver,
+            likely=likely,
             deadline=deadline,
             # Signals and the time limit interrupt there; elsewhere they wait until what is written is written.
             thinking=lambda: self._run.working(self._on_stuck),

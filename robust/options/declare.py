@@ -331,6 +331,14 @@ def proper_share(value: Number, place: Location) -> Fraction:
     return number
 
 
+def share(value: Number, place: Location) -> Fraction:
+    """InputError unless it is a number from 0 to 1."""
+    number = exact(value, place)
+    if not 0 <= number <= 1:
+        raise InputError(f"found {shorten(str(value))}, expected a number from 0 to 1", place)
+    return number
+
+
 def not_negative(value: Number, place: Location) -> Fraction:
     """InputError unless it is a number of at least 0."""
     number = exact(value, place)

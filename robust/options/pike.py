@@ -21,6 +21,7 @@ from robust.options.declare import (
     plot_file,
     positive,
     setting,
+    share,
 )
 from robust.options.verbs import Force, Output, Separation, SliceOptions, Solving
 
@@ -190,8 +191,9 @@ class StoryOptions(Options):
 
     human: str = option(
         "rational",
-        "how people choose: rational, only what leaves a correct execution; careless, anything",
-        choices=("rational", "careless"),
+        "how people choose: rational, only what leaves a correct execution; careless, anything; likely, by the "
+        "probabilities of the plan",
+        choices=("rational", "careless", "likely"),
     )
     pace: str = option(
         "cooperative",
@@ -237,6 +239,13 @@ class PikeRunOptions(StoryOptions, Solving):
         f"{EAGER}: never wait, act as soon as possible",
         metavar=f"{EAGER}|MARGIN",
         read=_margin,
+    )
+    chance: Number | None = option(
+        None,
+        "choose what leaves people the most among what keeps success at least this likely, else what is most likely to "
+        "succeed (1: always that), and report how likely success is",
+        metavar="P",
+        read=share,
     )
     infer: bool = option(True, "infer which values open choices can still have")
     explain: bool = option(False, "give reasons below each decision and inference")

@@ -21,7 +21,7 @@ from robust.numbers import Number, exact, shorten
 from robust.pike_bridge import action_model, model
 from robust.plan.pddl.write import ActionText, sketched_domain, sketched_problem
 
-LOWER, UPPER = Location("lower"), Location("upper")
+LOWER, UPPER, PROBABILITY = Location("lower"), Location("upper"), Location("probability")
 """What errors about arguments name."""
 
 
@@ -48,6 +48,7 @@ class Choose:
     name: str
     branches: tuple[tuple[str, Element], ...]
     controllable: bool
+    probability: tuple[model.Likelihood, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,13 +79,26 @@ def parallel(*elements: Element) -> InParallel:
     return InParallel(_elements(elements))
 
 
-def choose(name: str, branches: Mapping[str, Element], *, controllable: bool = True) -> Choose:
-    """Exactly one of the branches, by the value of a choice variable that is decided when the element starts."""
+def choose(
+    name: str,
+    branches: Mapping[str, Element],
+    *,
+    controllable: bool = True,
+    probability: Mapping[str, Number] | None = None,
+) -> Choose:
+    """Exactly one of the branches, by the value of a choice variable that is decided when the element starts.
+
+    Args:
+        controllable: whether the executive decides, and not people or nature.
+        probability: how likely each value is, of a choice that is not controllable.
+    """
     if not isinstance(branches, Mapping):
         raise InputError(f"found {shorten(repr(branches))}, expected an element for each value", Location("branches"))
     for text in (name, *branches):
         _named(text, Location(f"choice {name!r}"))
-    return Choose(name, tuple(zip(branches, _elements(branches.values()), strict=True)), controllable)
+    shares = {} if probability is None else {value: exact(share, PROBABILITY) for value, share in probability.items()}
+    table = (model.Likelihood(tuple(shares.items())),) if shares else ()
+    return Choose(name, tuple(zip(branches, _elements(branches.values()), strict=True)), controllable, table)
 
 
 def within(element: Element, *, lower: Number | None = None, upper: Number | None = None) -> Within:
@@ -152,8 +166,8 @@ class _NetworkBuilder:
                 return self._sequence(elements, guard)
             case InParallel(elements):
                 start, end = self._around([(branch, guard) for branch in elements], guard)
-            case Choose(name, branches, controllable):
-                start, end = self._choice(name, branches, controllable, guard)
+            case Choose():
+                start, end = self._choice(element, guard)
             case Within(inner, lower_bound, upper_bound):
                 start, end = self.add(inner, guard)
                 self.constraints.append(model.Constraint(start, end, lower_bound, upper_bound, guard))
@@ -170,15 +184,15 @@ class _NetworkBuilder:
             self._link(before, after, guard)
         return ends[0][0], ends[-1][1]
 
-    def _choice(
-        self, name: str, branches: tuple[tuple[str, Element], ...], controllable: bool, guard: model.Guard
-    ) -> tuple[str, str]:
+    def _choice(self, choice: Choose, guard: model.Guard) -> tuple[str, str]:
+        name, branches = choice.name, choice.branches
         if name in self.choices:
             raise InputError(f"choice {name!r} is made twice; expected each choice once")
         if not branches:
             raise InputError(f"choice {name!r} has no branches; expected at least one")
         event = f"e{len(self.events) + 1}"
-        self.choices[name] = model.Choice(name, tuple(value for value, _ in branches), controllable, event)
+        domain = tuple(value for value, _ in branches)
+        self.choices[name] = model.Choice(name, domain, choice.controllable, event, choice.probability)
         return self._around([(branch, guard | {model.Assignment(name, value)}) for value, branch in branches], guard)
 
     def _around(self, branches: list[tuple[Element, model.Guard]], guard: model.Guard) -> tuple[str, str]:

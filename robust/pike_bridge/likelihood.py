@@ -19,7 +19,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import reduce
 from itertools import chain
-from typing import Generic, NamedTuple, TypeAlias, TypeVar
+from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 from robust.errors import InputError, UnsupportedError
 from robust.pike_bridge import model, semantics
@@ -171,23 +171,23 @@ class IntentChance:
     success: ChanceBounds | None
 
 
-class Outlook(NamedTuple):
+class Share(NamedTuple):
     """What is ahead in a tree: how likely what is known already is, and that with success."""
 
     known: Fraction
     lower: Fraction
     upper: Fraction
 
-    def plus(self, share: Fraction, other: Outlook) -> Outlook:
+    def plus(self, share: Fraction, other: Share) -> Share:
         """What is ahead here, and with some probability elsewhere."""
-        return Outlook(*(own + share * more for own, more in zip(self, other, strict=True)))
+        return Share(*(own + share * more for own, more in zip(self, other, strict=True)))
 
     @property
     def success(self) -> ChanceBounds:
         return ChanceBounds(self.lower / self.known, self.upper / self.known) if self.known else IMPOSSIBLE
 
 
-NOWHERE = Outlook(Fraction(0), Fraction(0), Fraction(0))
+NOWHERE = Share(Fraction(0), Fraction(0), Fraction(0))
 Memory: TypeAlias = tuple[tuple[str, str], ...]
 """Decisions that tables of later choices are about."""
 Subtree: TypeAlias = tuple[int, State, Memory]
@@ -211,11 +211,11 @@ class DecisionTree(Generic[State]):
             for place in range(len(order) + 1)
         ]
         """By place, what tables from there on are about."""
-        self._outlooks: dict[Subtree[State], Outlook] = {}
+        self._outlooks: dict[Subtree[State], Share] = {}
         self._branchings: dict[Subtree[State], dict[str, tuple[Fraction, Subtree[State]]]] = {}
         self._root: Subtree[State] = (0, leaves.start, ())
 
-    def outlook(self) -> Outlook:
+    def outlook(self) -> Share:
         """From the beginning.
 
         Raises:
@@ -226,7 +226,7 @@ class DecisionTree(Generic[State]):
     def intents(self) -> list[IntentChance]:
         """Each value of each of people's choices that are not made, if the team decides for the best."""
         total = self.outlook().known
-        masses: defaultdict[tuple[str, str], Outlook] = defaultdict(lambda: NOWHERE)
+        masses: defaultdict[tuple[str, str], Share] = defaultdict(lambda: NOWHERE)
         reached: dict[Subtree[State], Fraction] = {self._root: ONE}
         for choice in self._order:
             following: defaultdict[Subtree[State], Fraction] = defaultdict(Fraction)
@@ -274,9 +274,9 @@ class DecisionTree(Generic[State]):
         """The value with which success is most likely; of several the first."""
         return max(branches, key=lambda value: self._outlooks[branches[value][1]].success)
 
-    def _step(self, branch: Subtree[State]) -> Outlook | list[Subtree[State]]:
+    def _step(self, branch: Subtree[State]) -> Share | list[Subtree[State]]:
         if branch[0] == len(self._order):
-            return Outlook(ONE, *self._leaves.chance(branch[1]))
+            return Share(ONE, *self._leaves.chance(branch[1]))
         branches = self._branches(branch)
         missing = [after for _, after in branches.values() if after not in self._outlooks]
         if missing:
@@ -353,9 +353,7 @@ class Forecast:
             together = frozenset().union(*group)
             order = [choice for choice in self.order if choice.name in together]
             own = [part for scope, part in parts if scope & together or scope == together]
-            self._trees.append(
-                DecisionTree(order, DiagramLeaves(whole, own, order, deadline), dict(known), deadline)
-            )
+            self._trees.append(DecisionTree(order, DiagramLeaves(whole, own, order, deadline), dict(known), deadline))
 
     @property
     def success(self) -> ChanceBounds:
@@ -373,6 +371,14 @@ class Forecast:
             )
         places = {choice.name: place for place, choice in enumerate(self.order)}
         return sorted(intents, key=lambda intent: places[intent.choice])
+
+
+def chance_answer(success: ChanceBounds, intents: Iterable[IntentChance]) -> dict[str, Any]:
+    """For JSON: how likely success is while a plan runs, and each value of people's open choices."""
+    likely: dict[str, dict[str, str]] = {}
+    for intent in intents:
+        likely.setdefault(intent.choice, {})[intent.value] = str(intent.probability)
+    return {"success": str(success.lower), "intents": likely}
 
 
 def _all_of(chances: Iterable[ChanceBounds]) -> ChanceBounds:
@@ -433,9 +439,7 @@ class ChanceSearch(Compiling, Searching[TeamChance]):
             whole = knowledge.goal
         with self.stage("counting"):
             patient, hasty = (
-                Forecast(
-                    self.plan, whole, self.assume, people_first=first, solver=self.solver, deadline=self.deadline
-                )
+                Forecast(self.plan, whole, self.assume, people_first=first, solver=self.solver, deadline=self.deadline)
                 for first in (True, False)
             )
             self._success, self._intents = patient.success, tuple(patient.intents())
@@ -467,20 +471,20 @@ class LikelyChoices:
         alike = replace(network, choices=tuple(replace(choice, probability=()) for choice in network.choices))
         self._uniform = replace(plan, network=alike)
 
-    def chance(self, known: Mapping[str, str], plan: model.TeamPlan | None = None) -> ChanceBounds:
-        """How likely success is once some choices are made."""
+    def forecast(self, known: Mapping[str, str], *, uniform: bool = False) -> Forecast:
+        """What is likely once some choices are made, or would be if people's choices were all equally likely."""
         made = model.guard(known)
         whole = self._goal.narrowed(narrowing([Require(made)], self._theory), self._deadline)
-        return Forecast(plan or self._plan, whole, made, deadline=self._deadline).success
+        return Forecast(self._uniform if uniform else self._plan, whole, made, deadline=self._deadline)
 
     def __call__(self, choice: str, values: Sequence[str], known: Mapping[str, str]) -> Sequence[str]:
         """The values of a choice, the best one first."""
 
         def merit(value: str) -> tuple[bool, Fraction, Fraction]:
             made = {**known, choice: value}
-            chance = self.chance(made).lower
+            chance = self.forecast(made).success.lower
             enough = chance >= self._wanted
-            return enough, self.chance(made, self._uniform).lower if enough else chance, chance
+            return enough, self.forecast(made, uniform=True).success.lower if enough else chance, chance
 
         return sorted(values, key=merit, reverse=True) if len(values) > 1 else values
 

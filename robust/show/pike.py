@@ -15,7 +15,7 @@ from robust.numbers import duration, format_number, plural, readable
 from robust.pike_bridge import action_model, model, semantics
 from robust.pike_bridge.compile import PikeCheck, Sizes
 from robust.pike_bridge.cross_check import CrossCheck, Crossed, Disagreement
-from robust.pike_bridge.likelihood import ChanceBounds, TeamChance
+from robust.pike_bridge.likelihood import OPEN, ChanceBounds, TeamChance, chance_answer
 from robust.pike_bridge.online import executive, world
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.inquiry import Explanation, WhyChosen, WhyExcluded, WhyExecuted, WhyNot, answer
@@ -103,13 +103,15 @@ class PikeIntent(JsonObject):
 
     Attributes:
         probability: that they do, by the tables of the plan and what is assumed
-        success: how likely success is if they do; null if they never do
+        lower: how likely success is at least if they do; null if they never do
+        upper: how likely it is at most; the same number if time sufficed
     """
 
     choice: str
     value: str
     probability: Rational
-    success: PikeChanceInterval | None
+    lower: Rational | None
+    upper: Rational | None
 
 
 class PikeChance(JsonObject, tag_field="schema", tag="robust/pike-chance/1"):
@@ -175,6 +177,7 @@ class PikeNew(JsonObject, tag_field="schema", tag="robust/pike-new/1"):
 
 has_table(PikeCheck, "scenarios")
 has_table(Crossed, "disagreements")
+has_table(TeamChance, "intents", numbers=("probability", "lower", "upper"))
 has_table(executive.Moments, "moments", numbers=("latest",))
 has_table(world.ExecutionRecord, "steps", numbers=("time",))
 STAGES = ("precedence", "links", "conflicts", "knowledge")
@@ -346,7 +349,7 @@ def print_cross(out: Console, crossed: Crossed, *, quiet: bool) -> None:
 def chance_document(result: TeamChance) -> Document:
     """`robust/pike-chance/1`."""
     intents = [
-        like(PikeIntent, each, success=None if each.success is None else _interval(each.success))
+        PikeIntent(each.choice, each.value, each.probability, *(each.success or (None, None)))
         for each in result.intents
     ]
     return document(
@@ -369,10 +372,11 @@ def _interval(chance: ChanceBounds) -> PikeChanceInterval:
 @printing.register(TeamChance)
 def print_chance(out: Console, result: TeamChance, *, quiet: bool) -> None:
     """Print how likely success is; unless `quiet` also by what people may choose."""
-    if result.reason is not None:
-        out.print(f"Undecided: {result.reason}.")
-    out.print(f"Success is {_percent(result.success)} likely.")
-    if quiet:
+    if result.cut_short:
+        out.print(f"Undecided: {'interrupted' if result.status == 'interrupted' else result.reason or 'out of time'}.")
+    if result.success != OPEN:
+        out.print(f"Success is {_percent(result.success)} likely.")
+    if quiet or not result.intents:
         return
     if result.hasty != result.success:
         out.print(
@@ -503,6 +507,8 @@ def _step_answer(step: world.ExecutionStep) -> dict[str, Any]:
         "possible": {choice: list(values) for choice, values in step.inferred.items()},
         "seconds": round(step.seconds, 6),
     }
+    if step.success is not None:
+        document["chance"] = chance_answer(step.success, step.intents)
     if step.reasons is not None:
         inferences = {choice: reason.as_dict() for choice, reason in step.reasons.inferences.items()}
         document["why"] = {"continuation": answer(step.reasons.continuation), "inferences": inferences}
@@ -567,6 +573,10 @@ def print_run(out: Console, record: world.ExecutionRecord, *, quiet: bool) -> No
             verb = "must be" if len(values) == 1 else "may still be"
             out.print(Text(f"{'':>10}  so        {choice} {verb} {' or '.join(values)}"), soft_wrap=True)
             _print_lines(out, reasons.of_inference(choice, inferences.get(choice)))
+        if step.success is not None:
+            out.print(Text(f"{'':>10}  likely    success {_percent(step.success)}"), soft_wrap=True)
+            likely = (f"{each.choice} = {each.value} {float(each.probability):.0%}" for each in step.intents)
+            _print_lines(out, [", ".join(likely)] if step.intents else [])
     if record.conflict and not record.explained:
         out.print()
         out.print("These facts contradict each other; without any one of them a correct execution would be left:")

@@ -29,6 +29,7 @@ COMMANDS = {
     "batch compare": ("batch", "compare", SUITE),
     "pike check": ("pike", "check", KITCHEN, "--all-scenarios"),
     "pike compile": ("pike", "compile", KITCHEN),
+    "pike chance": ("pike", "chance", KITCHEN),
     "pike region": ("pike", "region", KITCHEN, *COFFEE, "--plot", "FILE.svg"),
     "pike envelope": ("pike", "envelope", KITCHEN, *COFFEE, "--plot", "FILE.svg"),
     "stnu repair": ("stnu", "repair", EXAMPLES / "handover" / "handover.stnu"),

@@ -1,9 +1,12 @@
 """How likely people leave a correct execution: against enumerated trees, and journals as a source of tables."""
 
+import json
+import re
 from dataclasses import replace
 from fractions import Fraction
-from itertools import product
+from itertools import count
 
+import jsonschema
 import pytest
 from hypothesis import given, settings
 
@@ -11,14 +14,29 @@ from robust import pike
 from robust.errors import InputError
 from robust.pike_bridge.action_model import shipped
 from robust.pike_bridge.builder import k_intents
-from robust.pike_bridge.files import parse_tpnu, tpnu_text
-from robust.pike_bridge.likelihood import learnt, order_of_choices
-from robust.pike_bridge.model import Likelihood, guard
-from robust.pike_bridge.semantics import Oracle
+from robust.pike_bridge.files import SCHEMA_FILE, parse_tpnu, tpnu_text, validate
+from robust.pike_bridge.likelihood import LikelyChoices, learnt, order_of_choices
+from robust.pike_bridge.model import (
+    Choice,
+    Condition,
+    Constraint,
+    Effect,
+    Event,
+    Likelihood,
+    Literal,
+    TeamPlan,
+    Tpnu,
+    guard,
+)
+from robust.pike_bridge.online.progress import Chosen
+from robust.pike_bridge.online.semantic import SemanticReasoner
+from robust.pike_bridge.online.service import Service, read_request
+from robust.pike_bridge.semantics import ExecutionExistence, Oracle, OracleAnswer
+from robust.plan.model import Atom
+from robust.smt.limits import NEVER
 from tests.pike_bridge import plans
 from tests.sampling import often
-
-HALF = Fraction(1, 2)
+from tests.schemas import schema
 
 
 def with_tables(plan, random):
@@ -58,7 +76,7 @@ def enumerated(order, correct, known, decided=None):
 
 
 @given(plans.seeds)
-@settings(max_examples=often(25, 500))
+@settings(max_examples=often(60, 500))
 def test_chances_are_those_of_enumerated_trees(random):
     plan = with_tables(plans.random_plan(random), random)
     network = plan.network
@@ -80,3 +98,167 @@ def assert_intents_add_up(result):
         assert sum(intent.probability for intent in own) == 1
         parts = (intent.probability * intent.success.lower for intent in own if intent.success is not None)
         assert sum(parts) == result.success.lower
+
+
+def text_of(probability, **changes):
+    """A file with two choices of people and one of the team; y has the probabilities, or what is changed has them."""
+    choices = [
+        {"name": "x", "domain": ["1", "2"], "controllable": False, "at": "a"},
+        {"name": "y", "domain": ["1", "2"], "controllable": False, "at": "b", "probability": probability},
+        {"name": "z", "domain": ["1", "2"], "controllable": True, "at": "b"},
+    ]
+    for choice in choices:
+        choice.update(changes.get(choice["name"], {}))
+    events = [{"name": "a"}, {"name": "b"}]
+    constraints = [{"from": "a", "to": "b", "lower": 1, "upper": None}]
+    whole = {"choices": choices, "events": events, "constraints": constraints}
+    return json.dumps({"format": "tpnu/1", "name": "n", "domain": "d.pddl", "problem": "p.pddl", **whole})
+
+
+CONDITIONAL = [{"guard": {"x": "1"}, "values": {"1": "1/3", "2": "2/3"}}, {"values": {"1": 0.25, "2": 0.75}}]
+
+
+@pytest.mark.parametrize("probability", [{"1": 0.7, "2": 0.3}, CONDITIONAL])
+def test_tables_are_read_as_they_are_written(probability):
+    network = parse_tpnu(text_of(probability)).network
+    assert network.choices[1].probability[-1].guard == guard({})
+    assert parse_tpnu(tpnu_text(network, domain="d.pddl", problem="p.pddl")).network == network
+    jsonschema.validate(json.loads(text_of(probability)), json.loads(SCHEMA_FILE.read_text()))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            text_of({"1": 0.7, "2": 0.2}),
+            "found probabilities 0.7, 0.2, expected numbers of at least 0 that add up to 1",
+        ),
+        (text_of({"1": 1.5, "2": -0.5}), "expected numbers of at least 0 that add up to 1"),
+        (text_of({"1": 1}), "found probabilities of 1, expected one for each of 1, 2"),
+        (text_of({"1": "half", "2": 0.5}), "found 'half', expected a number"),
+        (text_of([]), "expected at least one table of probabilities"),
+        (text_of(0.5), "expected probabilities by value"),
+        (text_of(CONDITIONAL[:1]), "found no last row without guard, expected one"),
+        (text_of([CONDITIONAL[1], CONDITIONAL[1]]), "found no last row without guard, expected one"),
+        (text_of([{"guard": {"w": "1"}, "values": {"1": 1, "2": 0}}, CONDITIONAL[1]]), "found choice 'w'"),
+        (text_of({"1": 1, "2": 0}, y={"controllable": True}), "expected none: the executive decides it"),
+    ],
+)
+def test_wrong_tables_are_refused_with_their_place(text, message):
+    with pytest.raises(InputError, match=re.escape(message)) as refused:
+        validate(parse_tpnu(text, "plan.tpnu.json").network)
+    assert refused.value
+
+
+def test_tables_that_depend_on_each_other_are_refused():
+    table = [{"guard": {"y": "1"}, "values": {"1": 1, "2": 0}}, {"values": {"1": 0.5, "2": 0.5}}]
+    network = parse_tpnu(text_of(CONDITIONAL, x={"probability": table})).network
+    with pytest.raises(InputError, match="probabilities that depend on each other: x, y"):
+        order_of_choices(TeamPlan(network, (), ()))
+
+
+def test_what_is_learnt_are_smoothed_shares():
+    plan = k_intents((2,), 0).instance.plan()
+    (mine,) = (choice for choice in plan.network.choices if not choice.controllable)
+    first, second = mine.domain
+    known = learnt(plan, [{mine.name: first}] * 6 + [{mine.name: second}] * 2 + [{}])
+    (choice,) = (choice for choice in known.network.choices if not choice.controllable)
+    assert choice.probability == (Likelihood(((first, Fraction(7, 10)), (second, Fraction(3, 10)))),)
+    assert learnt(plan, [{}]) == plan
+
+
+def test_probabilities_are_learnt_from_journals(tmp_path):
+    """What was observed in one execution counts, and the journal of a plan is one of the plan with probabilities."""
+    plan = shipped("wing").plan()
+    record = pike.run(plan, seed=1)
+    with pike.Journal(tmp_path / "run.jsonl", plan) as journal:
+        for step in record.steps:
+            journal.write(pike.JournalStep(step.time, step.messages, step.decisions))
+    result = pike.chance(plan, learn=tmp_path / "run.jsonl")
+    assert not result.uniform
+    expected = {(name, value): Fraction(1 + (record.choices[name] == value), 4) for name in ("h1", "h2") for value in H}
+    assert {(each.choice, each.value): each.probability for each in result.intents} == expected
+
+
+H = ("pliers", "cleco", "both")
+
+
+def one_or_the_other(mine):
+    """The team chooses what it supports, people choose what they need afterwards; 1 suits the second and third."""
+    choices = (
+        Choice("team", ("1", "2"), True, "a"),
+        Choice("people", ("1", "2", "3"), False, "b", (Likelihood(mine),)),
+    )
+    events = (Event("a"), Event("b"), *(Event(f"c{value}", guard({"people": value})) for value in "123"))
+    bounds = [Constraint("a", "b", Fraction(1), None)]
+    bounds += [Constraint("b", f"c{value}", Fraction(1), None, guard({"people": value})) for value in "123"]
+    made = {"1": "23", "2": "1"}
+    effects = [
+        Effect(Literal(Atom(f"ready{need}")), "a", guard({"team": value}), None)
+        for value in made
+        for need in made[value]
+    ]
+    needs = [
+        Condition(Literal(Atom(f"ready{value}")), f"c{value}", f"c{value}", guard({"people": value}), None)
+        for value in "123"
+    ]
+    return TeamPlan(Tpnu("one or the other", choices, events, tuple(bounds), ()), tuple(needs), tuple(effects))
+
+
+@pytest.mark.parametrize(
+    ("wanted", "choice"), [(Fraction(1), "2"), (Fraction(6, 10), "2"), (Fraction(3, 10), "1"), (Fraction(0), "1")]
+)
+def test_the_team_chooses_by_what_is_likely(wanted, choice):
+    """2 succeeds with probability 0.6, 1 with 0.4 but with more of what people may choose."""
+    plan = one_or_the_other((("1", Fraction(6, 10)), ("2", Fraction(3, 10)), ("3", Fraction(1, 10))))
+    record = pike.run(plan, chance=wanted, patience="eager", seed=0, human="likely")
+    assert record.choices["team"] == choice
+    expected = Fraction(6, 10) if choice == "2" else Fraction(4, 10)
+    chosen = next(step for step in record.steps if any(isinstance(each, Chosen) for each in step.decisions))
+    assert chosen.success.lower == expected
+    assert pike.chance(plan, assume={"team": choice}).success.lower == expected
+
+
+def test_chances_are_told_while_a_plan_runs():
+    """By a question to the service, with the schema of its answers; without --chance it does not know."""
+    plan = one_or_the_other((("1", Fraction(6, 10)), ("2", Fraction(3, 10)), ("3", Fraction(1, 10))))
+    likely = LikelyChoices(plan, Fraction(1), deadline=NEVER)
+    for chances, success in ((likely, "3/5"), (None, None)):
+        executive = pike.PlanExecutive(plan, SemanticReasoner, preference=chances, patience=None)
+        service = Service(executive, likely=chances)
+        list(service.step(Fraction(0), ()))
+        request = read_request(b'{"kind": "chance"}', 1, plan, timed=True)
+        (answer,) = service.answer(request)
+        jsonschema.validate(answer, schema("robust/pike-stdio/1"))
+        assert answer["success"] == success
+        assert answer["intents"] == ({"people": {"1": "3/5", "2": "3/10", "3": "1/10"}} if chances else {})
+
+
+def test_people_choose_by_their_tables():
+    plan = one_or_the_other((("1", Fraction(0)), ("2", Fraction(0)), ("3", Fraction(1))))
+    assert {pike.run(plan, human="likely", seed=seed).choices["people"] for seed in range(5)} == {"3"}
+
+
+def test_an_interrupted_oracle_leaves_bounds(monkeypatch):
+    """What was not decided in time is open, and the exact chance lies within."""
+    plan = shipped("wing").plan()
+    exact, decide, asked = pike.chance(plan), Oracle.decide, count()
+
+    def impatient(oracle, *args, **options):
+        return decide(oracle, *args, **options) if next(asked) < 6 else OracleAnswer(ExecutionExistence.UNKNOWN)
+
+    monkeypatch.setattr(Oracle, "decide", impatient)
+    result = pike.chance(plan, backend="oracle")
+    assert result.status == "timeout"
+    assert result.success.lower <= exact.success.lower <= result.success.upper
+    assert result.hasty.lower <= exact.hasty.lower <= result.hasty.upper
+
+
+def test_many_scenarios_need_no_enumeration():
+    """2¹⁶ scenarios; the diagrams of the πTMS have few nodes."""
+    plan = k_intents((2,) * 16, 3).instance.plan()
+    result = pike.chance(plan)
+    assert result.status == "complete"
+    assert result.success == (1, 1)
+    guessed = {f"x{number}": plan.network.domains[f"x{number}"][0] for number in (1, 2, 3)}
+    assert pike.chance(plan, assume=guessed).success == (Fraction(1, 8), Fraction(1, 8))

@@ -91,6 +91,7 @@ CASES = {
         pike.check, "pike check FILES --backend pitms --all-scenarios", KITCHEN, backend="pitms", all_scenarios=True
     ),
     "pike compile": case(pike.compile, "pike compile FILES", WING),
+    "pike chance": case(pike.chance, "pike chance FILES", KITCHEN),
     "pike moments": case(pike.moments, "pike check FILES --patience", KITCHEN),
     "pike run": case(  # which says how long decisions took
         pike.run,

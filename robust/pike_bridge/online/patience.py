@@ -17,7 +17,7 @@ does what excludes nothing; an act that does not is withheld. What decides when 
 L supposes that nobody hesitates later on; with a margin the executive stops waiting that much earlier.
 """
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from fractions import Fraction
 from itertools import chain, product

@@ -21,6 +21,7 @@ from robust import json_text, records
 from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import shorten
 from robust.pike_bridge.compile import checked_assumptions
+from robust.pike_bridge.likelihood import LikelyChoices, chance_answer
 from robust.pike_bridge.model import TeamPlan, check_choice, guard
 from robust.pike_bridge.online import explain
 from robust.pike_bridge.online import progress as said
@@ -163,7 +164,7 @@ def _check_header(header: _Header, plan: TeamPlan) -> None:
 SCHEMA = "robust/pike-stdio/1"
 INPUT = "input"
 """What error messages call the lines that come in."""
-CLOSING = ("wake", "end", "possible", "state", "why", "error")
+CLOSING = ("wake", "end", "possible", "state", "why", "chance", "error")
 """The last object of an answer is of one of these kinds."""
 Encoded: TypeAlias = dict[str, Any]
 
@@ -202,7 +203,14 @@ class AskWhy(json_text.Tagged):
     assume: Mapping[str, str] = field(default_factory=dict)
 
 
-Query: TypeAlias = AskPossible | AskState | AskWhy
+@dataclass(frozen=True, slots=True)
+class AskChance(json_text.Tagged):
+    """How likely is success by now, and what may people choose?"""
+
+    KIND = "chance"
+
+
+Query: TypeAlias = AskPossible | AskState | AskWhy | AskChance
 News: TypeAlias = said.Message | Tick | Together
 
 
@@ -236,7 +244,7 @@ def _request(text: bytes, line: int, plan: TeamPlan, *, timed: bool) -> Request:
         reason = "questions have none" if asked else "the clock is real"
         raise InputError(f"found a time, expected none: {reason}", line_object.members["time"].location)
     match request:
-        case AskWhy() | AskPossible() | AskState():
+        case AskWhy() | AskPossible() | AskState() | AskChance():
             checked_assumptions(plan, request.assume if isinstance(request, AskWhy) else {})
             return Request(line, request)
         case Together(messages):
@@ -288,6 +296,7 @@ class Service:
     Args:
         thinking: entered wherever solvers work and may be interrupted; never while a step is written or announced.
         tolerance: how much later than it was due a step counts as on time, where time is real.
+        likely: what knows how likely success is; None: nobody does.
     """
 
     executive: PlanExecutive
@@ -296,6 +305,7 @@ class Service:
     deadline: Deadline = NEVER
     thinking: Callable[[], AbstractContextManager[None]] = nullcontext
     tolerance: Fraction = Fraction(0)
+    likely: LikelyChoices | None = None
     steps: int = field(init=False, default=0)
     time: Fraction = field(init=False, default=Fraction(0))
     """Of the last step."""
@@ -413,6 +423,11 @@ class Service:
                 return {"possible": facts is None, "conflict": reasons}
             case AskState():
                 return self._state()
+            case AskChance():
+                if self.likely is None:
+                    return {"success": None, "intents": {}}
+                forecast = self.likely.forecast(progress.chosen)
+                return chance_answer(forecast.success, forecast.intents())
 
     def _state(self) -> Encoded:
         progress, activities = self.executive.progress, self.executive.plan.network.activities

@@ -16,6 +16,7 @@ from typing import TypeAlias
 
 from robust import backends, errors
 from robust.execute.drive import run_in_world
+from robust.pike_bridge.likelihood import ChanceBounds, IntentChance, LikelyChoices, probabilities
 from robust.pike_bridge.model import ALWAYS, Assignment, Literal, TeamPlan
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online import reasoners, semantic, service
@@ -29,10 +30,11 @@ from robust.smt.limits import NEVER, Deadline
 
 
 class Human(Enum):
-    """How uncontrollable choices are made: among what remains correct, or anyhow."""
+    """How uncontrollable choices are made: among what remains correct, anyhow, or by the probabilities of the plan."""
 
     RATIONAL = "rational"
     CARELESS = "careless"
+    LIKELY = "likely"
 
 
 class Pace(Enum):
@@ -198,6 +200,12 @@ class SimulatedTeam:
         if wanted is not None:
             return said.Outcome(choice, wanted[0])
         values: Sequence[str] = self.plan.network.domains[choice]
+        if self.story.human is Human.LIKELY:
+            made = next(each for each in self.plan.network.choices if each.name == choice)
+            shares = probabilities(made, self.executive.progress.chosen)
+            return said.Outcome(
+                choice, self._random.choices(list(shares), [float(share) for share in shares.values()])[0]
+            )
         if self.story.human is Human.RATIONAL:
             correct = [
                 value for value in values if self.judge.allows(now, frozenset({Assignment(choice, value)}), None, NEVER)
@@ -236,6 +244,10 @@ class ExecutionStep(service.JournalStep):
     """That the executive took to decide."""
     reasons: StepReasons | None = None
     """Of the decisions and inferences, if they were asked for."""
+    success: ChanceBounds | None = None
+    """How likely success is from here, where that has changed and was asked for."""
+    intents: tuple[IntentChance, ...] = ()
+    """What people may still choose, with how likely that is, beside `success`."""
 
 
 @dataclass(frozen=True)
@@ -279,6 +291,8 @@ class Rehearsal(Searching[ExecutionRecord]):
         on_step: called after each step.
         explain: whether the reasons of each step are found out, after it was taken.
         patience: as of :class:`~robust.pike_bridge.online.executive.PlanExecutive`.
+        chance: how likely success is to stay, by :class:`~robust.pike_bridge.likelihood.LikelyChoices`; None: the
+            executive knows of no probabilities.
         drake: whether executive and team know nothing of what activities need and do, as
             :func:`~robust.pike_bridge.online.reasoners.without_states` has it. What ends well for them is failed if it
             is not correct.
@@ -294,11 +308,13 @@ class Rehearsal(Searching[ExecutionRecord]):
     on_step: Callable[[ExecutionStep], None] = lambda _step: None
     explain: bool = False
     patience: Fraction | None = Fraction(0)
+    chance: Fraction | None = None
     drake: bool = False
     _steps: list[ExecutionStep] = field(init=False, default_factory=list)
 
     def __post_init__(self) -> None:
         self._known = dict(self.plan.network.domains)
+        self._likely: LikelyChoices | None = None
 
     def run(self) -> ExecutionRecord:
         """Execute the plan; a deadline or Ctrl-C ends that with what has happened, if anything has.
@@ -310,8 +326,15 @@ class Rehearsal(Searching[ExecutionRecord]):
         """
         deciding = reasoners.make_reasoner(self.backend, solver=self.solver, deadline=self.deadline)
         seen = reasoners.without_states(self.plan) if self.drake else self.plan
+        if self.chance is not None:
+            self._likely = LikelyChoices(self.plan, self.chance, solver=self.solver, deadline=self.deadline)
         self._executive = PlanExecutive(
-            seen, partial(self._reasoner, deciding), patience=self.patience, solver=self.solver, deadline=self.deadline
+            seen,
+            partial(self._reasoner, deciding),
+            preference=self._likely,
+            patience=self.patience,
+            solver=self.solver,
+            deadline=self.deadline,
         )
         self._world = SimulatedTeam(seen, self._executive, self._judge, self.story, seed=self.seed)
         return super().run()
@@ -363,6 +386,9 @@ class Rehearsal(Searching[ExecutionRecord]):
         changed = any(isinstance(decision, said.Chosen | said.Violated) for decision in decisions)
         inferred = self._inferred() if self.infer and changed and not self._executive.ended else {}
         step = ExecutionStep(now, tuple(messages), tuple(decisions), inferred, seconds)
+        if self._likely is not None and (not self._steps or any(isinstance(each, said.Chosen) for each in decisions)):
+            forecast = self._likely.forecast(self._executive.progress.chosen)
+            step = replace(step, success=forecast.success, intents=tuple(forecast.intents()))
         if messages or decisions:
             self._steps.append(step)
             if self.explain:
