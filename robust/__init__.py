@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from robust.execute.distances import InvalidPlanError
     from robust.execute.learned import Learned
     from robust.execute.monitor import MessageKind, Monitor, MonitorMessage, Outlook, Prospect
+    from robust.execute.situation import NewPlan, NoPlanError, RunningStep, RunState
     from robust.execute.snap import TooFarError
     from robust.execute.validate import Verdict
     from robust.irr.check import Answer, CheckResult, Counterexample
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
     from robust.qe.box import Box, Interval
     from robust.qe.compute import RegionResult, RegionStatus
     from robust.qe.region import Region
-    from robust.reading import convert, load_plan, validate
+    from robust.reading import convert, load_plan, replan, validate
     from robust.searching import Status
     from robust.show.exports import export
     from robust.sweeps.batch import Batch
@@ -59,6 +60,7 @@ _NAMES = {
     "robust.execute.distances": "InvalidPlanError",
     "robust.execute.learned": "Learned",
     "robust.execute.monitor": "MessageKind Monitor MonitorMessage Outlook Prospect",
+    "robust.execute.situation": "NewPlan NoPlanError RunningStep RunState",
     "robust.execute.snap": "TooFarError",
     "robust.execute.validate": "Verdict",
     "robust.irr.check": "Answer CheckResult Counterexample",
@@ -74,7 +76,7 @@ _NAMES = {
     "robust.qe.box": "Box Interval",
     "robust.qe.compute": "RegionResult RegionStatus",
     "robust.qe.region": "Region",
-    "robust.reading": "convert load_plan validate",
+    "robust.reading": "convert load_plan replan validate",
     "robust.searching": "Status",
     "robust.show.exports": "export",
     "robust.sweeps.batch": "Batch",
@@ -105,6 +107,8 @@ __all__ = [
     "Mode",
     "Monitor",
     "MonitorMessage",
+    "NewPlan",
+    "NoPlanError",
     "Outlook",
     "ParametrizedPlan",
     "Presented",
@@ -119,6 +123,8 @@ __all__ = [
     "RiskResult",
     "RiskStatus",
     "RobustError",
+    "RunState",
+    "RunningStep",
     "SolverError",
     "Status",
     "Step",
@@ -139,6 +145,7 @@ __all__ = [
     "rank",
     "region",
     "repair",
+    "replan",
     "risk",
     "stnu",
     "to_unified_planning",

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from robust.errors import InputError
-from robust.numbers import Number, shorten
+from robust.numbers import Number, exact, shorten
 from robust.options import declare, verbs
 
 if TYPE_CHECKING:
     from robust.execute.convert import Conversion, Mode, Settings
+    from robust.execute.monitor import Monitor
+    from robust.execute.planners.interface import Planner
+    from robust.execute.situation import NewPlan, RunState
     from robust.execute.validate import Verdict
     from robust.plan.load import File
     from robust.plan.model import ParametrizedPlan
@@ -301,3 +304,71 @@ def convert(
         _require_path("plan", plan)
         plan = parse_timed_plan(*read_source(plan, "<plan>"), reading.plan_number)
     return convert(*parsed, plan, **reading.conversion(specs, on_progress))
+
+
+# -- from here on ------------------------------------------------------------------------------------------------------
+
+
+def replan(
+    state: Monitor | RunState,
+    domain: File | Domain,
+    problem: File | Problem,
+    *,
+    planner: str | Planner = "aries",
+    limit: Number | None = 7,
+    planning_time: Number | None = None,
+    mode: str | Mode = "room",
+    free_durations: bool = False,
+    parameters: str | Sequence[str] = "duration:*",
+    parameter_file: File | None = None,
+    deadline: Number | None = None,
+    epsilon: Number = "1/1000",
+    solver: str = "z3",
+) -> NewPlan:
+    """Another plan from where an execution is, proved, in which steps that run are kept.
+
+    What is handed over is in the time of the run: timed literals and the deadline keep their moments.
+
+    Args:
+        state: a monitor, or the moment, what is true then, and what runs.
+        domain: the PDDL domain: a path, a text, or what reading one gives.
+        problem: the PDDL problem that the run began with, likewise.
+        planner: `aries`, `kairos`, `command:TEMPLATE`, or any object that plans.
+        limit: seconds for planning and the proof.
+        planning_time: how long after the state the plan begins, in its unit of time; `limit` if not given.
+        mode: how steps are made a network, see :func:`robust.convert`.
+        free_durations: in mode `room`, let durations vary that the domain leaves open.
+        parameters: what is made a parameter, see :mod:`robust.plan.parameters`.
+        parameter_file: more of them, in a TOML file.
+        deadline: when all must end at the latest; that of the monitor's plan if not given.
+        epsilon: the separation of mutex time points.
+        solver: `z3` or `cvc5`.
+
+    Returns:
+        The plan; of several that the planner printed, that which bears most.
+
+    Raises:
+        NoPlanError: a RobustError that says in one line why there is none.
+        InputError: if a file cannot be read, or a setting is wrong.
+        UnsupportedError: if no planner can be asked: an action runs that has continuous effects, or runs twice.
+    """
+    from robust.execute.monitor import Monitor
+    from robust.execute.planners import create_planner
+    from robust.execute.situation import OpenProblem, deadline_of, new_plan, run_state
+    from robust.plan.parameters import specifications
+
+    asked: dict[str, Any] = {"mode": _name_of(mode), "free_durations": free_durations, "solver": solver}
+    reading = _Reading(deadline=deadline, epsilon=epsilon, timeout=limit, **asked)
+    specs, _ = specifications(declare.texts(parameters, declare.place_of("parameters")), parameter_file)
+    latest = None if deadline is None else exact(deadline, declare.place_of("deadline"))
+    if isinstance(state, Monitor):
+        latest = deadline_of(state.plan) if latest is None else latest
+        state = run_state(state)
+    passed = declare.not_negative(
+        planning_time if planning_time is not None else limit or 0, declare.place_of("planning_time")
+    )
+    remainder = OpenProblem(*_parsed(domain, problem), state, passed, reading.separation, latest)
+    if isinstance(planner, str):
+        planner = create_planner(planner, epsilon=reading.separation)
+    settings: Settings = {**reading.conversion(specs, None), "deadline": latest}
+    return new_plan(remainder, planner, reading.limit, **settings)

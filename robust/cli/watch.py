@@ -5,6 +5,7 @@ from __future__ import annotations
 import queue
 import sys
 import threading
+from collections.abc import Mapping
 from fractions import Fraction
 from math import floor
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 from robust.cli import output, plans
 from robust.cli.guard import action
 from robust.cli.lines import LineReader, LineWriter
-from robust.errors import UNDECIDED, InputError, Location
+from robust.cli.replanning import ASK, REPLANS, Replanning, asks_for_plan, record
+from robust.errors import UNDECIDED, InputError, Location, RobustError
 from robust.options.batch import WatchCommand
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
@@ -20,9 +22,13 @@ if TYPE_CHECKING:
     from robust.cli.guard import Run
     from robust.execute.drive import WallClock
     from robust.execute.monitor import Monitor, MonitorMessage, Outlook
+    from robust.execute.situation import NewPlan
+    from robust.json_text import Object
     from robust.plan.model import ParametrizedPlan
+    from robust.records import RecordFile
 
-    Heard = MonitorMessage | InputError
+    Heard = MonitorMessage | InputError | str
+    """A message, why a line is none, or that another plan is asked for."""
 
 LOOK = 0.05
 """Seconds between two looks for signals and the time limit, in real time."""
@@ -38,66 +44,186 @@ def watch(options: WatchCommand, run: Run) -> int:
     """
     from robust.execute.monitor import Monitor, read_journal
 
-    def prepare() -> tuple[Monitor, ParametrizedPlan]:
-        given = options if options.parameter or options.parameters else options.changed(parameter=EVERY_DURATION)
-        plan = plans.load(given, run)
-        return Monitor(plan, options.separation, Fraction(options.lateness)), plan
+    given = options if options.parameter or options.parameters else options.changed(parameter=EVERY_DURATION)
 
-    monitor, plan = run.only(prepare)
+    def prepare() -> tuple[Monitor, Replanning, ParametrizedPlan]:
+        plan = plans.load(given, run)
+        return Monitor(plan, options.separation, Fraction(options.lateness)), Replanning(given, plan), plan
+
+    monitor, replanning, plan = run.only(prepare)
     if sys.stdin is None:  # closed by the caller
         raise InputError("found no standard input, expected lines of JSON", Location("stdin"))
     path = options.journal
-    journal = None if path is None else run.only(lambda: read_journal(path, plan, monitor))
-    server = _WatchServer(options, run, monitor, journal)
+    server = _WatchServer(options, run, monitor, replanning)
+    if path is not None:
+        server.journal = run.only(lambda: read_journal(path, plan, options.separation, server.resume))
     try:
         server.serve()
     except BrokenPipeError as error:
         output.drop_output(error)
     finally:
-        if journal is not None:
-            journal.close()
-    prospect = monitor.outlook().prospect.value
+        if server.journal is not None:
+            server.journal.close()
+    prospect = server.monitor.outlook().prospect.value
     return {"done": 0, "broken": 1}.get(prospect, UNDECIDED)
 
 
 class _WatchServer:
-    def __init__(self, options: WatchCommand, run: Run, monitor: Monitor, journal: Any) -> None:
-        self._options, self._run, self._monitor, self._journal = options, run, monitor, journal
+    """Answers one message after the other; other plans arrive in another thread, between two of them."""
+
+    def __init__(self, options: WatchCommand, run: Run, monitor: Monitor, replanning: Replanning) -> None:
+        self._options, self._run, self.monitor, self._replanning = options, run, monitor, replanning
+        self.journal: RecordFile | None = None
         self._deadline = Deadline.after(run.remaining)
         self._reader = LineReader(sys.stdin.fileno())
         sys.stdout.flush()
         self._writer = LineWriter(sys.stdout.fileno(), lambda: run.guard.cause is not None, self._deadline)
+        self._busy = threading.RLock()
+        self._before: Outlook | None = None
+        self._failure: BaseException | None = None
+
+    def resume(self, line: Object) -> None:
+        """Take a record of the journal."""
+        from robust.execute.monitor import message_of
+
+        other = self._replanning.resumed(line, self.monitor)
+        if other is None:
+            self.monitor.tell(message_of(line))
+        else:
+            self.monitor = other
 
     def serve(self) -> None:
-        """Until the input ends.
+        """Until the input ends, and a plan that was asked for has come.
 
         Raises:
             KeyboardInterrupt, OutOfTimeError: if that is earlier; all that was said is answered and in the journal.
         """
-        self._say(self._monitor.outlook())
+        with self._busy:
+            self._say(self.monitor.outlook())
+            if self._replanning.is_unanswered and self._replanning.possible:
+                self._ask_again()
         if self._options.clock == "given":
             while True:
                 with self._run.working():
                     heard = self._hear(None)
                 if heard is None:
-                    return
+                    break
                 self._answer(heard)
-        self._serve_real_time()
+        else:
+            self._serve_real_time()
+        while self._is_waiting():
+            self._look()
+            self._replanning.wait(LOOK)
 
-    def _say(self, outlook: Outlook) -> None:
+    def _is_waiting(self) -> bool:
+        with self._busy:  # an answer that has come is said first
+            self._raise_failure()
+            return self._replanning.busy
+
+    def _raise_failure(self) -> None:
+        """Raise what went wrong in the other thread."""
+        if self._failure is not None:
+            raise self._failure
+
+    def _look(self) -> None:
+        """Raise what ends the run."""
+        self._raise_failure()
+        if self._run.guard.cause is not None:
+            raise KeyboardInterrupt
+        if self._deadline.passed:
+            raise OutOfTimeError
+
+    def _say(self, outlook: Outlook, news: Mapping[str, Any] | None = None) -> None:
         from robust.show.execution import outlook_line
 
-        self._writer.write(outlook_line(outlook, self._options.numbers, self._options.coming))
+        self._before = outlook
+        self._writer.write(outlook_line(outlook, self._options.numbers, self._options.coming, news))
 
     def _answer(self, heard: Heard) -> None:
-        if isinstance(heard, InputError):
-            from robust.show.execution import not_a_message
+        from robust.execute.monitor import MessageKind, Prospect
 
-            self._writer.write(not_a_message(str(heard)))
-            return
-        if self._journal is not None:
-            self._journal.append(heard.as_dict())
-        self._say(self._monitor.tell(heard))
+        with self._busy:
+            self._raise_failure()
+            if isinstance(heard, InputError):
+                self._complain(str(heard))
+                return
+            if isinstance(heard, str):
+                self._ask()
+                return
+            if self.journal is not None:
+                self.journal.append(heard.as_dict())
+            before = self._before
+            self._say(self.monitor.tell(heard))
+            if heard.kind is not MessageKind.TICK:
+                self._replanning.tries = 0
+            broke = before is not None and before.prospect is not Prospect.BROKEN
+            if broke and self._replanning.possible:
+                self._ask_if_broken()
+
+    def _complain(self, error: str) -> None:
+        from robust.show.execution import not_a_message
+
+        self._writer.write(not_a_message(error))
+
+    # -- other plans ---------------------------------------------------------------------------------------------------
+
+    def _ask_if_broken(self) -> None:
+        from robust.execute.monitor import Prospect
+
+        if self._before is not None and self._before.prospect is Prospect.BROKEN and not self._replanning.busy:
+            self._ask()
+
+    def _ask(self) -> None:
+        """Ask for another plan, and say that, or why not."""
+        if not self._replanning.possible:
+            self._complain("found a message that asks for another plan, expected it with --planner NAME")
+        elif self._replanning.busy:
+            self._complain("another plan has been asked for already; expected its answer first")
+        elif self._replanning.tries >= REPLANS:
+            self._news({"status": "failed", "reason": f"gave up after {REPLANS} plans since something happened"})
+        else:
+            if self.journal is not None:
+                self.journal.append({ASK: self.monitor.count})
+            self._ask_again()
+
+    def _ask_again(self) -> None:
+        try:
+            begins = self._replanning.ask(self.monitor, self._take_plan)
+        except RobustError as error:
+            self._news({"status": "failed", "reason": str(error)})
+        else:
+            self._news({"status": "asked", "begins": begins, "limit_s": self._replanning.seconds})
+
+    def _news(self, news: Mapping[str, Any]) -> None:
+        self._say(self.monitor.outlook(), news)
+
+    def _take_plan(self, found: NewPlan | str) -> None:
+        """Go on with another plan, between two answers; what goes wrong is for the main thread."""
+        try:
+            with self._busy:
+                self._adopt(found)
+        except (RobustError, OSError, KeyboardInterrupt, OutOfTimeError) as error:
+            self._failure = error
+
+    def _adopt(self, found: NewPlan | str) -> None:
+        self._replanning.over()
+        try:
+            other = None if isinstance(found, str) else self.monitor.continued(found.plan, self._replanning.after)
+        except RobustError as error:
+            found, other = str(error), None
+        if isinstance(found, str):
+            if self.journal is not None:
+                self.journal.append(record(None))
+            self._news({"status": "failed", "reason": found})
+        elif other is None:
+            self._news({"status": "overtaken", "reason": "something happened that the plan does not know of"})
+            self._ask()
+        else:
+            if self.journal is not None:
+                self.journal.append(record(found))
+            self.monitor = other
+            self._news(found.as_news)
+            self._ask_if_broken()
 
     def _hear(self, clock: WallClock | None) -> Heard | None:
         """The next message, or what is wrong with its line; None at the end."""
@@ -108,6 +234,8 @@ class _WatchServer:
                 line = self._reader.read(self._deadline if clock is None else NEVER)
                 if line is None:
                     return None
+                if asks_for_plan(line):
+                    return ASK
                 if line.strip():
                     return read_message(line, self._reader.number, None if clock is None else _on_grid(clock.now()))
             except InputError as error:
@@ -118,7 +246,7 @@ class _WatchServer:
         from robust.execute.drive import WallClock
         from robust.execute.monitor import MessageKind, MonitorMessage
 
-        clock = WallClock(Fraction(self._options.rate or 1), self._monitor.time)
+        clock = WallClock(Fraction(self._options.rate or 1), self.monitor.time)
         inbox: queue.SimpleQueue[Heard | OSError | None] = queue.SimpleQueue()
 
         def listen() -> None:
@@ -130,12 +258,9 @@ class _WatchServer:
                 inbox.put(error)
 
         threading.Thread(target=listen, daemon=True).start()
-        wake = self._monitor.outlook().wake
         while True:
-            if self._run.guard.cause is not None:
-                raise KeyboardInterrupt
-            if self._deadline.passed:
-                raise OutOfTimeError
+            self._look()
+            wake = None if self._before is None else self._before.wake
             try:
                 heard = inbox.get(timeout=LOOK if wake is None else min(LOOK, max(0, clock.seconds_until(wake))))
             except queue.Empty:
@@ -147,7 +272,6 @@ class _WatchServer:
             if isinstance(heard, OSError):
                 raise heard
             self._answer(heard)
-            wake = self._monitor.outlook().wake
 
 
 def _on_grid(time: Fraction) -> Fraction:

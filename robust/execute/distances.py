@@ -182,7 +182,7 @@ class Original:
 
 
 def declarations(plan: timed.TimedPlan, domain: Domain, epsilon: Fraction) -> tuple[stn.InstanceDeclaration, ...]:
-    """An instance `n0`, `n1`, … for each step, in the order of the plan; InputError for a plan without steps.
+    """An instance for each step, in the order of the plan, by its identifier; InputError for a plan without steps.
 
     Some planners print a duration of ε after an instantaneous action; one of at most `epsilon` is passed over.
     """
@@ -195,8 +195,8 @@ def declarations(plan: timed.TimedPlan, domain: Domain, epsilon: Fraction) -> tu
         return step.duration is not None and not (short and schema is not None and not schema.durative)
 
     return tuple(
-        stn.InstanceDeclaration(f"n{i}", step.action, step.arguments, is_durative(step), step.location)
-        for i, step in enumerate(plan.steps)
+        stn.InstanceDeclaration(name, step.action, step.arguments, is_durative(step), step.location)
+        for name, step in zip(plan.identifiers, plan.steps, strict=True)
     )
 
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import asyncio
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
@@ -176,6 +176,18 @@ class Monitor:
     time: Fraction = field(default=Fraction(0), init=False)
     """What time it is at least."""
 
+    @property
+    def count(self) -> int:
+        """The number of the last message."""
+        return self._count
+
+    @property
+    def ended(self) -> Sequence[tuple[str, str, Fraction, Fraction]]:
+        """Steps that are over: identifier, name, start and end, in the order of their starts."""
+        known = ((step, progress.start, progress.end) for step, progress in self._progress.items())
+        over = [(step, self._name[step], a, b) for step, a, b in known if a is not None and b is not None]
+        return sorted(over, key=lambda each: each[2:])
+
     def __post_init__(self) -> None:
         try:
             self._slack = SlackPlan(self.plan, self.epsilon)
@@ -287,6 +299,23 @@ class Monitor:
         """
         self._count += 1
         return self.outlook(self._take(message))
+
+    def continued(self, plan: model.ParametrizedPlan, after: int) -> Monitor | None:
+        """A monitor of another plan of the same run, in which what runs goes on; messages go on being counted.
+
+        None if a message after the one with this number is about a step that the other plan does not have.
+
+        Raises:
+            UnsupportedError: if shortest paths do not decide about the other plan.
+        """
+        other = Monitor(plan, self.epsilon, self.lateness)
+        for number, message in sorted(self.taken.items()):
+            other._count = number
+            known = message.kind is MessageKind.TICK or message.step in plan.instance
+            if other._take(message) is not None if known else number > after:
+                return None
+        other._count, other.time = self._count, self.time
+        return other
 
     def _take(self, message: MonitorMessage) -> str | None:
         """Take a message in; why it is refused, if it is."""
@@ -482,12 +511,13 @@ def read_message(text: bytes, line: int, now: Fraction | None = None) -> Monitor
     """
     with records.in_line("input", line):
         try:
-            return _message(json_text.parse_line(text.decode(), "input"), now)
+            return message_of(json_text.parse_line(text.decode(), "input"), now)
         except UnicodeDecodeError:
             raise InputError("found bytes that are no UTF-8, expected a JSON object") from None
 
 
-def _message(line: json_text.Object, now: Fraction | None = None) -> MonitorMessage:
+def message_of(line: json_text.Object, now: Fraction | None = None) -> MonitorMessage:
+    """What a line of a journal or of the input says; see :func:`read_message`."""
     types = json_text.JsonTypes({})
     kinds = {kind.value: kind for kind in MessageKind}
     said = [key for key in line.keys if key.value in kinds]
@@ -512,20 +542,25 @@ def _message(line: json_text.Object, now: Fraction | None = None) -> MonitorMess
     return MonitorMessage(kind, types.member(str, line, name), now if at is None else at, arrived or now)
 
 
-def read_journal(path: str | os.PathLike[str], plan: model.ParametrizedPlan, monitor: Monitor) -> records.RecordFile:
-    """Open or begin the journal of a plan's messages, and tell a monitor those that it holds.
+def read_journal(
+    path: str | os.PathLike[str],
+    plan: model.ParametrizedPlan,
+    epsilon: Fraction,
+    take: Callable[[json_text.Object], object],
+) -> records.RecordFile:
+    """Open or begin the journal of a plan's messages, and take each of those that it holds.
 
     Raises:
         InputError: if it is none, of another plan, damaged or in use.
     """
     steps = [[step.identifier, str(step)] for step in plan.instances]
-    digest = sha256(repr([steps, plan.constraints, plan.parameters, monitor.epsilon]).encode()).hexdigest()
+    digest = sha256(repr([steps, plan.constraints, plan.parameters, epsilon]).encode()).hexdigest()
     header = {"schema": JOURNAL, "plan": digest}
 
     def accept(number: int, text: str) -> None:
         line = json_text.parse_line(text, str(path))
         if number > 1:
-            monitor.tell(_message(line))
+            take(line)
         elif json_text.JsonTypes({}).member(str, line, "plan") != digest:
             raise InputError("found a journal of another plan, expected one of this plan")
 

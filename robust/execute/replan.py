@@ -23,6 +23,7 @@ from robust.execute.convert import ConversionEnd, Mode, convert
 from robust.execute.dispatchable import Blex, Dispatchable, Dreex, Executor, Guarantee, Slice, make_dispatchable
 from robust.execute.dispatcher import Dispatcher, Ending, LeftBox, MessageRejected, Observation
 from robust.execute.planners.interface import Planner
+from robust.execute.situation import NoPlanError, fitting, origin_after, plans_for, remaining_problem
 from robust.execute.worlds import ExecutedInstance, InstanceOutcome, Luck, Rules, SimulatedWorld
 from robust.irr.exact import BoxMethod
 from robust.numbers import Number, format_number
@@ -99,31 +100,6 @@ class ReplanningRun(presented.NoTruthValue, ask="status"):
     def end(self) -> Fraction:
         """When the run ended."""
         return self.segments[-1].end if self.segments else Fraction(0)
-
-
-def origin_after(now: Fraction, literals: Iterable[model.TimedLiteral], epsilon: Fraction) -> Fraction:
-    """When the next plan may begin: ε after the last event, and after any timed literal that comes just before then.
-
-    What starts at time zero of the next plan may be mutex with what has just happened. If ε is 0 it begins a little
-    later, because that has to be at another time.
-    """
-    gap = epsilon or interface.EPSILON
-    origin = now + gap
-    for literal in sorted(literals, key=lambda literal: literal.time):
-        if origin - gap < literal.time <= origin:
-            origin = literal.time + gap
-    return origin
-
-
-def remaining_problem(problem: Problem, state: timeline.State, origin: Fraction) -> Problem:
-    """The problem from `origin` on, in the time of `problem`, with the state that is reached there.
-
-    Timed literals that are still to come keep their moments; those that have passed are part of the state. Deadlines
-    that are timed literals move with them.
-    """
-    coming = (literal for literal in problem.timed_literals if literal.time > origin)
-    later = tuple(replace(literal, time=literal.time - origin) for literal in coming)
-    return replace(problem, atoms=frozenset(state.atoms), fluents=dict(state.fluents), timed_literals=later)
 
 
 @dataclass(frozen=True, slots=True)
@@ -265,14 +241,6 @@ def computed_box(plan: model.ParametrizedPlan, options: ReplanningOptions) -> Bo
         ) from None
 
 
-def fitting(specs: Iterable[parameters.ParameterSpec], timed: TimedPlan) -> tuple[parameters.ParameterSpec, ...]:
-    """The specifications that are about fluents, or about instances and actions that a plan has."""
-    known = {"*", *(f"n{number}" for number in range(len(timed.steps)))}
-    known |= {name for step in timed.steps for name in (step.action, f"({' '.join((step.action, *step.arguments))})")}
-    durations = {parameters.Target.DURATION, parameters.Target.SHARED, parameters.Target.START}
-    return tuple(spec for spec in specs if spec.target not in durations or spec.subject in known)
-
-
 def judged(start: model.ParametrizedPlan, executed: Sequence[ExecutedInstance], epsilon: Fraction) -> Simulation:
     """The execution of everything that was executed, at the times at which it was; `start` is the :func:`beginning`.
 
@@ -341,12 +309,6 @@ def first_plan(mission: Mission) -> Prepared:
         NoPlanError: a RobustError that says in one line why there is none.
     """
     return _planned(mission, mission.problem)
-
-
-class NoPlanError(errors.RobustError):
-    """The planner found no plan that can be executed."""
-
-    exit_code = 1
 
 
 def execute(mission: Mission, seed: int | str, prepared: Prepared | None = None) -> ReplanningRun:
@@ -497,13 +459,10 @@ def _segment(
 
 def _planned(mission: Mission, problem: Problem) -> Prepared:
     """A plan for a problem, ready for dispatch."""
-    if mission.planner is None:
-        raise NoPlanError("there is no planner to ask for another plan")
+    limit = Deadline.after(mission.planner_seconds)
+    answer, (last, *_) = plans_for(mission.planner, mission.domain, problem, limit)
     try:
-        answer = mission.planner.solve(mission.domain, problem, Deadline.after(mission.planner_seconds))
-        if answer.plan is None:
-            raise NoPlanError(f"{answer.planner}: {answer.status.value}: {answer.message}".rstrip(": "))
-        prepared = prepare_timed(mission.domain, problem, answer.plan, mission.options)
+        prepared = prepare_timed(mission.domain, problem, last, mission.options)
         return replace(prepared, planner_seconds=answer.seconds)
     except errors.RobustError as error:
         raise NoPlanError(str(error)) from None

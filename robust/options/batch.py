@@ -41,7 +41,19 @@ class ConvertCommand(
             raise InputError("needs --stnu FILE", declare.place_of("box"))
 
 
+class Planners(declare.Options):
+    """Who is asked for plans while one is executed, and for how long."""
+
+    planner: str | None = declare.option(
+        None, "planner for plans and re-plans: aries, kairos or command:TEMPLATE", metavar="NAME"
+    )
+    planner_limit: Number = declare.option(
+        "7", "time limit of each call of the planner, in seconds", metavar="S", read=declare.seconds
+    )
+
+
 class ExecuteCommand(
+    Planners,
     verbs.FromSteps,
     verbs.PlanParameters,
     verbs.Separation,
@@ -64,9 +76,6 @@ class ExecuteCommand(
         "remains, with slice:S up to S seconds to decide; blex:X: when an observation is off by more than X per cent",
         metavar="NAME",
     )
-    planner: str | None = declare.option(
-        None, "planner for plans and re-plans: aries, kairos or command:TEMPLATE", metavar="NAME"
-    )
     world: Path | None = declare.path_option("distributions that nature draws from, in a TOML file")
     seed: int = declare.option(0, "random seed of the first run; later runs count up", metavar="N")
     runs: int = declare.option(1, "number of runs", metavar="N")
@@ -74,9 +83,6 @@ class ExecuteCommand(
         None, "use only the part of the box with this kind of controllability", choices=("dynamic", "strong")
     )
     replans: int = declare.option(10, "number of re-plans after which a run fails", metavar="N")
-    planner_limit: Number = declare.option(
-        "7", "time limit of each call of the planner, in seconds", metavar="S", read=declare.seconds
-    )
     planning_time: Number = declare.option(
         "0",
         "how long re-planning takes in the simulated world, in the plan's unit of time",
@@ -94,7 +100,7 @@ class ExecuteCommand(
             raise InputError("give PLAN or --planner: without either there is no plan to execute")
 
 
-class WatchCommand(verbs.AskCommand):
+class WatchCommand(Planners, verbs.AskCommand):
     """Options of `robust watch`."""
 
     clock: str = declare.option(
@@ -122,6 +128,13 @@ class WatchCommand(verbs.AskCommand):
         choices=("exact", "decimal"),
     )
     coming: int = declare.option(10, "how many of the steps to come that may not start yet are listed", metavar="N")
+    planning_time: Number | None = declare.option(
+        None,
+        "how long after it is asked for another plan begins, in the plan's unit of time; default: --planner-limit, at "
+        "--rate seconds a unit",
+        metavar="T",
+        read=declare.not_negative,
+    )
 
 
 WITH_CHOICES = ("execution", "knowledge")

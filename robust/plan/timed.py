@@ -77,11 +77,20 @@ class TimedStep:
 
 @dataclass(frozen=True, slots=True)
 class TimedPlan:
-    """The steps in the order of the file; `note` says what of the file was picked and skipped, if not all was read."""
+    """The steps in the order of the file; `note` says what of the file was picked and skipped, if not all was read.
+
+    `names` are the identifiers of steps where they have some already.
+    """
 
     steps: tuple[TimedStep, ...]
     file: str = field(default="<plan>", compare=False)
     note: str = field(default="", compare=False)
+    names: tuple[str, ...] = ()
+
+    @property
+    def identifiers(self) -> tuple[str, ...]:
+        """The identifiers of the steps: `n0`, `n1`, … if they have no names."""
+        return self.names or tuple(f"n{number}" for number in range(len(self.steps)))
 
     @property
     def units(self) -> tuple[tuple[Fraction, Fraction], ...]:

@@ -10,7 +10,7 @@ from fractions import Fraction
 from math import ceil, floor
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from msgspec import UNSET, Meta, UnsetType
 from rich import box as borders
@@ -624,6 +624,33 @@ def _print_widest(out: Console, widest: Widest, adverb: str, quiet: bool) -> Non
 # -- plans that run ----------------------------------------------------------------------------------------------------
 
 
+class Planned(JsonObject):
+    """
+    Attributes:
+        status: asked: a planner is asked, the run goes on; found: the run goes on with this plan; failed: no plan, for
+            a reason; overtaken: what happened meanwhile is not in the plan, another one is asked for
+        begins: nothing that the plan adds starts before
+        limit_s: seconds after which there is an answer
+        plans: how many valid plans came back; this one bears most
+        tolerance: λ*, by what share all durations may be longer or shorter at once; null if no number says it
+        plan: with domain and problem it is a plan as all commands read them
+        parameters: for --parameters
+    """
+
+    status: Annotated[str, one_of("asked", "found", "failed", "overtaken")]
+    reason: str | UnsetType = UNSET
+    begins: Rational | UnsetType = UNSET
+    limit_s: Seconds | UnsetType = UNSET
+    planner: str | UnsetType = UNSET
+    seconds: Seconds | UnsetType = UNSET
+    plans: Count | UnsetType = UNSET
+    tolerance: Rational | UnsetType | None = UNSET
+    domain: str | UnsetType = UNSET
+    problem: str | UnsetType = UNSET
+    plan: str | UnsetType = UNSET
+    parameters: str | UnsetType = UNSET
+
+
 class Watch(JsonObject, tag_field="schema", tag="robust/watch/1"):
     """robust watch: a line for each message, and one before the first
 
@@ -638,6 +665,7 @@ class Watch(JsonObject, tag_field="schema", tag="robust/watch/1"):
         startable: steps that may start now
         coming: the first of the other steps to come
         refused: why the message changed nothing
+        planning: news of another plan
         error: why the line was no message; there is nothing else then
     """
 
@@ -650,12 +678,15 @@ class Watch(JsonObject, tag_field="schema", tag="robust/watch/1"):
     startable: list[StepOutlook] | UnsetType = UNSET
     coming: list[StepOutlook] | UnsetType = UNSET
     refused: str | UnsetType | None = UNSET
+    planning: Planned | UnsetType = UNSET
     error: str | UnsetType = UNSET
 
 
-def outlook_line(outlook: Outlook, numbers: str, coming: int) -> Document:
+def outlook_line(outlook: Outlook, numbers: str, coming: int, news: Mapping[str, Any] | None = None) -> Document:
     """What `robust watch` prints; decimals are rounded such that what they promise holds."""
-    said = document(like(Watch, outlook, prospect=outlook.prospect.value, coming=list(outlook.coming[:coming])))
+    planning = UNSET if news is None else Planned(**news)
+    known = {"prospect": outlook.prospect.value, "coming": list(outlook.coming[:coming]), "planning": planning}
+    said = document(like(Watch, outlook, **known))
     if numbers == "decimal":
         said["time"] = _decimal(said["time"], up=False)
         for look in (*said["running"], *said["startable"], *said["coming"]):
@@ -663,6 +694,9 @@ def outlook_line(outlook: Outlook, numbers: str, coming: int) -> Document:
                 look[name] = [_decimal(time, up=not late) for late, time in enumerate(look[name])]
             for name in ("since", "slack"):
                 look[name] = _decimal(look[name], up=False)
+        for name in ("begins", "tolerance"):
+            if name in said.get("planning", {}):
+                said["planning"][name] = _decimal(said["planning"][name], up=name == "begins")
     return said
 
 

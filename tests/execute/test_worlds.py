@@ -9,7 +9,7 @@ from random import Random
 import pytest
 
 from robust.errors import InputError, UnsupportedError
-from robust.execute import replan
+from robust.execute import replan, situation
 from robust.execute.dispatchable import Blex
 from robust.execute.dispatcher import Completed, Dispatch, Dispatcher, DispatchFailed, LeftBox, Observed
 from robust.execute.drive import WallClock, drive, run_in_world
@@ -393,7 +393,7 @@ def test_rules_and_specifications_are_about_what_plans_have():
     with pytest.raises(InputError, match="the dispatcher chooses; expected one that is fixed or a parameter"):
         ran(constant(Subject.DURATION, "work", 5), specs=())
     specs = parse_specs(["duration:work", "duration:fetch", "start:n0", "start:n4", "fluent:(need b)"])
-    fitting = replan.fitting(specs, parse_timed_plan("0: (work a) [10]\n"))
+    fitting = situation.fitting(specs, parse_timed_plan("0: (work a) [10]\n"))
     assert [spec.subject for spec in fitting] == ["work", "n0", "(need b)"]
 
 

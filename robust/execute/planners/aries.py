@@ -23,7 +23,7 @@ from unified_planning.environment import Environment
 
 from robust.encode.interface import EPSILON
 from robust.errors import InputError, Location, UnsupportedError, missing
-from robust.execute.planners.interface import MEMORY_MB, PlannerAnswer, PlannerStatus, judged, last_valid_plan
+from robust.execute.planners.interface import MEMORY_MB, PlannerAnswer, PlannerStatus, judged, valid_plans
 from robust.numbers import format_number
 from robust.plan.model import Atom, Fluent, TimedLiteral, Timing
 from robust.plan.pddl import declarations, syntax
@@ -332,7 +332,7 @@ class AriesPlanner:
             run = partial(Processes().run, folder=folder, memory_mb=MEMORY_MB, scratch=folder)
             ended = run(command, deadline, variables=variables)
         in_units = partial(_in_units, domain=domain, ticks=self.ticks)
-        printed = last_valid_plan(ended.stdout, domain, problem, self.epsilon, self.name, renamed=in_units)
+        printed = valid_plans(ended.stdout, domain, problem, self.epsilon, self.name, renamed=in_units)
         return judged(self.name, ended, printed, _verdict)
 
 

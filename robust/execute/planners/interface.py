@@ -51,7 +51,8 @@ class PlannerAnswer(presented.NoTruthValue, ask="status"):
     """Answer of a planner; `plan` is given exactly when the status is `SOLVED`.
 
     `message` is one line: why there is no plan. `seconds` is wall time from the call to the answer, the check of the
-    plan included; planners of :mod:`robust.execute.planners` know it.
+    plan included; planners of :mod:`robust.execute.planners` know it. `others` are valid plans that the planner printed
+    before, the last one first.
     """
 
     planner: str
@@ -59,6 +60,7 @@ class PlannerAnswer(presented.NoTruthValue, ask="status"):
     plan: timed.TimedPlan | None
     seconds: float = 0.0
     message: str = ""
+    others: tuple[timed.TimedPlan, ...] = ()
 
     def __post_init__(self) -> None:
         if (self.plan is not None) is not (self.status is PlannerStatus.SOLVED):
@@ -105,10 +107,15 @@ def check(plan: timed.TimedPlan, domain: Domain, problem: Problem, epsilon: Frac
     validated(bare, schedule_of(plan, instances), epsilon, plan.file)
 
 
-def last_valid_plan(
+MOST = 8
+"""Valid plans that are taken from what a planner printed: the last ones."""
+
+
+def valid_plans(
     text: str, domain: Domain, problem: Problem, epsilon: Fraction, planner: str, *, renamed: Renaming | None = None
-) -> tuple[timed.TimedPlan | None, str]:
-    """The last plan in a text that is valid; without one, what is wrong with the last, or an empty message."""
+) -> tuple[tuple[timed.TimedPlan, ...], str]:
+    """The valid plans in a text, the last one first; without one, what is wrong with the last, or an empty message."""
+    plans: list[timed.TimedPlan] = []
     message = ""
     for printed in timed.plans_in(text, f"<plan of {planner}>"):
         try:
@@ -119,8 +126,10 @@ def last_valid_plan(
         except RobustError as error:
             message = message or " ".join(str(error).split())
         else:
-            return plan, ""
-    return None, message
+            plans.append(plan)
+        if len(plans) == MOST:
+            break
+    return tuple(plans), "" if plans else message
 
 
 def says_no_plan(text: str) -> bool:
@@ -169,8 +178,8 @@ class CommandPlanner:
             command = tuple(argument.format_map(fields) for argument in self.arguments)
             ended = Processes().run(command, deadline, folder=folder, memory_mb=MEMORY_MB, scratch=folder)
             printed = _plan_text(folder, ended)
-        last = last_valid_plan(printed, domain, problem, self.epsilon, self.name)
-        return judged(self.name, ended, last, self.verdict)
+        plans = valid_plans(printed, domain, problem, self.epsilon, self.name)
+        return judged(self.name, ended, plans, self.verdict)
 
 
 def command_planner(template: str, *, epsilon: Fraction = EPSILON) -> CommandPlanner:
@@ -198,11 +207,13 @@ def command_planner(template: str, *, epsilon: Fraction = EPSILON) -> CommandPla
     return CommandPlanner(Path(arguments[0]).name, arguments, epsilon)
 
 
-def judged(name: str, ended: ProcessEnd, last: tuple[timed.TimedPlan | None, str], verdict: Judge) -> PlannerAnswer:
-    """The answer that a run of a process amounts to; `found` is a valid plan, or what is wrong with the last one."""
-    plan, wrong = last
-    if plan is not None:
-        return PlannerAnswer(name, PlannerStatus.SOLVED, plan)
+def judged(
+    name: str, ended: ProcessEnd, printed: tuple[tuple[timed.TimedPlan, ...], str], verdict: Judge
+) -> PlannerAnswer:
+    """The answer that a run of a process amounts to; `printed` is valid plans, or what is wrong with the last one."""
+    plans, wrong = printed
+    if plans:
+        return PlannerAnswer(name, PlannerStatus.SOLVED, plans[0], others=plans[1:])
     status = PlannerStatus.TIMEOUT if ended.timed_out else verdict(ended)
     if status is None:
         nothing = not wrong and says_no_plan(ended.stdout + ended.stderr)
