@@ -148,6 +148,55 @@ class _Drawing:
         return sketched_domain(name, predicates, texts), sketched_problem(name, name, initial, ())
 
 
+def blocks(count: int, *, share: bool = False, slack: Fraction = Fraction(9, 10)) -> Instance:
+    """Blocks one after the other, of 13 activities each, for two people and a robot, with one limit over all.
+
+    In each block a person fetches one of three items, another person goes for one of three walks, and the robot fetches
+    one of three tools, side by side; the first person then uses item and tool, which have to go together; and the robot
+    clears the table. So the robot has to wait for what the person means to do.
+
+    Args:
+        share: whether all use the same table, which each clears for the next: an atom is used throughout.
+        slack: the limit, as a share of the least time in which all activities can take as long as they may.
+    """
+    steps: list[Element] = []
+    actions: list[ActionText] = []
+    atoms: list[str] = []
+    clear: list[str] = []
+    latest = Fraction(0)
+    for block in range(1, count + 1):
+        table = "(clear)" if share else f"(clear-{block})"
+        clear = list(dict.fromkeys([*clear, table]))
+        values = ("1", "2", "3")
+        got, found = ({each: f"({name}-{block}-{each})" for each in values} for name in ("item", "tool"))
+        atoms += [*got.values(), *found.values()]
+
+        def three(name: str, agent: str, at: int = block) -> dict[str, Element]:
+            return {each: act(f"({name}-{at}-{each})", 2, 2 + int(each), agent=agent) for each in ("1", "2", "3")}
+
+        around = parallel(
+            choose(f"x{block}", three("get", "anna"), controllable=False),
+            choose(f"y{block}", three("walk", "ben"), controllable=False),
+            choose(f"z{block}", three("bring", "robot")),
+        )
+        use = choose(f"u{block}", three("use", "anna"), controllable=False)
+        steps += [around, use, act(f"(clear-up-{block})", 1, 2, agent="robot")]
+        for each in values:
+            needed = (got[each], found[each], table)
+            actions += [
+                ActionText(f"get-{block}-{each}", end_effects=(got[each],)),
+                ActionText(f"walk-{block}-{each}"),
+                ActionText(f"bring-{block}-{each}", end_effects=(found[each],)),
+                ActionText(f"use-{block}-{each}", at_start=needed, end_effects=(f"(not {table})",)),
+            ]
+        actions.append(ActionText(f"clear-up-{block}", end_effects=(table,)))
+        latest += 5 + 5 + 2
+    name = f"blocks-{count}{'-shared' if share else ''}"
+    network = build(name, within(sequence(*steps), upper=latest * slack))
+    domain = sketched_domain(name, [*atoms, *clear], actions)
+    return Instance(network, domain, sketched_problem(name, name, clear, ()))
+
+
 def longest(element: Element) -> Fraction:
     """The least time in which an element can be executed if each choice takes its longest branch."""
     match element:

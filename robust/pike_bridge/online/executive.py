@@ -81,7 +81,7 @@ class PlanExecutive:
         self.outcome: said.Failed | said.Succeeded | None = None
         self._monitor = said.ExecutionMonitor(self.progress) if monitor else None
         self._ranking, self._preference = ranking, preference
-        shared = self.reasoner if isinstance(self.reasoner, semantic.SemanticReasoner) else None
+        shared = None if self.reasoner.view is None else self.reasoner
         self._patience = Patience(self.progress, patience, reasoner=shared, solver=solver, deadline=deadline)
         self._values: Mapping[str, str] = {}
         """Of the choices that are made at the event that is being executed, as far as they are decided."""

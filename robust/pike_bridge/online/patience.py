@@ -28,7 +28,7 @@ from typing import NamedTuple
 from robust.numbers import format_number
 from robust.pike_bridge.model import ALWAYS, Assignment, Guard, contradicts, guard_text
 from robust.pike_bridge.online.progress import Excluded, Progress
-from robust.pike_bridge.online.semantic import SemanticReasoner
+from robust.pike_bridge.online.semantic import Reasoner, SemanticReasoner
 from robust.pike_bridge.semantics import Execution, holds
 from robust.smt.limits import NEVER, Deadline
 
@@ -73,7 +73,7 @@ class Patience:
     Args:
         progress: what has happened, which others keep up to date.
         patience: how long before the last moment waiting ends; None: nothing is waited for [PIKE §3].
-        reasoner: is asked; if not given, one is made when there is something to ask.
+        reasoner: its view is asked; if it is not given, one is made when there is something to ask.
         solver: of that reasoner.
         deadline: questions raise OutOfTimeError if it passes.
 
@@ -84,7 +84,7 @@ class Patience:
     progress: Progress
     patience: Fraction | None
     _: KW_ONLY
-    reasoner: SemanticReasoner | None = None
+    reasoner: Reasoner | None = None
     solver: str = "z3"
     deadline: Deadline = NEVER
 
@@ -92,6 +92,8 @@ class Patience:
         self.margin = self.patience or Fraction(0)
         self.withheld: frozenset[str] = frozenset()
         self.alarm: Fraction | None = None
+        self._view: SemanticReasoner | None = None
+        """What is asked; another one when other parts of the plan are under way."""
         self._found: list[Execution] = []
         """Continuations in which everything that is not the executive's is later than now."""
 
@@ -110,7 +112,7 @@ class Patience:
         first = next(candidates, None)
         if first is None:
             return None
-        waiting = [] if self.patience is None else openings(self.progress)
+        waiting = [] if self.patience is None else openings(self._asked.progress)
         if not waiting:
             return DueAct(first)
         self._found = [continuation for continuation in self._found[-_REMEMBERED:] if self._continues(continuation)]
@@ -148,7 +150,8 @@ class Patience:
     def _kept(self, choices: Sequence[Opening]) -> list[Intent]:
         """Joint intents that are kept, and single values that are in none of them but are kept by themselves."""
         kept: list[Intent] = []
-        for intent in chain(intents(choices, self.progress), values_of(choices, self.progress)):
+        progress = self._asked.progress
+        for intent in chain(intents(choices, progress), values_of(choices, progress)):
             if not any(intent.values <= other.values for other in kept) and self._continues_in(intent.guard, None):
                 kept.append(intent)
         return kept
@@ -177,14 +180,15 @@ class Patience:
 
     def _continues_in(self, environment: Guard, event: str | None) -> bool:
         """Whether a continuation in an environment does an event, if given, now; known ones are looked at first."""
-        progress = self.progress
+        asked = self._asked
+        progress = asked.progress
         fitting = (known for known in self._found if holds(environment, known.scenario))
         if any(
             event is None or (known.schedule.get(event) == progress.now and not progress.theirs(event, known.scenario))
             for known in fitting
         ):
             return True
-        continuation = self._asked.continuation(environment, event, self.deadline)
+        continuation = asked.continuation(environment, event, self.deadline)
         self._found += [] if continuation is None else [continuation]
         return continuation is not None
 
@@ -210,7 +214,7 @@ class Patience:
             self.withheld, self.alarm = withheld, self._over(withheld, staying, over)
             return None
         spared = [intent.values for intent in contested if self._keeps(intent.guard, *act)]
-        return self._announced(act, everything, spared, _hurry(spared, over))
+        return self._announced(act, everything, spared, _hurry(self._texts(spared), over))
 
     def _best(
         self, acts: Mapping[str, list[Guard]], intents: Sequence[Intent], staying: int
@@ -245,7 +249,7 @@ class Patience:
 
     def _seen_before(self, event: str, withheld: Collection[str]) -> bool:
         """Whether an event happens before each of those that are withheld in a known continuation."""
-        guard = self.progress.structure.guards[event]
+        guard = self._asked.progress.structure.guards[event]
         schedules = (each.schedule for each in self._found if holds(guard, each.scenario))
         return any(
             all(schedule[other] > schedule[event] for other in withheld if other in schedule) for schedule in schedules
@@ -277,20 +281,32 @@ class Patience:
     ) -> DueAct:
         """An act with what it excludes, and what is spared by it."""
         event, values = act
+        progress = self._asked.progress
         lost = [intent.values for intent in everything if not self._keeps(intent.guard, event, values)]
         named = frozenset[Assignment]().union(*lost)
         single = [
             each.values
-            for each in values_of(openings(self.progress), self.progress)
+            for each in values_of(openings(progress), progress)
             if each.values <= named and not self._keeps(each.guard, event, values)
         ]
         joint = [each for each in lost if not any(value <= each for value in single)]
-        excluded = tuple(guard_text(each) for each in (*single, *dict.fromkeys(joint)))
-        kept = tuple(guard_text(values) for values in spared)
+        excluded, kept = self._texts([*single, *joint]), self._texts(spared)
         return DueAct(event, values, Excluded(event, self.progress.now, excluded, kept, reason) if excluded else None)
 
+    def _texts(self, values: Iterable[Guard]) -> tuple[str, ...]:
+        """Values of choices in words."""
+        meant = (meaning for each in values for meaning in self._meaning(each))
+        return tuple(dict.fromkeys(guard_text(each) for each in meant))
+
+    def _meaning(self, values: Guard) -> list[Guard]:
+        return [values] if self.reasoner is None else self.reasoner.meaning(values)
+
     def _undecided(self, everything: Sequence[Intent], waiting: Sequence[Opening]) -> str:
-        names = {variable for intent in everything for variable, _ in intent.values} - {each.name for each in waiting}
+        left = [
+            frozenset(each for each in intent.values if each.variable not in {one.name for one in waiting})
+            for intent in everything
+        ]
+        names = {variable for each in left for meaning in self._meaning(each) for variable, _ in meaning}
         return " or ".join(sorted(names)) or "anything"
 
     # -- helpers -----------------------------------------------------------------------------------------------------
@@ -299,10 +315,14 @@ class Patience:
     def _asked(self) -> SemanticReasoner:
         if self.reasoner is None:
             self.reasoner = SemanticReasoner(self.progress, solver=self.solver)
-        return self.reasoner
+        self.reasoner.catch_up()
+        if self._view is not self.reasoner.view:
+            self._view, self._found = self.reasoner.view, []
+        assert self._view is not None  # noqa: S101 - reasoners without one are not given
+        return self._view
 
     def _continues(self, execution: Execution) -> bool:
-        progress = self.progress
+        progress = self._asked.progress
         later = progress.now + progress.plan.separation
         return (
             not progress.void
@@ -366,11 +386,11 @@ def _extended(intent: Intent, choice: Opening, progress: Progress) -> list[Inten
     return extended or [intent]
 
 
-def _hurry(spared: Sequence[Guard], over: Fraction) -> str:
+def _hurry(spared: Sequence[str], over: Fraction) -> str:
     """Why an act cannot be put off beyond a moment."""
     moment = format_number(over)
     if not spared:
         return f"nothing correct would be left after {moment}"
-    named = [guard_text(values) for values in spared[:_NAMED]]
+    named = list(spared[:_NAMED])
     more = [f"{len(spared) - _NAMED} more"] if len(spared) > _NAMED else []
     return f"after {moment} it would be too late for {' and for '.join([*named, *more])}"

@@ -15,6 +15,8 @@ from robust.backends import SMT
 from robust.errors import InputError, did_you_mean
 from robust.pike_bridge import compile, distance_graph, labeled_apsp, model
 from robust.pike_bridge.knowledge import knowledge_bases
+from robust.pike_bridge.online.divided import DividedReasoner
+from robust.pike_bridge.online.parts import Division
 from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.online.semantic import News, Reasoner, SemanticReasoner
 from robust.pike_bridge.theory import Commitment, Exclude, Require
@@ -315,7 +317,27 @@ def make_reasoner(name: str, *, solver: str = "z3", deadline: Deadline = NEVER) 
     if name != SMT:
         return CompiledReasoners(name, solver=solver, deadline=deadline)
     terms = Terms()  # shared: executives that plan anew ask about one candidate after the other
-    return lambda progress: SemanticReasoner(progress, solver=solver, terms=terms)
+    return lambda progress: make_semantic(progress, solver=solver, terms=terms, deadline=deadline)
+
+
+DIVIDED_FROM = 40
+"""Activities; smaller plans are decided as quickly in one piece."""
+
+
+def make_semantic(
+    progress: Progress, *, solver: str = "z3", terms: Terms | None = None, deadline: Deadline = NEVER
+) -> SemanticReasoner | DividedReasoner:
+    """Semantic reasoning, part by part if the plan is large and can be cut.
+
+    Raises:
+        OutOfTimeError: if the deadline passes before the parts are measured.
+        SolverError: if the solver is unknown or not installed.
+    """
+    if len(progress.plan.network.activities) >= DIVIDED_FROM:
+        division = Division(progress.plan, progress.structure)
+        if len(division.nodes) > 2:
+            return DividedReasoner(progress, division, solver=solver, terms=terms, deadline=deadline)
+    return SemanticReasoner(progress, solver=solver, terms=terms)
 
 
 def without_states(plan: model.TeamPlan) -> model.TeamPlan:

@@ -18,7 +18,7 @@ from math import ceil, floor
 
 from robust.network.differences import Distances
 from robust.pike_bridge.knowledge.sat import satisfiable
-from robust.pike_bridge.model import ALWAYS, Condition, Effect, Guard, guard
+from robust.pike_bridge.model import ALWAYS, Condition, Constraint, Effect, Guard, guard
 from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.semantics import Execution, Semantics, Time, holds
 from robust.plan.polynomial import Polynomial
@@ -62,6 +62,15 @@ class Reasoner(ABC):
             chosen = guard(dict(islice(progress.chosen.items(), choices, None)))
             times = dict(islice(progress.times.items(), events, None))
             self._learn(News(chosen, times, progress.void - void, progress.now != now))
+
+    @property
+    def view(self) -> "SemanticReasoner | None":
+        """The semantic reasoning about what is under way, after :meth:`catch_up`; None if it asks something else."""
+        return None
+
+    def meaning(self, values: Guard) -> list[Guard]:
+        """What people may mean by values in the view, where a value there may stand for several."""
+        return [values]
 
     @abstractmethod
     def _learn(self, news: News) -> None:
@@ -230,11 +239,18 @@ class SemanticReasoner(Reasoner):
             return ours is not self._terms.false
         return self._ask([ours, self.semantics.at(event, now), *self._unreported()], deadline)
 
-    def could(self, environment: Guard, deadline: Deadline) -> bool:
+    @property
+    def view(self) -> "SemanticReasoner":
+        """All is under way."""
+        return self
+
+    def could(self, environment: Guard, deadline: Deadline, more: Collection[Constraint] = ()) -> bool:
+        """Whether there is a continuation in the environment which meets some more constraints."""
         self.catch_up()
-        if self._witness is not None and holds(environment, self._witness.scenario):
+        if self._witness is not None and not more and holds(environment, self._witness.scenario):
             return True
-        return self.progress.compatible(environment) and self._ask([self.semantics.guard(environment)], deadline)
+        asked = [self.semantics.guard(environment), *map(self.semantics.constraint, more)]
+        return self.progress.compatible(environment) and self._ask(asked, deadline)
 
     def next_time(self, deadline: Deadline) -> Fraction | None:
         """When something is executable first; if nothing is without a message, when it is too late for any."""
@@ -270,6 +286,16 @@ class SemanticReasoner(Reasoner):
             horizon = self._horizon()
             greatest = self._best(horizon, deadline, sign=-1)
         return least, None if greatest == horizon else greatest
+
+    def soonest(self, event: str, environment: Guard, deadline: Deadline, *, late: bool) -> Fraction | None:
+        """The least time of an event in continuations in an environment; None if there are none.
+
+        If `late`, what is not the executive's to execute comes after now in them.
+        """
+        self.catch_up()
+        same = self._terms.equal(self.semantics.time_of(event) - self._first)
+        with self._session.frame(self.semantics.guard(environment), same, *(self._unreported() if late else ())):
+            return self._best(self.progress.now, deadline, sign=1)
 
     # -- patience ----------------------------------------------------------------------------------------------------
 

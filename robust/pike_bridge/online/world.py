@@ -20,6 +20,7 @@ from robust.pike_bridge.likelihood import ChanceBounds, IntentChance, LikelyChoi
 from robust.pike_bridge.model import ALWAYS, Assignment, Literal, TeamPlan
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online import reasoners, semantic, service
+from robust.pike_bridge.online.divided import DividedReasoner
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.explain import Fact, conflict
 from robust.pike_bridge.online.inquiry import Inquiry, StepReasons
@@ -90,7 +91,7 @@ class SimulatedTeam:
 
     plan: TeamPlan
     executive: PlanExecutive
-    judge: semantic.SemanticReasoner
+    judge: semantic.SemanticReasoner | DividedReasoner
     story: Story = Story()
     _: KW_ONLY
     seed: int = 0
@@ -411,7 +412,7 @@ class Rehearsal(Searching[ExecutionRecord]):
         self, deciding: Callable[[said.Progress], semantic.Reasoner], progress: said.Progress
     ) -> semantic.Reasoner:
         """The reasoner that decides; a semantic reasoner, which may be the same one, advises the team."""
-        self._judge = semantic.SemanticReasoner(progress, solver=self.solver)
+        self._judge = reasoners.make_semantic(progress, solver=self.solver, deadline=self.deadline)
         return self._judge if self.backend == backends.SMT else deciding(progress)
 
     def _inferred(self) -> dict[str, tuple[str, ...]]:
