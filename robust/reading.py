@@ -76,7 +76,6 @@ def load_plan(
         UnsupportedError: for steps with an expression that is not linear.
         KeyboardInterrupt: if interrupted.
     """
-    from robust.execute.parametrization import with_deadline, with_relative_widths
     from robust.plan.load import assemble
     from robust.plan.parameters import specifications
     from robust.plan.pddl.forms import read_plan_text
@@ -104,7 +103,12 @@ def load_plan(
         say(f"took the parameters of {beside}")
     text, name = read_plan_text(plan)
     if is_network(text, name):
-        network = with_deadline(parse_stn(text, name), deadline, declare.place_of("deadline"))
+        network = parse_stn(text, name)
+        if deadline is None and not reading.relative:
+            return assemble(parsed_domain, parsed_problem, network, specs, nominal_needed=nominal_needed)
+        from robust.execute.parametrization import with_deadline, with_relative_widths
+
+        network = with_deadline(network, deadline, declare.place_of("deadline"))
         made = assemble(parsed_domain, parsed_problem, network, specs, nominal_needed=nominal_needed)
         return with_relative_widths(made) if reading.relative else made
 

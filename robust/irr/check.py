@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from robust.encode.interface import EPSILON, Encoding, Facet, Obligation, variable
 from robust.errors import InputError, Location, SolverError
 from robust.plan.model import ParameterReference, ParametrizedPlan, TimePoint
-from robust.plan.simulate import Simulation, simulate
 from robust.presented import Presented, VerdictEnum
 from robust.qe.box import Box, Interval
 from robust.searching import Searching, Status
@@ -20,6 +19,7 @@ from robust.smt.session import Exporter, Formula, Satisfiability, Session, Stati
 if TYPE_CHECKING:
     from robust.irr.quantities import QuantityChange
     from robust.irr.stops import Tolerance
+    from robust.plan.simulate import Simulation
 
 
 class Answer(VerdictEnum):
@@ -218,6 +218,8 @@ class Checker(Searching[CheckResult]):
         values = {name: Fraction(value) for name, value in session.values(encoding.unknowns()).items()}
         parameters = {name: values.get(name, self.box[name].some_value()) for name in self.box.intervals}
         schedule = encoding.schedule({**values, **parameters})
+        from robust.plan.simulate import simulate  # noqa: PLC0415 - only what is refuted needs it
+
         simulation = simulate(encoding.plan, parameters, schedule, epsilon=encoding.epsilon)
         broken = {violation.obligation for violation in simulation.violations}
         if simulation.network_violations or obligation.name not in broken:

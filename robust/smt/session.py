@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import logging
 import re
+import sys
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
@@ -18,6 +19,7 @@ from dataclasses import asdict, dataclass, field
 from fractions import Fraction
 from functools import cache, cached_property
 from importlib import import_module
+from importlib.util import LazyLoader, find_spec, module_from_spec
 from io import StringIO
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -33,28 +35,52 @@ Formula: TypeAlias = Any
 Build: TypeAlias = Callable[[list[Formula]], Formula]
 
 
-@cache
-def _environment_class() -> Any:
-    """pySMT's, but what works on formulas is made when it is first needed: making it all takes longer than most use."""
-    from pysmt.environment import Environment  # noqa: PLC0415 - imports z3
+_PARTS = {
+    "formula_manager": ("formula", "FormulaManager"),
+    "type_manager": ("typing", "TypeManager"),
+    "stc": ("type_checker", "SimpleTypeChecker"),
+    "factory": ("factory", "Factory"),
+    "simplifier": ("simplifier", "Simplifier"),
+    "substituter": ("substituter", "MGSubstituter"),
+    "serializer": ("printers", "HRSerializer"),
+    "qfo": ("oracles", "QuantifierOracle"),
+    "theoryo": ("oracles", "TheoryOracle"),
+    "fvo": ("oracles", "FreeVarsOracle"),
+    "sizeo": ("oracles", "SizeOracle"),
+    "ao": ("oracles", "AtomsOracle"),
+    "typeso": ("oracles", "TypesOracle"),
+}
 
-    class LazyEnvironment(Environment):  # type: ignore[misc]
-        simplifier = cached_property(Environment.SimplifierClass)
-        substituter = cached_property(Environment.SubstituterClass)
-        serializer = cached_property(Environment.HRSerializerClass)
-        qfo = cached_property(Environment.QuantifierOracleClass)
-        theoryo = cached_property(Environment.TheoryOracleClass)
-        fvo = cached_property(Environment.FreeVarsOracleClass)
-        sizeo = cached_property(Environment.SizeOracleClass)
-        ao = cached_property(Environment.AtomsOracleClass)
-        typeso = cached_property(Environment.TypesOracleClass)
 
-        # What pySMT would make at once, in attributes that the properties above take the place of.
-        SimplifierClass = SubstituterClass = HRSerializerClass = QuantifierOracleClass = staticmethod(lambda _: None)
-        FreeVarsOracleClass = SizeOracleClass = AtomsOracleClass = TypesOracleClass = SimplifierClass
-        TheoryOracleClass = SimplifierClass
+def _load_lazily(name: str) -> None:
+    """Let a module be loaded when something of it is first asked for: texts of formulas, and cvc5, do."""
+    package, _, last = name.rpartition(".")
+    if name not in sys.modules and (spec := find_spec(name)) is not None and spec.loader is not None:
+        spec.loader = LazyLoader(spec.loader)
+        sys.modules[name] = module = module_from_spec(spec)
+        spec.loader.exec_module(module)
+        setattr(sys.modules[package], last, module)
 
-    return LazyEnvironment
+
+class _Environment:
+    """What pySMT's formulas and solvers ask of their environment, each part loaded and made when it is first needed.
+
+    pySMT's own loads and makes everything at once, multiprocessing with it, which takes longer than most use of it.
+    """
+
+    enable_infix_notation = allow_empty_var_names = False
+    enable_div_by_0 = True
+
+    def __init__(self) -> None:
+        self.dwf: dict[Any, Any] = {}
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in _PARTS:
+            raise AttributeError(name)
+        module, kind = _PARTS[name]
+        part = getattr(import_module(f"pysmt.{module}"), kind)(self)
+        setattr(self, name, part)
+        return part
 
 
 class Terms:
@@ -71,7 +97,8 @@ class Terms:
     @cached_property
     def environment(self) -> Any:
         """pySMT's home of these formulas."""
-        return _environment_class()()
+        _load_lazily("pysmt.environment")
+        return _Environment()
 
     @cached_property
     def manager(self) -> Any:
