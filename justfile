@@ -28,11 +28,11 @@ types:
 
 # the quick tests
 test *arguments:
-    {{python}} -m pytest -n auto {{arguments}}
+    {{python}} -m pytest -n auto --dist worksteal {{arguments}}
 
 # all tests, the exhaustive ones too
 test-all *arguments:
-    {{python}} -m pytest -n auto -m 'slow or not slow' {{arguments}}
+    {{python}} -m pytest -n auto --dist worksteal -m 'slow or not slow' {{arguments}}
 
 # how many small changes to the code the quick tests notice (an hour)
 mutants *arguments:

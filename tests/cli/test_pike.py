@@ -46,11 +46,11 @@ def test_a_million_candidate_subplans(tmp_path):
     assert command("pike", "check", file).code == 0
     answer = answer_of(command("pike", "compile", file, "--json"), "robust/pike-compile/1")
     assert (answer["candidate_subplans"], answer["models"], answer["prime_implicants"]) == (2**20, 2**20, 1)
-    ended = command("pike", "check", file, "--all-scenarios", "--timeout", "2", "--json")
+    ended = command("pike", "check", file, "--all-scenarios", "--timeout", "1", "--json")
     answer = answer_of(ended, "robust/pike-check/1")
     assert (ended.code, answer["verdict"], answer["complete"]) == (3, "proved", False)
     assert 0 < len(answer["scenarios"]) < 2**20
-    ended = command("pike", "check", file, "--cross", "--timeout", "1")
+    ended = command("pike", "check", file, "--cross", "--timeout", "0.5")
     assert (ended.code, ended.out.count("\n")) == (3, 1)
     assert ended.out.startswith("Undecided: out of time")
 

@@ -41,7 +41,10 @@ SENTENCES = [re.compile(line) for line in LINES if not line.startswith("#")]
 
 @pytest.fixture(scope="module")
 def full():
-    return robust.region(example()).region, robust.risk(example(), RANDOM[1::2]).probability
+    """The region and the probability of success; and what draws is loaded, which a limit would leave half imported."""
+    whole = robust.region(example())
+    whole.plot()
+    return whole.region, robust.risk(example(), RANDOM[1::2]).probability
 
 
 @pytest.mark.parametrize(

@@ -111,8 +111,10 @@ def test_what_is_not_supported(encoding) -> None:
         broken(plan_of(instant("i", (START, at_least(f, 0)), increase(F, 1)), f=None), encoding)
 
 
-@pytest.mark.parametrize(("encoding", "solver"), [("relational", "z3"), ("relational", "cvc5"), ("positions", "z3")])
-@pytest.mark.parametrize("fix", FIXES)
+@pytest.mark.parametrize(
+    ("encoding", "solver", "fix"),
+    [*product(("relational", "positions"), ("z3",), FIXES), ("relational", "cvc5", building.windows)],
+)
 @pytest.mark.parametrize("case", building.OVER_ALL)
 def test_delicate_conditions(case, fix, encoding, solver) -> None:
     """Mutex time points happen at once in some of the cases, so separation is 0."""
@@ -159,15 +161,16 @@ def soon() -> Iterator[None]:
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # of finalisers
-@pytest.mark.parametrize("interrupted", [False, True])
-@pytest.mark.parametrize("verb", [SOLVING, BUILDING, *METHODS], ids=["solving", "building", *METHODS])
+@pytest.mark.parametrize(
+    ("verb", "interrupted"), [*product((SOLVING, BUILDING, "irr"), (False, True)), ("widen", True), ("optimal", True)]
+)
 def test_verdicts_and_searches_are_left_open(verb, interrupted) -> None:
     """Time limits and Ctrl-C end the positions encoding, while building formulas and while solving them."""
-    encoding = PositionsEncoding(BUILDING, deadline=Deadline.after(0.2))
+    encoding = PositionsEncoding(BUILDING, deadline=Deadline.after(0.1))
     with soon(), pytest.raises(OutOfTimeError):
         encoding.query(encoding.obligations[-1])
-    options = {"encoding": "positions", "timeout": 30 if interrupted else 0.3}
-    with soon(), interrupted_after(0.4) if interrupted else nullcontext():
+    options = {"encoding": "positions", "timeout": 30 if interrupted else 0.2}
+    with soon(), interrupted_after(0.3) if interrupted else nullcontext():
         if verb in METHODS:
             result = envelope(BUILDING, method=verb, **options).status
             assert result is (Status.INTERRUPTED if interrupted else Status.TIMEOUT)

@@ -292,6 +292,6 @@ def test_a_search_that_is_cut_short_keeps_its_bounds(monkeypatch):
     again = robust.risk(known.plan, {"*": "truncated-normal::15%"})
     assert (again.probability, again.late) == (exact.probability, exact.late)
     monkeypatch.setattr(risks.Risk, "_by_longest_paths", lambda _: False)
-    without = robust.risk(known.plan, {"*": "truncated-normal::15%"}, timeout=2)
+    without = robust.risk(known.plan, {"*": "truncated-normal::15%"}, timeout=0.5)
     assert without.probability.lower <= exact.probability.upper
     assert exact.probability.lower <= without.probability.upper

@@ -238,8 +238,8 @@ def test_time_limits_and_ctrl_c_are_kept(dataset: Path, backend: str) -> None:
     plan = load_plan(folder / "domain.pddl", folder / "problem_07.pddl", folder / "plan_07_4.stn")
     for limited in (True, False) if backend != "z3-qe" else (True,):
         started = time.monotonic()
-        with nullcontext() if limited else interrupted_after(0.4):
-            result = region(plan, backend=backend, splitting="partial", timeout=0.4 if limited else None)
+        with nullcontext() if limited else interrupted_after(0.2):
+            result = region(plan, backend=backend, splitting="partial", timeout=0.2 if limited else None)
         assert result.status is (compute.RegionStatus.TIMEOUT if limited else compute.RegionStatus.INTERRUPTED)
         assert time.monotonic() - started < 10
 
