@@ -142,10 +142,9 @@ def test_pages_scripts_and_the_architecture_name_what_exists():
     assert "--help\n" not in page
     steps = [line for session in sessions_of(ROOT / "README.md") for line, _ in session.steps]
     assert {line.split()[1] for line in steps if line.startswith("robust ")} >= {"check", "envelope"}
-    testing = re.findall(r"\.venv/bin/(python -m pytest[^`\n]*)", read("README.md"))
-    assert testing
-    assert {line.strip() for line in testing} <= {line.strip() for line in read(".ci/run").splitlines()}
+    testing = {line.strip() for line in re.findall(r"\.venv/bin/python (-m pytest[^`\n]*)", read("README.md"))}
     recipes = set(re.findall(r"^    \{\{python\}\} (-m .*?)(?: \{\{arguments\}\})?$", read("justfile"), re.MULTILINE))
+    assert testing & recipes == testing != set()
     table = read("CONTRIBUTING.md").split("## Commands")[1].split("\n## ")[0]
     installation = {recipe for recipe in recipes if recipe.startswith("-m pip")}
     assert recipes - installation == set(re.findall(r"`python (-m [^`]*)`", table))
