@@ -356,7 +356,7 @@ def searching_compare(plan: ParametrizedPlan, options: verbs.CompareOptions) -> 
 
 @verb(verbs.CompareOptions)
 def compare(plan: ParametrizedPlan, options: verbs.CompareOptions) -> Comparison:
-    """The exact envelope beside the boxes of all methods: shares, face gaps with witnesses, times.
+    """Compare the boxes of all methods with the exact envelope: shares, face gaps with witnesses, times.
 
     Raises:
         InputError: wrong options, or a network without any schedule.

@@ -25,7 +25,7 @@ _BAD = frozenset({"refuted", "invalid", "uncontrollable", "not controllable", "f
 
 
 def exit_code_of(word: str) -> int:
-    """Of a verdict, or of how something ended: 0, 1 where something is refuted, 3 where it is open."""
+    """The exit code of a verdict, or of how something ended: 0, 1 where something is refuted, 3 where it is open."""
     return 0 if word in _GOOD else 1 if word in _BAD else UNDECIDED
 
 

@@ -116,8 +116,8 @@ class Reasons:
         return around, [*self.broken(number, values, region, {})]
 
     def always(self, piece: Polyhedron, point: tape.Point, bounds: Sequence[Fact], like: str) -> list[Line]:
-        """That every schedule of the network breaks something, perhaps what is `like` this, all over a polyhedron, in
-        which this point is.
+        """Say that every schedule of the network breaks something, perhaps what is `like` this, all over the polyhedron
+        of a point.
 
         Raises:
             UnsupportedError: if some may be.
@@ -191,7 +191,7 @@ class Reasons:
     def broken(
         self, number: int, values: Mapping[str, Linear], region: Sequence[Fact], parameters: Mapping[str, Linear]
     ) -> Iterator[Line]:
-        """That a schedule breaks an obligation all over a region; `parameters` over the names of the region, if not
+        """Say that a schedule breaks an obligation all over a region; `parameters` over the names of the region, if not
         their own."""
         formulas, literal = self._placed(number, values, parameters)
         known = KnownFacts(region)
@@ -277,7 +277,7 @@ def declared_bounds(ground: Ground) -> Box:
 
 
 def shape_lines(ground: Ground, epsilon: Fraction, shape: Shape, **conduct: Any) -> list[Line]:
-    """That the plan is valid all over a shape; options and errors as of :func:`robust.certify.tape.good_lines`."""
+    """Lines that say the plan is valid all over a shape; see :func:`robust.certify.tape.good_lines`."""
     inside = shape.polyhedron
     point = inside.interior_point() or inside.some_point() or {}
     hull = Box({name: inside.extent(name) or Interval(None, None) for name in inside.parameters})
@@ -288,7 +288,7 @@ def shape_lines(ground: Ground, epsilon: Fraction, shape: Shape, **conduct: Any)
 
 
 def region_lines(ground: Ground, epsilon: Fraction, region: Region, *, deadline: Deadline) -> list[Line]:
-    """That a region is the whole envelope within the declared bounds: bad polyhedra, and that all else is good.
+    """Lines that say a region is the whole envelope within the declared bounds: bad polyhedra, and all else good.
 
     Raises:
         RefutedError: if an obligation breaks somewhere in it.
@@ -329,7 +329,7 @@ def region_lines(ground: Ground, epsilon: Fraction, region: Region, *, deadline:
 
 
 def lifted_lines(ground: Ground, epsilon: Fraction, region: lifted.LiftedRegion, *, deadline: Deadline) -> list[Line]:
-    """The same of a region with times: all is good that the network leaves a schedule, but for demands on parameters.
+    """Lines that say a region with times is the envelope: what the network leaves a schedule and demands allow is good.
 
     No schedules are written down: linear ones would take a piece for each vertex of the network's polyhedron.
     """

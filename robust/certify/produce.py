@@ -77,11 +77,11 @@ class PlanCertificate:
         self.ground = supported(lambda: reader.ground(*texts))
 
     def of_plan(self) -> list[Line]:
-        """That the plan is valid at the nominal values; errors as of :meth:`of_box`."""
+        """Certify that the plan is valid at the nominal values; errors as of :meth:`of_box`."""
         return [tape.header("plan"), *self._good(Box.nominal(self.plan.parameters))]
 
     def of_box(self, box: Box, *, maximal: bool = False) -> list[Line]:
-        """That the plan is valid all over a box, and perhaps that no other valid box contains it.
+        """Certify that the plan is valid all over a box, and perhaps that no other valid box contains it.
 
         Raises:
             RefutedError: if an obligation breaks somewhere in the box.
@@ -96,11 +96,11 @@ class PlanCertificate:
         return lines
 
     def of_shape(self, shape: Shape) -> list[Line]:
-        """That the plan is valid all over a shape; errors as of :meth:`of_box`."""
+        """Certify that the plan is valid all over a shape; errors as of :meth:`of_box`."""
         return supported(lambda: bad.shape_lines(self.ground, self.epsilon, shape, **self._conduct))
 
     def of_region(self, region: Region) -> list[Line]:
-        """That a region is the whole envelope; errors as of :meth:`of_box`."""
+        """Certify that a region is the whole envelope; errors as of :meth:`of_box`."""
         ground, epsilon, deadline = self.ground, self.epsilon, self.deadline
         if isinstance(region, LiftedRegion) and not region.is_empty:
             lines = supported(lambda: bad.lifted_lines(ground, epsilon, region, deadline=deadline))
@@ -119,7 +119,7 @@ class PlanCertificate:
 def knowledge(
     network: Path, epsilon: Fraction, deadline: Deadline, assumed: Mapping[str, str] = NO_CHOICES
 ) -> list[Line]:
-    """That a plan with choices has no correct execution, perhaps with some of its choices as assumed.
+    """Certify that a plan with choices has no correct execution, perhaps with some of its choices as assumed.
 
     Raises:
         RefutedError: if it has one.
@@ -142,7 +142,7 @@ def knowledge(
 def execution(
     network: Path, epsilon: Fraction, scenario: Mapping[str, str], schedule: Mapping[str, Fraction]
 ) -> list[Line]:
-    """That these choices and times are a correct execution of a plan with choices; errors of files as of
+    """Certify that choices and times are a correct execution of a plan with choices; errors of files as of
     :func:`knowledge`."""
     stated = stated_choices(network, epsilon)
     values = [values.index(scenario[name]) for name, values in stated.domains.items()]

@@ -250,7 +250,7 @@ def good_lines(
     deadline: Deadline,
     on_obligation: Progress | None = None,
 ) -> list[Line]:
-    """That all values in a box, and within other sides, have a schedule, and none that breaks an obligation.
+    """Lines that say all values in a box, and within other sides, have a schedule, and none that breaks an obligation.
 
     Raises:
         RefutedError: if an obligation breaks somewhere there.
@@ -285,7 +285,7 @@ def _require_schedules(ground: Ground, box: Box) -> None:
 
 
 def schedule_lines(formulas: Formulas, region: Sequence[Fact], times: Mapping[str, Linear]) -> list[Line]:
-    """That a schedule keeps the network all over a region."""
+    """Lines that say a schedule keeps the network all over a region."""
     finder = Multiples(region)
     kept = [sums(finder.of(slack)) for slack in placed(formulas, times)]
     return [["schedule", *(texts(times[point]) for point in formulas.free())], ["kept", *kept]]

@@ -22,7 +22,7 @@ COMMANDS: dict[str, Command | Group] = {
     "check": Command("Is a plan valid for every schedule it allows?", "robust.cli.plans:check"),
     "envelope": Command("How far may parameters deviate?", "robust.cli.plans:envelope"),
     "region": Command("All parameter values for which a plan is valid.", "robust.cli.plans:region"),
-    "compare": Command("The exact region beside all boxes: IRR, CCMMZ and exact ones.", "robust.cli.plans:compare"),
+    "compare": Command("Compare boxes of IRR, CCMMZ and exact methods with the region.", "robust.cli.plans:compare"),
     "risk": Command("How likely does a plan succeed?", "robust.cli.plans:risk"),
     "rank": Command("Which of several plans of one problem bears most?", "robust.cli.plans:rank"),
     "learn": Command("How long do actions take, by logs of their runs?", "robust.cli.plans:learn"),

@@ -313,7 +313,7 @@ class _Server:
         from robust.pike_bridge.online.service import Journal, Service
 
         if sys.stdin is None:  # closed by the caller, as in `robust ... <&-`
-            raise InputError("found no standard input, expected lines of JSON", Location("--stdio"))
+            raise InputError("standard input is closed; send lines of JSON", Location("--stdio"))
         self._reader = LineReader(sys.stdin.fileno())
         sys.stdout.flush()
         self._writer = LineWriter(sys.stdout.fileno(), lambda: self._run.guard.cause is not None, self._deadline)

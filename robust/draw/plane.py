@@ -81,7 +81,7 @@ def shown_axes(plan: model.ParametrizedPlan, axes: Sequence[str]) -> tuple[str, 
     """
     known = [parameter.name for parameter in plan.parameters]
     if not known:
-        raise InputError("found a plan without parameters, expected one or more to draw", place_of("plot"))
+        raise InputError("the plan has no parameters to draw; name some with --parameter", place_of("plot"))
     _require_known(axes, known)
     if len(axes) > 2 or len(set(axes)) < len(axes):
         raise InputError(f"found {','.join(axes)}, expected one or two different parameters", place_of("axes"))

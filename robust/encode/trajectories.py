@@ -19,7 +19,7 @@ from robust.smt.session import Formula, Terms
 
 
 class Positions:
-    """Who is where, and when each position is.
+    """Which time point has which position, and the time of each position.
 
     What `known` says of the order is taken as given: whoever asserts :meth:`axioms` asserts what it was learnt from.
     """

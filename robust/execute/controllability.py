@@ -124,7 +124,7 @@ class Controllability:
         return boxes.shrink(self.plan.parameters, self.box, wanted)
 
     def waits(self) -> tuple[Wait, ...]:
-        """The waits of a dynamically controllable box; none where one schedule suits all values.
+        """The waits of a dynamically controllable box; none where one schedule is valid for all values.
 
         Raises:
             InputError: if a contingent link may end before it starts, or a requirement is infinitely strong.
@@ -141,7 +141,7 @@ class Controllability:
         return not _is_exact(self.network, ends) and bool(self._obstacle(ends)) and self.strong_answer().is_controllable
 
     def strong_answer(self) -> boxes.StrongAnswer:
-        """The one schedule that suits all values, or why there is none."""
+        """The one schedule that is valid for all values, or why there is none."""
         return boxes.strong(self.network, boxes.ends_of(self.box))
 
     # -- verdicts ------------------------------------------------------------------------------------------------------

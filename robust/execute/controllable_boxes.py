@@ -323,7 +323,7 @@ class StrongAnswer(presented.NoTruthValue, ask="is_controllable"):
 
 
 def strong(network: ParametricStnu, ends: Ends) -> StrongAnswer:
-    """The earliest schedule that suits all parameter values in a box with these ends, or why there is none."""
+    """The earliest schedule that is valid for all parameter values in a box with these ends, or why there is none."""
     needed = network.differences
     endless = frozenset(face for need in needed for face, _ in need.form.coefficients() if ends[face] is None)
     if endless:

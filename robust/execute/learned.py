@@ -170,7 +170,7 @@ class _OrderStatistic(NamedTuple):
 
 @lru_cache(maxsize=1024)
 def _order_statistic(runs: int, cover: Fraction, confidence: Fraction) -> _OrderStatistic:
-    """The least order statistic of so many runs that covers a share of future ones with some confidence."""
+    """The least order statistic of a number of runs that covers a share of future ones with some confidence."""
     with localcontext() as context:
         context.prec, context.rounding = _PRECISION, ROUND_FLOOR
         doubt = Decimal(confidence.denominator - confidence.numerator) / confidence.denominator

@@ -1,4 +1,4 @@
-"""Every method on one plan: the exact envelope beside the boxes, how much of it they cover, and what stops them."""
+"""Every method on one plan: the exact envelope and the boxes, how much of it they cover, and what stops them."""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress

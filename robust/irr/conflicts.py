@@ -81,7 +81,7 @@ class MasterProblem(ABC, Generic[CostT]):
 
     @abstractmethod
     def cheaper(self, cost: CostT) -> Formula:
-        """That a point costs less."""
+        """The formula that a point costs less."""
 
     @abstractmethod
     def symbols(self) -> Iterable[str]:

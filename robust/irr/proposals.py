@@ -225,7 +225,7 @@ class SlackPlan:
         known.exact |= exact
 
     def requirements(self, *, exact: bool = False) -> list[SlackRequirement]:
-        """Of all requirements between the same points the one that says most, perhaps only of those that are exact."""
+        """The strongest requirement between each pair of points, perhaps only among those that are exact."""
         strongest: dict[tuple[int, int], SlackRequirement] = {}
         for requirement in self._requirements.values():
             pair = (requirement.source, requirement.target)
@@ -236,7 +236,7 @@ class SlackPlan:
         return list(strongest.values())
 
     def open_requirements(self) -> list[SlackRequirement]:
-        """Those requirements that some movement may break."""
+        """The requirements that some movement may break."""
         return [r for r in self.requirements() if not self._certain.at_least(r.source, r.target, r.weight)]
 
     @cached_property

@@ -42,7 +42,7 @@ class ConvertCommand(
 
 
 class Planners(declare.Options):
-    """Who is asked for plans while one is executed, and for how long."""
+    """The planners that are asked for plans while one is executed, and their time limit."""
 
     planner: str | None = declare.option(
         None, "planner for plans and re-plans: aries, kairos or command:TEMPLATE", metavar="NAME"
@@ -115,7 +115,7 @@ class WatchCommand(Planners, verbs.AskCommand):
     )
     lateness: Number = declare.option(
         "0",
-        "how late messages may come, in the plan's unit of time: what was not heard of may have happened so long ago",
+        "how late messages may come, in the plan's unit of time: an event not yet reported may be this old",
         metavar="T",
         read=declare.not_negative,
     )
@@ -168,18 +168,18 @@ class CertifyCommand(verbs.FromSteps, verbs.PlanParameters, verbs.SearchOptions,
     def check_combinations(self, given: Collection[str]) -> None:
         if len(self.files) == 1:
             if self.alethe is not None:
-                raise InputError("found --alethe with a plan with choices; expected it with DOMAIN PROBLEM PLAN")
+                raise InputError("--alethe does not apply to plans with choices; give DOMAIN PROBLEM PLAN")
             if self.kind not in {None, *WITH_CHOICES}:
-                raise InputError(f"found --kind {self.kind} with a plan with choices; expected execution or knowledge")
+                raise InputError(f"--kind {self.kind} does not apply to plans with choices; use execution or knowledge")
             return
         kind = self.kind or "plan"
         if kind in WITH_CHOICES or self.assume:
             word = "--assume" if self.assume else f"--kind {kind}"
-            raise InputError(f"found {word} with DOMAIN PROBLEM PLAN; expected it with a plan with choices")
+            raise InputError(f"{word} applies only to a plan with choices; give its .tpnu.json file")
         if kind in {"plan", "shape", "region"} and self.box is not None:
-            raise InputError(f"found --box with --kind {kind}; expected it with box or maximal")
+            raise InputError(f"--box needs --kind box or maximal, not {kind}")
         if kind in {"shape", "region"} and self.alethe is not None:
-            raise InputError(f"found --alethe with --kind {kind}; expected it with plan, box or maximal")
+            raise InputError(f"--alethe needs --kind plan, box or maximal, not {kind}")
 
 
 class VerifyCommand(verbs.Separation, verbs.Limited, verbs.Json):
@@ -197,7 +197,7 @@ class VerifyCommand(verbs.Separation, verbs.Limited, verbs.Json):
     )
     assume: tuple[str, ...] = declare.option(
         (),
-        "fail unless an execution with this choice is established, or that there is none with it; may be repeated",
+        "fail unless the certificate establishes an execution with this choice, or that there is none; may be repeated",
         metavar="NAME=VALUE",
         many=True,
     )
@@ -370,7 +370,7 @@ class BatchCompareOptions(BatchOptions):
     doubling: bool = declare.option(True, "double the steps of IRR until the first failure, as in its published runs")
     region: str | None = declare.option(
         None,
-        "also compute the exact region of each plan, with which CCMMZ begins, by this quantifier-elimination back end",
+        "also compute the exact region of each plan, the first step of CCMMZ, with this elimination back end",
         choices=OFFERED,
     )
 

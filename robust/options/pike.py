@@ -117,7 +117,7 @@ class PikeCheckCommand(PikeCheckOptions, CrossOptions, PikeCommand):
     def check_combinations(self, given: Collection[str]) -> None:
         for name in ("cross", "backend", "all_scenarios", "temporal") if self.patience else ():
             if name in given:
-                raise InputError("found together with --patience, expected without", place_of(name))
+                raise InputError("cannot be combined with --patience; choose one", place_of(name))
 
 
 class ChanceOptions(Compiled, Assuming):
@@ -296,7 +296,7 @@ class PikeRunCommand(PikeRunOptions, PikeCommand):
                 reason = "found together with --stdio, expected without: nothing is simulated then"
                 raise InputError(reason if self.stdio else "expected only together with --stdio", place_of(name))
         if self.rate is not None and self.clock != "real":
-            raise InputError("found a rate, expected none unless with --clock real", place_of("rate"))
+            raise InputError("needs --clock real", place_of("rate"))
         super().check_combinations(given)
 
 

@@ -275,8 +275,7 @@ class Demands(declare.Options):
 
     deadline: Number | None = declare.option(
         None,
-        "every action must end by T, or for +P% by P per cent after the planned end; schedules that end later are not "
-        "allowed",
+        "every action must end by T, or, with +P%, by P per cent after the planned end; later schedules are invalid",
         metavar="T",
         rank=PARAMETERS,
     )
@@ -589,7 +588,7 @@ class LearnOptions(declare.Options):
     )
     confidence: Number = declare.option("0.95", "confidence with which it does", metavar="C", read=declare.proper_share)
     pool: bool = declare.option(False, "take all ground instances of an action together")
-    domain: str | Path | None = declare.path_option("PDDL domain whose actions are the only ones that may be in logs")
+    domain: str | Path | None = declare.path_option("PDDL domain; logs may contain no other actions")
 
 
 class LearnCommand(LearnOptions, Output):
@@ -636,5 +635,5 @@ class ValidateCommand(ValidateOptions, Output):
 
     def check_combinations(self, given: Collection[str]) -> None:
         if (self.suite is None and not self.plans) or (self.suite is not None and self.domain is not None):
-            fault = "no plan" if self.suite is None else "files beside --list"
-            raise InputError(f"found {fault}, expected DOMAIN PROBLEM PLAN..., or else --list FILE")
+            fault = "no plan is named" if self.suite is None else "files cannot be combined with --list"
+            raise InputError(f"{fault}; give DOMAIN PROBLEM PLAN..., or --list FILE")

@@ -57,17 +57,17 @@ def of(value: Fraction) -> Enclosure:
 
 
 def product(left: Enclosure, right: Enclosure) -> Enclosure:
-    """Of two numbers that are not negative."""
+    """The product of two numbers that are not negative."""
     return left[0] * right[0] >> BITS, -(-left[1] * right[1] >> BITS)
 
 
 def quotient(left: Enclosure, right: Enclosure) -> Enclosure:
-    """Of two numbers that are not negative, the second above 0."""
+    """The quotient of two numbers that are not negative, the second above 0."""
     return ratio_down(left[0], right[1]), ratio_up(left[1], right[0])
 
 
 def difference(left: Enclosure, right: Enclosure) -> Enclosure:
-    """Of two numbers, the second not greater than the first."""
+    """The difference of two numbers, the second not greater than the first."""
     return max(0, left[0] - right[1]), max(0, left[1] - right[0])
 
 

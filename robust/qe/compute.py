@@ -618,7 +618,7 @@ class Causes:
 
     @cached_property
     def obligations(self) -> list[Obligation]:
-        """Those that can break in some schedule."""
+        """The obligations that can break in some schedule."""
         return [obligation for obligation in self._encoding.obligations if obligation.violation is not None]
 
     @cached_property

@@ -83,7 +83,7 @@ def _at_least(count: int, points: int, chance: float) -> float:
 def volumes(
     base: Polyhedron, bad: Sequence[Conjunction], good: Sequence[Polyhedron]
 ) -> tuple[Fraction, Fraction] | None:
-    """Of what is not bad, and of what is good; None where that is not finite or takes too long."""
+    """The volumes of what is not bad, and of what is good; None where that is not finite or takes too long."""
     if len(base.parameters) > EXACT_DIMENSION or len(bad) + len(good) > EXACT_PIECES:
         return None
     whole, proved = base.volume(), union_volume(good)

@@ -527,7 +527,7 @@ class FactorSearch:
 
     @property
     def volumes(self) -> tuple[Fraction, Fraction, Fraction] | None:
-        """Of the box, of what is not bad there, and of what is good; None where that takes too long."""
+        """The volumes of the box, of what is not bad there, and of what is good; None where that takes too long."""
         whole = Polyhedron.of_box(self._parameters, self.box)
         inside = self._base.intersection(whole)
         good = [inside] if self.done else [inside.intersection(cell) for cell in self.good]

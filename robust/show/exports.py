@@ -70,7 +70,7 @@ class Overrun:
 
 @dataclass(frozen=True, slots=True)
 class ActionOverrun:
-    """Of all instances of an action: the least share, or None if none of them limits it.
+    """The least share of all instances of an action, or None if none of them limits it.
 
     `decisive` is the instance whose share that is, and `closed` whether the share itself is proved.
     """
@@ -143,7 +143,7 @@ def _overrun(
 
 @dataclass(slots=True)
 class Limits:
-    """What a duration is at most, and at least."""
+    """The greatest and the least value of a duration."""
 
     most: list[Limit] = field(default_factory=list)
     least: list[Limit] = field(default_factory=list)

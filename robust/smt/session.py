@@ -374,7 +374,7 @@ class Z3(Backend):
         return verdict
 
     def values(self, symbols: Iterable[Formula]) -> dict[str, Value]:
-        """As for all, from one copy of the model of each check: pySMT would make two for each symbol."""
+        """Values of symbols, from one copy of the model of each check: pySMT would make two for each symbol."""
         import z3  # noqa: PLC0415 - slow to import
 
         if self._model is None:
@@ -531,7 +531,7 @@ class Session:
                 self.statistics.nodes += self.terms.size(formula)
 
     def add_all(self, formulas: Iterable[Formula], deadline: Deadline) -> None:
-        """As :meth:`add` for many formulas, whose translation may take long.
+        """Add many formulas, whose translation may take long, as :meth:`add` does.
 
         Raises:
             OutOfTimeError: if the deadline passes; the session is not to be used after that.

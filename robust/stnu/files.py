@@ -364,7 +364,7 @@ def _without_labels(edge: _Element) -> None:
                 raise _observes(key, text, place)
             plain, value = ("LabeledValue", f"{case}({rest[0]}):{rest[1]}") if case else ("Value", rest[0])
             if edge.data.setdefault(plain, (value, place))[0] != value:
-                raise InputError(f"found {key} beside a {plain} that differs, expected one of them", place)
+                raise InputError(f"found {key} and a different {plain}, expected one of them", place)
 
 
 def _links(edges: Sequence[_Element], nodes: Collection[str]) -> tuple[Link, ...]:

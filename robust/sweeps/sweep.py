@@ -384,7 +384,7 @@ def run_sweep(
     if jobs < 1:
         raise InputError(f"jobs is {jobs}; expected at least 1")
     if cluster is not None and jobs > 1:
-        raise InputError(f"found both jobs {jobs} and cluster {cluster!r}, expected one of them")
+        raise InputError(f"jobs {jobs} cannot be combined with cluster {cluster!r}; choose one")
     distinct = {key_of(work, task): task for task in tasks}
     failures: list[TaskFailure] = []
 

@@ -153,7 +153,7 @@ def test_a_line_that_is_too_long_changes_nothing_and_nothing_is_done_without_inp
     assert (ended.code, ended.out, ended.err) == (3, "", "robust: out of time\n")
     ended = ran("bash", "-c", 'exec "$@" <&-', "-", *COMMAND, "pike", "run", KITCHEN, "--stdio")
     assert (ended.code, ended.out) == (2, "")
-    assert ended.err == "robust: error: --stdio: found no standard input, expected lines of JSON\n"
+    assert ended.err == "robust: error: --stdio: standard input is closed; send lines of JSON\n"
 
 
 @pytest.mark.parametrize("clock", ["given", "real"])

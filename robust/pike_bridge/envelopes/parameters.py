@@ -103,7 +103,7 @@ class ParametricPlan:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the parameters."""
+        """The names of the parameters."""
         return tuple(parameter.name for parameter in self.parameters)
 
     @property

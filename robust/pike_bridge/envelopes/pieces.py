@@ -69,7 +69,7 @@ class _Weight(NamedTuple):
     origins: tuple[int, ...]
 
     def then(self, other: _Weight) -> _Weight:
-        """Of a path along both edges."""
+        """The weight of a path along both edges."""
         form = tuple([a + b for a, b in zip(self.form, other.form, strict=True)])
         return _Weight(form, self.strict or other.strict, self.origins + other.origins)
 

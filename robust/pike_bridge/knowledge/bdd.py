@@ -60,7 +60,7 @@ class BinaryDiagrams:
                 self._values[model.Assignment(variable, value)] = self.manager.cube(self._code(variable, number))
 
     def valid(self, variable: str) -> Node:
-        """That the digits are the number of some value."""
+        """The formula that the digits are the number of some value."""
         values = (self._values[model.Assignment(variable, value)] for value in self._domains[variable])
         return reduce(or_, values, self.manager.false)
 
@@ -69,7 +69,7 @@ class BinaryDiagrams:
         return reduce(and_, map(self._values.__getitem__, assignments), self.manager.true)
 
     def excluded(self, conflict: model.Guard) -> Node:
-        """That not all assignments of a conflict hold."""
+        """The formula that not all assignments of a conflict hold."""
         return ~self.environment(conflict)
 
     def formula(self, formula: Formula) -> Node:

@@ -66,11 +66,11 @@ class Functions:
         return number
 
     def assigned(self, variable: int, number: int) -> int:
-        """That a variable has a value."""
+        """The function that is true where a variable has a value."""
         return self.branch(variable, tuple(int(each == number) for each in range(self.sizes[variable])))
 
     def excluded(self, environment: Iterable[Choice]) -> int:
-        """That not all assignments of a consistent environment hold."""
+        """The function that is true where not all assignments of a consistent environment hold."""
         function = FALSE
         for variable, number in sorted(environment, reverse=True):
             parts = [TRUE] * self.sizes[variable]
@@ -79,7 +79,7 @@ class Functions:
         return function
 
     def some(self, environments: Iterable[Collection[Choice]], deadline: Deadline = NEVER) -> int:
-        """That all assignments of at least one environment hold."""
+        """The function that is true where all assignments of at least one environment hold."""
 
         def step(remaining: frozenset[tuple[Choice, ...]]) -> int | list[frozenset[tuple[Choice, ...]]]:
             if () in remaining or not remaining:
@@ -221,7 +221,7 @@ class Functions:
         return None
 
     def count(self, function: int, deadline: Deadline = NEVER) -> int:
-        """Of how many assignments to all variables a function is true."""
+        """The number of assignments to all variables for which a function is true."""
         return count_models(
             function,
             {FALSE: 0, TRUE: 1},
@@ -252,7 +252,7 @@ def count_models(
     sizes: Sequence[int],
     deadline: Deadline,
 ) -> int:
-    """Of how many assignments to all variables a function is true, which may be of any kind of diagram.
+    """The number of assignments to all variables for which a function, a diagram of any kind, is true.
 
     Args:
         known: the counts of the constants.

@@ -337,7 +337,7 @@ class _Reduction:
     possible: dict[str, set[str]]
 
     def conflicts(self, conflicts: Iterable[Guard]) -> Iterator[Guard]:
-        """Those that are not resolved, without assignments that hold anyway."""
+        """The conflicts that are not resolved, without assignments that hold anyway."""
         for environment in conflicts:
             if all(value in self.possible[variable] for variable, value in environment):
                 yield frozenset(assignment for assignment in environment if len(self.possible[assignment.variable]) > 1)

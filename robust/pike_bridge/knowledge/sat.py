@@ -51,7 +51,7 @@ class Propositions:
         return self.terms.conjunction(map(self._assignment, sorted(conjunction)))
 
     def excluded(self, environment: Guard) -> Term:
-        """That not all assignments of an environment hold."""
+        """The formula that not all assignments of an environment hold."""
         return self.terms.negation(self.guard(environment))
 
     def unless(self, guard: Guard, consequence: Term) -> Term:

@@ -29,7 +29,7 @@ LONGEST_LINE = 2**20
 
 
 def read_text(path: str | os.PathLike[str], most: int = LARGEST) -> str:
-    """The text of an input file of at most so many bytes: UTF-8 with or without a byte order mark, any line ends.
+    """The text of an input file, limited in bytes: UTF-8 with or without a byte order mark, any line ends.
 
     Raises:
         InputError: if the file cannot be read, is too large or is no text.
