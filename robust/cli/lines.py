@@ -56,6 +56,11 @@ class LineReader:
             self._ended = not chunk
             self._pending += chunk
 
+    def wait(self, seconds: float) -> bool:
+        """Whether something has come by then that was not read, or the input has ended."""
+        ready = b"\n" in self._pending or self._ended
+        return ready or bool(select.select([self._descriptor], [], [], seconds)[0])
+
 
 class LineWriter:
     """Writes JSON objects to a file descriptor, a line for each.

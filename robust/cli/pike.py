@@ -9,7 +9,7 @@ import gc
 import queue
 import sys
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from fractions import Fraction
 from functools import partial
 from math import floor
@@ -266,9 +266,11 @@ def new(options: asking.PikeNewCommand, run: Run) -> int:
 
 
 if TYPE_CHECKING:
+    from robust.cli.page import PageServer
     from robust.execute.drive import WallClock
     from robust.options.pike import PikeRunCommand
     from robust.pike_bridge.model import TeamPlan
+    from robust.pike_bridge.online.executive import PlanExecutive
     from robust.pike_bridge.online.service import Request
 
     Inbox = queue.SimpleQueue[tuple[Fraction, Request] | OSError | None]
@@ -333,11 +335,14 @@ class _Server:
             thinking=lambda: self._run.working(self._on_stuck),
             tolerance=Fraction(0) if self._rate is None else _TOLERANCE / self._rate,
         )
+        self._page = _TeamPage.asked_for(self._run, options, plan)
         gc.freeze()  # garbage collection looks at nothing of this again, so that its pauses are short
         self._deadline.enforce()
 
     def close(self) -> None:
         """Let others have the journal."""
+        if self._page is not None:
+            self._page.server.close()
         if self._journal is not None:
             self._journal.close()
 
@@ -372,6 +377,20 @@ class _Server:
         """Write an answer, object by object as it becomes known."""
         for answer in answers:
             self._writer.write(answer)
+            if self._page is not None:
+                self._page.note(answer)
+        if self._page is not None:
+            self._page.show(self._service.executive)
+
+    def _ponder(self, is_waited_for: Callable[[], bool]) -> None:
+        """Where nobody waits for an answer, find out for the page which values choices may still have."""
+        executive = self._service.executive
+        while self._page is not None and not is_waited_for():
+            choice = self._page.unknown(executive)
+            if choice is None:
+                return
+            self._page.learn(choice, executive.possible_values(choice))
+            self._page.show(executive)
 
     def _read(self) -> Request | None:
         """The next request that is not an empty line; None at the end of the input."""
@@ -392,6 +411,8 @@ class _Server:
     def _serve_given_time(self) -> None:
         while True:
             with self._run.working():
+                while self._page is not None and not self._reader.wait(_LOOK):
+                    self._ponder(lambda: self._reader.wait(0))
                 request = self._read()
             if request is None:
                 return
@@ -420,6 +441,8 @@ class _Server:
                 arrived = inbox.get(timeout=_LOOK if wake is None else min(_LOOK, max(0, clock.seconds_until(wake))))
             except queue.Empty:
                 self._announce(self._service.due(on_grid(clock.now())))
+                with self._run.working(self._on_stuck):
+                    self._ponder(lambda: not inbox.empty())
                 continue
             match arrived:
                 case OSError():
@@ -449,3 +472,55 @@ class _Server:
         """A solver does not heed the signal: the answer comes from another thread, and the process ends."""
         self._end(self._run.guard.why().value)
         return True
+
+
+class _TeamPage:
+    """What the page shows of a plan with choices."""
+
+    def __init__(self, server: PageServer, rate: Fraction | None) -> None:
+        from robust.draw.live import LastWords
+
+        self.server, self._rate, self._words = server, rate, LastWords()
+        self._possible: dict[str, tuple[str, ...]] = {}
+        self._known_of: object = None
+
+    @classmethod
+    def asked_for(cls, run: guard.Run, options: PikeRunCommand, plan: TeamPlan) -> _TeamPage | None:
+        """The page that options ask for, if they do."""
+        if options.page is None:
+            return None
+        from robust.cli.page import page_for
+
+        rate = Fraction(options.rate or 1) if options.clock == "real" else None
+        return cls(page_for(run, options.page, options.page_host, f"{plan.name}: what is still possible"), rate)
+
+    def note(self, answer: Mapping[str, Any]) -> None:
+        """Keep what an answer says."""
+        from robust.draw.live import words_of
+
+        said = words_of(answer)
+        if said is not None:
+            self._words.add(Fraction(answer.get("time") or 0), *said)
+
+    def unknown(self, executive: PlanExecutive) -> str | None:
+        """An open choice of which it is not known what is still possible; None if nobody wants to know."""
+        if executive.ended or not self.server.is_watched:
+            return None
+        open_choices = (name for name in executive.plan.network.domains if name not in executive.progress.chosen)
+        return next((name for name in open_choices if name not in self._possible), None)
+
+    def learn(self, choice: str, values: tuple[str, ...]) -> None:
+        """Which values are possible now."""
+        self._possible[choice] = values
+
+    def show(self, executive: PlanExecutive) -> None:
+        """Show how things are now; what was possible before may not be so any more."""
+        from robust.draw.live import TeamMoment
+
+        progress = executive.progress
+        state = (progress.now, len(progress.times), len(progress.chosen))
+        if state != self._known_of:
+            self._known_of = state
+            self._possible.clear()
+        moment, words = TeamMoment.of(executive, self._possible), self._words.newest_first
+        self.server.show(lambda: moment.shown(self._rate, words))

@@ -20,6 +20,7 @@ from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 if TYPE_CHECKING:
     from robust.cli.guard import Run
+    from robust.cli.page import PageServer
     from robust.execute.drive import WallClock
     from robust.execute.monitor import Monitor, MonitorMessage, Outlook
     from robust.execute.situation import NewPlan
@@ -54,7 +55,12 @@ def watch(options: WatchCommand, run: Run) -> int:
     if sys.stdin is None:  # closed by the caller
         raise InputError("found no standard input, expected lines of JSON", Location("stdin"))
     path = options.journal
-    server = _WatchServer(options, run, monitor, replanning)
+    page = None
+    if options.page is not None:
+        from robust.cli.page import page_for
+
+        page = page_for(run, options.page, options.page_host, f"{plan.name}: what is ahead")
+    server = _WatchServer(options, run, monitor, replanning, page)
     if path is not None:
         server.journal = run.only(lambda: read_journal(path, plan, options.separation, server.resume))
     try:
@@ -62,6 +68,8 @@ def watch(options: WatchCommand, run: Run) -> int:
     except BrokenPipeError as error:
         output.drop_output(error)
     finally:
+        if page is not None:
+            page.close()
         if server.journal is not None:
             server.journal.close()
     prospect = server.monitor.outlook().prospect.value
@@ -71,7 +79,9 @@ def watch(options: WatchCommand, run: Run) -> int:
 class _WatchServer:
     """Answers one message after the other; other plans arrive in another thread, between two of them."""
 
-    def __init__(self, options: WatchCommand, run: Run, monitor: Monitor, replanning: Replanning) -> None:
+    def __init__(
+        self, options: WatchCommand, run: Run, monitor: Monitor, replanning: Replanning, page: PageServer | None
+    ) -> None:
         self._options, self._run, self.monitor, self._replanning = options, run, monitor, replanning
         self.journal: RecordFile | None = None
         self._deadline = Deadline.after(run.remaining)
@@ -81,6 +91,7 @@ class _WatchServer:
         self._busy = threading.RLock()
         self._before: Outlook | None = None
         self._failure: BaseException | None = None
+        self._page = None if page is None else _WatchPage(page, options)
 
     def resume(self, line: Object) -> None:
         """Take a record of the journal."""
@@ -136,8 +147,10 @@ class _WatchServer:
     def _say(self, outlook: Outlook, news: Mapping[str, Any] | None = None) -> None:
         from robust.show.execution import outlook_line
 
-        self._before = outlook
+        before, self._before = self._before, outlook
         self._writer.write(outlook_line(outlook, self._options.numbers, self._options.coming, news))
+        if self._page is not None:
+            self._page.show(self.monitor, outlook, before, news)
 
     def _answer(self, heard: Heard) -> None:
         from robust.execute.monitor import MessageKind, Prospect
@@ -164,6 +177,8 @@ class _WatchServer:
         from robust.show.execution import not_a_message
 
         self._writer.write(not_a_message(error))
+        if self._page is not None:
+            self._page.complain(self.monitor, error)
 
     # -- other plans ---------------------------------------------------------------------------------------------------
 
@@ -272,6 +287,42 @@ class _WatchServer:
             if isinstance(heard, OSError):
                 raise heard
             self._answer(heard)
+
+
+class _WatchPage:
+    """What the page shows of a plan that is watched."""
+
+    def __init__(self, page: PageServer, options: WatchCommand) -> None:
+        from robust.draw.live import LastWords
+
+        self._page, self._words = page, LastWords()
+        self._rate = Fraction(options.rate or 1) if options.clock == "real" else None
+        self._outlook: Outlook | None = None
+
+    def show(self, monitor: Monitor, outlook: Outlook, before: Outlook | None, news: Mapping[str, Any] | None) -> None:
+        """Show what is ahead; where nothing is, what was ahead before."""
+        from robust.draw.live import KINDS, of_broken
+
+        if outlook.refused is not None:
+            self._words.add(outlook.time, f"refused: {outlook.refused}", "open")
+        if before is not None and outlook.prospect is not before.prospect:
+            self._words.add(outlook.time, outlook.prospect.value, KINDS[outlook.prospect.value])
+        if news is not None:
+            self._words.add(outlook.time, f"another plan: {news['status']} {news.get('reason', '')}".strip())
+        self._outlook = of_broken(outlook, self._outlook)
+        self._show(monitor)
+
+    def complain(self, monitor: Monitor, error: str) -> None:
+        """Show that a line was no message."""
+        self._words.add(monitor.time, error, "bad")
+        self._show(monitor)
+
+    def _show(self, monitor: Monitor) -> None:
+        from robust.draw.live import watched
+
+        outlook, ended, words = self._outlook, monitor.ended, self._words.newest_first
+        if outlook is not None:
+            self._page.show(lambda: watched(outlook, ended, self._rate, words))
 
 
 def _on_grid(time: Fraction) -> Fraction:

@@ -31,7 +31,9 @@ from robust.show.text import Words
 from robust.sweeps.batch import Batch, BatchRow, PlanRun
 
 
-def self_contained(title: str, body: str, *, scripts: Sequence[str] = (), data: Mapping[str, Any] | None = None) -> str:
+def self_contained(
+    title: str, body: str, *, scripts: Sequence[str] = (), data: Mapping[str, Any] | None = None, connects: bool = False
+) -> str:
     """A whole page.
 
     Args:
@@ -39,11 +41,16 @@ def self_contained(title: str, body: str, *, scripts: Sequence[str] = (), data: 
         body: as HTML, in which names from files are escaped.
         scripts: files of `robust/draw/web`, in the order in which they are run.
         data: what the scripts read from the element `data`, as JSON.
+        connects: whether the scripts ask the server that the page comes from.
     """
     parts = [] if data is None else [f'<script type="application/json" id="data">{_json(data)}</script>']
     parts += [f"<script>\n{part(name)}</script>" for name in scripts]
     return Template(part("page.html")).substitute(
-        title=escape(title), style=_palette() + part("page.css"), body=body, scripts="\n".join(parts)
+        title=escape(title),
+        style=_palette() + part("page.css"),
+        body=body,
+        scripts="\n".join(parts),
+        connects="; connect-src 'self'" if connects else "",
     )
 
 

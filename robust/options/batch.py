@@ -100,7 +100,7 @@ class ExecuteCommand(
             raise InputError("give PLAN or --planner: without either there is no plan to execute")
 
 
-class WatchCommand(Planners, verbs.AskCommand):
+class WatchCommand(Planners, verbs.Paged, verbs.AskCommand):
     """Options of `robust watch`."""
 
     clock: str = declare.option(

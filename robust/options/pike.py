@@ -23,7 +23,7 @@ from robust.options.declare import (
     setting,
     share,
 )
-from robust.options.verbs import Force, Output, Separation, SliceOptions, Solving
+from robust.options.verbs import Force, Output, Paged, Separation, SliceOptions, Solving
 
 if TYPE_CHECKING:
     from robust.pike_bridge.online.world import Disturbance, ExecutionStep
@@ -183,7 +183,7 @@ def _margin(value: Number, place: Location) -> Fraction | None:
 
 EAGER = "eager"
 _SIMULATED = ("human", "pace", "outcome", "disturb", "delay", "seed", "infer", "plot")
-_SERVED = ("journal", "clock", "rate")
+_SERVED = ("journal", "clock", "rate", "page")
 
 
 class StoryOptions(Options):
@@ -270,7 +270,7 @@ class PikeRunOptions(StoryOptions, Solving):
         return None if self.patience is None else Fraction(self.patience)
 
 
-class PikeRunCommand(PikeRunOptions, PikeCommand):
+class PikeRunCommand(PikeRunOptions, Paged, PikeCommand):
     """Options of `robust pike run`."""
 
     stdio: bool = option(False, "serve a real team through lines of JSON instead of simulating one")

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from robust import backends
 from robust.errors import InputError, Location
-from robust.numbers import Number
+from robust.numbers import Number, exact, shorten
 from robust.options import declare
 
 if TYPE_CHECKING:
@@ -268,6 +268,32 @@ class PlanFiles(Planning):
 
 
 WIDTHS = ("equal", "relative")
+
+
+def port(value: int | str, place: Location) -> int:
+    """InputError unless it can be the number of a port."""
+    number = exact(value, place)
+    if number.denominator != 1 or not 0 <= number < 1 << 16:
+        raise InputError(f"found {shorten(str(value))}, expected a port from 0 to 65535", place)
+    return int(number)
+
+
+class Paged(declare.Options):
+    """A page that shows what runs."""
+
+    page: int | None = declare.option(
+        None, "show the run on a page at http://127.0.0.1:PORT; 0 takes any free port", metavar="PORT", read=port
+    )
+    page_host: str = declare.option(
+        "127.0.0.1",
+        "with --page: the address it is served at; 0.0.0.0 shows it to all who can reach this machine",
+        metavar="HOST",
+    )
+
+    def check_combinations(self, given: Collection[str]) -> None:
+        if "page_host" in given and self.page is None:
+            raise InputError("expected only together with --page", declare.place_of("page_host"))
+        super().check_combinations(given)
 
 
 class Demands(declare.Options):
