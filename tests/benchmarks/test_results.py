@@ -128,15 +128,8 @@ def table(experiment: Any = TABLE1, **more: Any) -> dict[str, Any]:
     )
     rows = tuple(replace(one, column=report.DESIGN.columns[0]) for one in rows)
     options = experiment.options(problems=2, seed=7, executors=(DREEX, "blex:0", "blex:60"))
-    facts = {
-        "planner": "aries",
-        "planner_s": 14.0,
-        "drain": False,
-        "battery": None,
-        "problems": 2,
-        "runs": 1,
-        "seed": 7,
-    }
+    facts = {"planner": "aries", "planner_s": 14.0, "drain": False, "battery": None}
+    facts |= {"problems": 2, "runs": 1, "seed": 7}
     answer: dict[str, Any] = report(experiment, options, facts | more, rows).as_dict()
     return answer
 

@@ -302,7 +302,7 @@ def _choices(instance, by=CHECKER):
 NUMBERS = [
     0, 1, -1, 2, 3, 7, -2, 10**20, "0", "1", "-1", "1/2", "1000", "2/4", True, False, None, 1.5, [], {},
 ]  # fmt: skip
-KINDS = (
+KINDS = [
     "orders",
     "schedule",
     "kept",
@@ -316,7 +316,7 @@ KINDS = (
     "rest",
     "network",
     "every",
-)
+]
 
 
 def invented(random, depth=0):

@@ -210,16 +210,8 @@ class _Change:
     def __init__(self, texts, random):
         self.texts, self.random, self.pick = [*texts], random, random.choice
         self.place = self.pick([0, 0, 1, 2])
-        self.ways = [
-            self.renamed,
-            self.lettered,
-            self.joined,
-            self.cut,
-            self.section,
-            self.plan,
-            self.beside,
-            self.form,
-        ]
+        self.ways = [self.renamed, self.lettered, self.joined, self.cut, self.section]
+        self.ways += [self.plan, self.beside, self.form]
 
     def chance(self, probability):
         return self.random.random() < probability

@@ -8,17 +8,8 @@ from typing import Any
 
 import pytest
 
-ARGUMENTS = (
-    "--headless",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--hide-scrollbars",
-)
+ARGUMENTS = ("--headless", "--no-sandbox", "--no-first-run", "--hide-scrollbars")
+ARGUMENTS += tuple(f"--disable-{part}" for part in ("gpu", "quic", "background-networking", "component-update", "sync"))
 """It asks nobody on the network for anything of its own."""
 
 

@@ -93,7 +93,8 @@ CASES = {
     "pike compile": case(pike.compile, "pike compile FILES", WING),
     "pike chance": case(pike.chance, "pike chance FILES", KITCHEN),
     "pike moments": case(pike.moments, "pike check FILES --patience", KITCHEN),
-    "pike run": case(  # which says how long decisions took
+    # It says how long decisions took.
+    "pike run": case(
         pike.run,
         "pike run FILES --seed 3 --outcome xA1=mug@2",
         KITCHEN,

@@ -62,13 +62,8 @@ def test_data_sets_are_read_as_folders_and_as_lists(name, count):
 
 def test_lines(tmp_path):
     path = tmp_path / "suite.txt"
-    lines = (
-        "# two",
-        "",
-        "d.pddl 'my problem.pddl' a.stn # the first",
-        "d.pddl p.pddl sub/b.plan",
-        "d.pddl p.pddl a.stn",
-    )
+    lines = ["# two", "", "d.pddl 'my problem.pddl' a.stn # the first"]
+    lines += [f"d.pddl p.pddl {plan}" for plan in ("sub/b.plan", "a.stn")]
     path.write_text("\n".join((*lines, "")))
     suite = read_suite(path)
     assert suite.folder == tmp_path

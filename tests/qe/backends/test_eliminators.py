@@ -10,6 +10,8 @@ import pytest
 import z3
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pysmt import shortcuts
+from pysmt.typing import REAL, FunctionType
 
 from robust.backends import ELIMINATORS
 from robust.errors import InputError, UnsupportedError
@@ -117,6 +119,12 @@ def test_definitions_are_what_they_stand_for(name: str, violation: Nnf, conditio
     definition = Definition("w", conjunction((first, disjunction((*guard.negation(), second)))))
     guarded = conjunction((condition, side("<=", 0, w=1, b=-1)))
     assert_exact(name, query(disjunction((violation, guarded)), (), definition))
+
+
+def test_what_is_no_linear_arithmetic_is_named() -> None:
+    applied = shortcuts.Function(shortcuts.Symbol("f", FunctionType(REAL, [REAL])), [shortcuts.Symbol("x", REAL)])
+    with pytest.raises(UnsupportedError, match=r"found f\(x\), expected a formula of linear real arithmetic"):
+        solvers().reader.read(shortcuts.Equals(applied, applied))
 
 
 @pytest.mark.parametrize("name", ELIMINATORS)
