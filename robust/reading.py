@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from robust.execute.planners.interface import Planner
     from robust.execute.situation import NewPlan, RunState
     from robust.execute.validate import Verdict
+    from robust.options.batch import CertifyCommand, ConvertCommand
     from robust.plan.load import File
     from robust.plan.model import ParametrizedPlan
     from robust.plan.parameters import ParameterSpec
@@ -117,7 +118,9 @@ def load_plan(
     from robust.plan.timed import parse_timed_plan
 
     timed = parse_timed_plan(text, name, reading.plan_number)
-    conversion = convert(parsed_domain, parsed_problem, timed, **reading.conversion(specs, on_progress))
+    conversion = convert(
+        parsed_domain, parsed_problem, timed, **conversion_settings(reading, specs, reading.limit, on_progress)
+    )
     if conversion.ended is ConversionEnd.INTERRUPTED:
         raise KeyboardInterrupt
     note = f"made a network of {plural(len(conversion.stn.constraints), 'constraint')}"
@@ -128,22 +131,28 @@ def load_plan(
 class _Reading(verbs.Demands, verbs.FromSteps, verbs.Separation, verbs.Solving):
     """Options for reading a plan."""
 
-    def conversion(self, specs: Sequence[ParameterSpec], on_progress: Callable[[str], None] | None) -> Settings:
-        """The settings for converting its steps to a network."""
-        from robust.execute.convert import Mode
 
-        return {
-            "mode": Mode(self.mode),
-            "free_durations": self.free_durations,
-            "specs": specs,
-            "deadline": self.deadline,
-            "relative": self.relative,
-            "epsilon": self.separation,
-            "tolerance": self.rounding,
-            "solver": self.solver,
-            "timeout": self.limit,
-            "on_progress": on_progress,
-        }
+def conversion_settings(
+    options: _Reading | ConvertCommand | CertifyCommand,
+    specs: Sequence[ParameterSpec],
+    timeout: float | None,
+    on_progress: Callable[[str], None] | None,
+) -> Settings:
+    """The settings for converting steps to a network, of options for that."""
+    from robust.execute.convert import Mode
+
+    return {
+        "mode": Mode(options.mode),
+        "free_durations": options.free_durations,
+        "specs": specs,
+        "deadline": options.deadline,
+        "relative": options.relative,
+        "epsilon": options.separation,
+        "tolerance": options.rounding,
+        "solver": options.solver,
+        "timeout": timeout,
+        "on_progress": on_progress,
+    }
 
 
 def _name_of(mode: str | Mode) -> str:
@@ -307,7 +316,7 @@ def convert(
     if not isinstance(plan, TimedPlan):
         _require_path("plan", plan)
         plan = parse_timed_plan(*read_source(plan, "<plan>"), reading.plan_number)
-    return convert(*parsed, plan, **reading.conversion(specs, on_progress))
+    return convert(*parsed, plan, **conversion_settings(reading, specs, reading.limit, on_progress))
 
 
 # -- from here on ------------------------------------------------------------------------------------------------------
@@ -374,5 +383,5 @@ def replan(
     remainder = OpenProblem(*_parsed(domain, problem), state, passed, reading.separation, latest)
     if isinstance(planner, str):
         planner = create_planner(planner, epsilon=reading.separation)
-    settings: Settings = {**reading.conversion(specs, None), "deadline": latest}
+    settings: Settings = {**conversion_settings(reading, specs, reading.limit, None), "deadline": latest}
     return new_plan(remainder, planner, reading.limit, **settings)

@@ -231,28 +231,17 @@ def _parametrized(
 def _network_of_steps(
     options: CertifyCommand, run: Run, text: str, file: str, specs: Sequence[ParameterSpec]
 ) -> tuple[Conversion, Sequence[str]]:
-    from robust.execute.convert import ConversionEnd, Mode, convert
+    from robust.execute.convert import ConversionEnd, convert
     from robust.plan.pddl.reader import read_domain, read_problem
     from robust.plan.timed import parse_timed_plan
+    from robust.reading import conversion_settings
 
     domain = read_domain(options.files[0])
     problem = read_problem(options.files[1], domain)
     timed = parse_timed_plan(text, file, options.plan_number)
-    conversion = convert(
-        domain,
-        problem,
-        timed,
-        mode=Mode(options.mode),
-        free_durations=options.free_durations,
-        specs=specs,
-        deadline=options.deadline,
-        relative=options.relative,
-        epsilon=options.separation,
-        tolerance=options.rounding,
-        solver=options.solver,
-        timeout=None if run.remaining is None else run.remaining / 2,
-        on_progress=run.display.say,
-    )
+    remaining = None if run.remaining is None else run.remaining / 2
+    settings = conversion_settings(options, specs, remaining, run.display.say)
+    conversion = convert(domain, problem, timed, **settings)
     if conversion.ended is ConversionEnd.INTERRUPTED:
         raise KeyboardInterrupt
     return conversion, conversion.notes(timed)

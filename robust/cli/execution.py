@@ -222,31 +222,19 @@ def _show(options: ConvertCommand, run: Run, conversion: Conversion, notes: Sequ
 
 
 def _converting(options: ConvertCommand, run: Run) -> tuple[TimedPlan, Converting]:
-    from robust.execute.convert import Converting, Mode
+    from robust.execute.convert import Converting
     from robust.plan.parameters import specifications
     from robust.plan.pddl.forms import read_plan_text
     from robust.plan.pddl.reader import read_domain, read_problem
     from robust.plan.timed import parse_timed_plan
+    from robust.reading import conversion_settings
 
     specs, _ = specifications(options.parameter, options.parameters)
     domain = read_domain(options.domain)
     problem = read_problem(options.problem, domain)
     timed = parse_timed_plan(*read_plan_text(options.plan), options.plan_number)
-    return timed, Converting(
-        domain,
-        problem,
-        timed,
-        mode=Mode(options.mode),
-        free_durations=options.free_durations,
-        specs=specs,
-        deadline=options.deadline,
-        relative=options.relative,
-        epsilon=options.separation,
-        tolerance=options.rounding,
-        solver=options.solver,
-        timeout=run.remaining,
-        on_progress=run.display.say,
-    )
+    settings = conversion_settings(options, specs, run.remaining, run.display.say)
+    return timed, Converting(domain, problem, timed, **settings)
 
 
 def _write(options: ConvertCommand, conversion: Conversion) -> None:

@@ -128,6 +128,11 @@ def parse_specs(texts: Sequence[str]) -> tuple[ParameterSpec, ...]:
 
 def parse_parameter_file(text: str, file: str = "<parameters>") -> tuple[ParameterSpec, ...]:
     """The specifications in a TOML text; InputError names the parameter and the key that is wrong."""
+    return tuple(_spec_of_table(name, table, file) for name, table in parameter_tables(text, file).items())
+
+
+def parameter_tables(text: str, file: str) -> dict[str, object]:
+    """What a TOML text says of each parameter, tables if it is right; InputError if it holds anything else."""
     document = toml_document(text, file)
     for key in document:
         if key != "parameters":
@@ -136,7 +141,7 @@ def parse_parameter_file(text: str, file: str = "<parameters>") -> tuple[Paramet
     tables = document.get("parameters", {})
     if not isinstance(tables, dict):
         raise InputError("found a value for 'parameters', expected tables [parameters.NAME]", Location(file))
-    return tuple(_spec_of_table(name, table, file) for name, table in tables.items())
+    return tables
 
 
 def read_parameter_file(path: str | PathLike[str]) -> tuple[ParameterSpec, ...]:

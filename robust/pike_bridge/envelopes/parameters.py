@@ -30,7 +30,7 @@ from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import format_number, shorten
 from robust.pike_bridge.model import Constraint, TeamPlan, Tpnu, check_choice
 from robust.plan import model, stn
-from robust.plan.parameters import ATTRIBUTES, attributes_of, kind_of, number_text, set_attribute, toml_document
+from robust.plan.parameters import ATTRIBUTES, attributes_of, kind_of, number_text, parameter_tables, set_attribute
 from robust.plan.pddl.forms import read_text
 from robust.plan.polynomial import Polynomial
 from robust.qe.box import Box
@@ -171,15 +171,7 @@ def _parts(text: str) -> list[str]:
 def read_parameter_file(path: str | PathLike[str]) -> tuple[TeamParameterSpec, ...]:
     """The specifications in a TOML file; InputError if it cannot be read, or names the parameter that is wrong."""
     file = str(path)
-    document = toml_document(read_text(path), file)
-    for key in document:
-        if key != "parameters":
-            hint = did_you_mean(key, ["parameters"])
-            raise InputError(f"found key {shorten(key)}, expected only tables [parameters.NAME]{hint}", Location(file))
-    tables = document.get("parameters", {})
-    if not isinstance(tables, dict):
-        raise InputError("found a value for 'parameters', expected tables [parameters.NAME]", Location(file))
-    return tuple(_of_table(name, table, file) for name, table in tables.items())
+    return tuple(_of_table(name, table, file) for name, table in parameter_tables(read_text(path), file).items())
 
 
 def _of_table(name: str, table: object, file: str) -> TeamParameterSpec:
