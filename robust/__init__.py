@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from robust.execute.monitor import MessageKind, Monitor, MonitorMessage, Outlook, Prospect
     from robust.execute.situation import NewPlan, NoPlanError, RunningStep, RunState
     from robust.execute.snap import TooFarError
+    from robust.execute.tree_writer import MadeTree, make_tree
+    from robust.execute.trees import BehaviorTree, read_tree
     from robust.execute.validate import Verdict
     from robust.irr.check import Answer, CheckResult, Counterexample
     from robust.irr.compare import Comparison
@@ -62,6 +64,8 @@ _NAMES = {
     "robust.execute.monitor": "MessageKind Monitor MonitorMessage Outlook Prospect",
     "robust.execute.situation": "NewPlan NoPlanError RunningStep RunState",
     "robust.execute.snap": "TooFarError",
+    "robust.execute.tree_writer": "MadeTree make_tree",
+    "robust.execute.trees": "BehaviorTree read_tree",
     "robust.execute.validate": "Verdict",
     "robust.irr.check": "Answer CheckResult Counterexample",
     "robust.irr.compare": "Comparison",
@@ -89,6 +93,7 @@ _HOME = {name: module for module, names in _NAMES.items() for name in names.spli
 __all__ = [
     "Answer",
     "Batch",
+    "BehaviorTree",
     "Bounds",
     "Box",
     "CheckResult",
@@ -103,6 +108,7 @@ __all__ = [
     "InvalidPlanError",
     "Learned",
     "Location",
+    "MadeTree",
     "MessageKind",
     "Mode",
     "Monitor",
@@ -141,8 +147,10 @@ __all__ = [
     "from_unified_planning",
     "learn",
     "load_plan",
+    "make_tree",
     "pike",
     "rank",
+    "read_tree",
     "region",
     "repair",
     "replan",

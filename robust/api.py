@@ -91,7 +91,9 @@ class _Encoded(Generic[Judged]):
         bearable: Callable[[Judged], tuple[bool, Box | None]],
         shaped: Callable[[Judged, Deadline], Judged] = lambda result, _: result,
         ranges: Mapping[str, Range] | None = None,
+        encode: Callable[[], Encoding] | None = None,
     ) -> None:
+        self._encode = encode
         self._plan = plan
         self._options = options
         self._make = make
@@ -110,8 +112,10 @@ class _Encoded(Generic[Judged]):
         options = self._options
         exporter = None if options.smt2 is None else Exporter(options.smt2)
         try:
-            formulas = create_encoding(
-                options.encoding, self._plan, options.separation, self._deadline, ranges=self._ranges
+            formulas = (
+                create_encoding(options.encoding, self._plan, options.separation, self._deadline, ranges=self._ranges)
+                if self._encode is None
+                else self._encode()
             )
             self._search = self._make(formulas, self._deadline, exporter)
         except (OutOfTimeError, KeyboardInterrupt) as error:
@@ -192,14 +196,45 @@ def searching_check(plan: ParametrizedPlan, options: verbs.CheckOptions) -> Anyt
         )
 
     def bearable(result: CheckResult) -> tuple[bool, Box | None]:
-        return result.answer is Answer.PROVED and box == Box.nominal(plan.parameters), None
+        return result.answer is Answer.PROVED and box == Box.nominal(plan.parameters) and options.tree is None, None
 
-    return _Encoded(plan, options, make, nothing, bearable=bearable, ranges=box.ranges)
+    if options.tree is None:
+        return _Encoded(plan, options, make, nothing, bearable=bearable, ranges=box.ranges)
+    from robust.execute.trees import read_tree, stays_within
+
+    tree = read_tree(options.tree, plan)
+    if tree.faults:
+        refuted = replace(nothing(False, 0.0), answer=Answer.REFUTED, reason="; ".join(tree.faults), tree=tree.file)
+        return _Answered(replace(refuted, interrupted=False))
+    allowed = tree.network(plan, options.separation, options.latest)
+    formulas = tree.encoding(allowed, options.separation, options.latest, box.ranges)
+
+    def shaped(result: CheckResult, deadline: Deadline) -> CheckResult:
+        if options.within and not result.cut_short and (options.every or result.answer is Answer.PROVED):
+            result = stays_within(plan, formulas, result, deadline)
+        return replace(result, tree=tree.file)
+
+    return _Encoded(plan, options, make, nothing, bearable=bearable, shaped=shaped, encode=lambda: formulas)
+
+
+class _Answered(Generic[Judged]):
+    """A search that is over before it begins."""
+
+    def __init__(self, result: Judged) -> None:
+        self._result = result
+
+    def run(self) -> Judged:
+        return self._result
+
+    def so_far(self, *, timed_out: bool) -> Judged:
+        return self._result
 
 
 @verb(verbs.CheckOptions)
 def check(plan: ParametrizedPlan, options: verbs.CheckOptions) -> CheckResult:
     """Decide whether the plan is valid for every schedule that its network allows [docs/semantics.md].
+
+    With `tree`, for every execution that a behavior tree of PlanSys2 allows instead: see :mod:`robust.execute.trees`.
 
     Returns:
         A verdict with a confirmed counterexample where it is REFUTED. Ctrl-C returns what is known by then.

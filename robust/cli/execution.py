@@ -6,7 +6,7 @@ import logging
 import os
 import shlex
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from robust.cli.guard import Run
     from robust.execute import replan
     from robust.execute.convert import Conversion, Converting
+    from robust.execute.tree_writer import MadeTree
     from robust.execute.validate import Verdict
     from robust.plan.model import ParametrizedPlan
     from robust.plan.pddl.syntax import Domain, Problem
@@ -125,9 +126,12 @@ def convert(options: ConvertCommand, run: Run) -> int:
     """Make a plan with a temporal network of a time-triggered plan, and prove it; steps are called n0, n1, ..."""
     from robust.show import execution as show
 
+    if options.tree is not None and _is_network(options.plan):
+        return _export_tree(options, run)
     if options.stnu is not None and _is_network(options.plan):
         return _export(options, run)
     timed: TimedPlan | None = None
+    made: MadeTree | None = None
 
     def begin() -> Converting:
         nonlocal timed
@@ -135,7 +139,7 @@ def convert(options: ConvertCommand, run: Run) -> int:
         return converting
 
     def tell(conversion: Conversion) -> None:
-        _show(options, run, conversion, () if timed is None else conversion.notes(timed))
+        _show(options, run, conversion, () if timed is None else conversion.notes(timed), made)
 
     try:
         conversion = run.best(begin, tell)
@@ -147,6 +151,9 @@ def convert(options: ConvertCommand, run: Run) -> int:
         return error.exit_code
     if options.stnu is not None:
         _write_stnu(options, run, conversion.plan)
+    if options.tree is not None and timed is not None:
+        starts = {f"n{number}": step.time for number, step in enumerate(timed.steps)}
+        made = _write_tree(options, run, conversion.plan, starts)
     tell(conversion)
     if options.output is not None:
         run.write(lambda: _write(options, conversion))
@@ -195,7 +202,45 @@ def _write_stnu(options: ConvertCommand, run: Run, plan: ParametrizedPlan) -> Ne
     return network
 
 
-def _show(options: ConvertCommand, run: Run, conversion: Conversion, notes: Sequence[str]) -> None:
+def _export_tree(options: ConvertCommand, run: Run) -> int:
+    """Write the behavior tree of a plan that needs no conversion."""
+    if options.output is not None:
+        raise InputError(
+            "is for converted plans; PLAN is a network already, expected --tree only", declare.place_of("output")
+        )
+    made = _write_tree(options, run, run.only(lambda: plans.load(options, run)))
+
+    from robust.show import execution as show
+
+    run.answer(
+        lambda: show.tree_document(made, str(options.tree)),
+        lambda out: out.print("\n".join(show.tree_lines(made, str(options.tree))), soft_wrap=True),
+    )
+    return 0
+
+
+def _write_tree(
+    options: ConvertCommand, run: Run, plan: ParametrizedPlan, starts: Mapping[str, Fraction] | None = None
+) -> MadeTree:
+    """Write a behavior tree of a plan, once it is proved."""
+    from robust.execute.tree_writer import make_tree
+    from robust.smt.limits import Deadline
+
+    def work() -> MadeTree:
+        lag = None if options.lag is None else Fraction(options.lag)
+        limit = Deadline.after(run.remaining)
+        return make_tree(
+            plan, epsilon=options.separation, lag=lag, starts=starts, solver=options.solver, deadline=limit
+        )
+
+    made = run.only(work)
+    run.write(partial(atomic_write, options.tree or Path(), made.text, declare.place_of("tree")))
+    return made
+
+
+def _show(
+    options: ConvertCommand, run: Run, conversion: Conversion, notes: Sequence[str], made: MadeTree | None = None
+) -> None:
     """Say what was done; without a file for the plan, print it."""
     from robust.plan.stn import write_stn
     from robust.show import execution as show
@@ -207,18 +252,24 @@ def _show(options: ConvertCommand, run: Run, conversion: Conversion, notes: Sequ
         written["parameters"] = str(options.output.with_suffix(".toml"))
     if options.stnu is not None:
         written["stnu"] = str(options.stnu)
+    if made is not None:
+        written["tree"] = str(options.tree)
 
     def tell(out: Console) -> None:
         if options.output is None:
             sys.stdout.write(write_stn(conversion.stn))
             sys.stdout.flush()
-        for line in () if options.quiet else show.conversion_lines(conversion, written):
+        told = [
+            *show.conversion_lines(conversion, written),
+            *([] if made is None else show.tree_lines(made, written["tree"])),
+        ]
+        for line in () if options.quiet else told:
             if options.output is None:
                 print(line, file=sys.stderr)
             else:
                 out.print(line, soft_wrap=True)
 
-    run.answer(lambda: show.converted(conversion, written), tell)
+    run.answer(lambda: show.converted(conversion, written, made), tell)
 
 
 def _converting(options: ConvertCommand, run: Run) -> tuple[TimedPlan, Converting]:

@@ -75,7 +75,8 @@ def check(options: verbs.CheckCommand, run: Run) -> int:
         return searching_check(plan, options.changed(timeout=run.remaining, on_obligation=run.display.obligation))
 
     result = run.best(begin, run.show)
-    if plan is not None and result.answer.value == "refuted" and not result.cut_short and not options.quiet:
+    hinted = plan is not None and options.tree is None and not options.quiet
+    if plan is not None and hinted and result.answer.value == "refuted" and not result.cut_short:
         result = replace(result, repair=_repair(options, run, plan, result))
     run.show(result)
     return errors.exit_code_of(result.answer.value)

@@ -55,7 +55,8 @@ class CheckResult(Presented, ask="answer"):
     `plan` is what it is about; `encoding`, `solver`, `epsilon` and `every` are as they were asked for. `repair` is the
     least change of bounds after which a refuted plan is proved, where that was looked for and found. `tolerance` is how
     much all durations that are parameters may differ at once, where the verdict is about nominal values and shortest
-    paths decide it.
+    paths decide it. `tree` is the file of the behavior tree whose executions it is about, instead of all schedules that
+    the plan's network allows; `plan` has the tree's network then.
     """
 
     answer: Answer
@@ -75,6 +76,7 @@ class CheckResult(Presented, ask="answer"):
     repair: tuple[QuantityChange, ...] | None = None
     plan: ParametrizedPlan | None = field(default=None, repr=False, compare=False)
     tolerance: Tolerance | None = None
+    tree: str | None = None
 
     @property
     def cut_short(self) -> bool:
@@ -206,12 +208,12 @@ class Checker(Searching[CheckResult]):
             quick = self._within_box(self.encoding.query(obligation))
             verdict = quick.check(obligation.name, self.deadline)
             if verdict is not Satisfiability.SATISFIABLE:
-                return _ANSWERS[verdict]
+                return ANSWERS[verdict]
         full = self._within_box(self.encoding.full_query(obligation))
         verdict = full.check(f"{obligation.name}: counterexample", self.deadline)
         if verdict is Satisfiability.SATISFIABLE:
             self._counterexamples[obligation.name] = self._counterexample(obligation, full)
-        return _ANSWERS[verdict]
+        return ANSWERS[verdict]
 
     def _counterexample(self, obligation: Obligation, session: Session) -> Counterexample:
         encoding = self.encoding
@@ -239,7 +241,7 @@ class Checker(Searching[CheckResult]):
         return Session(self.encoding.terms, solver=self.solver, statistics=self._statistics, exporter=self.exporter)
 
 
-_ANSWERS = {
+ANSWERS = {
     Satisfiability.SATISFIABLE: Answer.REFUTED,
     Satisfiability.UNSATISFIABLE: Answer.PROVED,
     Satisfiability.UNKNOWN: Answer.UNKNOWN,

@@ -35,8 +35,18 @@ class ConvertCommand(
     box: Path | None = declare.path_option(
         "for --stnu: the values of parameters, as printed by robust envelope --json; default: nominal values"
     )
+    tree: Path | None = declare.path_option(
+        "also write a behavior tree for PlanSys2's executor, in XML, if all its executions are valid; TIMED_PLAN may "
+        "then be a network (.stn), which is not converted",
+        read=declare.written_to("the tree"),
+    )
+    lag: Number | None = verbs.lag_option()
 
     def check_combinations(self, given: Collection[str]) -> None:
+        if self.lag is not None and self.tree is None:
+            raise InputError("needs --tree FILE", declare.place_of("lag"))
+        if self.tree is not None and self.stnu is not None:
+            raise InputError("cannot be combined with --stnu; choose one", declare.place_of("tree"))
         if self.box is not None and self.stnu is None:
             raise InputError("needs --stnu FILE", declare.place_of("box"))
 

@@ -341,8 +341,30 @@ class AskCommand(PlanFiles, FromSteps, PlanParameters, Separation, Solving, Outp
     """Options of every question about a plan on the command line."""
 
 
+def lag_option() -> Any:
+    """The option for how late a tree's executor is."""
+    return declare.option(
+        None,
+        "for --tree: nodes of the tree begin at most T after all that they wait for, in the plan's unit of time; "
+        "default: any time after",
+        metavar="T",
+        read=declare.not_negative,
+    )
+
+
 class CheckOptions(SearchOptions, Export):
     """Options of :func:`robust.check`."""
+
+    tree: str | Path | None = declare.path_option(
+        "decide about the executions of a behavior tree of PlanSys2, in XML, instead of the schedules that the network "
+        "of the plan allows"
+    )
+    lag: Number | None = lag_option()
+    within: str | None = declare.option(
+        None,
+        "for --tree: plan: also decide whether the executions are all schedules of the plan's network",
+        choices=("plan",),
+    )
 
     at: declare.Settings | Box | EnvelopeResult = declare.option(
         (),
@@ -355,6 +377,18 @@ class CheckOptions(SearchOptions, Export):
     on_obligation: Callable[[int, int, str], None] | None = declare.option(
         None, "called with the number of obligations examined, their total, and the name of the next", shown=False
     )
+
+    @property
+    def latest(self) -> Fraction | None:
+        """How late nodes of a tree begin at most."""
+        return None if self.lag is None else Fraction(self.lag)
+
+    def check_combinations(self, given: Collection[str]) -> None:
+        for name in ("lag", "within"):
+            if self.tree is None and getattr(self, name) is not None:
+                raise InputError("needs --tree FILE", declare.place_of(name))
+        if self.tree is not None and self.encoding != "relational":
+            raise InputError("cannot be combined with --encoding positions; leave one out", declare.place_of("tree"))
 
 
 class CheckCommand(CheckOptions, AskCommand):

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from robust.errors import RobustError
     from robust.execute.dispatcher import MessageRejected, Observation
     from robust.execute.snap import Snapped
+    from robust.execute.tree_writer import MadeTree
     from robust.options.batch import ConvertCommand, ExecuteCommand
     from robust.plan.simulate import Violation
 
@@ -219,6 +220,7 @@ class Files(JsonObject):
     plan: str | UnsetType = UNSET
     parameters: str | UnsetType = UNSET
     stnu: str | UnsetType = UNSET
+    tree: str | UnsetType = UNSET
 
 
 class Convert(Noted, tag_field="schema", tag="robust/convert/1"):
@@ -234,6 +236,7 @@ class Convert(Noted, tag_field="schema", tag="robust/convert/1"):
         redundant: edges left out because others imply them
         tightened: bounds needed beyond what keeps atoms true
         violations: what the time-triggered plan breaks
+        unkept: with --tree: constraints of the network that the tree cannot keep
     """
 
     verdict: Annotated[str, one_of("proved", "refuted", "unknown", "invalid")]
@@ -251,11 +254,14 @@ class Convert(Noted, tag_field="schema", tag="robust/convert/1"):
     obligations: Count
     tightened: list[causal.Tightening]
     violations: list[Violation]
+    unkept: list[str] | UnsetType = UNSET
 
 
 @documenting.register(convert.Conversion)
-def converted(conversion: convert.Conversion, written: Mapping[str, str] = MappingProxyType({})) -> Document:
-    """The document of a conversion, with the files that were written, by kind."""
+def converted(
+    conversion: convert.Conversion, written: Mapping[str, str] = MappingProxyType({}), made: MadeTree | None = None
+) -> Document:
+    """The document of a conversion, with the files that were written, by kind, and the tree that is among them."""
     return document(
         like(
             Convert,
@@ -269,9 +275,44 @@ def converted(conversion: convert.Conversion, written: Mapping[str, str] = Mappi
             constraints=len(conversion.stn.constraints),
             obligations=len(conversion.check.obligations),
             violations=[],
+            unkept=UNSET if made is None else list(map(str, made.unkept)),
             notes=UNSET,
         )
     )
+
+
+class TreeExport(Noted, tag_field="schema", tag="robust/tree/1"):
+    """robust convert --tree FILE --json, of a plan that is a network already
+
+    Attributes:
+        verdict: about all executions of the tree; no other tree is written
+        written: the file
+        orders: pairs of time points that nodes of the tree put in order
+        unkept: constraints of the plan's network that the tree cannot keep, and the proof does not need
+    """
+
+    verdict: Annotated[str, one_of("proved")]
+    written: str
+    steps: Count
+    orders: Count
+    unkept: list[str]
+
+
+def tree_document(made: MadeTree, file: str) -> Document:
+    """The document of a tree that was written."""
+    verdict, tree, unkept = made.check.answer.value, made.tree, list(map(str, made.unkept))
+    return document(
+        TreeExport(verdict=verdict, written=file, steps=len(tree.steps), orders=len(tree.orders), unkept=unkept)
+    )
+
+
+def tree_lines(made: MadeTree, file: str) -> list[str]:
+    """Lines on a tree that was written."""
+    size = f"{plural(len(made.tree.steps), 'step')}, {plural(len(made.tree.orders), 'order')}"
+    return [
+        f"tree: {file}, {size}, all executions are valid",
+        *(f"not kept by the tree: {item}" for item in made.unkept),
+    ]
 
 
 @wire.register(causal.Tightening)

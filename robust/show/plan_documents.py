@@ -100,6 +100,8 @@ class Check(documents.Noted, tag_field="schema", tag="robust/check/1"):
         repair: the least change of bounds after which the plan is proved, if it is refuted and that was found soon
         tolerance: how much all durations that are parameters may be longer or shorter at once, as a share of their
             nominal values, and the chain of steps that ends it; null if there are none, or if that is not known
+        tree: the file of the behavior tree whose executions it is about, instead of all schedules of the plan's
+            network; null without --tree
         interrupted: stopped by Ctrl-C or SIGTERM
         timeout: stopped by --timeout
     """
@@ -116,6 +118,7 @@ class Check(documents.Noted, tag_field="schema", tag="robust/check/1"):
     reason: str | None
     repair: list[documents.PlanChange] | None
     tolerance: stops.Tolerance | None
+    tree: str | None
     interrupted: bool
     timeout: bool
     seconds: Seconds

@@ -243,14 +243,18 @@ def _verdict(result: CheckResult, words: Words) -> Text:
     broken = [words.told(name) for name, answer in result.obligations.items() if answer is Answer.REFUTED]
     match result.answer:
         case Answer.PROVED:
-            text.append(": the plan is valid for every schedule that its network allows", style="default")
+            about = (
+                "every schedule that its network allows" if result.tree is None else f"every execution of {result.tree}"
+            )
+            text.append(f": the plan is valid for {about}", style="default")
         case Answer.UNKNOWN:
             stopped = "out of time" if result.timed_out else "interrupted" if result.interrupted else result.reason
             text.append(f": {stopped}" if stopped else "", style="default")
         case Answer.REFUTED if result.reason is not None:
             text.append(f": {words.told(result.reason)}", style="default")
         case Answer.REFUTED:
-            text.append(f": an allowed schedule breaks {'; '.join(broken)}", style="default")
+            allowed = "an allowed schedule" if result.tree is None else f"an execution of {result.tree}"
+            text.append(f": {allowed} breaks {'; '.join(broken)}", style="default")
     return text
 
 

@@ -37,6 +37,7 @@ OUTPUTS = {
     "certify --alethe": ("certify", *example(), "-o", os.devnull, "--alethe", ""),
     "convert -o": ("convert", *STEPS, "-o", ".stn"),
     "convert --stnu": ("convert", *SMALL, "--stnu", ".json"),
+    "convert --tree": ("convert", *SMALL, "--tree", ".xml"),
     "execute --plot": ("execute", *DELIVERY, "--plot", ".svg"),
     "stnu repair -o": ("stnu", "repair", LATE, "-o", ".json"),
     "pike plot -o": ("pike", "plot", KITCHEN, "-o", ".svg"),
