@@ -46,6 +46,8 @@ from robust.pike_bridge.cross_check import CrossCheck, Crossed, Crossing, Disagr
 from robust.pike_bridge.envelopes.parameters import ParametricPlan, parametrize, specifications
 from robust.pike_bridge.envelopes.search import LabeledRegion, LabeledRegionSearch, TeamEnvelope, TeamEnvelopeSearch
 from robust.pike_bridge.files import read_tpnu, write_tpnu
+from robust.pike_bridge.game.controllability import ControllabilityVerdict, FindingLimits, TeamControllability
+from robust.pike_bridge.game.rules import GameRules
 from robust.pike_bridge.knowledge import knowledge_bases
 from robust.pike_bridge.likelihood import ChanceBounds, ChanceSearch, IntentChance, TeamChance, learnt
 from robust.pike_bridge.model import EPSILON, Guard, Literal, TeamPlan, Tpnu, check_choice
@@ -73,6 +75,7 @@ __all__ = [
     "ChanceBounds",
     "Compilation",
     "Completion",
+    "ControllabilityVerdict",
     "CrossCheck",
     "Crossed",
     "Decision",
@@ -104,6 +107,7 @@ __all__ = [
     "Sizes",
     "Story",
     "TeamChance",
+    "TeamControllability",
     "TeamEnvelope",
     "TeamPlan",
     "Tpnu",
@@ -114,6 +118,7 @@ __all__ = [
     "check",
     "choose",
     "compile",
+    "controllable",
     "cross_check",
     "drive",
     "envelope",
@@ -432,7 +437,8 @@ def parametric(plan: Plan | ParametricPlan, options: Options) -> ParametricPlan:
     """
     if isinstance(plan, ParametricPlan) or not isinstance(options, asking.ParametricOptions):
         return cast("ParametricPlan", plan)
-    parameters = read_tpnu(plan).parameters if isinstance(plan, str | os.PathLike) else ()
+    own = isinstance(plan, str | os.PathLike) and not isinstance(options, asking.ControllableOptions)
+    parameters = read_tpnu(cast("str", plan)).parameters if own else ()
     specs = specifications(texts(options.parameters, place_of("parameters")), options.parameter_file, parameters)
     return parametrize(_team_plan(plan, options), specs)
 
@@ -470,3 +476,31 @@ def envelope(plan: ParametricPlan, options: asking.PikeEnvelopeOptions) -> TeamE
         SolverError: if the solver is unknown, not installed, or fails.
     """
     return searching_envelope(plan, options).run()
+
+
+# -- strategies --------------------------------------------------------------------------------------------------------
+
+
+def rules(options: asking.GameOptions) -> GameRules:
+    """Who decides what."""
+    hesitate = None if options.hesitate is None else Fraction(options.hesitate)
+    return GameRules(tuple(options.free), options.rational, hesitate)
+
+
+def searching_controllability(plan: ParametricPlan, options: asking.ControllableOptions) -> FindingLimits:
+    """The search behind :func:`controllable`."""
+    return _searching(FindingLimits, plan, options, rules=rules(options))
+
+
+@_parametric_verb.with_first(asking.ControllableOptions, "parameters")
+def controllable(plan: ParametricPlan, options: asking.ControllableOptions) -> TeamControllability:
+    """Decide whether some strategy succeeds whatever people choose and however long activities take.
+
+    Choices and lengths are seen only as they happen; :mod:`robust.pike_bridge.game.rules` has the definition.
+    Parameters are single bounds (at-least or at-most): also find how far each can move, the others as they are.
+
+    Raises:
+        InputError: if a parameter, a choice, a value or an agent is unknown or wrong.
+        SolverError: if the solver is unknown, not installed, or fails.
+    """
+    return searching_controllability(plan, options).run()

@@ -60,6 +60,8 @@ def check(options: asking.PikeCheckCommand, run: Run) -> int:
         return _cross(options, run)
     if options.patience:
         return _patience(options, run)
+    if options.controllable:
+        return _controllable(options, run)
     from robust.pike import searching_check
 
     result = run.reply(lambda: searching_check(load(options), _within(options, run)))
@@ -80,6 +82,13 @@ def _patience(options: asking.PikeCheckCommand, run: Run) -> int:
     asked = asking.MomentsOptions(assume=options.assume, solver=options.solver, timeout=run.remaining)
     moments = run.reply(lambda: searching_moments(load(options), asked))
     return 1 if moments.feasible is False else exit_code_of(moments.status)
+
+
+def _controllable(options: asking.PikeCheckCommand, run: Run) -> int:
+    from robust.pike import parametric, searching_controllability
+
+    found = run.reply(lambda: searching_controllability(parametric(options.file, options), _within(options, run)))
+    return UNDECIDED if found.cut_short else exit_code_of(found.verdict.value)
 
 
 @action(asking.PikeCompileCommand)

@@ -72,6 +72,27 @@ def witness_directory(path: str | Path, place: Location) -> Path:
     return path
 
 
+class ParametricOptions(Solving, Assuming):
+    """Options for the bounds that are parameters."""
+
+    parameters: str | Sequence[str] = option(
+        (),
+        "make a bound a parameter: [NAME=]duration:ACTIVITY, at-least: or at-most:ACTIVITY or FROM:TO (events), or "
+        "hesitation:CHOICE; then ,weight=W ,lb=L ,ub=U ,default=D; may be repeated",
+        "--parameter",
+        metavar="SPEC",
+        many=True,
+    )
+    parameter_file: str | Path | None = option(
+        None, "more parameters, in a TOML file", "--parameters", metavar="FILE", path=True
+    )
+
+
+def _names_or_none(value: str | Sequence[str], place: Location) -> tuple[str, ...]:
+    """Names, or none of them."""
+    return names(value, place) if value else ()
+
+
 # -- questions ---------------------------------------------------------------------------------------------------------
 
 
@@ -104,7 +125,26 @@ class CrossOptions(Staged, Force):
     seed: int = option(0, "with --cross: which sets of choices are tried", metavar="N")
 
 
-class PikeCheckCommand(PikeCheckOptions, CrossOptions, PikeCommand):
+class GameOptions(Options):
+    """Options of strategies: who decides what."""
+
+    rational: bool = option(False, "with a strategy: people choose only joint values that some correct execution has")
+    free: str | Sequence[str] = option(
+        (),
+        "with a strategy: agents whose activities end when the executive tells them to; all others end as nature likes",
+        metavar="A,B",
+        read=_names_or_none,
+    )
+    hesitate: Number | None = option(
+        None, "with a strategy: how long people hesitate at most once they are asked", metavar="T", read=not_negative
+    )
+
+
+class ControllableOptions(ParametricOptions, Staged, GameOptions):
+    """Options of :func:`robust.pike.controllable`."""
+
+
+class PikeCheckCommand(PikeCheckOptions, CrossOptions, ControllableOptions, PikeCommand):
     """Options of `robust pike check`."""
 
     cross: bool = option(False, "ask all back ends and the oracle the same questions, and compare")
@@ -113,11 +153,22 @@ class PikeCheckCommand(PikeCheckOptions, CrossOptions, PikeCommand):
         "report the latest moment at which people can make each choice, with each value, if everything else is in its "
         "favour",
     )
+    controllable: bool = option(
+        False,
+        "decide whether some strategy succeeds whatever people choose and however long activities take, both seen only "
+        "as they happen",
+    )
 
     def check_combinations(self, given: Collection[str]) -> None:
-        for name in ("cross", "backend", "all_scenarios", "temporal") if self.patience else ():
-            if name in given:
-                raise InputError("cannot be combined with --patience; choose one", place_of(name))
+        for alone in ("patience", "controllable"):
+            for name in ("cross", "backend", "all_scenarios", "temporal") if getattr(self, alone) else ():
+                if name in given:
+                    raise InputError(f"cannot be combined with --{alone}; choose one", place_of(name))
+        if self.patience and self.controllable:
+            raise InputError("cannot be combined with --patience; choose one", place_of("controllable"))
+        for name in ("rational", "free", "hesitate", "parameters", "parameter_file"):
+            if name in given and not self.controllable:
+                raise InputError("needs --controllable", place_of(name))
 
 
 class ChanceOptions(Compiled, Assuming):
@@ -317,27 +368,6 @@ class PikePlotCommand(TeamPlanFile, Output, Assuming):
 
 
 # -- envelopes ---------------------------------------------------------------------------------------------------------
-
-
-class ParametricOptions(Solving, Assuming):
-    """Options for the bounds that are parameters."""
-
-    parameters: str | Sequence[str] = option(
-        (),
-        "make a bound a parameter: [NAME=]duration:ACTIVITY, at-least: or at-most:ACTIVITY or FROM:TO (events), or "
-        "hesitation:CHOICE; then ,weight=W ,lb=L ,ub=U ,default=D; may be repeated",
-        "--parameter",
-        metavar="SPEC",
-        many=True,
-    )
-    parameter_file: str | Path | None = option(
-        None, "more parameters, in a TOML file", "--parameters", metavar="FILE", path=True
-    )
-
-
-def _names_or_none(value: str | Sequence[str], place: Location) -> tuple[str, ...]:
-    """Names, or none of them."""
-    return names(value, place) if value else ()
 
 
 class PikeRegionOptions(ParametricOptions):

@@ -39,6 +39,7 @@ _SHOWN_BY: Mapping[str, tuple[str, str]] = {
     "pike_bridge.likelihood": ("pike", "pike"),
     "pike_bridge.online.executive": ("pike", "pike"),
     "pike_bridge.online.world": ("pike", "pike"),
+    "pike_bridge.game.controllability": ("pike_games", "pike_games"),
     "pike_bridge.envelopes.search": ("pike_envelopes", "pike_envelopes"),
 }
 """By where a result is declared: the module of this folder that prints it, and the one that makes its document."""

@@ -1,0 +1,1 @@
+"""Plans with choices as games: rules, strategies for all lengths and choices, and who follows them."""
