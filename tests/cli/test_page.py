@@ -1,4 +1,4 @@
-"""The live page of `robust watch` and `robust pike run --stdio`: what is sent, to whom, and that nobody waits for it."""
+"""The live page of `robust watch` and `robust pike run --stdio`: what is sent, to whom, and nobody waits for it."""
 
 import http.client
 import json
