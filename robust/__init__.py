@@ -26,8 +26,11 @@ if TYPE_CHECKING:
     )
     from robust.execute.convert import Conversion, Mode
     from robust.execute.distances import InvalidPlanError
+    from robust.execute.forecast import Prospect
     from robust.execute.learned import Learned
-    from robust.execute.monitor import MessageKind, Monitor, MonitorMessage, Outlook, Prospect
+    from robust.execute.messages import MessageKind, MonitorMessage
+    from robust.execute.monitor import Monitor, Outlook
+    from robust.execute.remaining import MonitorState
     from robust.execute.situation import NewPlan, NoPlanError, RunningStep, RunState
     from robust.execute.snap import TooFarError
     from robust.execute.tree_writer import MadeTree, make_tree
@@ -61,7 +64,10 @@ _NAMES = {
     "robust.execute.convert": "Conversion Mode",
     "robust.execute.distances": "InvalidPlanError",
     "robust.execute.learned": "Learned",
-    "robust.execute.monitor": "MessageKind Monitor MonitorMessage Outlook Prospect",
+    "robust.execute.forecast": "Prospect",
+    "robust.execute.messages": "MessageKind MonitorMessage",
+    "robust.execute.monitor": "Monitor Outlook",
+    "robust.execute.remaining": "MonitorState",
     "robust.execute.situation": "NewPlan NoPlanError RunningStep RunState",
     "robust.execute.snap": "TooFarError",
     "robust.execute.tree_writer": "MadeTree make_tree",
@@ -113,6 +119,7 @@ __all__ = [
     "Mode",
     "Monitor",
     "MonitorMessage",
+    "MonitorState",
     "NewPlan",
     "NoPlanError",
     "Outlook",

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from robust.cli.guard import Run
     from robust.cli.page import PageServer
     from robust.execute.drive import WallClock
-    from robust.execute.monitor import Monitor, MonitorMessage, Outlook
+    from robust.execute.messages import MonitorMessage
+    from robust.execute.monitor import Monitor, Outlook
     from robust.execute.situation import NewPlan
     from robust.json_text import Object
     from robust.plan.model import ParametrizedPlan
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
 LOOK = 0.05
 """Seconds between two looks for signals and the time limit, in real time."""
 EVERY_DURATION = ("duration:*",)
+NETWORKS = {".stn"}
+"""Suffixes of plans whose orders are statements, and not what a planner happened to choose."""
 
 
 @action(WatchCommand)
@@ -43,13 +46,16 @@ def watch(options: WatchCommand, run: Run) -> int:
     A line for each message: {"start": "drive r1 a b", "at": 12.5}, end, failed, cancelled; {"tick": 13}; {"retract": 4}
     takes the fourth message back. After each, and before the first, a line says what is ahead.
     """
-    from robust.execute.monitor import Monitor, read_journal
+    from robust.execute.messages import read_journal
+    from robust.execute.monitor import Monitor
 
     given = options if options.parameter or options.parameters else options.changed(parameter=EVERY_DURATION)
 
     def prepare() -> tuple[Monitor, Replanning, ParametrizedPlan]:
         plan = plans.load(given, run)
-        return Monitor(plan, options.separation, Fraction(options.lateness)), Replanning(given, plan), plan
+        steps = options.plan.suffix.lower() not in NETWORKS
+        monitor = Monitor(plan, options.separation, Fraction(options.lateness), reorder=steps)
+        return monitor, Replanning(given, plan), plan
 
     monitor, replanning, plan = run.only(prepare)
     if sys.stdin is None:  # closed by the caller
@@ -95,11 +101,11 @@ class _WatchServer:
 
     def resume(self, line: Object) -> None:
         """Take a record of the journal."""
-        from robust.execute.monitor import message_of
+        from robust.execute.messages import message_of
 
         other = self._replanning.resumed(line, self.monitor)
         if other is None:
-            self.monitor.tell(message_of(line))
+            self.monitor.take(message_of(line))
         else:
             self.monitor = other
 
@@ -153,7 +159,8 @@ class _WatchServer:
             self._page.show(self.monitor, outlook, before, news)
 
     def _answer(self, heard: Heard) -> None:
-        from robust.execute.monitor import MessageKind, Prospect
+        from robust.execute.forecast import Prospect
+        from robust.execute.messages import MessageKind
 
         with self._busy:
             self._raise_failure()
@@ -183,7 +190,7 @@ class _WatchServer:
     # -- other plans ---------------------------------------------------------------------------------------------------
 
     def _ask_if_broken(self) -> None:
-        from robust.execute.monitor import Prospect
+        from robust.execute.forecast import Prospect
 
         if self._before is not None and self._before.prospect is Prospect.BROKEN and not self._replanning.busy:
             self._ask()
@@ -242,7 +249,7 @@ class _WatchServer:
 
     def _hear(self, clock: WallClock | None) -> Heard | None:
         """The next message, or what is wrong with its line; None at the end."""
-        from robust.execute.monitor import read_message
+        from robust.execute.messages import read_message
 
         while True:
             try:
@@ -259,7 +266,7 @@ class _WatchServer:
     def _serve_real_time(self) -> None:
         """What has come is heard, as of when it came, before time passes."""
         from robust.execute.drive import WallClock
-        from robust.execute.monitor import MessageKind, MonitorMessage
+        from robust.execute.messages import MessageKind, MonitorMessage
 
         clock = WallClock(Fraction(self._options.rate or 1), self.monitor.time)
         inbox: queue.SimpleQueue[Heard | OSError | None] = queue.SimpleQueue()

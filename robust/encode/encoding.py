@@ -14,7 +14,7 @@ atoms. All knowledge about the order of time points comes through :class:`Moment
 conditions are true and which values fluents have at any moment.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
@@ -531,6 +531,14 @@ class RelationalEncoding(Encoding):
         agreed = self._agreed if obligation.stage is Stage.CONDITION else ()
         formulas = [self.violation(obligation), *agreed]
         return [*formulas, *self._states.definitions.needed_by(formulas)]
+
+    def valid_formulas(self, kept: Iterable[Obligation]) -> list[Formula]:
+        """Satisfiable if some schedule of the network keeps these obligations, for some parameter values.
+
+        The converse holds but for conditions over all instants of continuous change, of which only one is looked at.
+        """
+        held = [self.terms.negation(known.violation) for known in kept if known.violation is not None]
+        return [*self.network_formulas(), *held, *self._states.definitions.needed_by(held)]
 
     def network_formulas(self) -> list[Formula]:
         """enc_tn over parameters and free time points."""

@@ -22,7 +22,7 @@ from typing import Any, Unpack
 from robust import errors
 from robust.encode.interface import EPSILON
 from robust.execute.convert import ConversionEnd, Settings, convert
-from robust.execute.monitor import MessageKind, Monitor, MonitorMessage
+from robust.execute.monitor import Monitor
 from robust.execute.parametrization import DEADLINE, write_specs
 from robust.execute.planners.interface import Planner, PlannerAnswer
 from robust.execute.worlds import WorldState
@@ -132,46 +132,14 @@ class NewPlan(NoTruthValue, ask="plan"):
 
 def run_state(monitor: Monitor) -> RunState:
     """Where the execution of a plan is by what its monitor has been told; steps that failed had their first effects."""
-    plan = monitor.plan
-    nominal: dict[model.NumericVariable, Fraction] = {
-        model.ParameterReference(name): value for name, value in plan.nominal.items()
-    }
-    fluents = {
-        fluent: model.with_values(value, nominal).constant_term for fluent, value in plan.initial_fluents.items()
-    }
-    state = WorldState(plan.initial_atoms, fluents)
-    begun: dict[str, Fraction] = {}
-    for happened in _history(monitor):
-        if isinstance(happened, model.TimedLiteral):
-            state.pass_literal(happened)
-            continue
-        step, time = happened.step, happened.at or Fraction(0)
-        instance: model.ActionInstance = model.with_values(plan.instance[step], nominal)
-        if happened.kind is MessageKind.START:
-            begun[step] = time
-            state.apply(instance, model.Timing.AT_START)
-        elif (start := begun.pop(step, None)) is not None and happened.kind is MessageKind.END:
-            state.apply(instance, model.Timing.AT_END, time - start)
+    plan, known = monitor.plan, monitor.state
     running = []
-    for step, since in begun.items():
+    for step, since in sorted(known.running.items(), key=lambda each: each[1]):
         instance = plan.instance[step]
-        if instance.durative:
-            expected = since + monitor.planned[step]
-            running.append(RunningStep(step, instance.action, instance.arguments, since, expected))
-    return RunState(monitor.time, state.snapshot(), tuple(running), frozenset(plan.instance))
-
-
-def _history(monitor: Monitor) -> Sequence[model.TimedLiteral | MonitorMessage]:
-    """What has happened, each once, in the order of time; ends before starts of the same moment."""
-    told = {(m.kind, m.step, m.at): m for m in monitor.taken.values() if m.kind is not MessageKind.TICK}
-    passed = [literal for literal in monitor.plan.timed_literals if literal.time <= monitor.time]
-
-    def moment(happened: model.TimedLiteral | MonitorMessage) -> tuple[Fraction, int]:
-        if isinstance(happened, model.TimedLiteral):
-            return happened.time, 0
-        return happened.at or Fraction(0), 2 if happened.kind is MessageKind.START else 1
-
-    return sorted([*passed, *told.values()], key=moment)
+        expected = since + monitor.planned[step]
+        running.append(RunningStep(step, instance.action, instance.arguments, since, expected))
+    state = timeline.State(known.atoms, known.fluents)
+    return RunState(known.time, state, tuple(running), frozenset(plan.instance))
 
 
 def deadline_of(plan: model.ParametrizedPlan) -> Fraction | None:

@@ -94,7 +94,7 @@ def _circle(before: Sequence[int], origins: Sequence[int]) -> Cycle | None:
     return None
 
 
-UNBOUNDED = 1 << 80
+UNBOUNDED = 1 << 512
 """Later than any time that counts."""
 
 

@@ -581,7 +581,7 @@ def conjuncts(condition: Condition) -> Iterator[Condition]:
         yield condition
 
 
-Values = Mapping[NumericVariable, Fraction]
+Values = Mapping[NumericVariable, Fraction | Expression]
 
 _Part = TypeVar("_Part")
 _READING = {"durations", "conditions", "atom_effects", "numeric_effects", "continuous_effects"} | {
@@ -595,6 +595,8 @@ def with_values(part: _Part, values: Values) -> _Part:
 
     def value(variable: NumericVariable) -> Expression:
         known = values.get(variable)
+        if isinstance(known, Polynomial):
+            return known
         return Polynomial.variable(variable) if known is None else Polynomial.constant(known)
 
     whole: Any = part

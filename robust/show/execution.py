@@ -21,7 +21,8 @@ from robust.errors import UNSUPPORTED
 from robust.execute import causal, convert, dispatchable, slices, worlds
 from robust.execute.controllability import ADVERBS, ControllabilityReport, Widest
 from robust.execute.controllable_boxes import HORIZON, Loss, Shrunk
-from robust.execute.monitor import Outlook, Prospect, StepOutlook
+from robust.execute.forecast import Prospect
+from robust.execute.monitor import Outlook, StepOutlook, SuccessOutlook
 from robust.execute.parametrization import option_of, write_specs
 from robust.execute.replan import ReplanningRun, RunStatus, Segment
 from robust.execute.validate import Breach, Remedies, Verdict
@@ -706,6 +707,11 @@ class Watch(JsonObject, tag_field="schema", tag="robust/watch/1"):
         startable: steps that may start now
         coming: the first of the other steps to come
         refused: why the message changed nothing
+        replan: whether only another plan helps
+        promise: as long as the durations of all steps that have not ended are within, the plan succeeds
+        success: bounds of the probability of success, and for what time they were worked out
+        reordered: whether the plan goes on in another order than its own
+        exact: whether windows and slack are all that is left; else they are what is promised, and more may be left
         planning: news of another plan
         error: why the line was no message; there is nothing else then
     """
@@ -719,6 +725,11 @@ class Watch(JsonObject, tag_field="schema", tag="robust/watch/1"):
     startable: list[StepOutlook] | UnsetType = UNSET
     coming: list[StepOutlook] | UnsetType = UNSET
     refused: str | UnsetType | None = UNSET
+    replan: bool | UnsetType = UNSET
+    promise: Mapping[str, tuple[Fraction, Fraction | None]] | UnsetType | None = UNSET
+    success: SuccessOutlook | UnsetType | None = UNSET
+    reordered: bool | UnsetType = UNSET
+    exact: bool | UnsetType = UNSET
     planning: Planned | UnsetType = UNSET
     error: str | UnsetType = UNSET
 
@@ -733,8 +744,12 @@ def outlook_line(outlook: Outlook, numbers: str, coming: int, news: Mapping[str,
         for look in (*said["running"], *said["startable"], *said["coming"]):
             for name in ("start", "end"):
                 look[name] = [_decimal(time, up=not late) for late, time in enumerate(look[name])]
-            for name in ("since", "slack"):
+            for name in ("since", "slack", "left"):
                 look[name] = _decimal(look[name], up=False)
+        for step, interval in (said["promise"] or {}).items():
+            said["promise"][step] = [_decimal(end, up=not late) for late, end in enumerate(interval)]
+        for name in ("lower", "upper", "time") if said["success"] else ():
+            said["success"][name] = _decimal(said["success"][name], up=name == "upper")
         for name in ("begins", "tolerance"):
             if name in said.get("planning", {}):
                 said["planning"][name] = _decimal(said["planning"][name], up=name == "begins")

@@ -9,7 +9,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from tests.cli.running import assert_one_line, command, process, started
+from tests.cli.running import assert_one_line, process, started
 from tests.schemas import schema
 
 WORKSHOP = Path(__file__).parents[2] / "robust" / "examples" / "workshop"
@@ -22,6 +22,13 @@ SAID = [
 ]
 
 
+GENERATING = [
+    '{"start": "shift", "at": 0}',
+    '{"value": "fuel gen", "is": 45, "at": 5.5}',
+    '{"start": "pour_1", "at": 20}',
+    '{"end": "pour_1", "at": 31}',
+    '{"tick": 90}',
+]
 OPTIONS = ("--deadline", "90", "-q")
 
 
@@ -75,7 +82,10 @@ def test_decimals_are_rounded_to_the_safe_side():
     ("line", "message"),
     [
         ("nonsense", "input:1:1: found 'nonsense', expected a JSON value"),
-        ('{"foo": 1}', "input:1:1: found 'foo', expected one of start, end, failed, cancelled, tick, retract"),
+        (
+            '{"foo": 1}',
+            "input:1:1: found 'foo', expected one of start, end, failed, cancelled, value, fact, tick, retract",
+        ),
         ('{"start": "n0"}', "input:1:1: found no 'at', expected the time when it happened"),
         ('{"start": "n0", "end": "n0", "at": 1}', "input:1:1: found 2 of these, expected one of start"),
         ('{"start": "n0", "at": "NaN"}', "input:1:23: found 'NaN', expected"),
@@ -137,7 +147,12 @@ def test_real_time_passes_without_messages():
     assert Fraction(lines[-1]["time"]) > 24
 
 
-def test_plans_that_cannot_be_watched_are_refused():
+def test_plans_with_continuous_effects_are_followed_by_slices():
     directory = WORKSHOP.parent / "generator"
-    files = [directory / name for name in ("domain.pddl", "problem.pddl", "plan.stn")]
-    assert_one_line(command("watch", *files, "-q"), 4, "cannot watch this plan: continuous effects")
+    files = [str(directory / name) for name in ("domain.pddl", "problem.pddl", "plan.stn")]
+    ended = process("watch", *files, "-q", input="\n".join(GENERATING))
+    lines = [json.loads(line) for line in ended.out.splitlines()]
+    assert ended.err == ""
+    for line in lines:
+        jsonschema.validate(line, schema("robust/watch/1"))
+    assert [line["prospect"] for line in lines] == ["on track"] * 5 + ["broken"]

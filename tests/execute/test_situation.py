@@ -9,9 +9,11 @@ import pytest
 import robust
 from robust.errors import UnsupportedError
 from robust.execute import situation
-from robust.execute.monitor import MessageKind, Monitor, MonitorMessage
+from robust.execute.messages import MessageKind, MonitorMessage
+from robust.execute.monitor import Monitor
 from robust.execute.planners.interface import PlannerAnswer, PlannerStatus, check
 from robust.execute.situation import NoPlanError, OpenProblem, new_plan, run_state
+from robust.irr.proposals import SlackPlan
 from robust.plan.model import Atom
 from robust.plan.parameters import parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem, read_domain, read_problem
@@ -95,7 +97,7 @@ def whole_run(monitor, found):
     schedule = {}
     for instance in before:
         schedule |= dict(zip((instance.start, instance.end), ended[instance.identifier], strict=True))
-    times = Monitor(found.plan)._slack
+    times = SlackPlan(found.plan, EPSILON)
     for point, ticks in zip(found.plan.time_points, times.times, strict=True):
         if point.instance is not None:
             schedule[point] = Fraction(ticks, times.scale)

@@ -1,0 +1,461 @@
+"""What is ahead of a plan that runs, by shortest paths (:mod:`robust.irr.proposals`).
+
+The network, what its obligations demand of times, and what nature chooses are one network of points, three times over.
+Of what is *possible*, durations that are parameters may be anything that is declared: if that has no schedule
+with what has happened, no continuation in the plan's order succeeds, however kind nature is. As *expected*, steps take
+at least as long as planned. As *promised*, steps that have not ended take as long as a box allows: an end is as late as
+the box has it, and a step that has to wait for something at its end starts so late that it does even if it is short.
+Starts that keep to this are in time whatever lengths the box has, so the box is a promise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from heapq import heappop, heappush
+from math import ceil, floor, lcm
+from typing import Protocol
+
+from robust.execute.messages import StepProgress, time_text
+from robust.irr.proposals import DECLARED, SlackPlan
+from robust.network.differences import UNBOUNDED, Bound, DifferenceNetwork, delay, following, strong_components
+from robust.network.live import LiveNetwork
+from robust.network.slack import FaceNumber, OutsideFragmentError
+from robust.plan import model
+from robust.presented import VerdictEnum
+from robust.smt.limits import Deadline
+
+TICKS = 10**6
+"""Times on clocks are in millionths of a unit, so that networks need not be written anew for them."""
+FINEST = 1 << 200
+"""Parts of a unit, in which all times together can be said."""
+MOST = Fraction(10)
+"""By how much of what is planned promises go beyond it, at most."""
+
+
+class Prospect(VerdictEnum):
+    """What is ahead of a plan that runs."""
+
+    ON_TRACK = "on track"
+    """It succeeds if steps take as long as planned."""
+    AT_RISK = "at risk"
+    """It succeeds only if some steps take less time than planned."""
+    UNDECIDED = "undecided"
+    """Nothing is left in the plan's order, and it is not known in time whether another one succeeds."""
+    BROKEN = "broken"
+    """No continuation of these steps succeeds."""
+    DONE = "done"
+    """All has happened as the plan allows."""
+
+
+Window = tuple[Fraction, Fraction | None]
+"""The least and the greatest value; None is no limit."""
+OPEN = {Prospect.ON_TRACK, Prospect.AT_RISK}
+
+
+@dataclass(frozen=True, slots=True)
+class StepAhead:
+    """When a step that has not ended starts and ends, and how long it may take in all; None is no limit."""
+
+    start: Window
+    end: Window
+    most: Fraction | None
+
+
+@dataclass(frozen=True, slots=True)
+class PlanForecast:
+    """What is ahead: of each step that has not ended, which may start now, and what durations are promised.
+
+    `exact` says whether windows are all that is left, or only the promised part of it.
+    """
+
+    prospect: Prospect
+    reasons: tuple[str, ...] = ()
+    steps: Mapping[str, StepAhead] | None = None
+    ready: frozenset[str] = frozenset()
+    promise: Mapping[str, Window] | None = None
+    exact: bool = True
+
+
+class Forecaster(Protocol):
+    """Forecasts what is ahead of a plan while it is executed."""
+
+    @property
+    def planned(self) -> Mapping[str, Fraction]:
+        """Planned durations."""
+
+    def follow(self, step: str, known: StepProgress) -> None:
+        """How far a step is now."""
+
+    def pass_time(self, now: Fraction) -> None:
+        """What has not happened does not happen before."""
+
+    def order(self, point: model.TimePoint) -> Fraction | int:
+        """Where a point is in the order of the plan."""
+
+    def look(self, time: Fraction, deadline: Deadline) -> PlanForecast:
+        """The forecast at a time; what is not found by the deadline is as it was promised last."""
+
+
+class Making(Protocol):
+    """Makes forecasters, as their classes do."""
+
+    def __call__(
+        self,
+        plan: model.ParametrizedPlan,
+        epsilon: Fraction,
+        lasting: Mapping[str, str],
+        planned: Mapping[str, Fraction],
+        running: Mapping[str, StepProgress],
+    ) -> Forecaster: ...
+
+
+class PathForecaster:
+    """Forecasts while a plan is executed.
+
+    Args:
+        plan: the plan.
+        epsilon: the separation of mutex time points.
+        lasting: the steps of which parameters are durations, by parameter.
+        planned: how long they take as planned, by step; as their parameters have it if not given.
+        running: steps that run when this begins: their starts are behind, and in the plan they begin now.
+
+    Raises:
+        OutsideFragmentError: if shortest paths do not decide about the plan.
+    """
+
+    def __init__(
+        self,
+        plan: model.ParametrizedPlan,
+        epsilon: Fraction,
+        lasting: Mapping[str, str],
+        planned: Mapping[str, Fraction] | None = None,
+        running: Mapping[str, StepProgress] | None = None,
+    ) -> None:
+        self._plan = plan
+        self._lasting = lasting
+        self._slack = SlackPlan(plan, epsilon)
+        self._number = {point: number for number, point in enumerate(plan.time_points)}
+        self._planned_else = planned or {}
+        self._progress: dict[str, StepProgress] = dict(running or {})
+        self._begun = frozenset(self._progress)
+        self._now = Fraction(0)
+        self._scale = lcm(self._slack.scale, TICKS, *(room.denominator for room, _ in self._limits.values()))
+        self._write()
+
+    # -- the networks --------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def _limits(self) -> Mapping[tuple[FaceNumber, bool], tuple[Fraction, str]]:
+        """How far faces may move, in units of the slack plan, and what says so; whether it is only declared."""
+        limits: dict[tuple[FaceNumber, bool], tuple[Fraction, str]] = {}
+        for form in self._slack.forms:
+            if len(form.factors) > 1:
+                raise OutsideFragmentError(f"{form.name!r} is about several durations")
+            ((face, slope),) = form.factors.items()
+            key, limit = (face, form.name == DECLARED), (form.budget / slope, form.name)
+            limits[key] = min(limit, limits.get(key, limit))
+        return limits
+
+    @cached_property
+    def _step_of(self) -> Mapping[FaceNumber, str]:
+        """The step of whose duration a face is an end."""
+        uses: dict[FaceNumber, set[frozenset[int]]] = {}
+        for bound in self._slack.bounds:
+            if bound.face is not None:
+                uses.setdefault(bound.face, set()).add(frozenset((bound.source, bound.target)))
+        for number, parameter in enumerate(self._plan.parameters):
+            if parameter.name not in self._lasting or any(len(uses.get(2 * number + k, ())) > 1 for k in (0, 1)):
+                raise OutsideFragmentError(f"{parameter.name} is not the duration of one step")
+        return {face: self._lasting[self._plan.parameters[face >> 1].name] for face in uses}
+
+    @cached_property
+    def planned(self) -> Mapping[str, Fraction]:
+        """Planned durations; of steps whose duration is no parameter, by the schedule that the plan is judged by."""
+        times, scale = self._slack.times, self._slack.scale
+        length = {s.identifier: times[self._number[s.end]] - times[self._number[s.start]] for s in self._plan.instances}
+        values = self._plan.nominal
+        nominal = {self._lasting[name]: value for name, value in values.items() if name in self._lasting}
+        known = {step: Fraction(ticks, scale) for step, ticks in length.items()} | nominal
+        return {step: self._planned_else.get(step, time) for step, time in known.items()}
+
+    def _write(self) -> None:
+        """All bounds, in ticks of which as many are a unit as `_scale` says."""
+        factor = self._scale // self._slack.scale
+        self._bounds: list[_LiveBound] = []
+        self._links: list[tuple[int, int, int, str]] = []
+        for bound in self._slack.bounds:
+            ends, origin = (bound.source, bound.target), bound.origin
+            if bound.face is None:
+                self._bounds.append(_LiveBound((*ends, bound.weight * factor), origin))
+                continue
+            step = self._step_of[bound.face]
+            for declared in (True, False):
+                if (bound.face, declared) in self._limits:
+                    room, said = self._limits[bound.face, declared]
+                    owner = step if declared else None
+                    self._bounds.append(_LiveBound((*ends, int((bound.weight - room) * factor)), said, owner))
+            if not bound.face & 1:
+                offset = bound.weight * factor - int(self._plan.parameters[bound.face >> 1].nominal * self._scale)
+                said = f"{step} takes as long as planned, {time_text(self.planned[step])}"
+                weight = offset + self._ticks(self.planned[step])
+                self._bounds.append(_LiveBound((*ends, weight), said, step, expected=True))
+                self._links.append((*ends, offset, step))
+        for demand in self._slack.requirements(exact=True):
+            said = "; ".join(dict.fromkeys(demand.names))
+            self._bounds.append(_LiveBound((demand.source, demand.target, demand.weight * factor), said))
+        ended = set(self._ended)
+        counting = [each for each in self._bounds if each.step not in ended]
+        now = self._times(), self._ticks(self._now)
+        order = self._slack.times
+        self._possible = LiveNetwork(order, [(each.bound, each.step) for each in counting if not each.expected], *now)
+        self._expected = LiveNetwork(order, [(each.bound, each.step) for each in counting], *now)
+        self._promised: LiveNetwork | None = None
+        self._promise: dict[str, Window] = {}
+
+    @property
+    def _ended(self) -> list[str]:
+        return [step for step, known in self._progress.items() if known.end is not None]
+
+    def _ticks(self, time: Fraction) -> int:
+        return floor(time * self._scale)
+
+    def _times(self) -> dict[int, int]:
+        """What has happened, in ticks."""
+        times = {}
+        for step, known in self._progress.items():
+            instance = self._plan.instance[step]
+            for point, time in ((instance.start, known.start), (instance.end, known.end)):
+                if time is not None and (step not in self._begun or point != instance.start):
+                    times[self._number[point]] = self._ticks(time)
+        return times
+
+    # -- what happens --------------------------------------------------------------------------------------------------
+
+    def follow(self, step: str, known: StepProgress) -> None:
+        """How far a step is now; networks become finer if they are too coarse for its times."""
+        before = self._progress.get(step, StepProgress())
+        self._progress[step] = known
+        instance = self._plan.instance[step]
+        finer = lcm(self._scale, *(time.denominator for time in (known.start, known.end) if time is not None))
+        if finer != self._scale or before.start not in (None, known.start) or before.end not in (None, known.end):
+            self._scale = finer
+            self._write()
+            return
+        for point, time in ((instance.start, known.start), (instance.end, known.end)):
+            number = self._number[point]
+            for network in self._networks if step not in self._begun or point != instance.start else ():
+                if time is not None and number not in network.times:
+                    network.happen(number, self._ticks(time), step if known.end is not None else None)
+
+    @property
+    def _networks(self) -> Iterable[LiveNetwork]:
+        return (each for each in (self._possible, self._expected, self._promised) if each is not None)
+
+    def pass_time(self, now: Fraction) -> None:
+        """What has not happened does not happen before."""
+        earlier, self._now = self._now, now
+        if now < earlier:
+            self._write()
+        for network in self._networks:
+            network.lift(self._ticks(now))
+
+    def order(self, point: model.TimePoint) -> int:
+        """Where a point is in the order of the plan."""
+        return self._slack.times[self._number[point]]
+
+    # -- what is ahead -------------------------------------------------------------------------------------------------
+
+    def look(self, time: Fraction, deadline: Deadline) -> PlanForecast:
+        """The forecast at a time; a promise that has to be looked for is, up to the deadline."""
+        if not self._possible.open:
+            return PlanForecast(Prospect.BROKEN, tuple(self._reasons(expected=False)))
+        on_track = self._expected.open
+        network = self._expected if on_track else self._possible
+        steps, ready = {}, []
+        for instance in self._plan.instances:
+            name, known = instance.identifier, self._progress.get(instance.identifier)
+            if known is not None and known.end is not None:
+                continue
+            begin, end = self._number[instance.start], self._number[instance.end]
+            least, most = network.window(begin), network.window(end)
+            longest = self._longest(network, begin, end)
+            if name in self._begun and known is not None and known.start is not None and longest is not None:
+                longest += Fraction(network.earliest[begin], self._scale) - known.start
+            steps[name] = StepAhead(self._window(least), self._window(most), longest)
+            if known is None or known.start is None:
+                possible = self._possible.earliest[begin]
+                happened = self._possible.times
+                if possible <= self._ticks(time) and all(point in happened for point in self._waits_for[begin]):
+                    ready.append(name)
+        promise = self._find_promise(deadline) if on_track else None
+        reasons = () if on_track else tuple(self._reasons(expected=True))
+        return PlanForecast(
+            Prospect.ON_TRACK if on_track else Prospect.AT_RISK, reasons, steps, frozenset(ready), promise
+        )
+
+    def _window(self, window: tuple[int, int | None]) -> Window:
+        low, high = window
+        return Fraction(low, self._scale), None if high is None else Fraction(high, self._scale)
+
+    def _longest(self, network: LiveNetwork, begin: int, end: int) -> Fraction | None:
+        """How long a step may take: by what keeps its end near its start, or by when it starts and has to end."""
+        latest = network.latest[end]
+        most = latest - network.earliest[begin]
+        if begin not in network.times and self._component[begin] == self._component[end] and begin != end:
+            reach = network.latest[end] - network.earliest[end]
+            most -= reach - self._distance(network, end, begin, reach)
+        return None if most > UNBOUNDED // 2 else Fraction(most, self._scale)
+
+    @cached_property
+    def _component(self) -> Sequence[int]:
+        """Points that bounds lead to and fro between, without zero, have one number."""
+        steps: list[list[int]] = [[] for _ in self._slack.times]
+        for source, target, _ in (each.bound for each in self._bounds):
+            if source and target:
+                steps[source].append(target)
+        return strong_components(steps)
+
+    def _distance(self, network: LiveNetwork, source: int, target: int, most: int) -> int:
+        """The least slack of a path between two points of a component [Dijkstra]; `most` if it is not less."""
+        component, earliest = self._component, network.earliest
+        heap, done = [(0, source)], set[int]()
+        while heap and heap[0][0] < most:
+            slack, point = heappop(heap)
+            if point == target:
+                return slack
+            if point not in done:
+                done.add(point)
+                for other, weight in network.following(point):
+                    if component[other] == component[source]:
+                        heappush(heap, (slack + earliest[other] - earliest[point] - weight, other))
+        return most
+
+    @cached_property
+    def _waits_for(self) -> Mapping[int, Sequence[int]]:
+        """The points of steps before each point, as bounds say, unless both are at one time."""
+        before: dict[int, set[int]] = {number: set() for number in self._number.values()}
+        for source, target, weight in (each.bound for each in self._bounds):
+            if weight >= 0 and self._plan.time_points[source].instance is not None:
+                before[target].add(source)
+        return {point: [a for a in others if point not in before[a]] for point, others in before.items()}
+
+    def _reasons(self, *, expected: bool) -> Sequence[str]:
+        """What contradicts itself, in the order of time, as far as it is not just what has happened."""
+        ended = set(self._ended)
+        counting = [each for each in self._bounds if each.step not in ended and (expected or not each.expected)]
+        cycle = DifferenceNetwork(len(self._slack.times), [*(each.bound for each in counting), *self._facts()]).cycle
+        origins = (number for number in cycle.origins if number < len(counting)) if cycle is not None else ()
+        return list(dict.fromkeys(counting[number].origin for number in origins))
+
+    def _facts(self) -> list[Bound]:
+        times, now = self._possible.times, self._ticks(self._now)
+        bounds: list[Bound] = [(0, point, times.get(point, now)) for point in range(1, len(self._slack.times))]
+        return [*bounds, *((point, 0, -time) for point, time in times.items())]
+
+    # -- promises ------------------------------------------------------------------------------------------------------
+
+    def _find_promise(self, deadline: Deadline) -> Mapping[str, Window] | None:
+        """What is left of the last promise while it stands, else the widest that is equally wide relative to plans."""
+        if self._promised is None or not self._promised.open or any(map(self._overran, self._promise)):
+            self._promised = None
+            share: Fraction | None = MOST
+            while share is not None and not deadline.passed:
+                bounds = self._stretched(share)
+                narrower = self._narrower(share, bounds)
+                if narrower is None:
+                    owned = [(bound, step) for bound, step, _ in bounds]
+                    self._promised = LiveNetwork(self._slack.times, owned, self._times(), self._ticks(self._now))
+                    break
+                share = narrower if 0 <= narrower < share else None
+        if self._promised is None:
+            return None
+        return {step: interval for step, interval in self._promise.items() if self._known(step).end is None}
+
+    def _known(self, step: str) -> StepProgress:
+        return self._progress.get(step, _NOT_BEGUN)
+
+    def _overran(self, step: str) -> bool:
+        known = self._known(step)
+        if known.start is None:
+            return False
+        lasted = (self._now if known.end is None else known.end) - known.start
+        low, high = self._promise[step]
+        return (high is not None and lasted > high) or (known.end is not None and lasted < low)
+
+    @cached_property
+    def _declared(self) -> Mapping[str, Window]:
+        """Where the lengths of steps have to be."""
+        found = {}
+        for number, parameter in enumerate(self._plan.parameters):
+            rooms: list[Fraction | None] = []
+            for face in (2 * number, 2 * number + 1):
+                known = [self._limits[face, said][0] for said in (True, False) if (face, said) in self._limits]
+                rooms.append(min(known) / self._slack.scale if known else None)
+            low, high = rooms
+            length = parameter.nominal
+            found[self._lasting[parameter.name]] = (
+                Fraction(0) if low is None else max(Fraction(0), length - low),
+                None if high is None else length + high,
+            )
+        return found
+
+    def _stretched(self, share: Fraction) -> list[_PromisedBound]:
+        """The bounds of a promise that goes beyond the plan by a share of it."""
+        self._promise = {}
+        links: dict[int, tuple[int, str, int, Fraction]] = {}
+        bounds: list[_PromisedBound] = []
+        for source, target, offset, step in self._links:
+            known, planned = self._known(step), self.planned[step]
+            if known.end is not None:
+                continue
+            lasted = Fraction(0) if known.start is None else max(Fraction(0), self._now - known.start)
+            least, most = self._declared[step]
+            likely = max(planned, lasted)
+            low, high = max(planned * (1 - share), least, lasted), likely * (1 + share)
+            slopes = (planned if low == planned * (1 - share) else Fraction(0)), likely
+            if most is not None and most < high:
+                high, slopes = max(most, low), (slopes[0], Fraction(0))
+            shortest, longest = ceil(low * self._scale), floor(high * self._scale)
+            self._promise[step] = Fraction(shortest, self._scale), Fraction(longest, self._scale)
+            links[target] = source, step, offset + shortest, slopes[0] * self._scale
+            bounds.append(((source, target, offset + longest), step, slopes[1] * self._scale))
+        for each in self._bounds:
+            source, target, weight = each.bound
+            if each.step is not None:
+                continue
+            start, step, shortest, slope = links.get(target, (source, "", 0, Fraction(0)))
+            if start == source:
+                bounds.append((each.bound, None, Fraction(0)))
+            elif start or source:
+                bounds.append(((source, start, weight - shortest), step, slope))
+        return bounds
+
+    def _narrower(self, share: Fraction, bounds: Sequence[_PromisedBound]) -> Fraction | None:
+        """A share at which a contradiction is none [Newton]; None if there is no contradiction; −1 if it stays."""
+        every = [*(bound for bound, _, _ in bounds), *self._facts()]
+        times = list(self._expected.earliest)
+        cycle = delay(times, following(len(times), every), sorted(range(len(times)), key=times.__getitem__))
+        if cycle is None:
+            return None
+        excess = sum(every[number][2] for number in cycle.origins)
+        slope = sum((bounds[number][2] for number in cycle.origins if number < len(bounds)), Fraction(0))
+        return share - excess / slope if slope else Fraction(-1)
+
+
+_NOT_BEGUN = StepProgress()
+_PromisedBound = tuple[Bound, str | None, Fraction]
+"""A bound, the step of whose length it speaks, and how it grows with the share that a promise goes beyond the plan."""
+
+
+@dataclass(frozen=True, slots=True)
+class _LiveBound:
+    """A bound in ticks and what says so; `step`: of whose duration it is declared or, if `expected`, planned, so that
+    it no longer counts once the step has ended."""
+
+    bound: Bound
+    origin: str
+    step: str | None = None
+    expected: bool = False

@@ -1,0 +1,302 @@
+"""What remains of a plan in the middle of its execution: where it is, and the plan of what is still to come."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import cached_property
+from itertools import pairwise
+
+from robust.execute.messages import MonitorMessage, StepProgress
+from robust.numbers import format_number
+from robust.plan import model, timeline
+from robust.plan.polynomial import Polynomial
+from robust.plan.simulate import simulate
+
+
+@dataclass(frozen=True, slots=True)
+class MonitorState:
+    """Where a plan that runs is.
+
+    Attributes:
+        time: what time it is at least; what is said here is how things are then.
+        steps: how far each step is, by identifier.
+        atoms: the atoms that are true.
+        fluents: the values of fluents; durations that are not known yet count as planned.
+    """
+
+    time: Fraction
+    steps: Mapping[str, StepProgress]
+    atoms: frozenset[model.Atom]
+    fluents: Mapping[model.Fluent, Fraction]
+
+    @property
+    def running(self) -> Mapping[str, Fraction]:
+        """Since when each step runs that does."""
+        return {name: step.start for name, step in self.steps.items() if step.start is not None and step.is_running}
+
+
+@dataclass(frozen=True)
+class History:
+    """What has happened to a plan.
+
+    Args:
+        plan: the plan.
+        planned: how long steps take as planned, by identifier.
+        steps: how far each step is, by identifier.
+        observed: what was observed of the state.
+        time: what time it is at least.
+    """
+
+    plan: model.ParametrizedPlan
+    planned: Mapping[str, Fraction]
+    steps: Mapping[str, StepProgress]
+    observed: Sequence[MonitorMessage]
+    time: Fraction
+
+    @property
+    def state(self) -> MonitorState:
+        """Where the plan is.
+
+        Raises:
+            UnsupportedError: if a continuous effect's rate changes while it acts.
+        """
+        last = [each for each in self._execution.happenings if each.time <= self.time or each.points[0] in self._seen][
+            -1
+        ]
+        state = last.after if last.time >= self.time else last.just_before(self.time)
+        return MonitorState(self.time, self.steps, state.atoms, state.fluents)
+
+    @property
+    def surprises(self) -> Sequence[tuple[model.Atom | model.Fluent, str]]:
+        """What was observed and is not as the plan says, and in words."""
+        found = []
+        for happening in self._execution.happenings:
+            for literal in self._seen.get(happening.points[0], ()):
+                known = happening.before
+                target, value = literal.target, literal.value
+                expected = target in known.atoms if isinstance(target, model.Atom) else known.fluents.get(target)
+                if expected != value:
+                    found.append((target, f"{target} is {_said(value)} and not {_said(expected)}"))
+        return found
+
+    @cached_property
+    def happened(self) -> Mapping[model.TimePoint, Fraction]:
+        """The times of what has happened, zero among them."""
+        times = {model.ZERO: Fraction(0)}
+        for name, step in self.steps.items():
+            instance = self.plan.instance[name]
+            for point, time in ((instance.start, step.start), (instance.end, step.end)):
+                if time is not None:
+                    times[point] = time
+        return times
+
+    def breaches(self, epsilon: Fraction) -> Sequence[str]:
+        """What broke in what has happened, in words: conditions and separations of steps, and demands of the plan."""
+        instances = []
+        for instance, _, _ in self._instances:
+            known = self.steps.get(instance.identifier, StepProgress())
+            untold = set() if known.end is not None else {model.Timing.AT_END}
+            untold |= set(model.Timing) if known.start is None else set()
+            conditions = tuple(part for part in instance.conditions if part.timing not in untold)
+            instances.append(replace(instance, conditions=conditions, durations=()))
+        plan = replace(self._execution.plan, instances=tuple(instances), goal=())
+        found = simulate(plan, plan.nominal, self._execution.times, epsilon=epsilon).violations
+        late = [
+            f"{item}, found {format_number(-length if item.target == model.ZERO else length)}"
+            for item in self.plan.constraints
+            if item.name is not None and item.source in self.happened and item.target in self.happened
+            for length in [self.happened[item.target] - self.happened[item.source]]
+            if not _is_within(length, item)
+        ]
+        return [*(f"{each.obligation} at {format_number(each.time)}: {each.detail}" for each in found), *late]
+
+    @cached_property
+    def lasted(self) -> Mapping[str, Fraction]:
+        """How long the steps took that have ended."""
+        return {
+            name: step.end - step.start
+            for name, step in self.steps.items()
+            if step.end is not None and step.start is not None
+        }
+
+    def reading(self, instance: model.ActionInstance) -> model.Values:
+        """The fluents as a step read them when it started."""
+        known: dict[model.NumericVariable, Fraction | model.Expression] = {}
+        known |= {fluent: value for fluent, value in self._execution.before(instance.start).fluents.items()}  # noqa: C416 - of another type
+        return known
+
+    @cached_property
+    def _seen(self) -> Mapping[model.TimePoint, Sequence[model.TimedLiteral]]:
+        """What was observed, as literals right after what happened at that time."""
+        times = sorted({*self._times.values(), *(each.at for each in self.observed if each.at is not None)})
+        gap = min((later - first for first, later in pairwise(times)), default=Fraction(1))
+        taken = set(self._times.values())
+        found: dict[model.TimePoint, list[model.TimedLiteral]] = {}
+        for message in self.observed:
+            at = message.at or Fraction(0)
+            at += gap / 2 if at in taken else 0
+            target = variable_called(self.plan, message.step)
+            if target is not None and message.observed is not None:
+                literal = model.TimedLiteral(at, target, message.observed)
+                found.setdefault(literal.point, []).append(literal)
+        return found
+
+    @cached_property
+    def _instances(self) -> Sequence[tuple[model.ActionInstance, Fraction, Fraction]]:
+        """What was started, until it ended; what runs ends some time later."""
+        found = []
+        for name, step in self.steps.items():
+            instance = self.plan.instance[name]
+            if step.start is not None:
+                found.append((instance, step.start, self.time + 1 if step.end is None else step.end))
+            for number, (start, end) in enumerate(step.attempts):
+                atoms = tuple(e for e in instance.atom_effects if e.timing is model.Timing.AT_START)
+                numbers = tuple(e for e in instance.numeric_effects if e.timing is model.Timing.AT_START)
+                begun = replace(instance, atom_effects=atoms, numeric_effects=numbers, identifier=f"{name}.{number}")
+                found.append((begun, start, end))
+        return found
+
+    @cached_property
+    def _times(self) -> Mapping[model.TimePoint, Fraction]:
+        times = {model.ZERO: Fraction(0)}
+        times |= {literal.point: literal.time for literal in self.plan.timed_literals if literal.time <= self.time}
+        for instance, start, end in self._instances:
+            times[instance.start] = start
+            if instance.durative:
+                times[instance.end] = end
+        return times
+
+    @cached_property
+    def _execution(self) -> timeline.TimedExecution:
+        literals = [literal for literal in self.plan.timed_literals if literal.time <= self.time]
+        seen = [literal for several in self._seen.values() for literal in several]
+        instances = tuple(instance for instance, _, _ in self._instances)
+        plan = replace(self.plan, instances=instances, constraints=(), timed_literals=(*literals, *seen))
+        times = {**self._times, **{literal.point: literal.time for literal in seen}}
+        lasting = {name: self.planned[name] for name, step in self.steps.items() if step.is_running}
+        return timeline.TimedExecution(plan, plan.nominal, times, lasting)
+
+
+def _is_within(length: Fraction, item: model.TemporalConstraint) -> bool:
+    """Whether a distance is as a constraint demands, as far as that is a number."""
+    lower, upper = (None if b is None or not b.is_constant else b.constant_term for b in (item.lower, item.upper))
+    return (lower is None or lower <= length) and (upper is None or length <= upper)
+
+
+def _said(value: Fraction | bool | None) -> str:
+    return "unknown" if value is None else str(value).lower()
+
+
+def variable_called(plan: model.ParametrizedPlan, name: str) -> model.Atom | model.Fluent | None:
+    """The atom or fluent of a plan that is called so, with or without brackets."""
+    return _variables(plan).get(" ".join(name.strip().strip("()").lower().split()))
+
+
+def _variables(plan: model.ParametrizedPlan) -> Mapping[str, model.Atom | model.Fluent]:
+    """What a plan speaks of, by name without brackets."""
+    known: dict[model.Atom | model.Fluent, None] = dict.fromkeys((*plan.initial_atoms, *plan.initial_fluents))
+    known |= dict.fromkeys(literal.target for literal in plan.timed_literals)
+    for instance in plan.instances:
+        known |= dict.fromkeys(effect.atom for effect in instance.atom_effects)
+        known |= dict.fromkeys(effect.fluent for effect in instance.numeric_effects)
+        known |= dict.fromkeys(effect.fluent for effect in instance.continuous_effects)
+    known |= dict.fromkeys(read_by(plan.instances, plan.goal))
+    return {str(variable)[1:-1]: variable for variable in known}
+
+
+def read_by(
+    instances: Iterable[model.ActionInstance], goal: Iterable[model.GoalCondition]
+) -> Iterator[model.Atom | model.Fluent]:
+    """The atoms and fluents that steps and the goal read."""
+    conditions: list[model.Condition] = [demand.condition for demand in goal]
+    expressions: list[model.Expression] = []
+    for instance in instances:
+        conditions += [part.condition for part in instance.durations]
+        conditions += [part.condition for part in instance.conditions]
+        conditions += [effect.condition for effect in instance.atom_effects]
+        conditions += [effect.condition for effect in instance.numeric_effects]
+        expressions += [effect.expression for effect in instance.numeric_effects]
+        expressions += [effect.rate for effect in instance.continuous_effects]
+    for condition in conditions:
+        for leaf in model.leaves(condition):
+            if isinstance(leaf, model.Holds):
+                yield leaf.atom
+            elif isinstance(leaf, model.NumericCondition):
+                expressions.append(leaf.expression)
+    for expression in expressions:
+        yield from model.fluents_in(expression)
+
+
+def remaining_plan(history: History, *, ordered: bool) -> model.ParametrizedPlan:
+    """The plan of what is still to come, in the state that is reached, with times as in the whole plan.
+
+    What has happened is a number in the constraints of the rest. A step that runs begins now and has, in its effects
+    and conditions, lasted for a while; its start has nothing to say any more. If it is not `ordered`, only durations
+    and deadlines count, and no order of steps.
+    """
+    plan, now, state = history.plan, history.time, history.state
+    times = dict(history.happened)
+    running = state.running
+    instances, constraints = [], list[model.TemporalConstraint]()
+    for instance in plan.instances:
+        known = state.steps[instance.identifier]
+        if known.end is None and known.start is not None:
+            instances.append(_begun(instance, now - known.start, history.reading(instance)))
+            at = Polynomial[model.NumericVariable].constant(now)
+            constraints.append(model.TemporalConstraint(model.ZERO, instance.start, at, at))
+        elif known.end is None:
+            instances.append(instance)
+    points = {point for instance in instances for point in instance.time_points if point not in times}
+    earliest = Polynomial[model.NumericVariable].constant(now)
+    constraints += [model.TemporalConstraint(model.ZERO, point, earliest, None) for point in points]
+    for item in plan.constraints:
+        numbers = all(bound is None or bound.is_constant for bound in (item.lower, item.upper))
+        if ordered or not numbers or item.name is not None or item.source.instance == item.target.instance:
+            constraints += _continued(item, times)
+    values = {name: history.lasted[step] for name, step in plan.lasting.items() if step in history.lasted}
+    lasted = {name: now - running[step] for name, step in plan.lasting.items() if step in running}
+    parameters = tuple(
+        replace(known, nominal=max(known.nominal, lasted.get(known.name, known.nominal))) for known in plan.parameters
+    )
+    rest = replace(
+        plan,
+        parameters=parameters,
+        instances=tuple(instances),
+        constraints=tuple(constraints),
+        initial_atoms=state.atoms,
+        initial_fluents={fluent: Polynomial.constant(value) for fluent, value in state.fluents.items()},
+        timed_literals=tuple(literal for literal in plan.timed_literals if literal.time > now),
+    )
+    return model.at_values(rest, values)
+
+
+def _begun(instance: model.ActionInstance, elapsed: Fraction, values: model.Values) -> model.ActionInstance:
+    """A step that has lasted for a while, without its start; `values`: what its duration reads."""
+    later = [part for part in instance.conditions if part.timing is not model.Timing.AT_START]
+    rest = replace(
+        instance,
+        durations=tuple(model.with_values(part, values) for part in instance.durations),
+        conditions=tuple(later),
+        atom_effects=tuple(e for e in instance.atom_effects if e.timing is not model.Timing.AT_START),
+        numeric_effects=tuple(e for e in instance.numeric_effects if e.timing is not model.Timing.AT_START),
+        mentions=frozenset(m for m in instance.mentions if m.timing is not model.Timing.AT_START),
+    )
+    longer = Polynomial.variable(model.Duration()) + elapsed
+    return model.with_values(rest, {model.Duration(): longer})
+
+
+def _continued(
+    item: model.TemporalConstraint, times: Mapping[model.TimePoint, Fraction]
+) -> Iterator[model.TemporalConstraint]:
+    """What a constraint says about what has not happened."""
+    source, target = times.get(item.source), times.get(item.target)
+    if source is None and target is None:
+        yield item
+    elif target is None and source is not None:
+        lower, upper = (None if bound is None else bound + source for bound in (item.lower, item.upper))
+        yield replace(item, source=model.ZERO, lower=lower, upper=upper)
+    elif source is None and target is not None:
+        upper, lower = (None if bound is None else -bound + target for bound in (item.lower, item.upper))
+        yield replace(item, source=model.ZERO, target=item.source, lower=lower, upper=upper)

@@ -1,0 +1,122 @@
+"""The rest of a plan judged anew from where it is, in whatever order of its steps succeeds.
+
+What has happened stands: a condition that did not hold cannot be mended. From the state that is reached, a solver
+looks for times and durations with which all that is still to come keeps every obligation. The simulator executes what
+it finds before it counts, and the orders of its happenings become the network that is followed from then on. If the
+solver finds nothing, no order of these steps succeeds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+from robust.encode.encoding import RelationalEncoding
+from robust.errors import InputError, SolverError, UnsupportedError
+from robust.execute.causal import causal_network
+from robust.execute.distances import Original, with_literals
+from robust.execute.forecast import OPEN, Forecaster, Making, Prospect
+from robust.execute.remaining import History, remaining_plan
+from robust.network.slack import OutsideFragmentError
+from robust.plan import model
+from robust.plan.polynomial import Polynomial
+from robust.plan.simulate import simulate
+from robust.smt.limits import Deadline, OutOfTimeError
+from robust.smt.session import Satisfiability, Session
+
+
+@dataclass(frozen=True, slots=True)
+class Reordered:
+    """What is ahead from where a plan is: a forecaster unless it is broken, or undecided; `reasons` say what broke.
+
+    `in_order` says whether the plan's order still does.
+    """
+
+    prospect: Prospect
+    forecaster: Forecaster | None = None
+    reasons: tuple[str, ...] = ()
+    in_order: bool = False
+
+
+def reordered(
+    history: History, make: Making, epsilon: Fraction, *, free: bool, in_order: bool, deadline: Deadline
+) -> Reordered:
+    """Judge the rest of a plan.
+
+    Args:
+        history: what has happened.
+        make: makes forecasters.
+        epsilon: the separation of mutex time points.
+        free: whether any order of steps will do.
+        in_order: whether the plan's order may still do.
+        deadline: when to stop, undecided.
+    """
+    running = {name: step for name, step in history.steps.items() if step.is_running}
+    known = history.plan.lasting, history.planned, running
+    try:
+        breaches = history.breaches(epsilon)
+        if breaches:
+            return Reordered(Prospect.BROKEN, reasons=tuple(breaches))
+        if in_order:
+            with suppress(OutsideFragmentError, UnsupportedError, InputError):  # if planned durations will not do
+                rest = make(remaining_plan(history, ordered=True), epsilon, *known)
+                rest.pass_time(history.time)
+                if rest.look(history.time, deadline).prospect in OPEN:
+                    return Reordered(Prospect.ON_TRACK, rest, in_order=True)
+        unordered = remaining_plan(history, ordered=not free)
+        found = _schedule(unordered, epsilon, deadline)
+        if found is None:
+            return Reordered(Prospect.BROKEN)
+        return Reordered(Prospect.AT_RISK, make(_in_order_of(unordered, epsilon, *found), epsilon, *known))
+    except (OutsideFragmentError, UnsupportedError, InputError, SolverError, OutOfTimeError):
+        return Reordered(Prospect.UNDECIDED)
+
+
+def _schedule(
+    plan: model.ParametrizedPlan, epsilon: Fraction, deadline: Deadline
+) -> tuple[Mapping[str, Fraction], Mapping[model.TimePoint, Fraction]] | None:
+    """Parameter values and a valid schedule; None if there are none.
+
+    Raises:
+        OutOfTimeError: if the deadline passes, or the solver gives up.
+        SolverError: if the simulator does not confirm what was found.
+    """
+    encoding = RelationalEncoding(plan, epsilon)
+    session = Session(encoding.terms)
+    session.add_all(encoding.valid_formulas(encoding.obligations), deadline)
+    answer = session.check("some order succeeds", deadline)
+    if answer is Satisfiability.UNSATISFIABLE:
+        return None
+    if answer is Satisfiability.UNKNOWN:
+        raise OutOfTimeError
+    values = {name: Fraction(value) for name, value in session.values(encoding.unknowns()).items()}
+    schedule = encoding.schedule(values)
+    parameters = plan.nominal | {name: value for name, value in values.items() if name in plan.nominal}
+    if simulate(plan, parameters, schedule, epsilon=epsilon).violations:
+        raise SolverError("found a schedule that the simulator does not confirm, expected a valid one")
+    return parameters, schedule
+
+
+def _in_order_of(
+    plan: model.ParametrizedPlan,
+    epsilon: Fraction,
+    values: Mapping[str, Fraction],
+    schedule: Mapping[model.TimePoint, Fraction],
+) -> model.ParametrizedPlan:
+    """The plan with the orders that a schedule chooses, and its durations as nominal ones."""
+    parameters = tuple(replace(known, nominal=values[known.name]) for known in plan.parameters)
+    plan = replace(plan, parameters=parameters)
+    bare = replace(model.at_values(plan, values), constraints=())
+    orders = causal_network(Original(bare, with_literals(bare, schedule), epsilon)).edges
+    return replace(
+        plan,
+        constraints=(
+            *plan.constraints,
+            *(
+                model.TemporalConstraint(source, target, Polynomial.constant(weight), None)
+                for source, target, weight in orders
+            ),
+        ),
+    )

@@ -1,0 +1,257 @@
+"""What is ahead of a plan that runs whose effects or conditions are about numbers and time: by a solver and by slices.
+
+A solver says whether some times and durations that are left keep every obligation, and whether steps may take as long
+as planned. What is promised is a box in the slice of the envelope at what was observed
+(:mod:`robust.execute.slices`), and windows are those of a dispatcher under this promise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from functools import cached_property
+
+from robust.encode.encoding import RelationalEncoding
+from robust.encode.interface import constant, variable
+from robust.errors import InputError
+from robust.execute import controllable_boxes as boxes
+from robust.execute.dispatchable import Dreex, Tables, dispatch_network
+from robust.execute.forecast import PlanForecast, Prospect, StepAhead, Window
+from robust.execute.messages import StepProgress
+from robust.execute.slices import Observations, SliceAnswer, Slices, continued
+from robust.irr.stops import NO_SCHEDULE
+from robust.network.dispatchable import Windows
+from robust.plan import model
+from robust.qe.box import Box, Interval
+from robust.qe.compute import RegionSearch
+from robust.qe.lifted import LiftedRegion
+from robust.qe.polyhedron import Polyhedron
+from robust.qe.region import Region
+from robust.smt.limits import Deadline, OutOfTimeError
+from robust.smt.session import Formula, Satisfiability, Session
+
+REGION_SECONDS = 5.0
+"""For the envelope, once, before the execution begins."""
+LATER_SECONDS = 0.5
+"""For the envelope of the rest of a plan."""
+SLICE_SECONDS = 0.2
+"""For a promise."""
+
+
+class SliceForecaster:
+    """Forecasts while a plan is executed, as :class:`robust.execute.forecast.PathForecaster`.
+
+    Raises:
+        UnsupportedError: if the plan cannot be encoded.
+        InputError: if its network has no schedule.
+    """
+
+    def __init__(
+        self,
+        plan: model.ParametrizedPlan,
+        epsilon: Fraction,
+        lasting: Mapping[str, str],
+        planned: Mapping[str, Fraction] | None = None,
+        running: Mapping[str, StepProgress] | None = None,
+    ) -> None:
+        self._plan, self._epsilon, self._lasting = plan, epsilon, lasting
+        self._progress: dict[str, StepProgress] = dict(running or {})
+        self._begun = frozenset(self._progress)
+        self._now = Fraction(0)
+        self._encoding = RelationalEncoding(plan, epsilon)
+        self._session = Session(self._encoding.terms)
+        self._session.add(*self._encoding.valid_formulas(self._encoding.obligations))
+        self._box = Box.nominal(plan.parameters)
+        self._stnu = boxes.parametric_stnu(plan, self._box)
+        self._tables, _ = dispatch_network(self._stnu, self._box, Dreex())
+        self._order = {point: low for point, (low, _) in _windows_of(self._tables).items()}
+        self._planned_else = planned or {}
+        self._last: PlanForecast | None = None
+        self._seconds = REGION_SECONDS if running is None else LATER_SECONDS
+        if running is None:
+            self._slices  # noqa: B018 - worked out before the execution begins
+
+    @cached_property
+    def planned(self) -> Mapping[str, Fraction]:
+        """Planned durations; of steps whose duration is no parameter, by the earliest schedule."""
+        length = {s.identifier: self._order[s.end] - self._order[s.start] for s in self._plan.instances}
+        nominal = {self._lasting[name]: v for name, v in self._plan.nominal.items() if name in self._lasting}
+        return {step: self._planned_else.get(step, time) for step, time in (length | nominal).items()}
+
+    @cached_property
+    def _slices(self) -> Slices:
+        """The envelope; the part of it that was found, if finding all of it takes too long."""
+        search = RegionSearch(self._plan, epsilon=self._epsilon, timeout=self._seconds).run()
+        if search.is_exact and not isinstance(search.region, LiftedRegion):
+            return Slices(self._plan.parameters, search.region, True, self._stnu, SLICE_SECONDS)
+        names = tuple(parameter.name for parameter in self._plan.parameters)
+        pieces = () if search.is_exact else search.inner().as_union().pieces
+        region = Region.union_of(names, (Polyhedron.of_box(names, self._box), *pieces))
+        return Slices(self._plan.parameters, region, False, self._stnu, SLICE_SECONDS)
+
+    @cached_property
+    def _behind(self) -> Mapping[model.TimePoint, Fraction]:
+        """The starts of steps that ran already when this began, which is when they start in the plan."""
+        starts = {self._plan.instance[step].start for step in self._begun}
+        fixed = [item for item in self._plan.constraints if item.source == model.ZERO and item.target in starts]
+        return {item.target: item.lower.constant_term for item in fixed if item.lower is not None}
+
+    @cached_property
+    def _lengths(self) -> Mapping[str, tuple[model.TimePoint, model.TimePoint, Fraction]]:
+        """The points whose distance is a parameter, or that much longer, by parameter."""
+        found: dict[str, tuple[model.TimePoint, model.TimePoint, Fraction]] = {}
+        for item in self._plan.constraints:
+            if item.lower is not None and item.lower == item.upper:
+                names = [str(known) for known in item.lower.variables]
+                if len(names) == 1 and dict(item.lower.coefficients()) == {model.ParameterReference(names[0]): 1}:
+                    found.setdefault(names[0], (item.source, item.target, item.lower.constant_term))
+        return found
+
+    def order(self, point: model.TimePoint) -> Fraction:
+        """Where a point is in the order of the plan."""
+        return self._order[point]
+
+    def follow(self, step: str, known: StepProgress) -> None:
+        """How far a step is now."""
+        self._progress[step] = known
+
+    def pass_time(self, now: Fraction) -> None:
+        """What has not happened does not happen before."""
+        self._now = now
+
+    @property
+    def _times(self) -> dict[model.TimePoint, Fraction]:
+        """When points happened; starts that were behind when this began are at that time."""
+        times = dict(self._behind)
+        for step, known in self._progress.items():
+            instance = self._plan.instance[step]
+            for point, time in ((instance.start, known.start), (instance.end, known.end)):
+                if time is not None and (step not in self._begun or point != instance.start):
+                    times[point] = time
+        return times
+
+    # -- what is ahead -------------------------------------------------------------------------------------------------
+
+    def look(self, time: Fraction, deadline: Deadline) -> PlanForecast:
+        """The forecast at a time; what is not found by the deadline is as it was promised last."""
+        times = self._times
+        expected = [
+            self._encoding.terms.at_least(variable(model.ParameterReference(name)) - constant(self.planned[step]))
+            for name, step in self._lasting.items()
+            if name in self._plan.nominal and self._known(step).end is None
+        ]
+        facts = self._facts(times)
+        try:
+            if not self._is_possible(facts, deadline):
+                return PlanForecast(Prospect.BROKEN, self._reasons(facts, deadline))
+            prospect = Prospect.ON_TRACK if self._is_possible([*facts, *expected], deadline) else Prospect.AT_RISK
+        except OutOfTimeError:
+            return self._last or PlanForecast(Prospect.UNDECIDED)
+        promised = self._promise(times)
+        steps = self._windows(times, self._box if promised is None else promised)
+        promise = None if promised is None else {self._lasting[n]: _window(promised[n]) for n in self._open}
+        reasons = (
+            () if prospect is Prospect.ON_TRACK else ("no durations are left of which all are at least as planned",)
+        )
+        ready = frozenset(
+            step
+            for step, ahead in steps.items()
+            if self._known(step).start is None and ahead.start[0] <= time and not self._waits(step, times)
+        )
+        self._last = PlanForecast(prospect, reasons, steps, ready, promise, exact=False)
+        return self._last
+
+    def _waits(self, step: str, times: Mapping[model.TimePoint, Fraction]) -> bool:
+        """Whether a step waits for what has not happened."""
+        points = self._tables.points
+        blockers = (points[n] for n in self._tables.blockers[self._tables.index[self._plan.instance[step].start]])
+        return any(p not in times and p.instance is not None for p in blockers)
+
+    def _known(self, step: str) -> StepProgress:
+        return self._progress.get(step, StepProgress())
+
+    @property
+    def _open(self) -> list[str]:
+        """The parameters that are durations of steps that have not ended."""
+        names = self._plan.nominal
+        return [name for name, step in self._lasting.items() if name in names and self._known(step).end is None]
+
+    def _facts(self, times: Mapping[model.TimePoint, Fraction]) -> list[Formula]:
+        terms, places = self._encoding.terms, self._encoding.places
+        facts = []
+        for point in self._plan.time_points:
+            if point in times:
+                facts.append(terms.equal(places[point] - constant(times[point])))
+            elif point != model.ZERO and point.time is None:
+                facts.append(terms.at_least(places[point] - constant(self._now)))
+        return facts
+
+    def _is_possible(self, facts: Sequence[Formula], deadline: Deadline) -> bool:
+        with self._session.frame(*facts):
+            answer = self._session.check("possible", deadline)
+        if answer is Satisfiability.UNKNOWN:
+            raise OutOfTimeError
+        return answer is Satisfiability.SATISFIABLE
+
+    def _reasons(self, facts: Sequence[Formula], deadline: Deadline) -> tuple[str, ...]:
+        """The first obligation that cannot be kept together with those before it."""
+        encoding = self._encoding
+        known = [each for each in encoding.obligations if each.violation is not None]
+        low, high = 0, len(known)
+        while low < high and not deadline.passed:
+            middle = (low + high) // 2
+            session = Session(encoding.terms)
+            session.add(*encoding.valid_formulas(known[:middle]), *facts)
+            if session.check("possible", deadline) is Satisfiability.UNSATISFIABLE:
+                high = middle
+            else:
+                low = middle + 1
+        return (known[high - 1].name,) if 0 < high <= len(known) and low == high else (NO_SCHEDULE,)
+
+    # -- promises and windows ------------------------------------------------------------------------------------------
+
+    def _promise(self, times: Mapping[model.TimePoint, Fraction]) -> Box | None:
+        happened = {model.ZERO: Fraction(0), **times}
+        seen, possible = {}, {}
+        for name, (source, target, offset) in self._lengths.items():
+            if source in happened:
+                length = happened.get(target, self._now) - happened[source] - offset
+                possible[name] = Interval(length, length if target in happened else None)
+            if source in happened and target in happened:
+                seen[name] = possible[name]
+        facts = Observations(self._now, seen, frozenset(seen), possible, happened)
+        remainder, _ = self._slices.after(facts, "", self._box)
+        if remainder.answer is SliceAnswer.PROMISED and remainder.box is not None:
+            self._box = remainder.box
+            return self._box
+        return None
+
+    def _windows(self, times: Mapping[model.TimePoint, Fraction], box: Box) -> dict[str, StepAhead]:
+        """Windows of a dispatcher under a box; only lower bounds where no schedule is left for some of its values."""
+        lower: dict[model.TimePoint, Window] = {}
+        facts = Observations(self._now, times={model.ZERO: Fraction(0), **times})
+        try:
+            tables, _ = dispatch_network(continued(self._stnu, facts), box, Dreex())
+        except InputError:
+            pass
+        else:
+            lower = dict(_windows_of(tables))
+        most = {self._lasting[name]: box[name].upper for name in self._open}
+        found = {}
+        for instance in self._plan.instances:
+            known = self._known(instance.identifier)
+            if known.end is None:
+                start, end = (lower.get(p, (times.get(p, self._now), None)) for p in (instance.start, instance.end))
+                found[instance.identifier] = StepAhead(start, end, most.get(instance.identifier))
+        return found
+
+
+def _windows_of(tables: Tables) -> Mapping[model.TimePoint, Window]:
+    """The windows of a network in which nothing but zero is to be told."""
+    windows = Windows(tables)
+    windows.happened(tables.index[model.ZERO], Fraction(0))
+    return {point: (windows.lower[number], windows.upper[number]) for point, number in tables.index.items()}
+
+
+def _window(interval: Interval) -> Window:
+    return interval.lower or Fraction(0), interval.upper
