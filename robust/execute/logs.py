@@ -95,7 +95,7 @@ def read_runs(path: str | PathLike[str]) -> list[ActionRun]:
     if head[0] == "{":
         runs = _from_json(text, file)
     elif re.search(r"^(start_stamp|status_stamp|action_full_name):", head, re.MULTILINE):
-        runs = _from_messages(_yaml(text, file), file)
+        runs = _from_messages(echoed(text, file), file)
     elif re.match(r"(\d+,){5}", head):
         runs = _from_messages(_headless(text), file)
     else:
@@ -287,6 +287,36 @@ def _between(start: Moment, end: Moment, place: Location) -> Amount:
 # -- messages of PlanSys2 ----------------------------------------------------------------------------------------------
 
 
+class ExecutionInfo(NamedTuple):
+    """What a message says: the executor's name of an action, nanoseconds on its clock, and the status.
+
+    That is 0: not executed, 1: executing, 2: failed, 3: succeeded, 4: cancelled.
+    """
+
+    name: str
+    start: int
+    stamp: int
+    status: int
+
+
+def execution_info(message: Mapping[str, Any], place: Location) -> ExecutionInfo | None:
+    """What a message with fields such as `start_stamp_sec` says; None if it lacks some.
+
+    Raises:
+        InputError: for a stamp that is no whole number, or a status that is none.
+    """
+    full = str(message.get("action_full_name", ""))
+    if not (set(_MESSAGE) <= message.keys() and full) or (full[0] == "(" and ")" not in full):
+        return None
+    try:
+        values = [int(message[name]) for name in _MESSAGE]
+    except (TypeError, ValueError):
+        raise InputError("found no whole number for a stamp or status, expected one", place) from None
+    if values[4] not in range(5):
+        raise InputError(f"found status {values[4]}, expected 0 to 4, as in ActionExecutionInfo", place)
+    return ExecutionInfo(full, values[0] * 10**9 + values[1], values[2] * 10**9 + values[3], values[4])
+
+
 def _from_messages(messages: Iterable[tuple[Mapping[str, Any], int]], file: str) -> Iterator[ActionRun]:
     """The runs that messages are about; each is a mapping with its line."""
     running: dict[tuple[str, int], int] = {}
@@ -296,38 +326,30 @@ def _from_messages(messages: Iterable[tuple[Mapping[str, Any], int]], file: str)
         if cut is not None:
             fields = ", ".join(name for name in (*_MESSAGE, "action_full_name") if name not in cut[0])
             raise _wrong(f"a message without {fields}", "ActionExecutionInfo", file, cut[1])
-        full = str(message.get("action_full_name", ""))
-        if not (set(_MESSAGE) <= message.keys() and full) or (full[0] == "(" and ")" not in full):
+        info = execution_info(message, Location(file, line))
+        if info is None:
             cut = message, line  # only the last one may be
             continue
-        try:
-            values = [int(message[name]) for name in _MESSAGE]
-        except (TypeError, ValueError):
-            raise _wrong("no whole number for a stamp or status", "one", file, line) from None
-        start, stamp, status = values[0] * 10**9 + values[1], values[2] * 10**9 + values[3], values[4]
-        if status not in range(5):
-            raise _wrong(f"status {status}", "0 to 4, as in ActionExecutionInfo", file, line)
-        run = full, start
-        if status == 0 or run in ended:  # not executed
+        run = info.name, info.start
+        if info.status == 0 or run in ended:  # not executed
             continue
-        if status == 1:
+        if info.status == 1:
             running.setdefault(run, line)
             continue
         ended.add(run)
         running.pop(run, None)
-        ending = RunEnding.SUCCEEDED if status == 3 else RunEnding.FAILED
-        if stamp < start:
+        ending = RunEnding.SUCCEEDED if info.status == 3 else RunEnding.FAILED
+        if info.stamp < info.start:
             ending = RunEnding.CLOCK_RESET
-        yield ActionRun(
-            action_name(full), Decimal(start).scaleb(-9), Decimal(stamp - start).scaleb(-9), ending, file, line, True
-        )
+        start, took = Decimal(info.start).scaleb(-9), Decimal(info.stamp - info.start).scaleb(-9)
+        yield ActionRun(action_name(info.name), start, took, ending, file, line, True)
     if cut is not None:
         _note("the last message is cut off, and left out", file, cut[1])
     for (full, _), line in running.items():
         yield ActionRun(action_name(full), None, _ZERO, RunEnding.UNFINISHED, file, line, True)
 
 
-def _yaml(text: str, file: str) -> Iterator[tuple[dict[str, str], int]]:
+def echoed(text: str, file: str) -> Iterator[tuple[dict[str, str], int]]:
     """Messages as `ros2 topic echo` prints them; what is no field, such as a note of losses, is skipped."""
     message: dict[str, str] = {}
     begin, outer, match = 1, "", None

@@ -73,7 +73,7 @@ def make_tree(
         SolverError: if that could not be decided.
         UnsupportedError: if two steps of the executor's plan would have one name.
     """
-    names = _names(plan, starts or earliest_starts(plan))
+    names = executor_names(plan, starts or earliest_starts(plan))
     for following in (False, True):
         text = _TreeWriter(plan, names, following=following).text()
         tree = parse_tree(text, plan)
@@ -93,8 +93,12 @@ def make_tree(
     )
 
 
-def _names(plan: model.ParametrizedPlan, starts: Mapping[str, Fraction]) -> dict[str, str]:
-    """The names that PlanSys2's executor has for steps; it computes with single precision."""
+def executor_names(plan: model.ParametrizedPlan, starts: Mapping[str, Fraction]) -> dict[str, str]:
+    """The names that PlanSys2's executor has for steps that start then; it computes with single precision.
+
+    Raises:
+        UnsupportedError: if two steps would have one name.
+    """
     names: dict[str, str] = {}
     for instance in plan.instances:
         time = int(_single(_single(float(starts[instance.identifier])) * 1000))
