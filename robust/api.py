@@ -305,7 +305,7 @@ def searching_envelope(plan: ParametrizedPlan, options: verbs.EnvelopeOptions) -
         if not region.is_exact:
             return replace(result, status=Status(region.status.value), reason=region.reason)
         if not isinstance(region.region, Region):
-            raise UnsupportedError("found an envelope with too many inequalities, expected one that a shape fits into")
+            raise UnsupportedError("the envelope has too many inequalities for a shape; use --shape box")
         try:
             shape = widened(template, plan.parameters, region.region, result.box, name=options.shape, deadline=deadline)
         except (OutOfTimeError, KeyboardInterrupt) as error:

@@ -280,7 +280,7 @@ def test_closed_ends_of_intervals_count(tmp_path):
         ({"to_ridge": (inf, 2)}, "at 'to_ridge': found 'inf', expected a number"),
         ([5], "at: found '5', expected a text"),
         (b"to_ridge=5", "at: found"),
-        (INVALID, "at: found an envelope without a verified box"),
+        (INVALID, "at: the envelope has no verified box"),
     ],
 )
 def test_wrong_boxes_are_refused(plan, at, says):

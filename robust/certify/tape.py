@@ -318,7 +318,7 @@ def obligation_lines(
             try:
                 refutations.append(refutation(formulas, known, literal, deadline, also))
             except NotRefutedError:
-                message = f"found a schedule that breaks {label!r}, expected none; `robust check` shows one"
+                message = f"a schedule breaks {label!r}; `robust check` shows one"
                 raise errors.RefutedError(message) from None
         if on_obligation is not None:
             on_obligation(number + 1, len(obligations), label)

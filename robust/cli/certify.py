@@ -298,7 +298,7 @@ def _of_choices(options: CertifyCommand, deadline: Deadline) -> list[Any]:
         return execution(network, options.separation, decision.witness.scenario, decision.witness.schedule)
     if options.kind is None:
         return knowledge(network, options.separation, deadline, choices)
-    raise RefutedError("found no correct execution of the plan with choices, expected one", Location(str(network)))
+    raise RefutedError("no choices and times are a correct execution of the plan with choices", Location(str(network)))
 
 
 def _region(options: CertifyCommand, plan: ParametrizedPlan, deadline: Deadline) -> Region:
@@ -379,7 +379,7 @@ def read_box(path: Path, nominal: Box) -> Box:
     if not isinstance(ends, dict) or not isinstance(document, dict):
         raise InputError(f"found {shorten(json.dumps(document))}, expected {expected}", place)
     if not answer.get("verified", True):
-        raise InputError("found an envelope without a verified box, expected one with", place)
+        raise InputError("the envelope has no verified box; give one that has", place)
     missing = nominal.intervals.keys() ^ ends.keys()
     if missing:
         raise InputError(f"found parameters that differ from the plan's in {sorted(missing)[0]!r}", place)

@@ -48,7 +48,7 @@ _NAMED = 4
 def plot_region(result: compute.RegionResult, path: Path | None, axes: Sequence[str]) -> Figure:
     """Draw a region, and what is proved of one that is not complete."""
     if result.plan is None:
-        raise InputError("found a region without its plan, expected one that a search has found", place_of("plot"))
+        raise InputError("the region has no plan to draw it with; give the result of a search", place_of("plot"))
     inner, exact = (None, True) if result.is_exact else (result.inner, False)
     return _plot(result.region, result.plan, path, axes, inner=inner, exact=exact)
 
@@ -60,7 +60,7 @@ def plot_comparison(result: compare.Comparison, path: Path | None, axes: Sequenc
         InputError: if there is no region, or nothing to draw of it.
     """
     if result.region is None:
-        raise InputError("found a comparison without a region, expected one to draw", place_of("plot"))
+        raise InputError("the comparison has no region to draw; give it more time", place_of("plot"))
     boxes = {METHOD_NAMES[entry.method]: entry.result.box for entry in result.entries if entry.result.verified}
     return _plot(result.region.region, result.plan, path, axes, boxes=boxes, exact=result.region.is_exact)
 
@@ -68,7 +68,7 @@ def plot_comparison(result: compare.Comparison, path: Path | None, axes: Sequenc
 def plot_shape(result: search.EnvelopeResult, shape: templates.Shape, path: Path | None, axes: Sequence[str]) -> Figure:
     """Draw the region with the box and the shape around it."""
     if result.plan is None:
-        raise InputError("found a shape without its plan, expected one that a search has found", place_of("plot"))
+        raise InputError("the shape has no plan to draw it with; give the result of a search", place_of("plot"))
     shapes = {shape.name: Region.union_of(shape.parameters, [shape.polyhedron])}
     return _plot(shape.region, result.plan, path, axes, boxes={result.method: result.box}, shapes=shapes)
 

@@ -429,7 +429,7 @@ def plan_file(path: Path, place: Location) -> Path:
 def writable(path: Path, place: Location, what: str) -> Path:
     """InputError unless a file can be written to the path: better known before anything is computed."""
     if not path.parent.is_dir():
-        raise InputError(f"found no directory {quoted(path.parent)}, expected one to write {what} to", place)
+        raise InputError(f"there is no directory {quoted(path.parent)} to write {what} to; name another", place)
     if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
         raise InputError(f"cannot write {quoted(path)}, expected a file that can be written", place)
     return path
@@ -479,7 +479,7 @@ def settings(
     intervals: dict[str, Interval] = {}
     if not isinstance(given, Mapping | str | Sequence):
         if not getattr(given, "verified", True):
-            raise InputError("found an envelope without a verified box, expected one with", place_of(option))
+            raise InputError("the envelope has no verified box; give one that has", place_of(option))
         box = given if isinstance(given, Box) else getattr(given, "box", None)
         if not isinstance(box, Box):
             expected = "a box, an envelope, or values and intervals by parameter"

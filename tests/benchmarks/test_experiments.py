@@ -126,7 +126,7 @@ def test_every_experiment_is_tried():
     [
         ("figure3", {"own_limits": {"irr": 0}}, "found '0', expected a number above 0"),
         ("figure5", {"limit": float("nan")}, "found 'nan', expected a number"),
-        ("encodings", {"plot": "absent/plot.svg"}, "found no directory 'absent'"),
+        ("encodings", {"plot": "absent/plot.svg"}, "there is no directory 'absent'"),
         ("figure4", {"sizes": ()}, "found no plan"),
         ("figure4", {"sizes": (0,)}, "found 0 parameters"),
         ("conversions", {"drawn": 0, "delivery": 0, "planned": 0}, "expected at least one plan"),

@@ -196,7 +196,7 @@ def holds_nothing(result: EnvelopeResult | TeamEnvelope, status: Status, nominal
     assert list(result.box.intervals) == list(nominal)
     assert Polyhedron.of_box(tuple(nominal), result.box).is_empty
     for given in (result, result.box):
-        with pytest.raises(InputError, match=r"found an envelope without a verified box|is empty"):
+        with pytest.raises(InputError, match=r"the envelope has no verified box|is empty"):
             settings(given, None)
     ends = result.as_dict()["parameters"].values()
     assert not any(each["lower_closed"] or each["upper_closed"] for each in ends)

@@ -260,7 +260,7 @@ def test_files_that_cannot_be_used_are_noticed_before_anything_runs(tmp_path):
     for option in ("csv", "html"):
         ended = command("batch", "check", NAVIGATION, f"--{option}", tmp_path / "none" / "a")
         assert ended.code == 2
-        assert ended.err.startswith(f"robust: error: --{option}: found no directory")
+        assert ended.err.startswith(f"robust: error: --{option}: there is no directory")
     (tmp_path / "store").write_text("x\n")
     with pytest.raises(InputError, match="store"):
         run_batch("check", [("check", "check", ())], deliveries(tmp_path / "plans", 1), store=tmp_path / "store")
