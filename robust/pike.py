@@ -331,7 +331,12 @@ def cross_check(plan: TeamPlan, options: asking.CrossOptions) -> Crossed:
 
 def searching_execution(plan: TeamPlan, options: asking.PikeRunOptions) -> Rehearsal:
     """The simulated execution behind :func:`run`."""
-    deciding = {"backend": options.deciding, "drake": options.reasoner == DRAKE, "patience": options.margin}
+    deciding = {
+        "backend": options.deciding,
+        "drake": options.reasoner == DRAKE,
+        "patience": options.margin,
+        "budget": options.thinking,
+    }
     return _searching(Rehearsal, plan, options, story=_story(plan, options), **deciding)
 
 

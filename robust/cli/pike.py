@@ -335,7 +335,15 @@ class _Server:
         wanted = options.chance
         likely = None if wanted is None else LikelyChoices(plan, Fraction(wanted), solver=solver, deadline=deadline)
         self._service = Service(
-            PlanExecutive(plan, reasoner, preference=likely, patience=options.margin, solver=solver, deadline=deadline),
+            PlanExecutive(
+                plan,
+                reasoner,
+                preference=likely,
+                patience=options.margin,
+                solver=solver,
+                budget=options.thinking,
+                deadline=deadline,
+            ),
             self._journal,
             solver=solver,
             likely=likely,

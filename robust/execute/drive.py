@@ -27,7 +27,8 @@ class Executive(Protocol[_Message_contra, _Decision_co]):
 
     @property
     def wake(self) -> Fraction | None:
-        """Time of the next step if no message comes before, later than the last step; None if there is none."""
+        """Time of the next step if no message comes before; None if there is none. Later than the last step, unless
+        that was too short to decide everything."""
 
     @property
     def ended(self) -> bool:
@@ -106,16 +107,20 @@ async def drive(
     announce: Callable[[Fraction, Sequence[Decision]], None],
     clock: Clock,
 ) -> Fraction:
-    """Run in the time of a clock until the executive has ended or None closes the inbox; returns the last time."""
+    """Run in the time of a clock until the executive has ended or None closes the inbox; returns the last time.
+
+    The executive decides in a thread of its own, one step at a time, so that the event loop goes on meanwhile.
+    """
     messages: list[Message] = []
     closed = False
     while True:
         now = clock.now()
-        announce(now, executive.step(now, messages))
+        announce(now, await asyncio.to_thread(executive.step, now, messages))
         if closed or executive.ended:
             return now
         messages = []
-        timeout = None if executive.wake is None else max(0.0, clock.seconds_until(executive.wake))
+        wake = await asyncio.to_thread(lambda: executive.wake)
+        timeout = None if wake is None else max(0.0, clock.seconds_until(wake))
         arrived: list[Message | None] = []
         if inbox.empty():  # what has come is heard even if the next step is overdue
             try:

@@ -232,7 +232,20 @@ def _margin(value: Number, place: Location) -> Fraction | None:
         raise InputError(f"found {shorten(str(value))}, expected {expected}", place) from None
 
 
+def _budget(value: Number, place: Location) -> Fraction | None:
+    """Seconds; None for `none`."""
+    if value == UNLIMITED:
+        return None
+    try:
+        return positive(value, place)
+    except InputError:
+        expected = f"{UNLIMITED}, or a number above 0"
+        raise InputError(f"found {shorten(str(value))}, expected {expected}", place) from None
+
+
 EAGER = "eager"
+BUDGET = "0.1"
+UNLIMITED = "none"
 _SIMULATED = ("human", "pace", "outcome", "disturb", "delay", "seed", "infer", "plot")
 _SERVED = ("journal", "clock", "rate", "page")
 
@@ -291,6 +304,13 @@ class PikeRunOptions(StoryOptions, Solving):
         metavar=f"{EAGER}|MARGIN",
         read=_margin,
     )
+    budget: Number | None = option(
+        BUDGET,
+        "seconds of processor time to decide a step; only what is proved safe is done, and what could not be decided "
+        f"waits; {UNLIMITED}: as long as it takes",
+        metavar="S",
+        read=_budget,
+    )
     chance: Number | None = option(
         None,
         "choose what leaves people the most among what keeps success at least this likely, else what is most likely to "
@@ -319,6 +339,11 @@ class PikeRunOptions(StoryOptions, Solving):
     def margin(self) -> Fraction | None:
         """The time before the last moment at which waiting ends; None: nothing is waited for."""
         return None if self.patience is None else Fraction(self.patience)
+
+    @property
+    def thinking(self) -> float | None:
+        """The budget of a step in seconds; None: as long as it takes."""
+        return None if self.budget is None else float(self.budget)
 
 
 class PikeRunCommand(PikeRunOptions, Paged, PikeCommand):

@@ -2,6 +2,7 @@
 
 import shlex
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict
 from fractions import Fraction
 from itertools import zip_longest
 from pathlib import Path
@@ -492,6 +493,7 @@ def run_document(record: world.ExecutionRecord) -> dict[str, Any]:
         "steps": [_step_answer(step) for step in record.steps],
         "conflict": [fact.as_dict() for fact in record.conflict],
         **({"faults": list(record.faults)} if record.faults else {}),
+        **({"budget": asdict(record.thrift)} if record.thrift.anything else {}),
     }
 
 
@@ -560,6 +562,14 @@ def print_run(out: Console, record: world.ExecutionRecord, *, quiet: bool) -> No
     out.print(headline, soft_wrap=True)
     if quiet:
         return
+    if record.thrift.anything:
+        thrift = record.thrift
+        text = (
+            f"{thrift.undecided} of {thrift.steps} steps were not decided within their budget, and went on in the next"
+        )
+        if thrift.followed:
+            text += f"; {plural(thrift.followed, 'event')} executed so that a known execution stays possible"
+        out.print(Text(f"{text}."), soft_wrap=True)
     reasons = _Reasons()
     for step in record.steps:
         for decision, reason in _with_reasons(step):

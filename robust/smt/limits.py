@@ -49,9 +49,13 @@ class DiedError(SolverError):
 
 @dataclass(frozen=True, slots=True)
 class Deadline:
-    """A moment on the monotonic clock, or never; whoever works towards it asks `remaining` before each query."""
+    """A moment on the monotonic clock, or never; whoever works towards it asks `remaining` before each query.
+
+    With `processor` it comes, too, when this thread has worked for so many seconds.
+    """
 
     moment: float | None = None
+    processor: float | None = None
 
     @staticmethod
     def after(seconds: float | None) -> Deadline:
@@ -66,14 +70,25 @@ class Deadline:
             raise InputError(f"time limit is {seconds}; expected seconds, at least 0")
         return Deadline(time.monotonic() + seconds)
 
+    def within(self, seconds: float | None) -> Deadline:
+        """This deadline, or that this thread works for so many seconds of processor time from now; None: this one."""
+        return self if seconds is None else Deadline(self.moment, time.thread_time() + seconds)
+
+    @property
+    def on_clock(self) -> Deadline:
+        """The deadline for work that others do, whose processor time is not this thread's."""
+        return self if self.processor is None else Deadline.after(self.remaining)
+
     @property
     def remaining(self) -> float | None:
         """Seconds left, at least zero; None without a limit."""
-        return None if self.moment is None else max(0.0, self.moment - time.monotonic())
+        left = [] if self.moment is None else [self.moment - time.monotonic()]
+        left += [] if self.processor is None else [self.processor - time.thread_time()]
+        return max(0.0, min(left)) if left else None
 
     @property
     def passed(self) -> bool:
-        return self.moment is not None and time.monotonic() >= self.moment
+        return self.remaining == 0.0
 
     def enforce(self) -> None:
         """For long computations outside of solvers, to be called now and then.

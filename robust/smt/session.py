@@ -435,7 +435,7 @@ class Cvc5(Backend):
 
         self.failure = None
         try:
-            verdict, self._values = from_copy(answer, deadline, self.name)
+            verdict, self._values = from_copy(answer, deadline.on_clock, self.name)
         except OutOfTimeError:
             return Satisfiability.UNKNOWN
         except SolverError as error:

@@ -177,14 +177,23 @@ class SatKnowledgeBase(KnowledgeBase):
         return [self._propositions.guard(guard(asked.required)), *map(self._propositions.excluded, asked.conflicts)]
 
 
+_RETRIES = 8
+"""Of a question that a solver gave up by the clock while there is processor time left."""
+
+
 def satisfiable(session: Session, question: str, deadline: Deadline) -> bool:
     """The solver's answer; OutOfTimeError if the deadline passes, SolverError if the solver fails or gives up."""
-    match session.check(question, deadline):
+    verdict = session.check(question, deadline)
+    for _ in range(_RETRIES):  # the clock is ahead of the processor, if that has other work
+        if verdict is not Satisfiability.UNKNOWN or deadline.processor is None or deadline.passed:
+            break
+        verdict = session.check(question, deadline)
+    match verdict:
         case Satisfiability.SATISFIABLE:
             return True
         case Satisfiability.UNSATISFIABLE:
             return False
-        case Satisfiability.UNKNOWN if session.failure is not None or deadline.moment is None:
+        case Satisfiability.UNKNOWN if session.failure is not None or deadline.remaining is None:
             raise SolverError(session.failure or f"the solver gave up, asked: {question}")
         case Satisfiability.UNKNOWN:
             raise OutOfTimeError

@@ -15,12 +15,16 @@ from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online import semantic
 from robust.pike_bridge.online.patience import Patience, openings, values_of
 from robust.searching import Searching, Status, Stoppable
-from robust.smt.limits import NEVER, Deadline
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 Ranking = Callable[[Sequence[str]], Sequence[str]]
 """Puts alternatives in the order in which they are tried."""
 
 
+PAUSES = 20
+"""Steps in a row that go on deciding at one time; then time goes on as well."""
+_ACTING, _LOOKING = 0.75, 0.1
+"""Of the budget, at most for what is done, and at least for when to take the next step; the rest is for all else."""
 Preference = Callable[[str, Sequence[str], Mapping[str, str]], Sequence[str]]
 """Puts the values of a choice in the order in which they are tried, by the choices that are made."""
 
@@ -45,6 +49,26 @@ def objection(plan: model.TeamPlan, known: Mapping[str, str], message: said.Outc
     return "known already" if known[name] == value else f"{name} = {known[name]} was observed before"
 
 
+@dataclass
+class Thrift:
+    """What the budget of steps gave away."""
+
+    steps: int = 0
+    """That were taken."""
+    undecided: int = 0
+    """Steps that ended before all was decided that could be done; the next one goes on."""
+    followed: int = 0
+    """Events that were executed as a known continuation has them, because waiting might have left none: whether they
+    exclude what people may still choose was not decided."""
+    early: int = 0
+    """How often a time before which nothing can be done took the place of the next time at which something can."""
+
+    @property
+    def anything(self) -> bool:
+        """Whether something was given away."""
+        return self.undecided + self.followed + self.early > 0
+
+
 class PlanExecutive:
     """Executes one plan once.
 
@@ -57,6 +81,9 @@ class PlanExecutive:
         patience: how long before the last moment the executive ceases to keep all that people may still decide, as
             :mod:`~robust.pike_bridge.online.patience` says; None: it acts as soon as it can [PIKE §3].
         solver: `z3` or `cvc5`, which is asked about patience where the reasoner asks none itself.
+        budget: seconds of processor time for a step with the question when to take the next one; None: as long as it
+            takes. Only what is proved to leave a correct execution is done within it. What could not be decided waits,
+            and the executive wants to go on at the same time; see `thrift`.
 
     After each step `progress` holds what has been executed; `wake` and `ended` are for the driver.
     """
@@ -71,9 +98,13 @@ class PlanExecutive:
         monitor: bool = True,
         patience: Fraction | None = Fraction(0),
         solver: str = "z3",
+        budget: float | None = None,
         deadline: Deadline = NEVER,
     ) -> None:
         self.plan = plan
+        self.budget = budget
+        self.thrift = Thrift()
+        """What the budget gave away so far."""
         self.progress = said.Progress(plan)
         self.reasoner = reasoner(self.progress)
         self.running: dict[int, Fraction] = {}
@@ -85,7 +116,14 @@ class PlanExecutive:
         self._patience = Patience(self.progress, patience, reasoner=shared, solver=solver, deadline=deadline)
         self._values: Mapping[str, str] = {}
         """Of the choices that are made at the event that is being executed, as far as they are decided."""
-        self._deadline = deadline
+        self._deadline = self._limit = deadline
+        """Of everything, and of the step that is taken."""
+        self._left = budget
+        """Of the budget, for the question when to take the next step."""
+        self._pauses = 0
+        """Steps in a row that were not decided, at one time."""
+        self._refused: tuple[object, set[str]] = (None, set())
+        """Events that cannot be executed as long as nothing happens."""
         self._wake: tuple[Fraction | None] | None = None
         """When to step again, once it is known."""
         self._changed = True
@@ -122,9 +160,27 @@ class PlanExecutive:
         """
         return self._patience.alarm if self.withheld else None
 
+    @property
+    def undecided(self) -> bool:
+        """Whether the last step was too short to decide all; the next one is due at the same time."""
+        return not self.ended and 0 < self._pauses <= PAUSES
+
     def _next_time(self) -> Fraction | None:
+        if self._pauses:
+            return self.progress.now + (0 if self.undecided else self.progress.grid)
+        self._limit = self._patience.deadline = self._deadline.within(self._left)
+        try:
+            return self._time_to_act()
+        except OutOfTimeError as stopped:
+            self._only_budget(stopped)
+            self.thrift.early += 1
+            bounds = [self._patience.alarm] if self._patience.withheld else []
+            bounds.append(self.reasoner.not_before())
+            return min((moment for moment in bounds if moment is not None), default=None)
+
+    def _time_to_act(self) -> Fraction | None:
         if not self._patience.withheld:
-            return self.reasoner.next_time(self._deadline)
+            return self.reasoner.next_time(self._limit)
         moments = (self._patience.alarm, self._patience.opening())
         return min((moment for moment in moments if moment is not None), default=None)
 
@@ -150,17 +206,52 @@ class PlanExecutive:
         self._advance(now, decisions)
         for message in messages:
             decisions += self._take(message)
-        if self._changed and not self.reasoner.possible(self._deadline):
-            self.outcome = said.Failed(self.progress.now, "no correct execution is left")
-            return [*decisions, self.outcome]
-        self._changed = False
-        decisions += self._execute_all()
         self._wake = None
-        if self._is_finished():
+        self._limit = self._patience.deadline = self._deadline.within(self._share(_ACTING))
+        self.thrift.steps += 1
+        try:
+            finished = self._act(decisions)
+            self._pauses = 0
+        except OutOfTimeError as stopped:
+            self._only_budget(stopped)
+            finished = False
+            self._pauses = 1 if self._pauses > PAUSES else self._pauses + 1
+            self.thrift.undecided += 1
+            decisions += self._follow()
+        self._left = None if self.budget is None else max(self._limit.remaining or 0.0, self.budget * _LOOKING)
+        if finished:
             scenario = tuple(model.Assignment(*each) for each in sorted(self.progress.chosen.items()))
             self.outcome = said.Succeeded(self.progress.now, scenario)
             decisions.append(self.outcome)
         return decisions
+
+    def _share(self, share: float) -> float | None:
+        return None if self.budget is None else share * self.budget
+
+    def _only_budget(self, stopped: OutOfTimeError) -> None:
+        """Go on if it was the budget that ended a question, and nothing else."""
+        if self.budget is None or stopped.reason is not None:
+            raise stopped
+        self._deadline.enforce()
+
+    def _act(self, decisions: list[said.Decision]) -> bool:
+        """Decide what can be done now, and do it; whether everything is done."""
+        if self._changed and not self.reasoner.possible(self._limit):
+            self.outcome = said.Failed(self.progress.now, "no correct execution is left")
+            decisions.append(self.outcome)
+            return False
+        self._changed = False
+        for decision in self._execute_all():
+            decisions.append(decision)
+        return self._is_finished()
+
+    def _follow(self) -> Iterator[said.Decision]:
+        """What a known continuation does now, where waiting might leave none."""
+        while (due := self.reasoner.due()) is not None:
+            event, self._values = due
+            self.thrift.followed += 1
+            yield from self._mark(event)
+            self._values = {}
 
     def repeat(self, now: Fraction, messages: Sequence[said.Message], decisions: Iterable[said.Decision]) -> None:
         """Take an earlier step again as it was decided then, to resume from a record of it; nothing is asked."""
@@ -187,7 +278,7 @@ class PlanExecutive:
         """
         if choice in self.progress.chosen:
             return (self.progress.chosen[choice],)
-        return tuple(self._possible(choice, self.plan.network.domains[choice]))
+        return tuple(self._possible(choice, self.plan.network.domains[choice], self._deadline))
 
     # -- what has happened -------------------------------------------------------------------------------------------
 
@@ -243,7 +334,10 @@ class PlanExecutive:
 
     def _execute_all(self) -> Iterator[said.Decision]:
         """[PIKE, Algorithm 1, lines 10 to 18]: events are executed as long as there are executable ones."""
-        refused: set[str] = set()
+        progress = self.progress
+        moment = progress.now, len(progress.times), len(progress.chosen), len(progress.void)
+        refused = self._refused[1] if self._refused[0] == moment else set()
+        self._refused = moment, refused
         while True:
             act = self._patience.decide(self._executable(refused), self._ranked)
             if act is None:
@@ -254,12 +348,13 @@ class PlanExecutive:
             self._values = dict(act.values)
             yield from self._mark(act.event)
             self._values = {}
+            self._refused = (progress.now, len(progress.times), len(progress.chosen), len(progress.void)), refused
 
     def _executable(self, refused: set[str]) -> Iterator[str]:
         for event in self._ranking(list(self.progress.frontier)):
             if event in refused or not self.progress.ours(event) or self.progress.blocked(event):
                 continue
-            if self.reasoner.executable(event, self._deadline):
+            if self.reasoner.executable(event, self._limit):
                 yield event
             else:
                 refused.add(event)
@@ -297,7 +392,15 @@ class PlanExecutive:
             return self._recorded.get(choice)
         if choice in self._values:
             return self._values[choice]
-        return next(self._possible(choice, self._ranked(choice)), None)
+        try:
+            return next(self._possible(choice, self._ranked(choice), self._limit), None)
+        except OutOfTimeError as stopped:
+            self._only_budget(stopped)
+        # The event is executed: its choice is not put off. What showed that it could be has a value for it, too.
+        known = self.reasoner.known
+        if known is not None and choice in known.scenario:
+            return known.scenario[choice]
+        return next(self._possible(choice, self._ranked(choice), self._deadline), None)
 
     def _ranked(self, choice: str) -> Sequence[str]:
         """The values of a choice in the order in which they are tried."""
@@ -313,18 +416,16 @@ class PlanExecutive:
         for event in [event for event in self.progress.pending if not self.progress.compatible(guards[event])]:
             del self.progress.pending[event]
 
-    def _possible(self, choice: str, values: Iterable[str]) -> Iterator[str]:
+    def _possible(self, choice: str, values: Iterable[str], deadline: Deadline) -> Iterator[str]:
         return (
-            value
-            for value in values
-            if self.reasoner.could(frozenset({model.Assignment(choice, value)}), self._deadline)
+            value for value in values if self.reasoner.could(frozenset({model.Assignment(choice, value)}), deadline)
         )
 
     def _is_finished(self) -> bool:
         """Whether no pending event can be activated any more."""
         guards = self.progress.structure.guards
         for event in list(self.progress.pending):
-            if self.reasoner.could(guards[event], self._deadline):
+            if self.reasoner.could(guards[event], self._limit):
                 return False
             del self.progress.pending[event]
         return True

@@ -96,6 +96,9 @@ class Patience:
         """What is asked; another one when other parts of the plan are under way."""
         self._found: list[Execution] = []
         """Continuations in which everything that is not the executive's is later than now."""
+        self._refused: set[tuple[Guard, str | None]] = set()
+        """Where no such continuation is, as long as nothing happens, not even time."""
+        self._moment: object = None
 
     def decide(self, executable: Iterable[str], alternatives: Callable[[str], Sequence[str]]) -> DueAct | None:
         """What to do now; None: nothing.
@@ -115,6 +118,10 @@ class Patience:
         waiting = [] if self.patience is None else openings(self._asked.progress)
         if not waiting:
             return DueAct(first)
+        progress = self._asked.progress
+        moment = progress.now, len(progress.times), len(progress.chosen), len(progress.void), id(progress)
+        if moment != self._moment:
+            self._moment, self._refused = moment, set()
         self._found = [continuation for continuation in self._found[-_REMEMBERED:] if self._continues(continuation)]
         everything = kept = self._kept(waiting)
         acts: dict[str, list[Guard]] = {}
@@ -188,8 +195,13 @@ class Patience:
             for known in fitting
         ):
             return True
+        if (environment, event) in self._refused:
+            return False
         continuation = asked.continuation(environment, event, self.deadline)
-        self._found += [] if continuation is None else [continuation]
+        if continuation is None:
+            self._refused.add((environment, event))
+        else:
+            self._found.append(continuation)
         return continuation is not None
 
     # -- waiting -----------------------------------------------------------------------------------------------------

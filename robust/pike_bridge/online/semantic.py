@@ -68,6 +68,23 @@ class Reasoner(ABC):
         """The semantic reasoning about what is under way, after :meth:`catch_up`; None if it asks something else."""
         return None
 
+    @property
+    def known(self) -> Execution | None:
+        """A continuation that was found, after :meth:`catch_up`; None if none is known. Choices that do not matter may
+        be missing from it.
+        """
+        return None if self.view is None else self.view.known
+
+    def not_before(self) -> Fraction | None:
+        """A time that :meth:`next_time` is not before, without asking anything; None: it is never."""
+        self.catch_up()
+        return self._opening(self.progress.now) if self.view is None else self.view.not_before()
+
+    def due(self) -> tuple[str, Mapping[str, str]] | None:
+        """An event that a known continuation executes now, where waiting might leave none, and its choices."""
+        self.catch_up()
+        return None if self.view is None else self.view.due()
+
     def meaning(self, values: Guard) -> list[Guard]:
         """What people may mean by values in the view, where a value there may stand for several."""
         return [values]
@@ -243,6 +260,32 @@ class SemanticReasoner(Reasoner):
     def view(self) -> "SemanticReasoner":
         """All is under way."""
         return self
+
+    @property
+    def known(self) -> Execution | None:
+        return self._witness
+
+    def not_before(self) -> Fraction | None:
+        self.catch_up()
+        candidates = [event for event in self.progress.frontier if self.progress.ours(event)]
+        if candidates:
+            return self._opening(min(self.progress.earliest(event) or self.progress.now for event in candidates))
+        if self._witness is None:
+            return self._opening(self.progress.now)
+        last = self.semantics.latest(self._witness, list(self.progress.frontier))
+        return None if last is None else self._closing(last)
+
+    def due(self) -> tuple[str, Mapping[str, str]] | None:
+        self.catch_up()
+        witness, now, frontier = self._witness, self.progress.now, list(self.progress.frontier)
+        if witness is None:
+            return None
+        last = self.semantics.latest(witness, frontier)
+        if last is None or last > now + self._grid:
+            return None
+        acts = (e for e in frontier if not self.progress.theirs(e, witness.scenario) and self._executes_at(e, now))
+        event = next(acts, None)
+        return None if event is None else (event, witness.scenario)
 
     def could(self, environment: Guard, deadline: Deadline, more: Collection[Constraint] = ()) -> bool:
         """Whether there is a continuation in the environment which meets some more constraints."""

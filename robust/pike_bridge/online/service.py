@@ -378,6 +378,8 @@ class Service:
         """
         while not self.ended and (wake := self.wake) is not None and wake <= now:
             yield from self.step(now if now - wake > self.tolerance else wake, ())
+            if self.executive.undecided:  # messages are heard before it thinks on
+                return
 
     def step(self, moment: Fraction, messages: tuple[said.Message, ...]) -> Iterator[Encoded]:
         """Take a step, write it down, and then announce it.

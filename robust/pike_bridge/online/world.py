@@ -21,7 +21,7 @@ from robust.pike_bridge.model import ALWAYS, Assignment, Literal, TeamPlan
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online import reasoners, semantic, service
 from robust.pike_bridge.online.divided import DividedReasoner
-from robust.pike_bridge.online.executive import PlanExecutive
+from robust.pike_bridge.online.executive import PlanExecutive, Thrift
 from robust.pike_bridge.online.explain import Fact, conflict
 from robust.pike_bridge.online.inquiry import Inquiry, StepReasons
 from robust.pike_bridge.semantics import Execution, faults, holds
@@ -271,6 +271,8 @@ class ExecutionRecord(Presented, ask="ending"):
     explained: bool = False
     conflict: tuple[Fact, ...] = ()
     faults: tuple[str, ...] = ()
+    thrift: Thrift = field(default_factory=Thrift)
+    """What the budget of the steps gave away."""
 
     @property
     def cut_short(self) -> bool:
@@ -292,6 +294,7 @@ class Rehearsal(Searching[ExecutionRecord]):
         on_step: called after each step.
         explain: whether the reasons of each step are found out, after it was taken.
         patience: as of :class:`~robust.pike_bridge.online.executive.PlanExecutive`.
+        budget: of each step, as of :class:`~robust.pike_bridge.online.executive.PlanExecutive`.
         chance: how likely success is to stay, by :class:`~robust.pike_bridge.likelihood.LikelyChoices`; None: the
             executive knows of no probabilities.
         drake: whether executive and team know nothing of what activities need and do, as
@@ -309,6 +312,7 @@ class Rehearsal(Searching[ExecutionRecord]):
     on_step: Callable[[ExecutionStep], None] = lambda _step: None
     explain: bool = False
     patience: Fraction | None = Fraction(0)
+    budget: float | None = None
     chance: Fraction | None = None
     drake: bool = False
     _steps: list[ExecutionStep] = field(init=False, default_factory=list)
@@ -335,6 +339,7 @@ class Rehearsal(Searching[ExecutionRecord]):
             preference=self._likely,
             patience=self.patience,
             solver=self.solver,
+            budget=self.budget,
             deadline=self.deadline,
         )
         self._world = SimulatedTeam(seen, self._executive, self._judge, self.story, seed=self.seed)
@@ -377,6 +382,7 @@ class Rehearsal(Searching[ExecutionRecord]):
             backend=self.backend,
             explained=self.explain,
             conflict=facts or (),
+            thrift=replace(self._executive.thrift),
         )
 
     def step(self, now: Fraction, messages: Sequence[said.Message]) -> list[said.Decision]:

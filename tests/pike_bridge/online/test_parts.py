@@ -25,10 +25,12 @@ from robust.pike_bridge.action_model import Instance
 from robust.pike_bridge.model import Constraint, guard
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.divided import DividedReasoner
+from robust.pike_bridge.online.executive import PAUSES
 from robust.pike_bridge.online.parts import Division
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.semantics import Execution, faults
 from robust.plan.pddl.write import ActionText, sketched_domain, sketched_problem
+from robust.smt.limits import OutOfTimeError
 from tests.pike_bridge.online import examples
 from tests.sampling import often
 
@@ -238,3 +240,109 @@ def test_what_is_in_two_parts_at_once_keeps_them_together():
     unknown = nodes(x1=("(not (p))",))  # nobody knows which until y is over
     assert unknown < nodes(x1=("(not (p))",), after0=("(p)",)) < apart  # true again before y, whatever x
     assert nodes(Constraint("e3", "e11", None, Fraction(5), guard({"x": "1", "y": "1"}))) < apart
+
+
+# -- answers in time ---------------------------------------------------------------------------------------------------
+
+
+class Slow(SemanticReasoner):
+    """Runs out of time at every question for which there is not enough of it, as if it took long; no clock is asked."""
+
+    def __init__(self, progress, patience=0):
+        super().__init__(progress)
+        self.left, self.asked = patience, 0
+
+    def _check(self, deadline):
+        if deadline.remaining is not None:
+            self.asked += 1
+            if self.left <= 0:
+                raise OutOfTimeError
+            self.left -= 1
+        return super()._check(deadline)
+
+
+def ending(plan, each_step, number):
+    """An executive whose steps may ask few questions, after an execution."""
+    executive = PlanExecutive(plan, Slow, budget=1e6)
+    assert executive.prepare()
+    step = executive.step
+
+    def limited(now, messages=()):
+        executive.reasoner.left = each_step
+        return step(now, messages)
+
+    executive.step = limited
+    judge = SemanticReasoner(executive.progress)
+    examples.watch(executive, judge=judge, seed=number, horizon=Fraction(99))
+    return executive
+
+
+@pytest.mark.parametrize("each_step", [5, 9])
+@pytest.mark.parametrize("number", range(often(1, 8)))
+def test_nothing_is_done_that_is_not_proved_and_no_execution_fails_for_want_of_time(each_step, number):
+    """Steps with few questions, one after the other, come to what one step with many comes to, or to as good an end."""
+    plan = blocks(1).plan()
+    executive = ending(plan, each_step, number)
+    assert isinstance(executive.outcome, said.Succeeded)
+    assert executive.thrift.undecided > 0
+    progress = executive.progress
+    scenario = {each.name: each.domain[0] for each in plan.network.choices} | progress.chosen
+    assert not faults(plan, Execution(scenario, progress.times), reported=progress.reported)
+
+
+class Stuck(SemanticReasoner):
+    """Out of time at every question, once it is stuck."""
+
+    stuck = False
+
+    def executable(self, event, deadline):
+        if self.stuck:
+            raise OutOfTimeError
+        return super().executable(event, deadline)
+
+    def could(self, environment, deadline, more=()):
+        if self.stuck:
+            raise OutOfTimeError
+        return super().could(environment, deadline, more)
+
+
+@pytest.mark.parametrize("punctual", [True, False])
+def test_without_time_what_is_known_to_be_correct_is_followed_at_the_last_moment(punctual):
+    """What is not urgent waits, and an execution fails when that is proved, not before."""
+    plan = examples.working(Constraint("begin", "own", Fraction(1), Fraction(1)), most=9)
+    executive = PlanExecutive(plan, Stuck, budget=1e6)
+    executive.step(Fraction(0))
+    assert executive.reasoner.known.schedule["own"] == 1
+    executive.reasoner.stuck = True
+    assert executive.step(Fraction(1, 2)) == []
+    assert executive.undecided
+    assert executive.wake == Fraction(1, 2)
+    now = Fraction(1) if punctual else Fraction(2)
+    assert executive.step(now) == ([said.Executed("own", now)] if punctual else [])
+    assert not executive.ended
+    assert executive.thrift.followed == punctual
+    executive.reasoner.stuck = False
+    decisions = executive.step(now)
+    assert [type(each) for each in decisions] == ([] if punctual else [said.Failed])
+
+
+def test_time_goes_on_after_some_steps_that_decide_nothing():
+    executive = PlanExecutive(examples.working(), Stuck, budget=1e6)
+    executive.reasoner.stuck = True
+    wakes = []
+    for _ in range(2 * PAUSES):
+        executive.step(executive.wake or Fraction(0) if wakes else Fraction(0))
+        wakes.append(executive.wake)
+    assert wakes.count(0) == PAUSES
+    assert wakes[PAUSES] == executive.progress.grid
+
+
+def test_enough_time_changes_nothing():
+    plan = blocks(2).plan()
+    ends = []
+    for budget in (None, 1e6):
+        executive = PlanExecutive(plan, SemanticReasoner, budget=budget)
+        examples.watch(executive, judge=SemanticReasoner(executive.progress), seed=3)
+        ends.append((executive.outcome, executive.progress.times))
+        assert not executive.thrift.anything
+    assert ends[0] == ends[1]
