@@ -166,7 +166,7 @@ def test_fixed_schedules_break_exactly_what_the_simulator_says(count) -> None:
     assert outcomes[True] >= 6, outcomes
 
 
-@drawn(5, 10)
+@drawn(5, 100)
 @given(plans(linear=True), RANDOM)
 def test_a_box_is_proved_only_if_its_points_are(plan, random) -> None:
     a, b = sample_parameters(plan, random), sample_parameters(plan, random)

@@ -128,7 +128,7 @@ def test_the_network_has_the_schedules_that_shortest_paths_find() -> None:
 def test_mutex_pairs_are_those_of_the_simulator() -> None:
     kinds = set()
 
-    @drawn(50)
+    @drawn(50, 500)
     @given(plans(tame=False))
     def run(plan) -> None:
         pairs = network.mutex_pairs(plan)
@@ -401,7 +401,7 @@ def ask(encoding: Encoding, box: dict[str, Range], deadline: Deadline = NEVER) -
     return encoding.validity.broken_facet(Grid(box), lambda: Session(encoding.terms), deadline)
 
 
-@drawn(40)
+@drawn(40, 300)
 @given(networks(), st.lists(st.fractions(-4, 4, max_denominator=2), min_size=6, max_size=6))
 def test_what_was_asked_before_changes_no_answer(network, ends) -> None:
     plan, ranges = network

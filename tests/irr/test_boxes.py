@@ -158,7 +158,7 @@ def test_refutations_are_in_the_box_and_real() -> None:
         ends = nominal - Fraction(random.randint(0, 4), 2), nominal + Fraction(random.randint(0, 4), 2)
         return Interval(*(None if random.random() < 0.1 else end for end in ends))
 
-    @drawn(12, 20)
+    @drawn(12, 200)
     @given(parametric(), b.RANDOM)
     def run(plan, random) -> None:
         containment = Containment(RelationalEncoding(plan))
@@ -218,7 +218,7 @@ def test_the_box_is_inside_and_maximal(ordered, plan) -> None:
         assert_maximal(plan, result.box)
 
 
-@drawn(8, 12)
+@drawn(8, 100)
 @given(parametric())
 def test_no_other_box_is_wider(plan) -> None:
     best = searched(plan, "optimal")

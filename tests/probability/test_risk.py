@@ -146,7 +146,7 @@ def test_with_one_random_parameter_the_box_is_all_that_is_valid(crater):
     assert result.bound >= kept.lower
 
 
-@drawn(12)
+@drawn(12, 60)
 @given(parametric().filter(lambda plan: len(plan.parameters) <= 2))
 def test_no_random_box_is_more_probable_than_the_bound(plan):
     kinds = {one.name: f"normal:{one.nominal}:{2 + index}" for index, one in enumerate(plan.parameters)}
