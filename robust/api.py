@@ -24,14 +24,13 @@ from robust.smt.limits import Deadline, OutOfTimeError, one_question
 
 if TYPE_CHECKING:
     from robust.encode.interface import Encoding, Range
-    from robust.execute.learned import Learned
+    from robust.execute.learned import Learned, Randomness
     from robust.irr.check import CheckResult
     from robust.irr.compare import Comparison
     from robust.irr.repair import Repair, RepairSearch
     from robust.irr.search import EnvelopeResult
     from robust.plan.load import File
     from robust.plan.model import ParametrizedPlan
-    from robust.probability.distributions import Distribution
     from robust.probability.measure import Bounds
     from robust.probability.risk import RiskResult
     from robust.qe.box import Box, Interval
@@ -261,7 +260,7 @@ def searching_envelope(plan: ParametrizedPlan, options: verbs.EnvelopeOptions) -
     if options.from_nominal:
         require_nominal_values(plan.parameters)
     beta = options.precision
-    known = distributions_of(plan, options) if options.method == "risk" else {}
+    known = randomness_of(plan, options).distributions if options.method == "risk" else {}
 
     def make(formulas: Encoding, deadline: Deadline, exporter: Exporter | None) -> AnytimeSearch[EnvelopeResult]:
         conduct: Conduct = {"deadline": deadline, "on_step": options.on_step}
@@ -403,26 +402,37 @@ def compare(plan: ParametrizedPlan, options: verbs.CompareOptions) -> Comparison
 # -- risk --------------------------------------------------------------------------------------------------------------
 
 
-def distributions_of(
-    plan: ParametrizedPlan, options: verbs.RiskOptions | verbs.EnvelopeOptions
-) -> dict[str, Distribution]:
-    """The distributions of the parameters; InputError if one has none."""
+def randomness_of(plan: ParametrizedPlan, options: verbs.RiskOptions | verbs.EnvelopeOptions) -> Randomness:
+    """The distributions of the parameters, and what they share; InputError if one has none."""
     from robust.execute import learned
     from robust.execute.worlds import read_rules
 
     rules = None if options.world is None else read_rules(options.world)
+    is_risk = isinstance(options, verbs.RiskOptions)
     given = options.distributions if isinstance(options, verbs.RiskOptions) else options.distribution
     known = given if isinstance(given, Mapping) else declare.texts(given, declare.place_of("distribution"))
-    return learned.distributions_of(plan, known, rules, declare.place_of)
+    factors = (
+        declare.texts(options.factor, declare.place_of("factor")) if isinstance(options, verbs.RiskOptions) else ()
+    )
+    random = learned.randomness_of(plan, known, factors, rules, declare.place_of)
+    if not is_risk and (random.factors or random.joints):
+        place = declare.place_of("world")
+        raise InputError(
+            "found parameters that depend on each other, expected independent ones for --method risk", place
+        )
+    return random
 
 
 def searching_risk(plan: ParametrizedPlan, options: verbs.RiskOptions) -> AnytimeSearch[RiskResult]:
     """The search behind :func:`risk`."""
     from robust.probability.risk import Risk
 
+    random = randomness_of(plan, options)
     return Risk(
         plan,
-        distributions_of(plan, options),
+        random.distributions,
+        factors=random.factors,
+        joints=random.joints,
         within=Fraction(options.within),
         draws=options.draws,
         epsilon=options.separation,

@@ -183,10 +183,10 @@ def _probability(options: verbs.EnvelopeCommand, plan: ParametrizedPlan, result:
     """How probable the box is, where parameters are random."""
     if options.method != "risk":
         return None
-    from robust.api import distributions_of
+    from robust.api import randomness_of
     from robust.probability.measure import box_probability
 
-    return box_probability(result.box, distributions_of(plan, options))
+    return box_probability(result.box, randomness_of(plan, options).distributions)
 
 
 def _counterexample(options: verbs.EnvelopeCommand, run: Run, plan: ParametrizedPlan) -> Counterexample | None:

@@ -13,6 +13,7 @@ limits must hold for the later runs by themselves too.
 
 import json
 import os
+import re
 import time
 import warnings
 from bisect import bisect_right
@@ -28,12 +29,13 @@ from typing import Any, Final, NamedTuple
 
 from robust.errors import InputError, InputWarning, Location, did_you_mean
 from robust.execute.logs import ActionRun, Amount, RunEnding, read_runs
-from robust.execute.worlds import Rule, Rules, normal_name
+from robust.execute.worlds import CovarianceRule, FactorRule, Rule, Rules, factor_rule, normal_name
 from robust.numbers import format_number, plural, shorten
 from robust.plan.model import Parameter, ParametrizedPlan
 from robust.plan.parameters import names_of
 from robust.presented import Presented
-from robust.probability.distributions import Distribution, parse_distribution, require_possible
+from robust.probability.distributions import Distribution, parse_distribution, parse_form, require_possible
+from robust.probability.sharing import Joint, SharedFactor, deviation, one_factor
 
 _PRECISION: Final = 40
 """Digits."""
@@ -400,6 +402,116 @@ def distributions_of(
         message = f"found no distribution of a parameter, expected one; known are {names}"
         raise InputError(message, place_of("distribution" if world is None else "world", None))
     return {parameter.name: known[parameter.name] for parameter in plan.parameters}
+
+
+class Randomness(NamedTuple):
+    """Distributions of all parameters by themselves; what they share, as factors or as covariances."""
+
+    distributions: dict[str, Distribution]
+    factors: tuple[SharedFactor, ...] = ()
+    joints: tuple[Joint, ...] = ()
+
+
+def randomness_of(
+    plan: ParametrizedPlan,
+    given: Given,
+    factors: Sequence[str] = (),
+    world: Rules | None = None,
+    place_of: Places = _plainly,
+) -> Randomness:
+    """The distributions of parameters, see :func:`distributions_of`, and factors and covariances of those of durations.
+
+    Factors are given as `weather*drive,fly=KIND:…`, which scales durations, or `weather+drive=KIND:…`, which adds to
+    them. Covariances of one factor and noise become factors.
+
+    Raises:
+        InputError: also if a factor is about no parameter, or a name of a covariance about none or several.
+    """
+    rules = world or Rules()
+    shared = [*(_factor_of(text, place_of("factor", text)) for text in factors), *rules.factors]
+    about: dict[FactorRule | CovarianceRule, list[str]] = {
+        rule: _shared(rule.subjects, plan, place_of("factor", rule.name), all_of=True) for rule in shared
+    }
+    about |= {rule: _shared(rule.subjects, plan, place_of("world", "covariance")) for rule in rules.covariances}
+    chosen = {name: rule for rule, names in about.items() for name in names}
+    try:
+        distributions = distributions_of(plan, given, world, place_of)
+    except InputError:
+        if not chosen or given or rules.rules:
+            raise
+        nominal = {parameter.name: _planned(parameter) for parameter in plan.parameters}
+        if None in nominal.values():
+            raise
+        distributions = {
+            name: Distribution("constant", {"value": value or Fraction(0)}) for name, value in nominal.items()
+        }
+    for names in about.values():
+        for name in names:
+            least = distributions[name].support[0]
+            if least is not None and least < 0:
+                raise InputError(f"found values below 0 of {name}, expected durations", place_of("factor", name))
+    joint: list[Joint] = []
+    known = [_factor(rule, names) for rule, names in about.items() if isinstance(rule, FactorRule)]
+    for rule, names in about.items():
+        if isinstance(rule, CovarianceRule):
+            known += _jointly(rule, names, plan, distributions, joint)
+    return Randomness(distributions, tuple(known), tuple(joint))
+
+
+def _factor_of(text: str, place: Location) -> FactorRule:
+    head, equals, kind = text.partition("=")
+    match = re.fullmatch(r"\s*([\w -]+?)\s*([*+])\s*(.+?)\s*", head)
+    if match is None or not equals:
+        expected = "NAME*ACTION,ACTION=KIND:… or NAME+ACTION=KIND:…, such as weather*drive=triangular:0.9:1:1.4"
+        raise InputError(f"found {shorten(text)}, expected {expected}", place)
+    return factor_rule(match[1], match[3].split(","), parse_form(kind, place), scales=match[2] == "*", place=place)
+
+
+def _shared(subjects: Sequence[str], plan: ParametrizedPlan, place: Location, *, all_of: bool = False) -> list[str]:
+    """The parameters that names are about: all, or one for each name."""
+    found: list[str] = []
+    for subject in subjects:
+        names = [name for _, name in _subjects(subject, plan, place)]
+        if subject == "*":
+            names = [name for _, name in _subjects("duration:*", plan, place)]
+        if not all_of and len(names) != 1:
+            raise InputError(f"found {len(names)} parameters that {shorten(subject)} is about, expected one", place)
+        found += [name for name in names if name not in found]
+    return found
+
+
+def _factor(rule: FactorRule, names: Sequence[str]) -> SharedFactor:
+    shifts = {} if rule.scales else dict.fromkeys(names, Fraction(1))
+    return SharedFactor(rule.name, rule.distribution, frozenset(names if rule.scales else ()), shifts)
+
+
+def _jointly(
+    rule: CovarianceRule,
+    names: Sequence[str],
+    plan: ParametrizedPlan,
+    distributions: dict[str, Distribution],
+    joint: list[Joint],
+) -> list[SharedFactor]:
+    """The factors of a covariance matrix, if it has them; and normal distributions of its parameters."""
+    planned = {parameter.name: parameter.nominal for parameter in plan.parameters}
+    factors = one_factor(rule.matrix)
+    made = []
+    own = [row[number] for number, row in enumerate(rule.matrix)]
+    for number, (loadings, variance) in enumerate(factors or ()):
+        normal = Distribution("normal", {"mean": Fraction(0), "deviation": deviation(variance)}).settled
+        made.append(
+            SharedFactor(
+                f"covariance {number + 1}", normal, shifts={names[at]: share for at, share in loadings.items()}
+            )
+        )
+        for at, share in loadings.items():
+            own[at] -= share * share * variance
+    if factors is None:
+        joint.append(Joint(tuple(names), rule.matrix))
+    for number, name in enumerate(names):
+        mean = planned[name] if rule.means is None else rule.means[number]
+        distributions[name] = Distribution("normal", {"mean": mean, "deviation": deviation(own[number])}).settled
+    return made
 
 
 def _given(given: Given, plan: ParametrizedPlan, place_of: Places) -> dict[str, Distribution]:

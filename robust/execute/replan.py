@@ -408,7 +408,7 @@ def check_rules(prepared: Prepared, rules: Rules) -> None:
     for number in dispatchable.ours:
         point = dispatchable.network.points[number]
         instance = dispatchable.plan.instance[point.instance or ""]
-        if point.kind is model.TimePointKind.END and rules.duration(instance) is not None:
+        if point.kind is model.TimePointKind.END and rules.is_random(instance):
             fault = f"found a rule for the duration of {instance.identifier} {instance}, which the dispatcher chooses"
             message = f"{fault}; expected one that is fixed or a parameter: --parameter duration:{instance.action}"
             raise errors.InputError(message)

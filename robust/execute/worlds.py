@@ -37,6 +37,22 @@ nature does what the plan expects::
     values = [41, 43.5, 60]
     weights = [7, 2, 1]           # how often; once each if left out
 
+What durations share is said beside these. A factor is drawn once for each run; durations it scales are their own draw,
+or as planned, times the factor, and those it shifts that plus the factor. Durations with a covariance matrix are
+jointly normal around their planned values, or `means`::
+
+    [[factor]]
+    name = "weather"
+    scales = ["drive", "(fly d1 a b)"]  # or shifts
+    distribution = "triangular"
+    lower = 0.9
+    mode = 1
+    upper = 1.4
+
+    [[covariance]]
+    durations = ["(drive a b)", "(drive b c)"]  # each one step
+    matrix = [[4, 2], [2, 9]]
+
 Draws are multiples of 1/1000, except for constants and observed values. Every draw has a random number of its own, made
 of the run's seed, what is drawn, and how often that has been drawn before. So two executors that meet in the same world
 with the same seed have the same luck, whatever order they do things in: results can be compared pair by pair.
@@ -46,7 +62,7 @@ from __future__ import annotations
 
 import heapq
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
@@ -66,13 +82,16 @@ from robust.probability.distributions import (
     KEYS,
     LISTS,
     OPTIONAL,
+    PLANNED,
     Amount,
     Below,
     Distribution,
     DistributionForm,
+    on_grid,
     parse_amount,
     require_possible,
 )
+from robust.probability.sharing import Matrix, require_covariance, root
 
 
 class Luck:
@@ -86,8 +105,30 @@ class Luck:
 
     def duration(self, instance: model.ActionInstance, planned: Fraction) -> Fraction | None:
         """The duration of an instance this time; None without a rule."""
-        drawn = self._draw(self.rules.duration(instance), f"duration {instance}", planned)
+        names = _names(instance)
+        joint = next((part for rule in self.rules.covariances for part in rule.parts(names)), None)
+        if joint is None:
+            drawn = self._draw(self.rules.duration(instance), f"duration {instance}", planned)
+        else:
+            drawn = on_grid(sum(share * self._normal(what) for what, share in joint.shares)) + (
+                planned if joint.mean is None else joint.mean
+            )
+        for rule in self.rules.factors:
+            if names.intersection(rule.subjects):
+                own, factor = planned if drawn is None else drawn, self._factor(rule)
+                drawn = own * factor if rule.scales else own + factor
         return None if drawn is None else max(drawn, Fraction(0))
+
+    def _factor(self, rule: FactorRule) -> Fraction:
+        """The value of a factor in this run."""
+        key = f"factor {rule.name}"
+        if key not in self._kept:
+            self._kept[key] = rule.distribution.draw(Random(f"{self._seed}/{key}"))  # noqa: S311 - a simulation
+        return self._kept[key]
+
+    def _normal(self, what: str) -> float:
+        """A standard normal value of this run."""
+        return Random(f"{self._seed}/{what}").gauss(0, 1)  # noqa: S311 - a simulation
 
     def consumption(self, instance: model.ActionInstance, fluent: model.Fluent, planned: Fraction) -> Fraction | None:
         """The value of a fluent for an instance; None without a rule."""
@@ -132,14 +173,58 @@ class Rule:
 
 
 @dataclass(frozen=True)
+class FactorRule:
+    """A factor that durations of these names share; it multiplies them, or is added."""
+
+    name: str
+    distribution: Distribution
+    subjects: tuple[str, ...]
+    scales: bool
+
+
+@dataclass(frozen=True)
+class JointPart:
+    """A duration as its mean plus multiples of standard normal values; None for a mean as planned."""
+
+    mean: Fraction | None
+    shares: tuple[tuple[str, float], ...]
+
+
+@dataclass(frozen=True)
+class CovarianceRule:
+    """Jointly normal durations, by what they are called."""
+
+    subjects: tuple[str, ...]
+    matrix: Matrix
+    means: tuple[Fraction, ...] | None = None
+
+    def parts(self, names: Collection[str]) -> Iterator[JointPart]:
+        """What it says about a duration with these names."""
+        for number, subject in enumerate(self.subjects):
+            if subject in names:
+                shares = tuple(
+                    (f"normal {self.subjects[column]}", share) for column, share in enumerate(root(self.matrix)[number])
+                )
+                yield JointPart(None if self.means is None else self.means[number], shares)
+
+
+@dataclass(frozen=True)
 class Rules:
     """All rules of a world."""
 
     rules: tuple[Rule, ...] = ()
+    factors: tuple[FactorRule, ...] = ()
+    covariances: tuple[CovarianceRule, ...] = ()
+
+    def is_random(self, instance: model.ActionInstance) -> bool:
+        """Whether something is said about the duration of an instance."""
+        subjects = {name for rule in self.factors for name in rule.subjects}
+        subjects |= {name for rule in self.covariances for name in rule.subjects}
+        return self.duration(instance) is not None or not subjects.isdisjoint(_names(instance))
 
     def duration(self, instance: model.ActionInstance) -> Rule | None:
         """The rule for the duration of an instance."""
-        return self._first(Subject.DURATION, {instance.identifier, instance.action, str(instance), "*"})
+        return self._first(Subject.DURATION, _names(instance))
 
     def consumption(self, fluent: model.Fluent) -> Rule | None:
         """The rule for the value of a fluent that nothing changes."""
@@ -152,6 +237,10 @@ class Rules:
         return next((rule for rule in self.rules if rule.subject is subject and rule.name in names), None)
 
 
+def _names(instance: model.ActionInstance) -> set[str]:
+    return {*parameters.names_of(instance), "*"}
+
+
 def read_rules(path: str | PathLike[str]) -> Rules:
     """The rules in a world file; InputError if it cannot be read or is wrong."""
     return parse_rules(read_text(path), str(path))
@@ -160,13 +249,22 @@ def read_rules(path: str | PathLike[str]) -> Rules:
 def parse_rules(text: str, file: str = "<world>") -> Rules:
     """The rules in a text; InputError names the rule and the key that is wrong."""
     document = parameters.toml_document(text, file, "tables [[draw]]")
-    for key in document.keys() - {"draw"}:
-        message = f"found key {shorten(key)}, expected only tables [[draw]]{did_you_mean(key, ['draw'])}"
-        raise InputError(message, Location(file))
-    tables = document.get("draw", [])
-    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
-        raise InputError("found a value for 'draw', expected tables [[draw]]", Location(file))
-    return Rules(tuple(_rule(table, f"{file}, draw {number}") for number, table in enumerate(tables, start=1)))
+    kinds = ("draw", "factor", "covariance")
+    for key in document.keys() - set(kinds):
+        expected = "expected only tables [[draw]], [[factor]] and [[covariance]]"
+        raise InputError(f"found key {shorten(key)}, {expected}{did_you_mean(key, kinds)}", Location(file))
+    found: dict[str, list[tuple[Mapping[str, object], str]]] = {}
+    for kind in kinds:
+        tables = document.get(kind, [])
+        if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
+            raise InputError(f"found a value for {kind!r}, expected tables [[{kind}]]", Location(file))
+        found[kind] = [(table, f"{file}, {kind} {number}") for number, table in enumerate(tables, start=1)]
+    rules, factors, covariances = (found[kind] for kind in kinds)
+    return Rules(
+        tuple(_rule(*one) for one in rules),
+        tuple(_factor_rule(*one) for one in factors),
+        tuple(_covariance_rule(*one) for one in covariances),
+    )
 
 
 def _rule(table: Mapping[str, object], place: str) -> Rule:
@@ -179,11 +277,73 @@ def _rule(table: Mapping[str, object], place: str) -> Rule:
     name = table[subject.value]
     if not isinstance(name, str) or not name.strip():
         raise InputError(f"found {shorten(str(name))} for {subject.value!r}, expected a name", location)
+    rule = Rule(subject, _normal_name(subject, name), _form(table, {subject.value, "relative"}, location))
+    _check_numbers(rule, location)
+    return rule
+
+
+def _factor_rule(table: Mapping[str, object], place: str) -> FactorRule:
+    location = Location(place)
+    effects = [key for key in ("scales", "shifts") if key in table]
+    if len(effects) != 1:
+        raise InputError(f"found {' and '.join(effects) or 'none'}, expected one of scales and shifts", location)
+    form = _form(table, {"name", *effects}, location)
+    name = table.get("name")
+    if not isinstance(name, str) or not name.strip():
+        raise InputError(f"found {shorten(str(name))} for 'name', expected a name", location)
+    return factor_rule(name, _subjects(table, effects[0], location), form, scales=effects == ["scales"], place=location)
+
+
+def factor_rule(
+    name: str, subjects: Sequence[str], form: DistributionForm, *, scales: bool, place: Location
+) -> FactorRule:
+    """A factor; InputError if it cannot be one."""
+    for key in KEYS[form.kind]:
+        if key not in form.amounts and key not in OPTIONAL - PLANNED:
+            raise InputError(f"found no {key!r}, expected a number for a {form.kind} distribution", place)
+    distribution = form.at(None, place)
+    require_possible(form.kind, distribution.numbers, place)
+    least = distribution.support[0]
+    if scales and (least is None or least <= 0):
+        found = "no minimum" if least is None else f"least value {least}"
+        raise InputError(f"found {found} of a factor that scales durations, expected one above 0", place)
+    return FactorRule(name.strip(), distribution.settled, tuple(map(normal_name, subjects)), scales)
+
+
+def _subjects(table: Mapping[str, object], key: str, location: Location) -> list[str]:
+    names = table.get(key)
+    if not isinstance(names, list) or not names or not all(isinstance(name, str) and name.strip() for name in names):
+        raise InputError(f"found {shorten(str(names))} for {key!r}, expected a list of names", location)
+    return names
+
+
+def _covariance_rule(table: Mapping[str, object], place: str) -> CovarianceRule:
+    location = Location(place)
+    keys = {"durations", "matrix", "means"}
+    for key in (key for key in table if key not in keys):
+        raise InputError(f"found key {shorten(key)}, expected another{did_you_mean(key, keys)}", location)
+    subjects = tuple(map(normal_name, _subjects(table, "durations", location)))
+    rows = table.get("matrix")
+    if not isinstance(rows, list) or [len(row) if isinstance(row, list) else 0 for row in rows] != [
+        len(subjects)
+    ] * len(subjects):
+        raise InputError(f"found no matrix with {len(subjects)} rows and columns, expected one", location)
+    matrix = tuple(tuple(_amount(one, "matrix", location, relative=False).value for one in row) for row in rows)
+    require_covariance(matrix, location)
+    means = table.get("means")
+    if means is not None and (not isinstance(means, list) or len(means) != len(subjects)):
+        raise InputError(f"found {shorten(str(means))} for 'means', expected {len(subjects)} numbers", location)
+    centres = None if means is None else tuple(_amount(one, "means", location, relative=False).value for one in means)
+    return CovarianceRule(subjects, matrix, centres)
+
+
+def _form(table: Mapping[str, object], others: Collection[str], location: Location) -> DistributionForm:
+    """The distribution of a table with some other keys."""
     kind = table.get("distribution")
     if not isinstance(kind, str) or kind not in KEYS:
         hint = did_you_mean(str(kind), KEYS)
         raise InputError(f"found distribution {shorten(str(kind))}, expected one of {', '.join(KEYS)}{hint}", location)
-    known = {subject.value, "distribution", "relative", *KEYS[kind]}
+    known = {"distribution", *others, *KEYS[kind]}
     for key in (key for key in table if key not in known):
         raise InputError(f"found key {shorten(key)}, expected another{did_you_mean(key, known)}", location)
     below, relative = table.get("below", "fold"), table.get("relative", False)
@@ -197,9 +357,7 @@ def _rule(table: Mapping[str, object], place: str) -> Rule:
         if not isinstance(given, list):
             raise InputError(f"found {shorten(str(given))} for {key!r}, expected a list of numbers", location)
         amounts[key] = tuple(_amount(one, key, location, relative=relative and key != "weights") for one in given)
-    rule = Rule(subject, _normal_name(subject, name), DistributionForm(kind, amounts, Below(below)))
-    _check_numbers(rule, location)
-    return rule
+    return DistributionForm(kind, amounts, Below(below))
 
 
 def _normal_name(subject: Subject, name: str) -> str:

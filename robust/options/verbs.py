@@ -540,6 +540,13 @@ class RiskOptions(SearchOptions):
     """Options of :func:`robust.risk`."""
 
     distributions: Mapping[str, str | Distribution] | Sequence[str] = distributions_option()
+    factor: Sequence[str] = declare.option(
+        (),
+        "what durations share: weather*drive,fly=KIND:... multiplies those of these actions by a random number, "
+        "weather+drive=KIND:... adds one; names and kinds as for --distribution; may be repeated",
+        metavar="NAME*ACTION,...=KIND:...",
+        many=True,
+    )
     world: str | Path | None = world_file()
     within: Number = declare.option(
         "0.001", "how close the bounds of the probability must be", metavar="W", read=declare.positive
@@ -561,7 +568,7 @@ class RiskCommand(RiskOptions, Plot, AskCommand):
     """Options of `robust risk`."""
 
     def check_combinations(self, given: Collection[str]) -> None:
-        if not self.distributions and self.world is None:
+        if not self.distributions and not self.factor and self.world is None:
             raise InputError("say by --distribution or --world how the parameters are distributed")
 
 

@@ -282,6 +282,34 @@ class Distribution:
                 return self.shares[-1][0] - self.shares[0][0]
         return self.numbers["deviation"]
 
+    def moved(self, factor: Fraction, shift: Fraction) -> Distribution:
+        """That of `factor` times a value plus `shift`; the factor is above 0."""
+        numbers = {key: value * factor + (0 if key == "deviation" else shift) for key, value in self.numbers.items()}
+        if self.kind == "exponential":
+            numbers["minimum"] = self._start * factor + shift
+        shares = tuple((value * factor + shift, share) for value, share in self.shares)
+        return Distribution(self.kind, numbers, self.below, shares)
+
+    def irregular(self, steepness: Fraction) -> Enclosure | None:
+        """How probable a value is, at most, at which x ↦ p(x^q) x^(q − 1) is not log-concave for the density p.
+
+        Here q = 1 + steepness, and values are positive unless that is 1. The function is log-concave for most kinds;
+        with a normal density where x (2q − 1) ≥ mean · (q − 1), as its logarithm has the second derivative
+        −q x^((q − 2)/q) (x q + (x − mean)(q − 1)) / deviation² or less. What was folded or clipped counts as well. None
+        for values that have a probability of their own.
+        """
+        if self.kind == "constant":
+            return ZERO
+        lower = self.support[0]
+        if self.kind not in {"normal", "truncated-normal"}:
+            return None if self.kind == "empirical" or (steepness and (lower is None or lower < 0)) else ZERO
+        ends = [] if lower is None else [lower]
+        if steepness:
+            ends.append(max(Fraction(0), self.numbers["mean"] * steepness / (1 + 2 * steepness)))
+        if not ends or (max(ends) == lower and self.kind == "truncated-normal"):
+            return ZERO
+        return self._normal(max(ends)) if self.kind == "normal" else self.between(None, max(ends))
+
     @property
     def exact_values(self) -> Iterable[Fraction]:
         """The numbers of which it is made, except for probabilities."""

@@ -47,6 +47,10 @@ class Bounds:
     def width(self) -> Fraction:
         return self.upper - self.lower
 
+    def within(self, other: Bounds) -> Bounds:
+        """What both say."""
+        return Bounds(max(self.lower, other.lower), min(self.upper, other.upper))
+
     @staticmethod
     def of(enclosure: Enclosure) -> Bounds:
         return Bounds(Fraction(max(0, enclosure[0]), UNIT), Fraction(min(UNIT, enclosure[1]), UNIT))
@@ -55,11 +59,14 @@ class Bounds:
 @dataclass(frozen=True)
 class SuccessProbabilities:
     """Weak: a schedule exists. Dynamic: an executor is in time that sees what has ended, and starts each action as soon
-    as all that it waits for has happened. Strong: one fixed schedule is, the best that was found, with these starts."""
+    as all that it waits for has happened. Strong: one fixed schedule is, the best that was found, with these starts.
+    The others are of the best executor, and of the best fixed schedule that there is."""
 
     weak: Bounds
     dynamic: Bounds
     strong: Bounds
+    best_dynamic: Bounds
+    best_strong: Bounds
     starts: Mapping[str, Fraction]
 
 

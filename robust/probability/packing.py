@@ -15,7 +15,7 @@ from random import Random
 from robust.irr.widen import DiscoveredBadSet, Widening, faces_of
 from robust.plan.model import Parameter
 from robust.probability.distributions import Distribution
-from robust.probability.measure import box_probability
+from robust.probability.measure import Bounds, box_probability
 from robust.qe.box import Box, Interval, Side
 from robust.qe.estimate import proportion_bounds
 from robust.qe.polyhedron import Polyhedron
@@ -195,11 +195,13 @@ class SampledEstimate:
 class LateShare:
     """How probably the plan is late along a chain that ends where a point is due, or that has a duration on it.
 
-    `estimate` is the share of draws; of a duration, `at_most` is a certified bound.
+    `estimate` is the share of draws in which it is the chain that is latest. Certified is how probably any chain that
+    ends there, or has the duration on it, is late.
     """
 
     name: str
     estimate: float
+    at_least: Fraction | None = None
     at_most: Fraction | None = None
 
 
@@ -207,7 +209,8 @@ class LateShare:
 class LatenessDraws:
     """Random draws of all durations, and how late each of them ends: statistics, no proof.
 
-    `gain` is the share of draws that one unit of time more would save.
+    `gain` is the share of draws that one unit of time more would save; `certified_gain` bounds by how much more
+    probable success is with it.
     """
 
     draws: int
@@ -215,6 +218,7 @@ class LatenessDraws:
     gain: float
     points: tuple[LateShare, ...]
     durations: tuple[LateShare, ...]
+    certified_gain: Bounds | None = None
 
 
 class Points:

@@ -12,13 +12,13 @@ the same values may break several, but are counted once, so that shares add up. 
 apart from what breaks those before it.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import KW_ONLY, dataclass, field
 from fractions import Fraction
 
 from robust.encode import create_encoding, interface
-from robust.errors import InputError
+from robust.errors import InputError, UnsupportedError
 from robust.irr import exact, proposals, widen
 from robust.irr.search import EnvelopeResult
 from robust.network.slack import OutsideFragmentError
@@ -27,6 +27,7 @@ from robust.presented import Presented, VerdictEnum
 from robust.probability.distributions import Distribution
 from robust.probability.measure import Bounds, Measure, RegionMeasure, SuccessProbabilities, box_probability
 from robust.probability.packing import LatenessDraws, Packing, Points, SampledEstimate
+from robust.probability.sharing import Joint, SharedFactor, shared_range
 from robust.qe import compute, lifted
 from robust.qe.box import Box, Interval
 from robust.qe.conjunctions import Conjunction
@@ -88,7 +89,8 @@ class RiskResult(Presented, ask="probability"):
     `shares` are of failing values, by what breaks first; None before that is known. `disjoint` are boxes that together
     bound the probability from below, `estimate` is one by random points: both only where bounds were not close
     without. `region` is what was measured. `reason` says which failure of a solver ended a search that is UNKNOWN.
-    `probabilities` and `late` are known where longest paths decide about the plan.
+    `probabilities` and `late` are known where longest paths decide about the plan. `distributions` are those of
+    parameters before `factors` scale or shift them; `joints` are normal ones with other covariances.
     """
 
     status: RiskStatus
@@ -106,6 +108,8 @@ class RiskResult(Presented, ask="probability"):
     reason: str | None = None
     probabilities: SuccessProbabilities | None = None
     late: LatenessDraws | None = None
+    factors: tuple[SharedFactor, ...] = ()
+    joints: tuple[Joint, ...] = ()
 
     @property
     def cut_short(self) -> bool:
@@ -124,7 +128,9 @@ class Risk(Searching[RiskResult]):
 
     Args:
         plan: the plan.
-        distributions: of its parameters, which are independent.
+        distributions: of its parameters, by themselves.
+        factors: what parameters share.
+        joints: jointly normal parameters, whose covariances are no factors.
         within: how close the bounds are to be.
         draws: how many random points are drawn where bounds are not close; if not given, only with many parameters.
         epsilon: the separation of mutex time points.
@@ -141,6 +147,8 @@ class Risk(Searching[RiskResult]):
     plan: ParametrizedPlan
     distributions: Mapping[str, Distribution]
     _: KW_ONLY
+    factors: Sequence[SharedFactor] = ()
+    joints: Sequence[Joint] = ()
     within: Fraction = Fraction(1, 1000)
     draws: int | None = None
     epsilon: Fraction = interface.EPSILON
@@ -192,6 +200,8 @@ class Risk(Searching[RiskResult]):
             reason,
             self._probabilities,
             self._late,
+            tuple(self.factors),
+            tuple(self.joints),
         )
 
     @property
@@ -209,12 +219,17 @@ class Risk(Searching[RiskResult]):
             UnsupportedError: an expression that is not linear.
             SolverError: a solver is not installed.
         """
-        if len(self._distributions) > FEW:
+        if len(self._distributions) > FEW or self.factors or self.joints:
             if self._is_certain():
                 self._know(Fraction(1), Fraction(1))
                 return
             if self._by_longest_paths():
                 return
+        if self.factors or self.joints:
+            raise UnsupportedError(
+                "found durations that depend on each other in a plan in which more than the lengths "
+                "of chains of actions decides about success, expected independent ones"
+            )
         self._on_stage("envelope")
         search = compute.RegionSearch(
             self.plan,
@@ -241,8 +256,13 @@ class Risk(Searching[RiskResult]):
     def _is_certain(self) -> bool:
         """Whether the plan is proved for all values that can be drawn: the cheap question first."""
         self._on_stage("all values at once")
-        ends = {name: known.support for name, known in self._distributions.items()}
-        supports = Box({name: Interval(low, high) for name, (low, high) in ends.items()})
+
+        def support(known: Distribution) -> Interval:
+            return Interval(*known.support)
+
+        supports = Box(
+            {name: shared_range(self.factors, support(own), name, support) for name, own in self._distributions.items()}
+        )
         deadline = Deadline.after(self._share(Fraction(1, 10)))
         try:
             return proposals.is_inside(self.plan, supports, self.epsilon, deadline, solver=self.solver)
@@ -255,7 +275,15 @@ class Risk(Searching[RiskResult]):
 
         self._on_stage("longest paths")
         try:
-            search = Lateness(self.plan, self._distributions, self.epsilon, self._deadline, solver=self.solver)
+            search = Lateness(
+                self.plan,
+                self._distributions,
+                self.epsilon,
+                self._deadline,
+                solver=self.solver,
+                factors=self.factors,
+                joints=self.joints,
+            )
         except OutsideFragmentError:
             return False
         self._late = search.draw(self.draws or DRAWS)
@@ -265,6 +293,9 @@ class Risk(Searching[RiskResult]):
             self._know(bounds.lower, bounds.upper)
 
         search.run(self.within, tell)
+        self._on_stage("what is late")
+        with _ending_early():
+            search.attribute(self._late, self.within)
         self._late = search.draw(self.draws or DRAWS)
         return True
 

@@ -6,11 +6,9 @@ schedule within them is valid is proved once, by the obligations themselves. Bou
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
-from functools import cached_property
-from math import floor
 
 import numpy as np
 
@@ -22,13 +20,21 @@ from robust.plan import model
 from robust.plan.model import within as restricted
 from robust.plan.polynomial import Polynomial
 from robust.probability import lattice, packing
-from robust.probability.distributions import UNIT, Distribution, product, quotient
+from robust.probability.averages import Conditional, SharedAverage, draw_factors
+from robust.probability.distributions import UNIT, Distribution, Enclosure, product
 from robust.probability.lateness import SINK, LatenessGraph, PathBounds, PathEdge, lateness_graph
 from robust.probability.lattice import Array, Node
 from robust.probability.measure import Bounds, SuccessProbabilities, interval_probability
 from robust.probability.random_durations import RandomDuration, drawn
+from robust.probability.schedules import FixedSchedules, Windows, conditionally, fitting
+from robust.probability.sharing import Given, Joint, SharedFactor, deviation, influenced, root, shared_range
 from robust.qe.box import Box, Interval
-from robust.smt.limits import Deadline
+from robust.smt.limits import Deadline, raise_if_interrupted
+
+SHARE = 0.5
+"""The part of the distance of bounds that is left to each value of factors."""
+CLOSE = 0.005
+"""How close bounds of a fixed schedule with factors are to be."""
 
 
 class Lateness:
@@ -40,6 +46,8 @@ class Lateness:
         epsilon: the separation of mutex time points.
         deadline: when to stop.
         solver: `z3` or `cvc5`.
+        factors: what durations share; independent.
+        joints: jointly normal durations.
 
     Raises:
         OutsideFragmentError: if there is more to the plan than longest paths.
@@ -54,24 +62,30 @@ class Lateness:
         deadline: Deadline,
         *,
         solver: str,
+        factors: Sequence[SharedFactor] = (),
+        joints: Sequence[Joint] = (),
     ) -> None:
         self._plan = plan
         self._slack = SlackPlan(plan, epsilon)
         self._distributions = {name: known.settled for name, known in distributions.items()}
+        self._factors, self._joints = factors, joints
         self._deadline = deadline
-        intervals, orders = self._demands()
-        durations = {name: RandomDuration(name, known, intervals[name]) for name, known in self._distributions.items()}
-        self._mass = (UNIT, UNIT)
-        for known in durations.values():
-            self._mass = product(self._mass, known.mass)
-        if not self._mass[0]:
-            raise OutsideFragmentError("hardly any duration is as it has to be")
+        self._intervals, orders = self._demands()
         self._unordered = sum((self._disorder(order) for order in orders), Fraction(0))
-        self.graph = lateness_graph(self._slack, durations)
-        self._prove(Box(intervals), orders, epsilon, solver)
+        self._given = GivenDurations(self._distributions, self._intervals)
+        if not factors and not self._given.mass[0]:
+            raise OutsideFragmentError("hardly any duration is as it has to be")
+        ranges = {
+            name: _ranging(RandomDuration(name, known, self._intervals[name]), factors)
+            for name, known in self._distributions.items()
+        }
+        self.graph = replace(lateness_graph(self._slack, ranges), durations=self._given.durations)
+        self._given.graph = self.graph
+        self._prove(Box(self._intervals), orders, epsilon, solver)
         self.probabilities: SuccessProbabilities | None = None
-        self.passing: Mapping[str, float] = {}
         self.cells = 0
+        self._certified: dict[str, tuple[Fraction, Fraction]] = {}
+        self._gain: Bounds | None = None
 
     # -- what is demanded of single durations, and of orders ----------------------------------------------------------
 
@@ -155,47 +169,157 @@ class Lateness:
         Raises:
             OutOfTimeError: if the deadline passes first.
         """
-        graph = self.graph
-        fixed, starts = FixedSchedules(graph, self._slack).best()
-        strong = self._of_all(*fixed)
+        close = float(within * Fraction(999, 1000))
+        schedules = FixedSchedules(self.graph, self._slack)
+        found, starts = schedules.best()
+        strong = self._strong(schedules, found, close)
         on_bounds(Bounds(strong.lower, Fraction(1)))
-        weak, dynamic = Bounds(strong.lower, Fraction(1)), Bounds(strong.lower, Fraction(1))
-        known: dict[tuple[PathEdge, ...], PathBounds] = {}
+        best = min(strong.upper if self._factors else Fraction(1), Fraction(1))
+        if not self._factors:
+            best = self._bounds(0, schedules.at_most(found) * Fraction(self._given.mass[1], UNIT)).upper
+        weak = dynamic = Bounds(strong.lower, Fraction(1))
+        self.probabilities = None
 
-        def tell() -> None:
+        def learn(lower: Fraction | float, upper: Fraction | float, *, is_policy: bool) -> None:
             nonlocal weak, dynamic
-            least, most, policy = (known.get(edges) for edges in sides)
-            lower = max(0.0 if least is None else least.lower, 0.0 if policy is None else policy.lower)
-            bounds = self._of_all(lower, 1.0 if most is None else most.upper)
-            weak = Bounds(max(weak.lower, bounds.lower), min(weak.upper, bounds.upper))
-            if policy is not None:
-                bounds = self._of_all(policy.lower, policy.upper)
-                dynamic = Bounds(max(dynamic.lower, bounds.lower), min(dynamic.upper, bounds.upper, weak.upper))
-            strong_ = Bounds(strong.lower, min(strong.upper, dynamic.upper))
-            self.probabilities = SuccessProbabilities(weak, dynamic, strong_, starts)
-            self.cells = sum(path.cells for path in known.values())
+            bounds = self._bounds(lower, upper)
+            if is_policy:
+                dynamic = dynamic.within(bounds)
+            else:
+                weak = weak.within(bounds)
+            weak = Bounds(max(weak.lower, dynamic.lower), weak.upper)
+            dynamic = Bounds(dynamic.lower, min(dynamic.upper, weak.upper)) if self.graph.waiting else weak
+            most = weak.upper if self._factors else min(best, weak.upper)
+            self.probabilities = SuccessProbabilities(
+                weak,
+                dynamic,
+                Bounds(strong.lower, min(strong.upper, most)),
+                Bounds(dynamic.lower, weak.upper),
+                Bounds(strong.lower, most),
+                starts,
+            )
             on_bounds(weak)
 
-        sides = graph.with_waits(free=False), graph.edges, graph.with_waits(free=True)
-        for edges in sides:
-            if edges not in known:
-                known[edges] = PathBounds(edges, graph.durations, graph.latest)
-                known[edges].run(float(within * Fraction(999, 1000)), tell, self._deadline)
-        tell()
-        self.passing = known[graph.edges].passing
+        for is_policy in (False, True) if self.graph.waiting else (False,):
+            if self._joints:
+                learn(*self._by_single_paths(is_policy), is_policy=is_policy)
+            elif self._factors:
+                self._average(is_policy, close, learn)
+            else:
 
-    def _of_all(self, lower: float, upper: float) -> Bounds:
-        """Bounds without the condition that each duration is where it has to be, and orders are kept."""
-        least, most = (Fraction(part, UNIT) for part in self._mass)
+                def tell(is_policy: bool = is_policy) -> None:
+                    self.cells = self._given.cells
+                    learn(*self._given.bounds(is_policy), is_policy=is_policy)
+
+                self._given.run(tell, is_policy, close, self._deadline)
+
+    def _average(self, is_policy: bool, within: float, learn: Callable[..., None]) -> None:
+        """Bounds over all values of the factors."""
+        rising = all(factor.is_rising for factor in self._factors)
+
+        def at(values: Given) -> Conditional:
+            durations = GivenDurations(self._for(values), self._intervals, self.graph)
+            if not durations.mass[0]:
+                return Conditional(0.0, durations.mass[1] / UNIT + durations.short, durations.short)
+            durations.run(lambda: None, is_policy, within * SHARE, self._deadline)
+            self.cells += durations.cells
+            least, most = durations.bounds(is_policy)
+            short = durations.short if rising else 0.0
+            return Conditional(float(least) * (1 - 2.0**-50), float(most) * (1 + 2.0**-50) + short, short)
+
+        mean = SharedAverage(self._factors, self._distributions, at, self._check)
+        mean.run(within, lambda: learn(mean.lower, mean.upper, is_policy=is_policy))
+
+    def _strong(self, schedules: FixedSchedules, times: Mapping[Node, Fraction], within: float) -> Bounds:
+        """How probably a fixed schedule succeeds."""
+        windows = schedules.windows(times)
+        if self._joints:
+            parts = [
+                [interval_probability(window, self._given.durations[name].distribution) for name, window in one.items()]
+                for one in windows
+                if one is not None
+            ]
+            if len(parts) < 2:
+                return self._bounds(0, 0)
+            outside = sum((1 - Fraction(low, UNIT) for low, _ in parts[0]), Fraction(0))
+            return self._bounds(1 - outside, Fraction(min(high for _, high in parts[1]), UNIT))
+        if not self._factors:
+            return self._bounds(*(fitting(one, self._given.durations)[side] for side, one in enumerate(windows)))
+        ends = []
+        for side, inside in enumerate(windows):
+
+            def at(values: Given, inside: Windows | None = inside) -> Conditional:
+                return conditionally(inside, self._for(values), self._factors)
+
+            mean = SharedAverage(self._factors, self._distributions, at, self._check)
+            mean.run(max(within, CLOSE))
+            ends.append((mean.lower, mean.upper)[side])
+        return self._bounds(*ends)
+
+    def _by_single_paths(self, is_policy: bool) -> tuple[Fraction, Fraction]:
+        """Bounds where durations are correlated in other ways: each path has a law, of all together little is known.
+
+        What durations of a path add up to that are jointly normal is normal. All paths are in time at least as probably
+        as none is late by the union of what can happen; with covariances that are not negative, at least as probably
+        as if paths were independent [Pitt 1982]; and at most as probably as the one that is most often late.
+        """
+        graph, durations = self.graph, self._given.durations
+        short = Fraction(0)
+        for known in durations.values():
+            short += 1 - Fraction(known.mass[0], UNIT)
+        plain = set(graph.edges)
+        positive = all(entry >= 0 for joint in self._joints for row in joint.matrix for entry in row)
+        total, product_, most = Fraction(0), Fraction(1), Fraction(1)
+        for number, path in enumerate(_paths(graph.with_waits(free=True))):
+            self._check()
+            if number >= PATHS:
+                return Fraction(0), most
+            names = [name for edge in path for name in edge.names]
+            lengths = {name: durations[name] for name in names}
+            merged = []
+            for at, joint in enumerate(self._joints):
+                inside = [row for row, name in enumerate(joint.names) if name in lengths]
+                if inside:
+                    mean = sum((lengths.pop(joint.names[row]).distribution.centre for row in inside), Fraction(0))
+                    variance = sum((joint.matrix[row][column] for row in inside for column in inside), Fraction(0))
+                    normal = Distribution("normal", {"mean": mean, "deviation": deviation(variance)}).settled
+                    merged.append(RandomDuration(f"joint {at}", normal, Interval(Fraction(0), None)))
+            for one in merged:
+                lengths[one.name] = one
+            constant = sum((edge.constant for edge in path), Fraction(0))
+            bounds = PathBounds([PathEdge(0, SINK, constant, tuple(lengths))], lengths, graph.latest)
+            bounds.run(1e-6, lambda: None, self._deadline)
+            below = sum((1 - Fraction(one.mass[0], UNIT) for one in lengths.values()), Fraction(0))
+            lower = max(Fraction(0), Fraction(bounds.lower) - below)
+            total, product_ = total + 1 - lower, product_ * lower
+            if is_policy or set(path) <= plain:
+                most = min(most, Fraction(bounds.upper) + below)
+        return max(1 - total, product_ if positive else Fraction(0)) - short, most
+
+    def _for(self, values: Given) -> dict[str, Distribution]:
+        return {name: influenced(own, name, values) for name, own in self._distributions.items()}
+
+    def _check(self) -> None:
+        raise_if_interrupted()
+        self._deadline.enforce()
+
+    def _bounds(self, lower: Fraction | float, upper: Fraction | float) -> Bounds:
+        """Bounds without the condition that orders are kept."""
         return Bounds(
-            max(Fraction(0), Fraction(lower) * least - self._unordered),
-            min(Fraction(1), Fraction(upper) * most + self._unordered),
+            max(Fraction(0), Fraction(lower) - self._unordered), min(Fraction(1), Fraction(upper) + self._unordered)
         )
 
     def draw(self, count: int) -> packing.LatenessDraws:
         """Random draws, always the same: how often, and along which durations, a schedule is too late."""
         graph, random = self.graph, np.random.default_rng(0)
+        change = draw_factors(self._factors, random, count) if self._factors else None
         lengths = {name: drawn(known.distribution, random, count) for name, known in graph.durations.items()}
+        for joint in self._joints:
+            normals = np.array(root(joint.matrix)) @ random.standard_normal((len(joint.names), count))
+            for name, values in zip(joint.names, normals, strict=True):
+                lengths[name] = values + float(graph.durations[name].distribution.centre)
+        if change is not None:
+            lengths = {name: change(name, own) for name, own in lengths.items()}
         inside = np.ones(count, dtype=bool)
         for name, known in graph.durations.items():
             low, high = known.interval.lower, known.interval.upper
@@ -239,155 +363,160 @@ class Lateness:
                 for name in names[number]:
                     durations[name] += share
         successes = inside & (late <= margin)
-        passing = {name: Fraction(at_most) for name, at_most in self.passing.items()}
+        certified = self._certified
         return packing.LatenessDraws(
             count,
             int(successes.sum()),
             float((inside & (late > margin) & (late <= 1 + margin)).mean()),
-            tuple(packing.LateShare(name, share) for name, share in sorted(points.items(), key=lambda item: -item[1])),
-            tuple(
-                packing.LateShare(name, share, passing.get(name))
-                for name, share in sorted(durations.items(), key=lambda item: -item[1])
-                if share
-            ),
+            tuple(packing.LateShare(*one, *certified.get(one[0], ())) for one in _greatest(points)),
+            tuple(packing.LateShare(*one, *certified.get(one[0], ())) for one in _greatest(durations)),
+            self._gain,
+        )
+
+    # -- shares --------------------------------------------------------------------------------------------------------
+
+    def attribute(self, late: packing.LatenessDraws, within: Fraction) -> None:
+        """Certify how probably chains to what is most often late in draws are late, and those along durations.
+
+        Also how much more probable success is with a unit of time more. Chains through an edge are a graph of their
+        own: what leads to it, the edge, and what follows.
+
+        Raises:
+            OutOfTimeError: if the deadline passes first.
+        """
+        if self._factors or self._joints:
+            return
+        close = float(max(within, SHARES))
+        graph = self.graph
+        more = GivenDurations(self._distributions, self._intervals, replace(graph, latest=graph.latest + 1))
+        more.run(lambda: None, False, float(within), self._deadline)
+        before, after = self._given.bounds(False), more.bounds(False)
+        least, most = after[0] - before[1] - 2 * self._unordered, after[1] - before[0] + 2 * self._unordered
+        self._gain = Bounds(max(Fraction(0), least), min(Fraction(1), most))
+        names = {share.name for share in (*late.points[:SHOWN], *late.durations[:SHOWN])}
+        for edge in graph.edges:
+            about = {*edge.names, *((graph.due[edge.source],) if edge.target == SINK else ())} & names
+            if about:
+                paths = PathBounds(_through(graph.edges, edge), graph.durations, graph.latest)
+                paths.run(close, lambda: None, self._deadline)
+                inside = Fraction(self._given.mass[0], UNIT)
+                bounds = max(Fraction(0), 1 - Fraction(paths.upper)) * inside, 1 - Fraction(paths.lower) * inside
+                for name in about:
+                    known = self._certified.get(name, (Fraction(0), Fraction(0)))
+                    self._certified[name] = max(known[0], bounds[0]), min(Fraction(1), known[1] + bounds[1])
+
+
+SHOWN = 8
+"""Obligations, and durations, of which shares are certified."""
+SHARES = Fraction(1, 200)
+"""How close bounds of shares are to be."""
+
+
+def _greatest(shares: Mapping[str, float]) -> list[tuple[str, float]]:
+    return [(name, share) for name, share in sorted(shares.items(), key=lambda item: -item[1]) if share]
+
+
+def _through(edges: Sequence[PathEdge], edge: PathEdge) -> list[PathEdge]:
+    """An edge with all paths to it and from it."""
+    before, after = {edge.source}, {edge.target}
+    while True:
+        more = [e for e in edges if (e.target in before and e.source not in before)]
+        rest = [e for e in edges if (e.source in after and e.target not in after)]
+        if not more and not rest:
+            return [edge, *(e for e in edges if e.target in before or e.source in after)]
+        before.update(e.source for e in more)
+        after.update(e.target for e in rest)
+
+
+PATHS = 300
+"""Most paths that are looked at one by one."""
+
+
+def _paths(edges: Sequence[PathEdge]) -> Iterator[tuple[PathEdge, ...]]:
+    """All paths from time zero to the deadlines."""
+    leaving: dict[Node, list[PathEdge]] = defaultdict(list)
+    for edge in edges:
+        leaving[edge.source].append(edge)
+    waiting: list[tuple[PathEdge, ...]] = [(edge,) for edge in leaving[0]]
+    while waiting:
+        path = waiting.pop()
+        if path[-1].target == SINK:
+            yield path
+        waiting += [(*path, edge) for edge in leaving[path[-1].target]]
+
+
+class GivenDurations:
+    """Independent durations, for given values of what they share, and how probably all of them are in time.
+
+    Args:
+        distributions: of the durations.
+        intervals: where each has to be.
+        graph: what has to be waited for, if it is known.
+    """
+
+    def __init__(
+        self,
+        distributions: Mapping[str, Distribution],
+        intervals: Mapping[str, Interval],
+        graph: LatenessGraph | None = None,
+    ) -> None:
+        self.durations = {name: RandomDuration(name, known, intervals[name]) for name, known in distributions.items()}
+        self.mass: Enclosure = (UNIT, UNIT)
+        for known in self.durations.values():
+            self.mass = product(self.mass, known.mass)
+        self.graph = graph if graph is None else replace(graph, durations=self.durations)
+        self._edges: dict[bool, tuple[tuple[PathEdge, ...], ...]] = {}
+        self._paths: dict[tuple[PathEdge, ...], PathBounds] = {}
+
+    @property
+    def short(self) -> float:
+        """How probably some duration is shorter than it may be, at most."""
+        total = 0
+        for known in self.durations.values():
+            if (least := known.interval.lower) is not None:
+                total += interval_probability(Interval(None, least, upper_closed=False), known.distribution)[1]
+        return min(1.0, total / UNIT * (1 + 2.0**-50))
+
+    @property
+    def cells(self) -> int:
+        """How many cells were looked at."""
+        return sum(paths.cells for paths in self._paths.values())
+
+    def run(self, tell: Callable[[], None], is_policy: bool, within: float, deadline: Deadline) -> None:
+        """Bounds of how probably a schedule exists, or of how probably our dispatcher finds one."""
+        for edges in self._sides(is_policy):
+            if edges not in self._paths and self.graph is not None:
+                self._paths[edges] = PathBounds(edges, self.durations, self.graph.latest)
+                self._paths[edges].run(within, tell, deadline)
+        tell()
+
+    def _sides(self, is_policy: bool) -> tuple[tuple[PathEdge, ...], ...]:
+        """The edges that bound the probability from below, and from above."""
+        if self.graph is None:
+            return ((),)
+        if is_policy not in self._edges:
+            waits = self.graph.with_waits(free=is_policy)
+            self._edges[is_policy] = (waits,) if is_policy else (waits, self.graph.edges)
+        return self._edges[is_policy]
+
+    def bounds(self, is_policy: bool) -> tuple[Fraction, Fraction]:
+        """What is known of the probability."""
+        sides = self._sides(is_policy)
+        least, most = (self._paths.get(edges) for edges in (sides[0], sides[-1]))
+        return (
+            Fraction(0 if least is None else least.lower) * Fraction(self.mass[0], UNIT),
+            Fraction(1 if most is None else most.upper) * Fraction(self.mass[1], UNIT),
         )
 
 
-# -- fixed schedules ---------------------------------------------------------------------------------------------------
+def _ranging(own: RandomDuration, factors: Sequence[SharedFactor]) -> RandomDuration:
+    """A duration with the range that factors give it."""
+    if not any(own.name in factor.parameters for factor in factors):
+        return own
 
-TRIALS = 120
-"""Fixed schedules that are tried."""
+    def range_of(known: Distribution) -> Interval:
+        return RandomDuration("", known.settled, Interval(None, None)).range
 
-
-class FixedSchedules:
-    """One time for each point that an executor chooses; durations end when they end.
-
-    Args:
-        graph: what has to be waited for, and deadlines.
-        slack: the plan, with a schedule of its own.
-    """
-
-    def __init__(self, graph: LatenessGraph, slack: SlackPlan) -> None:
-        self._graph = graph
-        self._slack = slack
-        edges = graph.with_waits(free=True)
-        order, entering, _ = lattice.topology((edge.source, edge.target) for edge in edges) or ([], {}, {})
-        self._steps = [(node, [edges[number] for number in entering[node]]) for node in order]
-        self._names = sorted({name for edge in edges for name in edge.names})
-
-    def best(self) -> tuple[tuple[float, float], dict[str, Fraction]]:
-        """The probability of success of the best schedule that was found, from both sides, and its times.
-
-        Allowances for durations, all equally probable to suffice at first, make a schedule; then those are made more
-        probable, or less, that pay.
-        """
-        best = self.success(self._planned())
-        times = self._planned()
-        weights = dict.fromkeys(self._names, 1.0)
-        trials = [dict(weights)]
-        step, current = 2.0, -1.0
-        for number in range(TRIALS):
-            if number:
-                name = self._names[number // 2 % len(self._names)]
-                trials.append({**weights, name: weights[name] * (step if number % 2 else 1 / step)})
-            schedule = self._earliest(trials[-1])
-            if schedule is None:
-                break
-            found = self.success(schedule)
-            if found[0] > current:
-                current, weights = found[0], trials[-1]
-            if found[0] > best[0]:
-                best, times = found, schedule
-        points = self._slack.plan.time_points
-        ends = self._graph.links
-        return best, {
-            str(points[int(str(node))]): time for node, time in times.items() if node not in ends and node != SINK
-        }
-
-    def _planned(self) -> dict[Node, Fraction]:
-        """The schedule of the network at nominal values."""
-        return {
-            node: Fraction(self._slack.times[int(str(node))], self._slack.scale)
-            for node, _ in self._steps
-            if node != SINK
-        }
-
-    def _earliest(self, weights: Mapping[str, float]) -> dict[Node, Fraction] | None:
-        """The earliest schedule for allowances with the greatest probabilities q^weight that are in time."""
-        constants = {edge: float(edge.constant) for _, entering in self._steps for edge in entering}
-        low, high, latest = 0.0, 1.0, float(self._graph.latest)
-        for _ in range(14):
-            middle = (low + high) / 2
-            allowances = self._allowances(weights, middle)
-            times: dict[Node, float] = {}
-            for node, entering in self._steps:
-                ways = (times[e.source] + constants[e] + sum(allowances[name] for name in e.names) for e in entering)
-                times[node] = max(ways, default=0.0)
-            low, high = (middle, high) if times[SINK] <= latest else (low, middle)
-        exact = {name: Fraction(floor(value * 4096), 4096) for name, value in self._allowances(weights, low).items()}
-        schedule: dict[Node, Fraction] = {}
-        for node, entering in self._steps:
-            arrivals = (schedule[e.source] + e.constant + sum(exact[name] for name in e.names) for e in entering)
-            schedule[node] = max(arrivals, default=Fraction(0))
-        return schedule if schedule[SINK] <= self._graph.latest else None
-
-    def _allowances(self, weights: Mapping[str, float], share: float) -> dict[str, float]:
-        return {
-            name: float(np.interp(share ** weights[name], law, values)) for name, (values, law) in self._laws.items()
-        }
-
-    @cached_property
-    def _laws(self) -> dict[str, tuple[Array, Array]]:
-        laws = {}
-        for name in self._names:
-            known = self._graph.durations[name]
-            size = 512
-            unit = max(known.most, Fraction(1, 10**6)) / (size - 1)
-            first, law = known.law(unit, size, upper=False)
-            laws[name] = (np.arange(first, first + len(law)).astype(np.float64) * float(unit), law)
-        return laws
-
-    def success(self, times: Mapping[Node, Fraction]) -> tuple[float, float]:
-        """The probability that all durations fit between fixed times, from both sides.
-
-        Where two durations that end by themselves follow each other, a time in between is what both have to keep.
-        """
-        links = self._graph.links
-        lower: dict[str, list[Fraction | None]] = {name: [None, None] for name in self._graph.durations}
-        upper = {name: list(ends) for name, ends in lower.items()}
-
-        def keep(ends: dict[str, list[Fraction | None]], point: Node, side: int, time: Fraction) -> None:
-            start, constant, name = links[point]
-            value, known = time - times[start] - constant, ends[name][side]
-            ends[name][side] = value if known is None else (min if side else max)(known, value)
-
-        for edge in self._graph.edges:
-            if edge.names:
-                continue
-            sides = (lower,) if edge.source in links and edge.target in links else (lower, upper)
-            arrival = times[edge.source] + edge.constant
-            due = self._graph.latest if edge.target == SINK else times[edge.target]
-            if edge.source not in links and edge.target not in links and arrival > due:
-                return 0.0, 0.0
-            for ends in sides:
-                if edge.source in links:
-                    middle = times[edge.source] if edge.target in links else due - edge.constant
-                    keep(ends, edge.source, 1, middle)
-                if edge.target in links:
-                    keep(ends, edge.target, 0, arrival)
-        result = []
-        for ends, side in ((lower, 0), (upper, 1)):
-            total = (UNIT, UNIT)
-            for name, (low, high) in ends.items():
-                known = self._graph.durations[name]
-                both = Interval(
-                    max((end for end in (low, known.interval.lower) if end is not None), default=None),
-                    min((end for end in (high, known.interval.upper) if end is not None), default=None),
-                )
-                if both.lower is not None and both.upper is not None and both.lower > both.upper:
-                    total = (0, 0)
-                    break
-                inside = interval_probability(both, known.distribution)
-                total = product(total, quotient(inside, known.mass))
-            result.append(total[side] / UNIT * (1 - 2.0**-50 if side == 0 else 1 + 2.0**-50))
-        return result[0], min(1.0, result[1])
+    whole = shared_range(factors, range_of(own.distribution), own.name, range_of)
+    least, most = whole.lower or Fraction(0), whole.upper or Fraction(0)
+    return RandomDuration(own.name, Distribution("uniform", {"lower": least, "upper": most}), own.interval)

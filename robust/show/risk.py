@@ -50,12 +50,16 @@ class ThreeProbabilities(JsonObject):
         weak: a schedule exists
         dynamic: an executor succeeds that sees what has ended, and starts each action as soon as it may
         strong: the fixed schedule succeeds that is the best of those that were tried
-        starts: that schedule
+        best_dynamic: the best executor succeeds that sees what has ended
+        best_strong: the best fixed schedule succeeds
+        starts: the schedule of strong
     """
 
     weak: measure.Bounds
     dynamic: measure.Bounds
     strong: measure.Bounds
+    best_dynamic: measure.Bounds
+    best_strong: measure.Bounds
     starts: dict[str, Rational]
 
 
@@ -63,23 +67,29 @@ class LateAt(JsonObject):
     """
     Attributes:
         obligation: what is broken
-        estimate: share of draws
+        estimate: share of draws in which nothing is later
+        at_least: certified bound of the probability that some chain to it is late; null if not known
+        at_most: likewise
     """
 
     obligation: str
     estimate: float
+    at_least: Rational | None
+    at_most: Rational | None
 
 
 class LateAlong(JsonObject):
     """
     Attributes:
         parameter: a duration
-        estimate: share of draws in which a chain of actions is late that it belongs to
-        at_most: certified bound of that probability; null if not known
+        estimate: share of draws in which the chain of actions that is latest has it
+        at_least: certified bound of the probability that some chain that has it is late; null if not known
+        at_most: likewise
     """
 
     parameter: str
     estimate: float
+    at_least: Rational | None
     at_most: Rational | None
 
 
@@ -88,16 +98,38 @@ class LateDocument(JsonObject):
 
     Attributes:
         gain: share of draws that would succeed with one unit of time more
+        certified_gain: by how much more probable success is with it; null if not known
     """
 
     draws: Count
     gain: float
+    certified_gain: measure.Bounds | None
     by_obligation: list[LateAt]
     by_duration: list[LateAlong]
 
 
+class FactorDocument(JsonObject):
+    """
+    Attributes:
+        scales: durations that are multiplied by it
+        shifts: what one unit adds to durations
+    """
+
+    name: str
+    distribution: str
+    scales: list[str]
+    shifts: dict[str, Rational]
+
+
+class JointDurations(JsonObject):
+    """jointly normal durations whose covariances are no factors"""
+
+    names: list[str]
+    matrix: list[list[Rational]]
+
+
 class RiskAnswer(documents.Noted, tag_field="schema", tag="robust/risk/1", kw_only=True):
-    """robust risk --json: the probability that a plan succeeds when its parameters are random and independent
+    """robust risk --json: the probability that a plan succeeds when its parameters are random
 
     Attributes:
         status: complete: the bounds are as close as asked; wide: they are not, although nothing ended the search;
@@ -105,7 +137,7 @@ class RiskAnswer(documents.Noted, tag_field="schema", tag="robust/risk/1", kw_on
         probability: that the plan succeeds whatever schedule its network allows; a parameter outside of its declared
             bounds counts as failure
         within: how close the bounds were to be
-        distributions: by parameter, as on the command line
+        distributions: by parameter, as on the command line, before factors change them
         box: the most probable of `boxes`
         boxes: what the boxes of each method keep
         by_obligation: what takes the rest; null if that is not known
@@ -114,6 +146,8 @@ class RiskAnswer(documents.Noted, tag_field="schema", tag="robust/risk/1", kw_on
         estimate: only with many parameters, or --draws
         probabilities: only where longest paths decide about the plan
         late: likewise
+        factors: only if durations share any
+        joints: only if durations are correlated in other ways
         reason: only if unknown: how a solver failed
     """
 
@@ -129,6 +163,8 @@ class RiskAnswer(documents.Noted, tag_field="schema", tag="robust/risk/1", kw_on
     estimate: packing.SampledEstimate | UnsetType = UNSET
     probabilities: ThreeProbabilities | UnsetType = UNSET
     late: LateDocument | UnsetType = UNSET
+    factors: list[FactorDocument] | UnsetType = UNSET
+    joints: list[JointDurations] | UnsetType = UNSET
     reason: str | UnsetType = UNSET
     seconds: Seconds
 
@@ -156,6 +192,20 @@ def _(result: RiskResult) -> documents.Document:
             estimate=UNSET if result.estimate is None else result.estimate,
             probabilities=UNSET if result.probabilities is None else like(ThreeProbabilities, result.probabilities),
             late=UNSET if result.late is None else _late_document(result.late),
+            factors=[
+                FactorDocument(
+                    name=factor.name,
+                    distribution=str(factor.distribution),
+                    scales=sorted(factor.scales),
+                    shifts=dict(factor.shifts),
+                )
+                for factor in result.factors
+            ]
+            or UNSET,
+            joints=[
+                JointDurations(names=list(names), matrix=[list(row) for row in rows]) for names, rows in result.joints
+            ]
+            or UNSET,
             reason=UNSET if result.reason is None else result.reason,
         )
     )
@@ -165,10 +215,9 @@ def _late_document(late: packing.LatenessDraws) -> LateDocument:
     return LateDocument(
         draws=late.draws,
         gain=late.gain,
-        by_obligation=[LateAt(obligation=share.name, estimate=share.estimate) for share in late.points],
-        by_duration=[
-            LateAlong(parameter=share.name, estimate=share.estimate, at_most=share.at_most) for share in late.durations
-        ],
+        certified_gain=late.certified_gain,
+        by_obligation=[like(LateAt, share, obligation=share.name) for share in late.points],
+        by_duration=[like(LateAlong, share, parameter=share.name) for share in late.durations],
     )
 
 
@@ -190,11 +239,13 @@ def print_risk(out: Console, result: RiskResult, *, quiet: bool) -> None:
         out.print(_estimate(result.estimate, places), soft_wrap=True)
     if result.probabilities is not None:
         known = result.probabilities
-        for name, bounds in (
-            ("an executor that sees durations as they end", known.dynamic),
-            ("one fixed schedule", known.strong),
+        for name, bounds, best in (
+            ("an executor that sees durations as they end", known.dynamic, known.best_dynamic),
+            ("one fixed schedule", known.strong, known.best_strong),
         ):
-            out.print(f"{name}: {bounds_text(bounds, places)}")
+            beyond = best.upper - bounds.upper > result.within
+            most = f"; the best one at most {decimal(best.upper, places, up=True)}" if beyond else ""
+            out.print(f"{name}: {bounds_text(bounds, places)}{most}")
     if quiet:
         return
     if result.late is not None:
@@ -229,19 +280,25 @@ def _print_late(out: Console, result: RiskResult, late: packing.LatenessDraws, p
         return
     words = words_of(result.plan)
     out.print()
+    gain = "" if late.certified_gain is None else f" (certified: {bounds_text(late.certified_gain, places)})"
     out.print(
-        f"What is late in {late.draws} random draws; one unit of time more would save {late.gain:.{places}f} of them:"
+        f"What is late in {late.draws} random draws; one unit of time more would save {late.gain:.{places}f} of them"
+        f"{gain}:",
+        soft_wrap=True,
     )
-    rows = [(words.told(share.name), f"{share.estimate:.{places}f}", "") for share in late.points[:SHOWN]]
-    rows += [
+    told = [(words.told(share.name), share) for share in late.points[:SHOWN]]
+    told += [(words.parameters.get(share.name, share.name), share) for share in late.durations[:SHOWN]]
+    rows = [
         (
-            words.parameters.get(share.name, share.name),
+            name,
             f"{share.estimate:.{places}f}",
-            "" if share.at_most is None else decimal(share.at_most, places, up=True),
+            ""
+            if share.at_least is None or share.at_most is None
+            else bounds_text(measure.Bounds(share.at_least, share.at_most), places),
         )
-        for share in late.durations[:SHOWN]
+        for name, share in told
     ]
-    show_table(out, table(("broken, or on a chain that is late", "share of draws", "certified: at most"), rows))
+    show_table(out, table(("broken, or on a chain", "latest in draws", "some chain is late (certified)"), rows))
 
 
 def _estimate(estimate: packing.SampledEstimate, places: int) -> Text:
