@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from robust.plan.pddl.syntax import Domain, Problem
     from robust.plan.timed import TimedPlan
     from robust.show.console import Console
-    from robust.show.execution import JudgedPlan
+    from robust.show.validation import JudgedPlan
     from robust.stnu.network import Network
 
 log = logging.getLogger(__name__)
@@ -46,7 +46,7 @@ def validate(options: verbs.ValidateCommand, run: Run) -> int:
 
     Any number of plans of one problem, or those of a list. robust check judges all schedules of a network.
     """
-    from robust.show import execution
+    from robust.show import validation
 
     judged: list[JudgedPlan] = []
     cause: Cause | None = None
@@ -58,8 +58,8 @@ def validate(options: verbs.ValidateCommand, run: Run) -> int:
         cause = run.guard.why(error)
     status = "complete" if cause is None else cause.value
     run.answer(
-        lambda: execution.validate(judged, status, options.separation, options.rounding),
-        lambda out: execution.print_verdicts(out, judged, quiet=options.quiet),
+        lambda: validation.validate(judged, status, options.separation, options.rounding),
+        lambda out: validation.print_verdicts(out, judged, quiet=options.quiet),
     )
     if cause is not None:
         print(f"robust: {cause.message} after {plural(len(judged), 'plan')}", file=sys.stderr)
@@ -67,7 +67,7 @@ def validate(options: verbs.ValidateCommand, run: Run) -> int:
 
 
 def _judge_all(options: verbs.ValidateCommand, run: Run, judged: list[JudgedPlan]) -> None:
-    from robust.show.execution import JudgedPlan
+    from robust.show.validation import JudgedPlan
     from robust.sweeps.batch import listed_files
 
     problems = _Problems()

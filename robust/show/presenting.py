@@ -29,7 +29,7 @@ _SHOWN_BY: Mapping[str, tuple[str, str]] = {
     "qe.compute": ("regions", "plan_documents"),
     "probability.risk": ("risk", "risk"),
     "execute.learned": ("batch", "batch"),
-    "execute.validate": ("execution", "execution"),
+    "execute.validate": ("validation", "validation"),
     "execute.convert": ("execution", "execution"),
     "sweeps.batch": ("batch", "batch"),
     "sweeps.rank": ("batch", "batch"),
