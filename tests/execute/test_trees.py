@@ -389,7 +389,7 @@ def test_random_executions_of_written_trees_are_valid(name, files, runs, tmp_pat
     except RefutedError:
         pytest.skip("the plan is invalid as it stands")
     lag = LATE if name.startswith(WITHIN) else None
-    if lag is not None:
+    if lag is not None and len(plan.instances) < 100:
         with pytest.raises(RefutedError, match="found no tree that keeps the plan valid whenever nodes begin"):
             make_tree(plan)
     made = make_tree(plan, lag=lag)
