@@ -188,6 +188,57 @@ class LabeledValueSet(Generic[V]):
                 pending |= self.merge(self.completions(variable)) & vocabulary.made
 
 
+# -- precedence by single bounds ---------------------------------------------------------------------------------------
+
+
+class KnownOrders:
+    """Which events come before others whenever both are executed, as chains of single bounds tell; as sets of bits."""
+
+    def __init__(self, network: Tpnu, epsilon: Fraction) -> None:
+        guards = network.guards
+        self._place = {event: place for place, event in enumerate(guards)}
+        needing: list[tuple[int, int, bool]] = []
+        needed: list[tuple[int, int, bool]] = []
+        for each in network.temporal_constraints:
+            backwards = None if each.upper is None else -each.upper
+            for one, other, lower in ((each.source, each.target, each.lower), (each.target, each.source, backwards)):
+                if lower is not None and lower >= 0:
+                    far = 0 < lower >= epsilon
+                    source, target = self._place[one], self._place[other]
+                    if each.guard | guards[one] <= guards[other]:
+                        needing.append((target, source, far))
+                    if each.guard | guards[other] <= guards[one]:
+                        needed.append((source, target, far))
+        needed.sort(reverse=True)
+        self._back, self._far_back = _closed(len(guards), needing)
+        self._forth, self._far_forth = _closed(len(guards), needed)
+
+    def ordered(self, earlier: str, later: str) -> bool:
+        """Whether an event is no later than another."""
+        one, other = self._place[earlier], self._place[later]
+        return bool(self._forth[one] & self._back[other])
+
+    def apart(self, earlier: str, later: str) -> bool:
+        """Whether an event is earlier than another by ε at least."""
+        one, other = self._place[earlier], self._place[later]
+        return bool(self._far_forth[one] & self._back[other] | self._forth[one] & self._far_back[other])
+
+
+def _closed(count: int, edges: Iterable[tuple[int, int, bool]]) -> tuple[list[int], list[int]]:
+    """For each number those that it leads to, itself included; and those to which a far edge is on the way."""
+    reached, far_reached = [1 << number for number in range(count)], [0] * count
+    known = list(edges)
+    changed = True
+    while changed:
+        changed = False
+        for source, target, far in known:
+            near = reached[source] | reached[target]
+            distant = far_reached[source] | far_reached[target] | (reached[target] if far else 0)
+            if near != reached[source] or distant != far_reached[source]:
+                reached[source], far_reached[source], changed = near, distant, True
+    return reached, far_reached
+
+
 # -- precedence by structure -------------------------------------------------------------------------------------------
 
 ROUNDS = 50
@@ -197,6 +248,10 @@ Arrival: TypeAlias = tuple[int, int]
 """An earlier event, and the least time from it."""
 Cases: TypeAlias = Sequence[Sequence[Arrival]]
 """Alternatives of which at least one holds, each of arrivals that then all hold: one for each value of a choice."""
+
+
+Bounds: TypeAlias = tuple[Sequence[Arrival], Sequence[Cases]]
+"""What holds in any case, and by cases."""
 
 
 class StructuralPrecedence:
@@ -218,7 +273,11 @@ class StructuralPrecedence:
             # Seen by its source, an edge is a lower bound: t(source) ≥ t(target) − weight.
             self._incoming[edge.source].append(edge)
         self._order = _order(graph)
-        self._bounds: dict[Environment, list[tuple[int, Sequence[Cases]]]] = {}
+        self._chains = KnownOrders(network, epsilon)
+        self._concerns = [self._concern(event) for event in range(len(graph.events))]
+        self._cases: dict[tuple[int, Environment], Bounds] = {}
+        self._bounds: dict[Environment, list[tuple[int, Bounds]]] = {}
+        self._solvable: dict[Environment, bool] = {}
         self._rows: dict[int, list[float]] = {}
 
     def precedes(self, first: str, second: str, context: Environment) -> bool:
@@ -233,39 +292,69 @@ class StructuralPrecedence:
         before, after = self._places[first], self._places[second]
         if self.conflicting(context | self._guards[before] | self._guards[after]):
             return False
+        if before not in self._rows and self._feasible(self._guards[before]):
+            if self._chains.apart(first, second):
+                return True
+            if entails(self._guards[before], self._guards[after]) and self._chains.ordered(second, first):
+                return False
         if before not in self._rows:
             self._deadline.enforce()
-            self._rows[before] = self._longest(before)
+            lower = [-inf] * len(self._guards)
+            lower[before] = 0
+            self._relax(lower, self._guards[before])
+            self._rows[before] = lower
         return 0 < self._rows[before][after] >= self._least
 
     def conflicting(self, environment: Environment) -> bool:
         """Whether the environment contradicts itself: conflicts of times are not looked for."""
         return not self.vocabulary.consistent(environment)
 
-    def _longest(self, source: int) -> list[float]:
-        """Lower bounds on the time from one event to all, −∞ for none, by relaxation until nothing changes."""
-        guard = self._guards[source]
+    def _feasible(self, guard: Environment) -> bool:
+        """Whether bounds that hold where the guard does have a solution; then no row tells more than chains contradict.
+
+        Rows of guards that have none grow without end, and say that everything precedes everything.
+        """
+        if guard not in self._solvable:
+            self._deadline.enforce()
+            self._solvable[guard] = self._relax([0] * len(self._guards), guard)
+        return self._solvable[guard]
+
+    def _relax(self, lower: list[float], guard: Environment) -> bool:
+        """Raise lower bounds on the times of all events until nothing changes; False if that takes too long."""
         if guard not in self._bounds:
             self._bounds[guard] = [(event, self._bounds_of(event, guard)) for event in self._order]
-        lower = [-inf] * len(self._guards)
-        lower[source] = 0
         for _ in range(ROUNDS):
             changed = False
-            for event, bounds in self._bounds[guard]:
-                for cases in bounds:
-                    bound = min(max(lower[other] + delay for other, delay in arrivals) for arrivals in cases)
-                    if bound > lower[event]:
-                        lower[event] = bound
-                        changed = True
+            for event, (certain, covered) in self._bounds[guard]:
+                best = lower[event]
+                for other, delay in certain:
+                    best = max(best, lower[other] + delay)
+                for cases in covered:
+                    best = max(best, min(max(lower[other] + delay for other, delay in arrivals) for arrivals in cases))
+                if best > lower[event]:
+                    lower[event] = best
+                    changed = True
             if not changed:
-                break
-        return lower
+                return True
+        return False
 
-    def _bounds_of(self, event: int, environment: Environment) -> list[Cases]:
+    def _concern(self, event: int) -> Environment:
+        """All bits of the variables that matter for the bounds of an event."""
+        mentioned = union([self._guards[event], *(edge.label for edge in self._incoming[event])])
+        fields = union(map(self.vocabulary.field, self.vocabulary.assigned(mentioned)))
+        return fields | fields << self.vocabulary.width
+
+    def _bounds_of(self, event: int, environment: Environment) -> Bounds:
         """What the event's time is at least, in the scenarios of an environment that activate it."""
+        key = event, environment & self._concerns[event]
+        if key not in self._cases:
+            self._cases[key] = self._found(*key)
+        return self._cases[key]
+
+    def _found(self, event: int, environment: Environment) -> Bounds:
         whole = environment | self._guards[event]
         if not self.vocabulary.consistent(whole):
-            return []
+            return [], []
         arrivals: dict[int, list[Arrival]] = defaultdict(list)
         """By the bit of an assignment, or 0 for what always holds."""
         for edge in self._incoming[event]:
@@ -278,7 +367,7 @@ class StructuralPrecedence:
         covered: list[Cases] = [
             [arrivals[bit] for bit in values] for values in by_value if arrivals.keys() >= set(values)
         ]
-        return [[arrivals[0]], *covered] if 0 in arrivals else covered
+        return arrivals.get(0, []), covered
 
 
 def _order(graph: DistanceGraph) -> list[int]:

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robust.pike_bridge.builder import act, build, choose, sequence
-from robust.pike_bridge.distance_graph import LabeledValueSet, StructuralPrecedence
+from robust.pike_bridge.distance_graph import KnownOrders, LabeledValueSet, StructuralPrecedence
 from robust.pike_bridge.labeled_apsp import LabeledDistances, most_general, schedule, temporal_conflicts
 from robust.pike_bridge.model import EPSILON, Assignment, AssignmentVocabulary, bits, contradicts, entails, guard, union
 from robust.pike_bridge.theory import Is, Theory, is_consistent
@@ -88,6 +88,19 @@ def test_precedence_is_sound_and_with_completions_complete(network):
     brute.check_precedence(network, LabeledDistances(network), complete=True)
     brute.check_precedence(network, LabeledDistances(network, completions=False), complete=False)
     brute.check_precedence(network, StructuralPrecedence(network), complete=False)
+
+
+@settings(max_examples=often(18, 100))
+@given(networks)
+def test_chains_of_single_bounds_hold_in_every_scenario(network):
+    chains, exact = KnownOrders(network, Fraction(0)), brute.ExactPrecedence(network)
+    known = [distances(network, scenario) for scenario in brute.scenarios(network.domains)]
+    for one, other in product(network.guards, repeat=2):
+        if one != other:
+            assert exact.precedes(one, other, 0) or not chains.apart(one, other)
+            lengths = [each.get((other, one), 0) for each in known if each is not None]
+            assert not chains.ordered(one, other) or max(lengths, default=0) <= 0
+            assert chains.ordered(one, other) or not chains.apart(one, other)
 
 
 def test_structure_orders_what_is_in_and_around_choices():

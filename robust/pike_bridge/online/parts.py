@@ -8,11 +8,12 @@ a part that is still to come then only its least duration matters, for each valu
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from itertools import product
 
+from robust.pike_bridge.distance_graph import KnownOrders
 from robust.pike_bridge.model import (
     ALWAYS,
     GOAL,
@@ -36,52 +37,6 @@ LATER = "later"
 """The choice that stands for what people may decide after a window."""
 
 
-class KnownOrders:
-    """Which events come before others whenever both are executed, as chains of single bounds tell; as sets of bits."""
-
-    def __init__(self, structure: Structure, epsilon: Fraction) -> None:
-        guards = structure.guards
-        self._place = {event: place for place, event in enumerate(guards)}
-        needing: list[tuple[int, int, bool]] = []
-        needed: list[tuple[int, int, bool]] = []
-        for target, constraints in structure.incoming.items():
-            for each in constraints:
-                if each.lower is not None and each.lower >= 0:
-                    edge = (self._place[each.source], self._place[target], each.lower >= epsilon)
-                    if each.guard | guards[each.source] <= guards[target]:
-                        needing.append(edge)
-                    if each.guard | guards[target] <= guards[each.source]:
-                        needed.append(edge)
-        needed.sort(reverse=True)
-        self._back, self._far_back = _closed(len(guards), ((one, other, far) for other, one, far in needing))
-        self._forth, self._far_forth = _closed(len(guards), needed)
-
-    def ordered(self, earlier: str, later: str) -> bool:
-        """Whether an event is no later than another."""
-        one, other = self._place[earlier], self._place[later]
-        return bool(self._forth[one] & self._back[other])
-
-    def apart(self, earlier: str, later: str) -> bool:
-        """Whether an event is earlier than another by ε at least."""
-        one, other = self._place[earlier], self._place[later]
-        return bool(self._far_forth[one] & self._back[other] | self._forth[one] & self._far_back[other])
-
-
-def _closed(count: int, edges: Iterable[tuple[int, int, bool]]) -> tuple[list[int], list[int]]:
-    """For each number those that it leads to, itself included; and those to which a far edge is on the way."""
-    reached, far_reached = [1 << number for number in range(count)], [0] * count
-    known = list(edges)
-    changed = True
-    while changed:
-        changed = False
-        for source, target, far in known:
-            near = reached[source] | reached[target]
-            distant = far_reached[source] | far_reached[target] | (reached[target] if far else 0)
-            if near != reached[source] or distant != far_reached[source]:
-                reached[source], far_reached[source], changed = near, distant, True
-    return reached, far_reached
-
-
 class Division:
     """The nodes of a plan, and what is in which part: part j is from node j to node j + 1, which it includes.
 
@@ -94,7 +49,7 @@ class Division:
         self.nodes: list[str] = []
         if INITIAL not in self.guards or GOAL not in self.guards:
             return
-        self._orders = KnownOrders(structure, plan.separation)
+        self._orders = KnownOrders(plan.network, plan.separation)
         self._effects: dict[Atom, list[Effect]] = defaultdict(list)
         self._used_at: dict[Atom, set[str]] = defaultdict(set)
         for effect in plan.effects:
