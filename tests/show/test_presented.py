@@ -92,6 +92,7 @@ CASES = {
     ),
     "pike compile": case(pike.compile, "pike compile FILES", WING),
     "pike chance": case(pike.chance, "pike chance FILES", KITCHEN),
+    "pike controllable": case(pike.controllable, "pike check FILES --controllable", KITCHEN),
     "pike moments": case(pike.moments, "pike check FILES --patience", KITCHEN),
     # It says how long decisions took.
     "pike run": case(
