@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from heapq import heappop, heappush
-from math import ceil, floor, lcm
+from math import floor, lcm
 from typing import Protocol
 
 from robust.execute.messages import StepProgress, time_text
@@ -33,6 +33,8 @@ FINEST = 1 << 200
 """Parts of a unit, in which all times together can be said."""
 MOST = Fraction(10)
 """By how much of what is planned promises go beyond it, at most."""
+SMALL = Fraction(1, 100)
+"""A share with which the next search for a promise begins, at least."""
 
 
 class Prospect(VerdictEnum):
@@ -142,6 +144,7 @@ class PathForecaster:
         self._progress: dict[str, StepProgress] = dict(running or {})
         self._begun = frozenset(self._progress)
         self._now = Fraction(0)
+        self._share = MOST
         self._scale = lcm(self._slack.scale, TICKS, *(room.denominator for room, _ in self._limits.values()))
         self._write()
 
@@ -213,7 +216,9 @@ class PathForecaster:
         self._possible = LiveNetwork(order, [(each.bound, each.step) for each in counting if not each.expected], *now)
         self._expected = LiveNetwork(order, [(each.bound, each.step) for each in counting], *now)
         self._promised: LiveNetwork | None = None
-        self._promise: dict[str, Window] = {}
+        self._promise: dict[str, tuple[int, int]] = {}
+        self._planned_ticks = {step: self._ticks(length) for step, length in self.planned.items()}
+        self._bounds_of_lengths = self._declared()
 
     @property
     def _ended(self) -> list[str]:
@@ -359,78 +364,80 @@ class PathForecaster:
 
     def _find_promise(self, deadline: Deadline) -> Mapping[str, Window] | None:
         """What is left of the last promise while it stands, else the widest that is equally wide relative to plans."""
-        if self._promised is None or not self._promised.open or any(map(self._overran, self._promise)):
+        if self._promised is None or not self._promised.open or any(map(self._overran, self._progress)):
             self._promised = None
-            share: Fraction | None = MOST
+            share: Fraction | None = min(MOST, 2 * self._share)
             while share is not None and not deadline.passed:
                 bounds = self._stretched(share)
                 narrower = self._narrower(share, bounds)
                 if narrower is None:
                     owned = [(bound, step) for bound, step, _ in bounds]
                     self._promised = LiveNetwork(self._slack.times, owned, self._times(), self._ticks(self._now))
+                    self._share = max(share, SMALL)
                     break
                 share = narrower if 0 <= narrower < share else None
         if self._promised is None:
             return None
-        return {step: interval for step, interval in self._promise.items() if self._known(step).end is None}
+        return {step: self._window(each) for step, each in self._promise.items() if self._known(step).end is None}
 
     def _known(self, step: str) -> StepProgress:
         return self._progress.get(step, _NOT_BEGUN)
 
-    def _overran(self, step: str) -> bool:
+    def _lasted(self, step: str) -> int:
+        """How long a step has taken by now, in ticks."""
         known = self._known(step)
         if known.start is None:
-            return False
-        lasted = (self._now if known.end is None else known.end) - known.start
-        low, high = self._promise[step]
-        return (high is not None and lasted > high) or (known.end is not None and lasted < low)
+            return 0
+        return max(0, self._ticks((self._now if known.end is None else known.end) - known.start))
 
-    @cached_property
-    def _declared(self) -> Mapping[str, Window]:
-        """Where the lengths of steps have to be."""
+    def _overran(self, step: str) -> bool:
+        """Whether a step that has started leaves the promise."""
+        if step not in self._promise or self._known(step).start is None:
+            return False
+        (low, high), lasted = self._promise[step], self._lasted(step)
+        return lasted > high or (self._known(step).end is not None and lasted < low)
+
+    def _declared(self) -> Mapping[str, tuple[int, int | None]]:
+        """Where the lengths of steps have to be, in ticks."""
         found = {}
         for number, parameter in enumerate(self._plan.parameters):
-            rooms: list[Fraction | None] = []
+            ends: list[int | None] = []
             for face in (2 * number, 2 * number + 1):
                 known = [self._limits[face, said][0] for said in (True, False) if (face, said) in self._limits]
-                rooms.append(min(known) / self._slack.scale if known else None)
-            low, high = rooms
-            length = parameter.nominal
-            found[self._lasting[parameter.name]] = (
-                Fraction(0) if low is None else max(Fraction(0), length - low),
-                None if high is None else length + high,
-            )
+                room = min(known) / self._slack.scale if known else None
+                ends.append(None if room is None else self._ticks(parameter.nominal + (room if face & 1 else -room)))
+            found[self._lasting[parameter.name]] = max(0, ends[0] or 0), ends[1]
         return found
 
     def _stretched(self, share: Fraction) -> list[_PromisedBound]:
         """The bounds of a promise that goes beyond the plan by a share of it."""
         self._promise = {}
-        links: dict[int, tuple[int, str, int, Fraction]] = {}
+        more, of = share.numerator, share.denominator
+        links: dict[int, tuple[int, str, int, int]] = {}
         bounds: list[_PromisedBound] = []
         for source, target, offset, step in self._links:
-            known, planned = self._known(step), self.planned[step]
-            if known.end is not None:
+            if self._known(step).end is not None:
                 continue
-            lasted = Fraction(0) if known.start is None else max(Fraction(0), self._now - known.start)
-            least, most = self._declared[step]
+            planned, lasted = self._planned_ticks[step], self._lasted(step)
+            least, most = self._bounds_of_lengths[step]
             likely = max(planned, lasted)
-            low, high = max(planned * (1 - share), least, lasted), likely * (1 + share)
-            slopes = (planned if low == planned * (1 - share) else Fraction(0)), likely
-            if most is not None and most < high:
-                high, slopes = max(most, low), (slopes[0], Fraction(0))
-            shortest, longest = ceil(low * self._scale), floor(high * self._scale)
-            self._promise[step] = Fraction(shortest, self._scale), Fraction(longest, self._scale)
-            links[target] = source, step, offset + shortest, slopes[0] * self._scale
-            bounds.append(((source, target, offset + longest), step, slopes[1] * self._scale))
+            shorter, high = planned - planned * more // of, likely + likely * more // of
+            low = max(shorter, least, lasted)
+            rising = most is None or high <= most
+            if most is not None:
+                high = min(high, max(most, low))
+            self._promise[step] = low, high
+            links[target] = source, step, offset + low, planned if low == shorter else 0
+            bounds.append(((source, target, offset + high), step, likely if rising else 0))
         for each in self._bounds:
             source, target, weight = each.bound
             if each.step is not None:
                 continue
-            start, step, shortest, slope = links.get(target, (source, "", 0, Fraction(0)))
+            start, step, low, slope = links.get(target, (source, "", 0, 0))
             if start == source:
-                bounds.append((each.bound, None, Fraction(0)))
+                bounds.append((each.bound, None, 0))
             elif start or source:
-                bounds.append(((source, start, weight - shortest), step, slope))
+                bounds.append(((source, start, weight - low), step, slope))
         return bounds
 
     def _narrower(self, share: Fraction, bounds: Sequence[_PromisedBound]) -> Fraction | None:
@@ -441,12 +448,12 @@ class PathForecaster:
         if cycle is None:
             return None
         excess = sum(every[number][2] for number in cycle.origins)
-        slope = sum((bounds[number][2] for number in cycle.origins if number < len(bounds)), Fraction(0))
-        return share - excess / slope if slope else Fraction(-1)
+        slope = sum(bounds[number][2] for number in cycle.origins if number < len(bounds))
+        return share - Fraction(excess, slope) if slope else Fraction(-1)
 
 
 _NOT_BEGUN = StepProgress()
-_PromisedBound = tuple[Bound, str | None, Fraction]
+_PromisedBound = tuple[Bound, str | None, int]
 """A bound, the step of whose length it speaks, and how it grows with the share that a promise goes beyond the plan."""
 
 
