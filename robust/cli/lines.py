@@ -73,6 +73,23 @@ class LineWriter:
         self._stopped = stopped
         self._deadline = deadline
         self._pending = memoryview(b"")
+        self._latest = b""
+
+    def offer(self, value: Mapping[str, Any]) -> None:
+        """Write an object as far as it is read at once; while nothing of it has been, the next one replaces it.
+
+        Raises:
+            BrokenPipeError: if nobody reads any more.
+        """
+        self._latest = json.dumps(value).encode() + b"\n"
+        self.go_on()
+
+    def go_on(self) -> None:
+        """Write what was offered as far as it is read at once; BrokenPipeError if nobody reads any more."""
+        while (self._pending or self._latest) and self._is_writable(0.0):
+            if not self._pending:
+                self._pending, self._latest = memoryview(self._latest), b""
+            self._advance()
 
     def write(self, value: Mapping[str, Any]) -> None:
         """Write an object, and wait until it is read.
@@ -81,7 +98,11 @@ class LineWriter:
             BrokenPipeError: if nobody reads any more.
             KeyboardInterrupt, OutOfTimeError: if nobody has read until it was stopped, or until the deadline.
         """
-        self._pending = memoryview(bytes(self._pending) + json.dumps(value).encode() + b"\n")
+        self.finish(json.dumps(value).encode() + b"\n")
+
+    def finish(self, last: bytes = b"") -> None:
+        """Wait until all that was offered is read, and something last; errors as for :meth:`write`."""
+        self._pending, self._latest = memoryview(bytes(self._pending) + self._latest + last), b""
         while self._pending:
             if self._is_writable(GLANCE):
                 self._advance()

@@ -54,7 +54,8 @@ def watch(options: WatchCommand, run: Run) -> int:
     def prepare() -> tuple[Monitor, Replanning, ParametrizedPlan]:
         plan = plans.load(given, run)
         steps = options.plan.suffix.lower() not in NETWORKS
-        monitor = Monitor(plan, options.separation, Fraction(options.lateness), reorder=steps)
+        lateness, seconds = Fraction(options.lateness), float(options.answer_limit)
+        monitor = Monitor(plan, options.separation, lateness, seconds, reorder=steps)
         return monitor, Replanning(given, plan), plan
 
     monitor, replanning, plan = run.only(prepare)
@@ -154,7 +155,11 @@ class _WatchServer:
         from robust.show.execution import outlook_line
 
         before, self._before = self._before, outlook
-        self._writer.write(outlook_line(outlook, self._options.numbers, self._options.coming, news))
+        line = outlook_line(outlook, self._options.numbers, self._options.coming, news)
+        if self._options.clock == "real" and news is None:
+            self._writer.offer(line)  # time goes on while nobody reads
+        else:
+            self._writer.write(line)
         if self._page is not None:
             self._page.show(self.monitor, outlook, before, news)
 
@@ -282,6 +287,8 @@ class _WatchServer:
         threading.Thread(target=listen, daemon=True).start()
         while True:
             self._look()
+            with self._busy:
+                self._writer.go_on()
             wake = None if self._before is None else self._before.wake
             try:
                 heard = inbox.get(timeout=LOOK if wake is None else min(LOOK, max(0, clock.seconds_until(wake))))
@@ -290,6 +297,8 @@ class _WatchServer:
                     continue
                 heard = MonitorMessage(MessageKind.TICK, at=_on_grid(clock.now()))
             if heard is None:
+                with self._busy:
+                    self._writer.finish()
                 return
             if isinstance(heard, OSError):
                 raise heard

@@ -33,8 +33,6 @@ FINEST = 1 << 200
 """Parts of a unit, in which all times together can be said."""
 MOST = Fraction(10)
 """By how much of what is planned promises go beyond it, at most."""
-SMALL = Fraction(1, 100)
-"""A share with which the next search for a promise begins, at least."""
 
 
 class Prospect(VerdictEnum):
@@ -144,7 +142,6 @@ class PathForecaster:
         self._progress: dict[str, StepProgress] = dict(running or {})
         self._begun = frozenset(self._progress)
         self._now = Fraction(0)
-        self._share = MOST
         self._scale = lcm(self._slack.scale, TICKS, *(room.denominator for room, _ in self._limits.values()))
         self._write()
 
@@ -215,7 +212,6 @@ class PathForecaster:
         order = self._slack.times
         self._possible = LiveNetwork(order, [(each.bound, each.step) for each in counting if not each.expected], *now)
         self._expected = LiveNetwork(order, [(each.bound, each.step) for each in counting], *now)
-        self._promised: LiveNetwork | None = None
         self._promise: dict[str, tuple[int, int]] = {}
         self._planned_ticks = {step: self._ticks(length) for step, length in self.planned.items()}
         self._bounds_of_lengths = self._declared()
@@ -257,7 +253,7 @@ class PathForecaster:
 
     @property
     def _networks(self) -> Iterable[LiveNetwork]:
-        return (each for each in (self._possible, self._expected, self._promised) if each is not None)
+        return self._possible, self._expected
 
     def pass_time(self, now: Fraction) -> None:
         """What has not happened does not happen before."""
@@ -363,22 +359,17 @@ class PathForecaster:
     # -- promises ------------------------------------------------------------------------------------------------------
 
     def _find_promise(self, deadline: Deadline) -> Mapping[str, Window] | None:
-        """What is left of the last promise while it stands, else the widest that is equally wide relative to plans."""
-        if self._promised is None or not self._promised.open or any(map(self._overran, self._progress)):
-            self._promised = None
-            share: Fraction | None = min(MOST, 2 * self._share)
-            while share is not None and not deadline.passed:
-                bounds = self._stretched(share)
-                narrower = self._narrower(share, bounds)
-                if narrower is None:
-                    owned = [(bound, step) for bound, step, _ in bounds]
-                    self._promised = LiveNetwork(self._slack.times, owned, self._times(), self._ticks(self._now))
-                    self._share = max(share, SMALL)
-                    break
-                share = narrower if 0 <= narrower < share else None
-        if self._promised is None:
-            return None
-        return {step: self._window(each) for step, each in self._promise.items() if self._known(step).end is None}
+        """The widest promise that is equally wide relative to plans; None if there is none, or not in time."""
+        share = MOST
+        while not deadline.passed:
+            bounds = self._stretched(share)
+            narrower = self._narrower(share, bounds)
+            if narrower is None:
+                return {step: self._window(lengths) for step, lengths in self._promise.items()}
+            if not 0 <= narrower < share:
+                return None
+            share = narrower
+        return None
 
     def _known(self, step: str) -> StepProgress:
         return self._progress.get(step, _NOT_BEGUN)
@@ -389,13 +380,6 @@ class PathForecaster:
         if known.start is None:
             return 0
         return max(0, self._ticks((self._now if known.end is None else known.end) - known.start))
-
-    def _overran(self, step: str) -> bool:
-        """Whether a step that has started leaves the promise."""
-        if step not in self._promise or self._known(step).start is None:
-            return False
-        (low, high), lasted = self._promise[step], self._lasted(step)
-        return lasted > high or (self._known(step).end is not None and lasted < low)
 
     def _declared(self) -> Mapping[str, tuple[int, int | None]]:
         """Where the lengths of steps have to be, in ticks."""
@@ -413,7 +397,7 @@ class PathForecaster:
         """The bounds of a promise that goes beyond the plan by a share of it."""
         self._promise = {}
         more, of = share.numerator, share.denominator
-        links: dict[int, tuple[int, str, int, int]] = {}
+        links: dict[int, tuple[int, int, int]] = {}
         bounds: list[_PromisedBound] = []
         for source, target, offset, step in self._links:
             if self._known(step).end is not None:
@@ -427,34 +411,34 @@ class PathForecaster:
             if most is not None:
                 high = min(high, max(most, low))
             self._promise[step] = low, high
-            links[target] = source, step, offset + low, planned if low == shorter else 0
-            bounds.append(((source, target, offset + high), step, likely if rising else 0))
+            links[target] = source, offset + low, planned if low == shorter else 0
+            bounds.append(((source, target, offset + high), likely if rising else 0))
         for each in self._bounds:
             source, target, weight = each.bound
             if each.step is not None:
                 continue
-            start, step, low, slope = links.get(target, (source, "", 0, 0))
+            start, low, slope = links.get(target, (source, 0, 0))
             if start == source:
-                bounds.append((each.bound, None, 0))
+                bounds.append((each.bound, 0))
             elif start or source:
-                bounds.append(((source, start, weight - low), step, slope))
+                bounds.append(((source, start, weight - low), slope))
         return bounds
 
     def _narrower(self, share: Fraction, bounds: Sequence[_PromisedBound]) -> Fraction | None:
         """A share at which a contradiction is none [Newton]; None if there is no contradiction; −1 if it stays."""
-        every = [*(bound for bound, _, _ in bounds), *self._facts()]
+        every = [*(bound for bound, _ in bounds), *self._facts()]
         times = list(self._expected.earliest)
         cycle = delay(times, following(len(times), every), sorted(range(len(times)), key=times.__getitem__))
         if cycle is None:
             return None
         excess = sum(every[number][2] for number in cycle.origins)
-        slope = sum(bounds[number][2] for number in cycle.origins if number < len(bounds))
+        slope = sum(bounds[number][1] for number in cycle.origins if number < len(bounds))
         return share - Fraction(excess, slope) if slope else Fraction(-1)
 
 
 _NOT_BEGUN = StepProgress()
-_PromisedBound = tuple[Bound, str | None, int]
-"""A bound, the step of whose length it speaks, and how it grows with the share that a promise goes beyond the plan."""
+_PromisedBound = tuple[Bound, int]
+"""A bound, and how it grows with the share that a promise goes beyond the plan."""
 
 
 @dataclass(frozen=True, slots=True)

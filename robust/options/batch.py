@@ -137,6 +137,12 @@ class WatchCommand(Planners, verbs.Paged, verbs.AskCommand):
         "exact: texts such as 1/3; decimal: JSON numbers, rounded such that what they promise holds",
         choices=("exact", "decimal"),
     )
+    answer_limit: Number = declare.option(
+        "1",
+        "time limit of each answer, in seconds: what is not found by then is as it was promised last, or undecided",
+        metavar="S",
+        read=declare.seconds,
+    )
     coming: int = declare.option(10, "how many of the steps to come that may not start yet are listed", metavar="N")
     planning_time: Number | None = declare.option(
         None,

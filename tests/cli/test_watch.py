@@ -3,6 +3,7 @@
 import json
 import signal
 import subprocess
+import time
 from fractions import Fraction
 from pathlib import Path
 
@@ -145,6 +146,19 @@ def test_real_time_passes_without_messages():
         assert running.wait(30) == 1
     assert "on track" in {line["prospect"] for line in lines}
     assert Fraction(lines[-1]["time"]) > 24
+
+
+def test_a_slow_reader_does_not_keep_time_from_passing():
+    with started("watch", *FILES, *OPTIONS, "--clock", "real", "--rate", "0.001", stdin=subprocess.PIPE) as running:
+        running.stdout.readline()
+        running.stdin.write("\n".join(['{"tick": 1}'] * 400 + ['{"end": "n0"}', '{"start": "n0"}', ""]))
+        running.stdin.close()
+        time.sleep(1)
+        lines = [json.loads(line) for line in running.stdout]
+        assert running.wait(30) in {0, 1, 3}
+    assert len(lines) < 400, "what was not read in time is not said any more"
+    assert lines[-1]["message"] >= 402
+    assert [line["message"] for line in lines] == sorted({line["message"] for line in lines})
 
 
 def test_plans_with_continuous_effects_are_followed_by_slices():
