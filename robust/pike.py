@@ -47,6 +47,7 @@ from robust.pike_bridge.envelopes.parameters import ParametricPlan, parametrize,
 from robust.pike_bridge.envelopes.search import LabeledRegion, LabeledRegionSearch, TeamEnvelope, TeamEnvelopeSearch
 from robust.pike_bridge.files import read_tpnu, write_tpnu
 from robust.pike_bridge.game.controllability import ControllabilityVerdict, FindingLimits, TeamControllability
+from robust.pike_bridge.game.following import StrategyRehearsal
 from robust.pike_bridge.game.rules import GameRules
 from robust.pike_bridge.knowledge import knowledge_bases
 from robust.pike_bridge.likelihood import ChanceBounds, ChanceSearch, IntentChance, TeamChance, learnt
@@ -337,7 +338,8 @@ def searching_execution(plan: TeamPlan, options: asking.PikeRunOptions) -> Rehea
         "patience": options.margin,
         "budget": options.thinking,
     }
-    return _searching(Rehearsal, plan, options, story=_story(plan, options), **deciding)
+    rehearsal = StrategyRehearsal if options.strategy else Rehearsal
+    return _searching(rehearsal, plan, options, story=_story(plan, options), **deciding)
 
 
 @_verb(asking.PikeRunOptions)

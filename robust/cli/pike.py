@@ -280,6 +280,8 @@ if TYPE_CHECKING:
     from robust.options.pike import PikeRunCommand
     from robust.pike_bridge.model import TeamPlan
     from robust.pike_bridge.online.executive import PlanExecutive
+    from robust.pike_bridge.online.progress import Progress
+    from robust.pike_bridge.online.semantic import Reasoner
     from robust.pike_bridge.online.service import Request
 
     Inbox = queue.SimpleQueue[tuple[Fraction, Request] | OSError | None]
@@ -331,7 +333,12 @@ class _Server:
         plan, options = load(), self._options
         solver, deadline = options.solver, self._deadline
         self._journal = None if options.journal is None else Journal(options.journal, plan)
-        reasoner = make_reasoner(options.deciding, solver=solver, deadline=deadline)
+        reasoner: Callable[[Progress], Reasoner] = make_reasoner(options.deciding, solver=solver, deadline=deadline)
+        if options.strategy:
+            from robust.pike_bridge.game.following import StrategyReasoner, find_strategy
+
+            found = find_strategy(plan, solver=solver, deadline=deadline, on_stage=self._run.display.say)
+            reasoner = partial(StrategyReasoner, strategy=found, solver=solver)
         wanted = options.chance
         likely = None if wanted is None else LikelyChoices(plan, Fraction(wanted), solver=solver, deadline=deadline)
         self._service = Service(

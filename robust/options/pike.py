@@ -318,6 +318,11 @@ class PikeRunOptions(StoryOptions, Solving):
         metavar="P",
         read=share,
     )
+    strategy: bool = option(
+        False,
+        "find a strategy before the start, as pike check --controllable does, and follow it: for whatever people "
+        "choose or, if there is none, for rational people; and for all durations and the delay",
+    )
     infer: bool = option(True, "infer which values open choices can still have")
     explain: bool = option(False, "give reasons below each decision and inference")
     on_step: Callable[[ExecutionStep], None] | None = option(None, "called after each step", shown=False)
@@ -329,6 +334,9 @@ class PikeRunOptions(StoryOptions, Solving):
                 f"found {self.backend} with {setting('reasoner', str(self.reasoner))}, expected {expected}",
                 place_of("backend"),
             )
+        for name in ("reasoner", "backend", "patience", "chance") if self.strategy else ():
+            if name in given:
+                raise InputError("cannot be combined with --strategy; choose one", place_of(name))
 
     @property
     def deciding(self) -> str:
@@ -337,8 +345,8 @@ class PikeRunOptions(StoryOptions, Solving):
 
     @property
     def margin(self) -> Fraction | None:
-        """The time before the last moment at which waiting ends; None: nothing is waited for."""
-        return None if self.patience is None else Fraction(self.patience)
+        """The time before the last moment at which waiting ends; None: nothing is waited for, but by a strategy."""
+        return None if self.strategy or self.patience is None else Fraction(self.patience)
 
     @property
     def thinking(self) -> float | None:

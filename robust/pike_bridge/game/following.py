@@ -1,0 +1,247 @@
+"""Executives that follow a strategy: what is seen decides which branches are left, and what is ready is executed.
+
+The strategy's network has the events of all branches. Those of a branch that is left happen as they do in the plan;
+all others are simulated: executed when they are ready, and ended as soon as they may be, or at their greatest length
+once that is known to be exceeded. Each event is executed as soon as the dispatchable network says that it may
+(Morris, 2014).
+
+As long as people choose when they are asked to, and activities keep to their bounds, every execution succeeds. Where
+they do not, the strategy says nothing; from then on the semantic reasoner decides as it does without a strategy.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import KW_ONLY, dataclass, replace
+from fractions import Fraction
+from typing import NamedTuple
+
+from robust.errors import UnsupportedError
+from robust.network.dispatchable import Windows
+from robust.network.dispatchable import strategy as dispatch_network
+from robust.pike_bridge.game.controllability import ControllabilityVerdict, DecidingControllability
+from robust.pike_bridge.game.plays import GameBranch, Strategy
+from robust.pike_bridge.game.rules import GameRules
+from robust.pike_bridge.model import Guard, TeamPlan
+from robust.pike_bridge.online.progress import Progress
+from robust.pike_bridge.online.semantic import News, Reasoner, SemanticReasoner
+from robust.pike_bridge.online.world import Ending, ExecutionRecord, Human, Rehearsal
+from robust.searching import Announce, unheard
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError
+
+STRATEGY = "strategy"
+
+
+class _SimulatedMoment(NamedTuple):
+    """When a node happens that is simulated; or when an activity is known to take longer than a branch says."""
+
+    time: Fraction
+    node: int
+    exceeded: bool
+
+
+class StrategyReasoner(Reasoner):
+    """Says what a strategy does, in the terms of executives that act as soon as they can."""
+
+    name = STRATEGY
+
+    def __init__(self, progress: Progress, strategy: Strategy, *, solver: str = "z3") -> None:
+        super().__init__(progress)
+        links = strategy.answer.form.stnu.contingents
+        self._people = strategy.game.people
+        self._solver = solver
+        self._network = dispatch_network(strategy.answer, links)
+        self._windows = Windows(self._network)
+        self._begins = {self._network.index[link.target]: self._network.index[link.source] for link in links}
+        self._spans = {self._network.index[link.target]: (link.lower or Fraction(0), link.upper) for link in links}
+        shown = progress.structure.guards
+        self._shown = {
+            id(each): frozenset(self._network.index[point] for event, point in each.points.items() if event in shown)
+            for each in strategy.branches
+        }
+        """The nodes of each branch that are events of the plan; those of asking are simulated, whatever happens."""
+        self._branches = list(strategy.branches)
+        """Those that are left by what was seen at events that have happened."""
+        self._now = Fraction(0)
+        """Until when the network was simulated."""
+        self._taken = 0
+        """How many events of the plan were taken account of."""
+        self._without: SemanticReasoner | None = None
+        """Decides once something was not as the strategy supposes."""
+
+    # -- questions ---------------------------------------------------------------------------------------------------
+
+    def executable(self, event: str, deadline: Deadline) -> bool:
+        self.catch_up()
+        if self._without is not None:
+            return self._without.executable(event, deadline)
+        nodes = {self._node(each, event) for each in self._branches}
+        node = nodes.pop() if len(nodes) == 1 else None
+        if node is None:
+            return False
+        if node in self._begins:  # a choice that was asked for
+            return self._begins[node] in self._windows.times
+        ready = self._ready(node)
+        return ready is not None and ready <= self.progress.now
+
+    def could(self, environment: Guard, deadline: Deadline) -> bool:
+        self.catch_up()
+        if self._without is not None:
+            return self._without.could(environment, deadline)
+        wanted = [*environment, *self.progress.chosen.items()]
+        return any(
+            all(each.scenario.get(variable, value) == value for variable, value in wanted) for each in self._branches
+        )
+
+    def next_time(self, deadline: Deadline) -> Fraction | None:
+        self.catch_up()
+        if self._without is not None:
+            return self._without.next_time(deadline)
+        moments = [each.time for each in self._moments()]
+        for node in self._real():
+            if node not in self._windows.times:
+                ready, upper = self._ready(node), self._windows.upper[node]
+                moments += [] if ready is None else [ready]
+                moments += [] if upper is None else [upper + self.progress.grid]  # late, if nothing happens
+        return min((moment for moment in moments if moment > self.progress.now), default=None)
+
+    # -- what has happened -------------------------------------------------------------------------------------------
+
+    def _learn(self, news: News) -> None:
+        progress = self.progress
+        if self._without is not None:
+            return
+        for event, time in list(progress.times.items())[self._taken :]:
+            self._advance(time)
+            self._happened(event, time)
+            self._taken += 1
+        self._advance(progress.now)
+        late = any(
+            self._windows.is_late(node, progress.now) for node in self._real() if node not in self._windows.times
+        )
+        if progress.void or late or not self._branches:
+            self._without = SemanticReasoner(progress, solver=self._solver)
+
+    def _happened(self, event: str, time: Fraction) -> None:
+        """An event of the plan, and the choices and lengths that show with it."""
+        made = {choice.name for choice in self._people if choice.event == event}
+        seen = {name: value for name, value in self.progress.chosen.items() if name in made}
+        self._branches = [
+            each
+            for each in self._branches
+            if all(each.scenario.get(name) == value for name, value in seen.items()) and self._fits(each, event, time)
+        ]
+        for node in {self._node(each, event) for each in self._branches}:
+            if node is not None:
+                self._windows.happened(node, time)
+
+    def _fits(self, branch: GameBranch, event: str, time: Fraction) -> bool:
+        """Whether the event is in a branch; if it ends an activity, with a length that the branch says."""
+        node = self._node(branch, event)
+        if node is None or node not in self._begins:
+            return node is not None
+        low, high = self._spans[node]
+        begun = self._windows.times.get(self._begins[node])
+        return begun is not None and low <= time - begun and (high is None or time - begun <= high)
+
+    # -- what is simulated -------------------------------------------------------------------------------------------
+
+    def _advance(self, now: Fraction) -> None:
+        """Simulate until a time."""
+        while (moment := min(self._moments(), default=None)) is not None and moment.time <= now:
+            self._now = moment.time
+            self._windows.happened(moment.node, moment.time)
+            if moment.exceeded:
+                self._branches = [each for each in self._branches if moment.node not in self._nodes(each)]
+        self._now = max(self._now, now)
+
+    def _moments(self) -> Iterator[_SimulatedMoment]:
+        """What happens next that the plan does not show."""
+        real, happened = self._real(), self._windows.times
+        for node in range(1, len(self._network.points)):
+            if node in happened:
+                continue
+            begun = happened.get(self._begins[node]) if node in self._begins else None
+            if node in real:
+                high = self._spans[node][1] if begun is not None else None
+                if begun is not None and high is not None and any(node not in self._nodes(b) for b in self._branches):
+                    yield _SimulatedMoment(begun + high, node, True)
+            elif node in self._begins:
+                if begun is not None:
+                    yield _SimulatedMoment(max(begun + self._spans[node][0], self._now), node, False)
+            elif (ready := self._ready(node)) is not None:
+                yield _SimulatedMoment(max(ready, self._now), node, False)
+
+    def _ready(self, node: int) -> Fraction | None:
+        """When a node may be executed; None if it waits for another one."""
+        if node == 0:
+            return Fraction(0)
+        return self._windows.ready(node) if 0 in self._windows.times else None
+
+    def _node(self, branch: GameBranch, event: str) -> int | None:
+        point = branch.points.get(event)
+        return None if point is None else self._network.index[point]
+
+    def _nodes(self, branch: GameBranch) -> frozenset[int]:
+        return self._shown[id(branch)]
+
+    def _real(self) -> frozenset[int]:
+        return frozenset[int]().union(*map(self._nodes, self._branches))
+
+
+def find_strategy(
+    plan: TeamPlan,
+    *,
+    human: Human = Human.RATIONAL,
+    delay: Fraction = Fraction(0),
+    solver: str = "z3",
+    deadline: Deadline = NEVER,
+    on_stage: Announce = unheard,
+) -> Strategy:
+    """A strategy for whatever people choose; if there is none, and people are rational, for what they choose then.
+
+    Raises:
+        UnsupportedError: if none was found; it says why.
+        OutOfTimeError: if the deadline passes.
+    """
+    found = None
+    for rational in (False, True) if human is Human.RATIONAL else (False,):
+        rules = GameRules((), rational, delay or None)
+        found = DecidingControllability(plan, rules, solver, deadline, on_stage).run()
+        if found.strategy is not None:
+            return found.strategy
+        if deadline.passed:
+            raise OutOfTimeError
+    known = found is not None and found.verdict is ControllabilityVerdict.UNCONTROLLABLE
+    reason = "the plan is not controllable" if known else "controllability is unknown"
+    raise UnsupportedError(f"--strategy: {reason}; robust pike check --controllable says why")
+
+
+@dataclass
+class StrategyRehearsal(Rehearsal):
+    """Executes a plan with a simulated team, as a strategy says that is found before the start."""
+
+    _: KW_ONLY
+    on_stage: Announce = unheard
+
+    def run(self) -> ExecutionRecord:
+        """As of :class:`Rehearsal`.
+
+        Raises:
+            UnsupportedError: if there is no strategy.
+        """
+        self._strategy = find_strategy(
+            self.plan,
+            human=self.story.human,
+            delay=self.story.delay,
+            solver=self.solver,
+            deadline=self.deadline,
+            on_stage=self.on_stage,
+        )
+        self.patience = None  # waiting is part of the strategy
+        return super().run()
+
+    def _reasoner(self, deciding: Callable[[Progress], Reasoner], progress: Progress) -> Reasoner:
+        super()._reasoner(deciding, progress)
+        return StrategyReasoner(progress, self._strategy, solver=self.solver)
+
+    def _record(self, ending: Ending) -> ExecutionRecord:
+        return replace(super()._record(ending), reasoner=STRATEGY)

@@ -1,0 +1,81 @@
+"""Executions that follow a strategy: all of them succeed, whatever people choose and however long activities take."""
+
+from collections import Counter
+from dataclasses import replace
+from fractions import Fraction
+from random import Random
+
+import pytest
+
+from robust import pike
+from robust.errors import UnsupportedError
+from robust.pike_bridge.game import following
+from robust.pike_bridge.game.following import StrategyRehearsal, find_strategy
+from robust.pike_bridge.online.world import Human, Pace, Story
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError
+from tests.pike_bridge.game.minimax import limited, longest, small_plan
+from tests.pike_bridge.game.test_controllability import depending, matching
+from tests.sampling import often
+
+
+def followed(monkeypatch, plan, seeds, human=Human.CARELESS, delay=Fraction(0), deadline=NEVER):
+    """Random executions, none of which leaves the strategy; the times at which they end."""
+    strategy = find_strategy(plan, human=human, delay=delay, deadline=deadline)
+    monkeypatch.setattr(following, "find_strategy", lambda _plan, **_options: strategy)
+    ends = Counter()
+    for seed in seeds:
+        story = Story(human=human, pace=Pace.RANDOM, delay=delay)
+        rehearsal = StrategyRehearsal(plan, story, seed, infer=False)
+        record = rehearsal.run()
+        assert record.ending is pike.Ending.SUCCEEDED, seed
+        assert record.reasoner == "strategy"
+        assert rehearsal._executive.reasoner._without is None, seed
+        ends[record.time] += 1
+    monkeypatch.undo()
+    return ends
+
+
+def test_the_wing_succeeds_whatever_happens(monkeypatch):
+    ends = followed(monkeypatch, pike.load("robust/examples/wing/wing.tpnu.json"), range(often(4, 200)))
+    assert len(ends) > 3
+    assert max(ends) <= 300
+
+
+def test_the_kitchen_succeeds_with_rational_people_and_time_enough(monkeypatch):
+    plan = pike.load("robust/examples/kitchen/kitchen.tpnu.json")
+    constraints = (replace(each, upper=each.upper and Fraction("14.517")) for each in plan.network.constraints)
+    plan = replace(plan, network=replace(plan.network, constraints=tuple(constraints)))
+    assert max(followed(monkeypatch, plan, range(often(4, 200)), Human.RATIONAL)) <= Fraction("14.517")
+
+
+def test_small_controllable_plans_succeed(monkeypatch):
+    assert len(followed(monkeypatch, depending(2, 4), range(8))) > 1
+    followed(monkeypatch, matching(), range(4))
+    count = 0
+    for seed in range(often(150, 4000)):
+        random = Random(f"follow/{seed}")  # noqa: S311 - reproducible
+        plan = small_plan(random)
+        if len(plan.network.events) > 16 or not plan.network.choices or not plan.network.activities:
+            continue
+        plan = limited(plan, random.randint(longest(plan) // 2, longest(plan)))
+        delay, human = Fraction(random.choice((0, 0, 1))), random.choice((Human.CARELESS, Human.RATIONAL))
+        try:
+            followed(monkeypatch, plan, range(3), human, delay, Deadline.after(60))
+        except (UnsupportedError, OutOfTimeError):
+            continue
+        count += 1
+    assert count >= 3
+
+
+def test_without_a_strategy_it_says_so():
+    with pytest.raises(
+        UnsupportedError, match="the plan is not controllable; robust pike check --controllable says why"
+    ):
+        pike.run("robust/examples/kitchen/kitchen.tpnu.json", strategy=True)
+
+
+def test_once_people_do_otherwise_the_solver_decides():
+    """The strategy counts on an immediate answer; the person answers later, and the execution succeeds nevertheless."""
+    plan = pike.load("robust/examples/wing/wing.tpnu.json")
+    record = pike.run(plan, strategy=True, outcome={"h1": ("both", 60)}, pace="least", infer=False)
+    assert record.ending is pike.Ending.SUCCEEDED
