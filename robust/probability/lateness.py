@@ -265,8 +265,8 @@ class PathBounds:
             laws.append(LatticeEdge(edge.source, edge.target, law, edge.names or None))
         return laws
 
-    def run(self, within: float, on_bounds: Callable[[], None], deadline: Deadline) -> None:
-        """Raise the lower and lower the upper bound until they are close, or no more is to be had.
+    def run(self, within: float, on_bounds: Callable[[], None], deadline: Deadline, work: float = WORK) -> None:
+        """Raise the lower and lower the upper bound until they are close, or no more is to be had for so much work.
 
         Raises:
             OutOfTimeError: if the deadline passes first; the bounds hold.
@@ -285,10 +285,17 @@ class PathBounds:
         if not edges:
             self.lower = max(0.0, 1 - spent - lattice.STEP)
             return
-        self._search(edges, spent, within, on_bounds, deadline)
+        self._search(edges, spent, within, on_bounds, deadline, work=work)
 
     def _search(
-        self, edges: Sequence[PathEdge], spent: float, within: float, on_bounds: Callable[[], None], deadline: Deadline
+        self,
+        edges: Sequence[PathEdge],
+        spent: float,
+        within: float,
+        on_bounds: Callable[[], None],
+        deadline: Deadline,
+        *,
+        work: float,
     ) -> None:
         """Cells on the coarsest lattice first, and from them, on a finer one."""
 
@@ -307,7 +314,7 @@ class PathBounds:
             lower = lattice.reduced(_reversed(self._laws(edges, size, upper=False), backwards), upper=False)
             return CellSearch(*_with_cells(core, LongestPath(lower), self.passing), cells, check)
 
-        work, enough = WORK, within * 0.97
+        enough = within * 0.97
         for _ in range(ROUNDS):
             search = start(self._sizes[0], None)
             rounding = search.upper - search.lower - search.open
@@ -334,7 +341,7 @@ class PathBounds:
                 finer = start(chosen[1], search.on_finer(chosen[2], chosen[1] // self._sizes[0]))
                 self.cells += finer.cells
                 tell(finer)
-            if self.upper - self.lower <= within or deadline.moment is None or chosen is None:
+            if self.upper - self.lower <= within or deadline.moment is None or chosen is None or work < WORK:
                 return
             work *= 4
 

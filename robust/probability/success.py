@@ -22,7 +22,7 @@ from robust.plan.polynomial import Polynomial
 from robust.probability import lattice, packing
 from robust.probability.averages import Conditional, SharedAverage, draw_factors
 from robust.probability.distributions import UNIT, Distribution, Enclosure, product
-from robust.probability.lateness import SINK, LatenessGraph, PathBounds, PathEdge, lateness_graph
+from robust.probability.lateness import SINK, WORK, LatenessGraph, PathBounds, PathEdge, lateness_graph
 from robust.probability.lattice import Array, Node
 from robust.probability.measure import Bounds, SuccessProbabilities, interval_probability
 from robust.probability.random_durations import RandomDuration, drawn
@@ -177,7 +177,7 @@ class Lateness:
         best = min(strong.upper if self._factors else Fraction(1), Fraction(1))
         if not self._factors:
             best = self._bounds(0, schedules.at_most(found) * Fraction(self._given.mass[1], UNIT)).upper
-        weak = dynamic = Bounds(strong.lower, Fraction(1))
+        weak, dynamic = Bounds(strong.lower, Fraction(1)), Bounds(Fraction(0), Fraction(1))
         self.probabilities = None
 
         def learn(lower: Fraction | float, upper: Fraction | float, *, is_policy: bool) -> None:
@@ -194,7 +194,7 @@ class Lateness:
                 weak,
                 dynamic,
                 Bounds(strong.lower, min(strong.upper, most)),
-                Bounds(dynamic.lower, weak.upper),
+                Bounds(max(dynamic.lower, strong.lower), weak.upper),
                 Bounds(strong.lower, most),
                 starts,
             )
@@ -389,7 +389,7 @@ class Lateness:
         close = float(max(within, SHARES))
         graph = self.graph
         more = GivenDurations(self._distributions, self._intervals, replace(graph, latest=graph.latest + 1))
-        more.run(lambda: None, False, float(within), self._deadline)
+        more.run(lambda: None, False, float(within), self._deadline, work=WORK / 10)
         before, after = self._given.bounds(False), more.bounds(False)
         least, most = after[0] - before[1] - 2 * self._unordered, after[1] - before[0] + 2 * self._unordered
         self._gain = Bounds(max(Fraction(0), least), min(Fraction(1), most))
@@ -398,7 +398,7 @@ class Lateness:
             about = {*edge.names, *((graph.due[edge.source],) if edge.target == SINK else ())} & names
             if about:
                 paths = PathBounds(_through(graph.edges, edge), graph.durations, graph.latest)
-                paths.run(close, lambda: None, self._deadline)
+                paths.run(close, lambda: None, self._deadline, WORK / 100)
                 inside = Fraction(self._given.mass[0], UNIT)
                 bounds = max(Fraction(0), 1 - Fraction(paths.upper)) * inside, 1 - Fraction(paths.lower) * inside
                 for name in about:
@@ -482,12 +482,14 @@ class GivenDurations:
         """How many cells were looked at."""
         return sum(paths.cells for paths in self._paths.values())
 
-    def run(self, tell: Callable[[], None], is_policy: bool, within: float, deadline: Deadline) -> None:
+    def run(
+        self, tell: Callable[[], None], is_policy: bool, within: float, deadline: Deadline, *, work: float = WORK
+    ) -> None:
         """Bounds of how probably a schedule exists, or of how probably our dispatcher finds one."""
         for edges in self._sides(is_policy):
             if edges not in self._paths and self.graph is not None:
                 self._paths[edges] = PathBounds(edges, self.durations, self.graph.latest)
-                self._paths[edges].run(within, tell, deadline)
+                self._paths[edges].run(within, tell, deadline, work)
         tell()
 
     def _sides(self, is_policy: bool) -> tuple[tuple[PathEdge, ...], ...]:

@@ -11,6 +11,10 @@ import pytest
 
 import robust
 from robust import Interval, Location
+from robust.execute.convert import convert
+from robust.plan.parameters import parse_specs
+from robust.plan.pddl.reader import parse_domain, parse_problem
+from robust.plan.timed import parse_timed_plan
 from robust.probability import lateness, lattice
 from robust.probability import risk as risks
 from robust.probability.distributions import UNIT, Distribution, parse_distribution
@@ -246,17 +250,24 @@ def hunt_discrete(seed: int, plans: int) -> None:
             continue
         identifiers = {step.action: step.identifier for step in known.plan.instances}
         starts = [probabilities.starts[f"{identifiers[f'a{n}']}.start"] for n in range(len(known.planned))]
-        asap = fixed = F(0)
+        asap = fixed = best = F(0)
         for chosen in product((0, 1), repeat=len(values)):
             lengths = [F(pair[side]) for pair, side in zip(values, chosen, strict=True)]
             share = prod(F(w[side], sum(w)) for w, side in zip(weights, chosen, strict=True))
             asap += share * (max(known.ends(lengths)) <= known.latest)
+            if max(known.ends(lengths)) <= known.latest:  # a schedule that leaves each duration this long
+                fits = (sum(w[: side + 1]) for w, side in zip(weights, chosen, strict=True))
+                best = max(best, prod(F(fit, sum(w)) for w, fit in zip(weights, fits, strict=True)))
             ends = [start + length for start, length in zip(starts, lengths, strict=True)]
             waits = (starts[n] >= ends[other] + F(1, 1000) for n, before in enumerate(known.before) for other in before)
             fixed += share * (all(waits) and max(ends) <= known.latest)
         for bounds, truth in ((probabilities.weak, asap), (probabilities.dynamic, asap), (probabilities.strong, fixed)):
             assert bounds.lower <= truth <= bounds.upper
             assert bounds.width < F(1, 1000)
+        assert probabilities.strong.lower <= best <= probabilities.best_strong.upper
+        assert probabilities.best_dynamic.lower <= asap <= probabilities.best_dynamic.upper
+        assert probabilities.best_dynamic.width < F(1, 1000)
+        assert probabilities.best_strong.upper <= probabilities.best_dynamic.upper <= probabilities.weak.upper
         assert abs(result.estimate.successes / result.estimate.draws - float(asap)) < 0.03
 
 
@@ -267,6 +278,69 @@ def test_three_probabilities_are_those_of_all_combinations():
 @pytest.mark.slow
 def test_three_probabilities_are_those_of_all_combinations_in_many_plans():
     hunt_discrete(1, 200)
+
+
+def test_three_probabilities_differ_where_an_end_waits_for_another():
+    """A fixed start of the second action dares what an executor does not that waits until the first has ended.
+
+    The second ends after the first, and needs that only then. Within 11: a schedule exists unless the third takes 20;
+    the executor fails with (8, 6) as well; the start at 5 with (8, 3) instead, which no fixed start makes better.
+    """
+    planned = (8, 6, 1, 1, 1)
+    atoms = " ".join(f"(done{number})" for number in range(len(planned)))
+    actions = "".join(
+        f"(:durative-action a{number} :parameters () :duration (= ?duration {length}) :condition (and "
+        f"(at start (ready)){' (at end (done0))' if number == 1 else ''}) :effect (at end (done{number})))"
+        for number, length in enumerate(planned)
+    )
+    domain = parse_domain(
+        f"(define (domain d) (:requirements :durative-actions) (:predicates (ready) {atoms}) {actions})"
+    )
+    problem = parse_problem(f"(define (problem p) (:domain d) (:init (ready)) (:goal (and {atoms})))", domain)
+    timed = parse_timed_plan("\n".join(f"{3 * (n == 1)}: (a{n}) [{length}]" for n, length in enumerate(planned)))
+    plan = convert(domain, problem, timed, specs=parse_specs(["duration:*"]), deadline="11").plan
+    kinds = {"a0": "empirical:4,8:1,1", "a1": "empirical:3,6:1,3", "a2": "empirical:1,20:9,1"}
+    known = robust.risk(plan, kinds, within="1/100000").probabilities
+    in_time = F(9, 10)
+    for bounds, truth in (
+        (known.weak, in_time),
+        (known.dynamic, in_time * F(5, 8)),
+        (known.best_dynamic, in_time * F(7, 8)),
+        (known.best_strong, in_time * F(7, 8)),
+    ):
+        assert bounds.lower <= truth <= bounds.upper
+    assert known.dynamic.width < F(1, 10**6)
+    assert known.dynamic.upper < known.strong.lower <= in_time * F(7, 8)
+
+
+def test_chains_that_are_late_are_certified():
+    """Against draws: chains to each deadline, and what a unit of time more gains."""
+    known = ordered_plan(Random("chains"), 9, late="+12%")  # noqa: S311 - reproducible
+    result = robust.risk(known.plan, {"*": "truncated-normal::15%:1%"})
+    generator = np.random.default_rng(1)
+    lengths = [sampled(result.distributions[name], generator, 100_000) for name in known.names]
+    ends, latest = np.array(known.ends(lengths)), float(known.latest)
+    late = ends.max(axis=0) > latest + 1e-9
+    gain = result.late.certified_gain
+    share = float(np.mean(late & (ends.max(axis=0) <= latest + 1 + 1e-9)))
+    assert float(gain.lower) - 0.004 <= share <= float(gain.upper) + 0.004
+    for point in result.late.points:
+        number = next(
+            n
+            for n, name in enumerate(known.names)
+            if f"end of {name.removeprefix('dur_')}" in point.name or f"{name.removeprefix('dur_')}.end" in point.name
+        )
+        assert point.at_least is not None
+        assert float(point.at_least) - 0.006 <= float(np.mean(ends[number] > latest)) <= float(point.at_most) + 0.006
+    for duration in result.late.durations[:3]:
+        assert duration.at_least <= duration.at_most <= 1
+        assert duration.estimate <= float(duration.at_most) + 0.02
+
+
+def test_probabilities_grow_with_the_deadline():
+    plans = [ordered_plan(Random(8), 8, late=late).plan for late in ("+2%", "+8%", "+20%")]  # noqa: S311 - reproducible
+    bounds = [robust.risk(plan, {"*": "truncated-normal::15%"}, draws=9).probability for plan in plans]
+    assert all(less.lower <= more.upper and less.upper <= more.upper + F(1, 1000) for less, more in pairwise(bounds))
 
 
 def test_a_search_that_is_cut_short_keeps_its_bounds(monkeypatch):

@@ -120,6 +120,30 @@ def test_bounds_with_factors_hold_the_share_of_draws_of_many_plans():
     assert hunt_factors(1, 60, 200_000) < 4
 
 
+def test_a_search_with_factors_that_is_cut_short_keeps_its_bounds():
+    known = ordered_plan(Random(3), 6, late="+15%")  # noqa: S311 - reproducible
+    asked = {"factor": ["weather*a0,a2=triangular:0.9:1:1.3"], "within": "1/100", "draws": 99}
+    told = []
+    whole = robust.risk(known.plan, {"*": "uniform:3:21"}, on_bounds=told.append, **asked)
+    assert all(a.lower <= b.lower <= b.upper <= a.upper for a, b in pairwise(told))
+    again = robust.risk(known.plan, {"*": "uniform:3:21"}, **asked)
+    assert (again.probability, again.probabilities, again.late) == (whole.probability, whole.probabilities, whole.late)
+    late = robust.risk(known.plan, {"*": "uniform:3:21"}, timeout=0, **asked)
+    assert late.status is RiskStatus.TIMEOUT
+    count = 0
+
+    def interrupting(_):
+        nonlocal count
+        count += 1
+        if count == 3:
+            raise KeyboardInterrupt
+
+    stopped = robust.risk(known.plan, {"*": "uniform:3:21"}, on_bounds=interrupting, **asked)
+    assert stopped.status is RiskStatus.INTERRUPTED
+    for cut in (late, stopped):
+        assert cut.probability.lower <= whole.probability.lower <= whole.probability.upper <= cut.probability.upper
+
+
 def world_of(known: OrderedPlan, matrix: list[list[int]]) -> str:
     names = ", ".join(f'"(a{number})"' for number in range(len(matrix)))
     return f"[[covariance]]\ndurations = [{names}]\nmatrix = {matrix}\n"
