@@ -170,6 +170,8 @@ class Monitor:
         self._seen_by_other: tuple[int, ...] = ()
         self._in_order = True
         self._lock = asyncio.Lock()
+        self.retired: frozenset[str] = frozenset()
+        """Identifiers of steps of plans that this run followed before."""
 
     @property
     def count(self) -> int:
@@ -260,6 +262,7 @@ class Monitor:
             UnsupportedError: if the other plan has conditions that nobody here can follow.
         """
         other = Monitor(plan, self.epsilon, self.lateness, self.seconds, self.reorder)
+        other.retired = self.retired | self.plan.instance.keys()
         for number, message in sorted(self.taken.items()):
             known = message.step in plan.instance or message.kind not in STEPS
             other._count = number - 1

@@ -139,7 +139,7 @@ def run_state(monitor: Monitor) -> RunState:
         expected = since + monitor.planned[step]
         running.append(RunningStep(step, instance.action, instance.arguments, since, expected))
     state = timeline.State(known.atoms, known.fluents)
-    return RunState(known.time, state, tuple(running), frozenset(plan.instance))
+    return RunState(known.time, state, tuple(running), monitor.retired | plan.instance.keys())
 
 
 def deadline_of(plan: model.ParametrizedPlan) -> Fraction | None:

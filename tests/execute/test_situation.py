@@ -155,6 +155,18 @@ def test_the_function_asks_from_a_monitor_or_a_situation():
         robust.replan(monitor, *FILES, planner=OneByOne(), deadline=60)
 
 
+def test_identifiers_are_never_used_again():
+    monitor, used = Monitor(workshop()), set()
+    for number in range(3):
+        monitor.say("start", monitor.outlook().startable[0].step, at=40 * number + 1)
+        kept, used = {look.step for look in monitor.outlook().running}, used | monitor.plan.instance.keys()
+        found = robust.replan(monitor, *FILES, planner=OneByOne(), planning_time=1)
+        assert used & found.plan.instance.keys() == kept
+        monitor = monitor.continued(found.plan, monitor.count)
+        monitor.say("end", *kept, at=40 * number + 30)
+        monitor.say("tick", at=40 * number + 40)
+
+
 def test_texts_read_as_the_plan(tmp_path):
     monitor = Monitor(workshop())
     monitor.say("start", "n0", at=1)
