@@ -222,6 +222,16 @@ def test_literals_that_have_passed_and_failures_are_part_of_the_state(tmp_path):
     assert late.origin > 67
 
 
+def test_to_observe_what_an_action_changes_just_before_it_starts_breaks_nothing(tmp_path):
+    """Observations are right after what happens at their time, and no time has to be kept from them."""
+    monitor = heating(tmp_path)
+    monitor.say("value", "fuel", observed=8, at=5)
+    outlook = monitor.say("start", "n0", at=5)
+    assert outlook.prospect is robust.Prospect.ON_TRACK, outlook.reasons
+    monitor.say("value", "fuel", observed=7, at="5.0004")
+    assert monitor.say("end", "n0", at=10).prospect is robust.Prospect.ON_TRACK
+
+
 def test_what_cannot_be_planned_from_is_said(tmp_path):
     monitor = heating(tmp_path)
     monitor.say("start", "n0", at=5)
