@@ -224,8 +224,8 @@ class PathForecaster:
         return floor(time * self._scale)
 
     def _times(self) -> dict[int, int]:
-        """What has happened, in ticks."""
-        times = {}
+        """What has happened, and when timed literals come, in ticks."""
+        times = {self._number[literal.point]: self._ticks(literal.time) for literal in self._plan.timed_literals}
         for step, known in self._progress.items():
             instance = self._plan.instance[step]
             for point, time in ((instance.start, known.start), (instance.end, known.end)):

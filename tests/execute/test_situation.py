@@ -232,6 +232,14 @@ def test_to_observe_what_an_action_changes_just_before_it_starts_breaks_nothing(
     assert monitor.say("end", "n0", at=10).prospect is robust.Prospect.ON_TRACK
 
 
+def test_literals_that_pass_are_no_news(tmp_path):
+    monitor = heating(tmp_path)
+    for time in (3, 4, "4.5"):
+        outlook = monitor.say("tick", at=time)
+        assert (outlook.prospect, outlook.reasons) == (robust.Prospect.ON_TRACK, ()), time
+    assert monitor.say("tick", at=70).replan
+
+
 def test_what_cannot_be_planned_from_is_said(tmp_path):
     monitor = heating(tmp_path)
     monitor.say("start", "n0", at=5)
