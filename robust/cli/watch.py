@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from robust.execute.situation import NewPlan
     from robust.json_text import Object
     from robust.plan.model import ParametrizedPlan
+    from robust.probability.distributions import Distribution
     from robust.records import RecordFile
 
     Heard = MonitorMessage | InputError | str
@@ -55,7 +56,8 @@ def watch(options: WatchCommand, run: Run) -> int:
         plan = plans.load(given, run)
         steps = options.plan.suffix.lower() not in NETWORKS
         lateness, seconds = Fraction(options.lateness), float(options.answer_limit)
-        monitor = Monitor(plan, options.separation, lateness, seconds, reorder=steps)
+        chances = distributions(options, plan)
+        monitor = Monitor(plan, options.separation, lateness, seconds, reorder=steps, distributions=chances)
         return monitor, Replanning(given, plan), plan
 
     monitor, replanning, plan = run.only(prepare)
@@ -81,6 +83,19 @@ def watch(options: WatchCommand, run: Run) -> int:
             server.journal.close()
     prospect = server.monitor.outlook().prospect.value
     return {"done": 0, "broken": 1}.get(prospect, UNDECIDED)
+
+
+def distributions(options: WatchCommand, plan: ParametrizedPlan) -> Mapping[str, Distribution]:
+    """The distributions of durations, if any are asked for."""
+    if not options.distribution and options.world is None:
+        return {}
+    from robust.api import randomness_of
+    from robust.options.verbs import RiskOptions
+
+    known = randomness_of(plan, RiskOptions(distributions=options.distribution, world=options.world))
+    if known.factors or known.joints:
+        raise InputError("found durations that depend on each other, expected independent ones", Location("--world"))
+    return known.distributions
 
 
 class _WatchServer:

@@ -41,6 +41,8 @@ from robust.network.slack import OutsideFragmentError
 from robust.numbers import Number, format_number, parse_number, shorten
 from robust.plan import model
 from robust.presented import NoTruthValue
+from robust.probability.distributions import Distribution
+from robust.qe.box import Interval
 from robust.smt.limits import Deadline
 
 TICK = Fraction(1, 1000)
@@ -74,7 +76,10 @@ class StepOutlook:
 
 @dataclass(frozen=True, slots=True)
 class SuccessOutlook:
-    """Certified bounds of the probability that the plan succeeds, by what was known at a time."""
+    """Certified bounds of the probability that the plan succeeds, by what was known at a time.
+
+    The lower one is the probability of the promise: of durations that are still open, given how long steps have run.
+    """
 
     lower: Fraction
     upper: Fraction
@@ -146,6 +151,7 @@ class Monitor:
         seconds: for an answer: what is not found by then is as it was promised last, or is said to be undecided.
         reorder: whether other orders of steps than the plan's are as good as its own; not if they are statements of the
             plan, as in network files.
+        distributions: those of durations, independent of each other, by parameter; for the probability of success.
 
     Raises:
         UnsupportedError: if the plan has conditions that nobody here can follow.
@@ -156,6 +162,7 @@ class Monitor:
     lateness: Fraction = Fraction(0)
     seconds: float | None = SECONDS
     reorder: bool = True
+    distributions: Mapping[str, Distribution] = field(default_factory=dict)
     taken: dict[int, MonitorMessage] = field(default_factory=dict, init=False)
     """What has been said and was neither refused nor taken back, by number."""
     time: Fraction = field(default=Fraction(0), init=False)
@@ -169,6 +176,7 @@ class Monitor:
         self._other: Forecaster | None = None
         self._seen_by_other: tuple[int, ...] = ()
         self._in_order = True
+        self._last_success: SuccessOutlook | None = None
         self._lock = asyncio.Lock()
         self.retired: frozenset[str] = frozenset()
         """Identifiers of steps of plans that this run followed before."""
@@ -299,6 +307,10 @@ class Monitor:
             return f"found {shorten(message.step)}, expected {what} of the plan"
         if type(message.observed) is not OBSERVED[message.kind]:
             return f"found {message.observed} for {variable}, expected {_WANTED[message.kind]}"
+        for known in self.taken.values():
+            differs = known.kind is message.kind and known.observed != message.observed
+            if differs and known.at == message.at and variable_called(self.plan, known.step) == variable:
+                return f"found two values of {variable} at {time_text(message.at)}; retract what was wrong first"
         return None
 
     def _retract(self, message: MonitorMessage) -> str | None:
@@ -357,10 +369,35 @@ class Monitor:
             refused,
             prospect not in OPEN,
             forecast.promise,
-            None,
+            self._success(forecast),
             self._other is not None and not self._in_order,
             forecast.exact,
         )
+
+    def _success(self, forecast: PlanForecast) -> SuccessOutlook | None:
+        """Bounds of the probability of success; those before, where no promise was found in time."""
+        if not self.distributions:
+            return None
+        if forecast.prospect is Prospect.BROKEN:
+            return SuccessOutlook(Fraction(0), Fraction(0), self.time)
+        if forecast.promise is not None:
+            kept = Fraction(1)
+            for name, step in self.plan.lasting.items():
+                if step in forecast.promise and name in self.distributions:
+                    kept *= self._share_within(self.distributions[name], step, forecast.promise[step])
+            self._last_success = SuccessOutlook(kept, Fraction(1), self.time)
+        elif forecast.prospect is Prospect.AT_RISK:
+            self._last_success = SuccessOutlook(Fraction(0), Fraction(1), self.time)
+        return self._last_success
+
+    def _share_within(self, distribution: Distribution, step: str, lengths: Window) -> Fraction:
+        """The least probability that a step takes as long as is promised, given how long it has run."""
+        from robust.probability.measure import interval_probability  # noqa: PLC0415 - where it is asked for
+
+        start = self._progress[step].start
+        inside = interval_probability(Interval(*lengths), distribution)[0]
+        known = interval_probability(Interval(None if start is None else self.time - start, None), distribution)[1]
+        return Fraction(inside, known) if known else Fraction(0)
 
     def _look(self, step: str, ahead: StepAhead) -> StepOutlook:
         since, most, planned = self._progress[step].start, ahead.most, self.planned[step]

@@ -137,6 +137,8 @@ class WatchCommand(Planners, verbs.Paged, verbs.AskCommand):
         "exact: texts such as 1/3; decimal: JSON numbers, rounded such that what they promise holds",
         choices=("exact", "decimal"),
     )
+    distribution: Sequence[str] = verbs.distributions_option()
+    world: str | Path | None = verbs.world_file()
     answer_limit: Number = declare.option(
         "1",
         "time limit of each answer, in seconds: what is not found by then is as it was promised last, or undecided",

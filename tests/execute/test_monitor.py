@@ -1,25 +1,29 @@
 """A monitor says the same as a solver that is told all facts anew, whatever order messages come in."""
 
+import asyncio
+from dataclasses import replace
 from fractions import Fraction
 from heapq import heappop, heappush
+from pathlib import Path
 from random import Random
 
 import pytest
 
-from robust import ParametrizedPlan
+from robust import ParametrizedPlan, load_plan
 from robust.encode.encoding import RelationalEncoding
 from robust.encode.interface import constant
 from robust.execute.forecast import PathForecaster, Prospect
 from robust.execute.messages import MessageKind, MonitorMessage
 from robust.execute.monitor import Monitor, Outlook
-from robust.plan.model import ZERO, TimePoint
+from robust.plan.model import ZERO, Atom, TemporalConstraint, TimePoint
+from robust.probability.distributions import Distribution
 from robust.smt.limits import NEVER
 from robust.smt.session import Satisfiability, Session
-from tests.cli.running import example
 from tests.irr.test_proposals import drawn_plan
 from tests.qe.test_lifted import job_shop
 from tests.sampling import often
 
+EXAMPLES = Path(__file__).parents[2] / "robust" / "examples"
 START, END, TICK = MessageKind.START, MessageKind.END, MessageKind.TICK
 OPEN = {Prospect.ON_TRACK, Prospect.AT_RISK}
 
@@ -137,5 +141,75 @@ def same(one: Outlook, other: Outlook) -> bool:
     )
 
 
-def workshop() -> Monitor:
-    return Monitor(example("workshop", parameters=["duration:*"], deadline="90"))
+def workshop(**options) -> Monitor:
+    files = (EXAMPLES / "workshop" / name for name in ("domain.pddl", "problem.pddl", "plan.log"))
+    return Monitor(load_plan(*files, parameters=["duration:*"], deadline="90"), **options)
+
+
+def test_another_order_of_the_steps_is_followed_and_orders_that_are_statements_are_not_left():
+    assert workshop(reorder=False).say("start", "saw ann shelf", at=0).prospect is Prospect.BROKEN
+    monitor = workshop()
+    outlook = monitor.say("start", "saw ann shelf", at=0)
+    assert outlook.prospect in OPEN
+    assert outlook.reordered
+    assert not outlook.replan
+    assert [look.step for look in outlook.running] == ["n3"]
+    outlook = monitor.say("end", "n3", at=9)
+    oracle = Oracle(replace(monitor.plan, constraints=bare(monitor.plan)))
+    times = happened(monitor.plan, list(monitor.taken.values()))
+    while outlook.prospect in OPEN:  # nothing is ever started
+        assert oracle.is_possible(times, monitor.time)
+        outlook = monitor.say("tick", at=monitor.time + 10)
+    assert not oracle.is_possible(times, monitor.time)
+    assert outlook.replan
+
+
+def bare(plan: ParametrizedPlan) -> tuple[TemporalConstraint, ...]:
+    """Durations and deadlines without orders."""
+    return tuple(c for c in plan.constraints if c.name is not None or c.source.instance == c.target.instance)
+
+
+def test_what_is_observed_replaces_what_the_plan_predicts():
+    monitor = workshop()
+    monitor.say("end", "n0", at=12)
+    before = monitor.say("start", "n0", at=0)
+    assert monitor.say("fact", "raw table", at=12, observed=True).prospect is before.prospect is Prospect.ON_TRACK
+    assert Atom("cut", ("chair",)) in monitor.state.atoms
+    assert "two values of (raw table)" in str(monitor.say("fact", "(raw table)", at=12, observed=False).refused)
+    outlook = monitor.say("fact", "(raw table)", at=13, observed=False)
+    assert (outlook.prospect, outlook.replan) == (Prospect.BROKEN, True)
+    assert any("(raw table) is false and not true" in reason for reason in outlook.reasons)
+    assert monitor.say("retract", str(monitor.count)).prospect is Prospect.ON_TRACK
+    assert "expected an atom of the plan" in str(monitor.say("fact", "raw moon", at=12, observed=True).refused)
+    assert "expected true or false" in str(monitor.say("fact", "raw table", at=12, observed=1).refused)
+
+
+def test_a_step_that_failed_breaks_the_plan_until_it_is_attempted_again():
+    monitor = workshop()
+    monitor.say("start", "n0", at=0)
+    assert monitor.say("failed", "n0", at=3).replan
+    outlook = monitor.say("start", "n0", at=4)
+    assert outlook.prospect is Prospect.BROKEN, "it took the raw chair, and does so once"
+
+
+def test_the_probability_of_the_promise_is_a_lower_bound():
+    plan = workshop().plan
+    distributions = {
+        p.name: Distribution("uniform", {"lower": p.nominal, "upper": p.nominal * 2}) for p in plan.parameters
+    }
+    monitor = workshop(distributions=distributions)
+    lower = monitor.outlook().success.lower
+    assert 0 < lower < 1
+    monitor.say("start", "n0", at=0)
+    ended = monitor.say("end", "n0", at=12)
+    assert lower < ended.success.lower <= ended.success.upper == 1
+    assert monitor.say("tick", at=100).success.upper == 0
+
+
+def test_an_event_loop_goes_on_while_answers_are_worked_out():
+    async def run() -> list[int]:
+        monitor = workshop()
+        messages = [MonitorMessage(TICK, at=Fraction(number)) for number in range(5)]
+        return [outlook.message for outlook in await asyncio.gather(*map(monitor.told, messages))]
+
+    assert asyncio.run(run()) == [1, 2, 3, 4, 5]
