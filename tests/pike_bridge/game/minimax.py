@@ -12,12 +12,17 @@ from itertools import product
 from robust.pike_bridge import builder
 from robust.pike_bridge.action_model import with_ends
 from robust.pike_bridge.model import (
+    ALWAYS,
     INITIAL,
+    Activity,
+    Choice,
     Condition,
     Constraint,
     Effect,
+    Event,
     Literal,
     TeamPlan,
+    Tpnu,
     contradicts,
     guard,
     may_produce,
@@ -25,6 +30,9 @@ from robust.pike_bridge.model import (
 )
 from robust.pike_bridge.semantics import Execution, faults
 from robust.plan.model import Atom
+
+PLACEHOLDER = 99
+"""The limit of a plan that is to get another one."""
 
 
 class TooLargeError(Exception):
@@ -170,7 +178,7 @@ def small_plan(random):
     def inner(depth):
         return builder.sequence(*(element(depth) for _ in range(random.choice((1, 1, 2)))))
 
-    whole = builder.within(builder.sequence(*(element(0) for _ in range(random.choice((2, 2, 3))))), upper=1)
+    whole = builder.within(builder.sequence(*(element(0) for _ in range(random.choice((2, 2, 3))))), upper=PLACEHOLDER)
     network = with_ends(builder.build("small", whole, epsilon=0), Fraction(0))
     windows = []
     for _ in range(random.choice((0, 1, 1, 2, 3))):
@@ -210,11 +218,48 @@ def small_plan(random):
     return TeamPlan(network, tuple(conditions), tuple(effects), Fraction(1))
 
 
+def tight_plan(random):
+    """People's and the executive's choices that have to match, lengths that decide which value is right, windows."""
+    choices = [Choice("h", ("a", "b"), False, "ask"), Choice("r", ("a", "b"), True, "act")]
+    if random.random() < 0.3:
+        choices.append(Choice("s", ("a", "b"), random.random() < 0.7, "late"))
+    activities = [
+        Activity(f"(work {at})", f"b{at}", f"e{at}", Fraction(low), Fraction(low + random.choice((0, 1, 2))), "ann")
+        for at in range(random.choice((1, 1, 2)))
+        for low in (random.choice((1, 2)),)
+    ]
+    names = [
+        *(choice.event for choice in choices),
+        *(name for each in activities for name in (each.source, each.target)),
+    ]
+    constraints = []
+    for _ in range(random.choice((1, 2, 3))):
+        one, other = random.sample(names, 2)
+        low = random.choice((0, 0, 1))
+        constraints.append(
+            Constraint(one, other, Fraction(low), random.choice((None, Fraction(low + random.randint(0, 2)))), ALWAYS)
+        )
+    for _ in range(random.choice((1, 1, 2))):
+        one, other = random.sample(choices, 2)
+        for values in random.choice(("ab", "aa")), random.choice(("ba", "bb")):
+            label = guard(dict(zip((one.name, other.name), values, strict=True)))
+            constraints += [
+                Constraint(INITIAL, "ask", Fraction(9), None, label),
+                Constraint(INITIAL, "ask", None, Fraction(8), label),
+            ]
+    if random.random() < 0.6:
+        each, ours = random.choice(activities), random.choice([choice for choice in choices if choice.controllable])
+        most = each.lower + random.choice((0, 1))
+        least = most + random.choice((-1, 0, 0, 2))  # whole lengths must decide: no gap is less than two
+        constraints.append(Constraint(each.source, each.target, None, most, guard({ours.name: "a"})))
+        constraints.append(Constraint(each.source, each.target, least, None, guard({ours.name: "b"})))
+    network = Tpnu("tight", tuple(choices), tuple(map(Event, names)), tuple(constraints), tuple(activities))
+    return TeamPlan(with_ends(network, Fraction(0)), (), (), Fraction(1))
+
+
 def limited(plan, limit):
     """The plan with another limit on the whole, from its beginning."""
-    constraints = [c for c in plan.network.constraints if c.source != INITIAL or c.upper is None]
-    ends = [c for c in plan.network.constraints if c.lower is None and c.upper == 1][:1]
-    constraints = [c for c in constraints if c not in ends]
+    constraints = [c for c in plan.network.constraints if c.upper != PLACEHOLDER]
     constraints.append(Constraint(INITIAL, "e_goal", None, Fraction(limit)))
     return replace(plan, network=replace(plan.network, constraints=tuple(constraints)))
 
