@@ -203,12 +203,21 @@ class DecidingControllability(Searching[TeamControllability]):
                 return
             cut = next((each for fault in faults for each in fault.cuts if each not in cuts), None)
             if cut is None:
-                self._known.reason = "no policy was found, and no lengths on which one might depend"
+                self._between(game, refuting, cuts)
                 return
             cuts.append(cut)
             for share in _within_parts(game, refuting.lengths[:_BASES], cuts, cut[0]):
                 refuting.add(share, self.deadline)
             cases = [case for case in game.cases(cuts) if case.values in wanted]
+
+    def _between(self, game: Game, refuting: Plays, cuts: Sequence[tuple[int, Fraction]]) -> None:
+        """The last attempt: lengths between those that were tried, one activity after the other."""
+        for number in range(len(game.contingent)):
+            for share in _within_parts(game, refuting.lengths[:_BASES], cuts, number):
+                refuting.add(share, self.deadline)
+        self._sliced(game, refuting)
+        if self._known.verdict is ControllabilityVerdict.UNKNOWN:
+            self._known.reason = "no policy was found, and no lengths on which one might depend"
 
     def _confirmed(self, plays: Plays) -> list[Fault] | None:
         """Try policies until one is confirmed, or else none is left: their faults."""

@@ -224,7 +224,7 @@ def test_no_two_choices_at_one_moment_justify_each_other():
     assert decided(plan_of("one two", choices, [*once, bound("one", "two", 0, 0)])).verdict is YES
 
 
-def depending(least, most):
+def depending(least, most, low=1):
     """If work takes at most 2, a is right; if it takes `least` or more, b is."""
     constraints = [
         bound(INITIAL, "begin", 0, 0),
@@ -232,7 +232,7 @@ def depending(least, most):
         bound("begin", "end", 0, 2, r="a"),
         bound("begin", "end", least, None, r="b"),
     ]
-    return plan_of("begin end choose", [("r", True, "choose")], constraints, [work("begin", "end", 1, most)])
+    return plan_of("begin end choose", [("r", True, "choose")], constraints, [work("begin", "end", low, most)])
 
 
 def test_a_choice_can_depend_on_a_length():
@@ -241,6 +241,7 @@ def test_a_choice_can_depend_on_a_length():
     assert {branch.case.spans[0] for branch in found.strategy.branches} == {(1, 2), (2, 4)}
     assert {branch.scenario["r"] for branch in found.strategy.branches} == {"a", "b"}
     assert decided(depending(3, 4)).verdict is NO
+    assert decided(depending(4, 4, low=2)).verdict is NO
 
 
 def test_two_contingent_ends_at_one_event_cannot_both_be_served():
