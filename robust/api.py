@@ -446,7 +446,9 @@ def searching_risk(plan: ParametrizedPlan, options: verbs.RiskOptions) -> Anytim
 
 @verb.with_first(verbs.RiskOptions, "distributions")
 def risk(plan: ParametrizedPlan, options: verbs.RiskOptions) -> RiskResult:
-    """The probability that a plan succeeds when its parameters are random and independent, as certified bounds.
+    """The probability that a plan succeeds when its parameters are random, as certified bounds.
+
+    They are independent, but for factors and covariances that some of them share.
 
     Returns:
         Bounds that hold whatever ended the search; which obligations take the rest; and how probable boxes are.
