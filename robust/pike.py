@@ -53,6 +53,7 @@ from robust.pike_bridge.knowledge import knowledge_bases
 from robust.pike_bridge.likelihood import ChanceBounds, ChanceSearch, IntentChance, TeamChance, learnt
 from robust.pike_bridge.model import EPSILON, Guard, Literal, TeamPlan, Tpnu, check_choice
 from robust.pike_bridge.online.executive import LatestMoments, Moment, Moments, PlanExecutive
+from robust.pike_bridge.online.field import FieldExecutive, FieldState
 from robust.pike_bridge.online.inquiry import why, why_failed, why_not
 from robust.pike_bridge.online.progress import Chosen, Completion, Decision, Estimate, Message, Outcome, parse_atom
 from robust.pike_bridge.online.reasoners import make_reasoner, reasoner_names
@@ -87,6 +88,8 @@ __all__ = [
     "Execution",
     "ExecutionRecord",
     "ExecutionStep",
+    "FieldExecutive",
+    "FieldState",
     "Human",
     "Instance",
     "IntentChance",

@@ -321,7 +321,7 @@ class _Server:
     def prepare(self, load: Callable[[], TeamPlan]) -> None:
         """Read the plan and the journal, and make what decides."""
         from robust.pike_bridge.likelihood import LikelyChoices
-        from robust.pike_bridge.online.executive import PlanExecutive
+        from robust.pike_bridge.online.field import FieldExecutive
         from robust.pike_bridge.online.reasoners import make_reasoner
         from robust.pike_bridge.online.service import Journal, Service
 
@@ -342,9 +342,10 @@ class _Server:
         wanted = options.chance
         likely = None if wanted is None else LikelyChoices(plan, Fraction(wanted), solver=solver, deadline=deadline)
         self._service = Service(
-            PlanExecutive(
+            FieldExecutive(
                 plan,
                 reasoner,
+                early=options.early,
                 preference=likely,
                 patience=options.margin,
                 solver=solver,

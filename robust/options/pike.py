@@ -247,7 +247,7 @@ EAGER = "eager"
 BUDGET = "0.1"
 UNLIMITED = "none"
 _SIMULATED = ("human", "pace", "outcome", "disturb", "delay", "seed", "infer", "plot")
-_SERVED = ("journal", "clock", "rate", "page")
+_SERVED = ("journal", "clock", "rate", "page", "early")
 
 
 class StoryOptions(Options):
@@ -366,6 +366,12 @@ class PikeRunCommand(PikeRunOptions, Paged, PikeCommand):
     )
     clock: str = option(
         "given", "with --stdio: given, messages say what time it is; real, the clock does", choices=("given", "real")
+    )
+    early: str = option(
+        "accept",
+        "with --stdio: accept, an activity that ends before its least duration has ended if something correct is left; "
+        "wait, it counts as ended once that is over",
+        choices=("accept", "wait"),
     )
     rate: Number | None = option(
         None, "with --clock real: seconds per unit of time; 1 if not given", metavar="S", read=positive

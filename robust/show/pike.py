@@ -532,6 +532,15 @@ def _told(decision: said.Decision) -> tuple[str, str]:  # noqa: PLR0911 - one fo
             return "begin", f"{f'{agent}: ' if agent else ''}{action}, {limits}"
         case said.Chosen(choice, value, _, observed):
             return "observed" if observed else "chosen", f"{choice} = {value}"
+        case said.Cancel(action, agent):
+            return "cancel", f"{f'{agent}: ' if agent else ''}{action}"
+        case said.Deviated(action, _, lasted, lower, upper, counts):
+            bounds = f"instead of {readable(lower)} to {'any time' if upper is None else readable(upper)}"
+            late = "" if counts is None else f"; counts as ended at {readable(counts)}"
+            return "deviated", f"{action}: {readable(lasted)} {bounds}{late}"
+        case said.Resumed(_, released, planned):
+            again = f"; open again: {', '.join(released)}" if released else ""
+            return "resumed", "another plan" if planned else f"the rest of the plan is correct from here{again}"
         case said.Excluded(_, _, lost, _, reason):
             return "excluded", f"{' and '.join(lost)}: {reason}"
         case said.Violated(atom, expected, producer, consumers, _):

@@ -77,6 +77,7 @@ class PlanExecutive:
         reasoner: makes the reasoning for the progress that it is given.
         ranking: in which order events are tried, and values of choices; the first that may be is taken.
         preference: in which order values of choices are tried instead, by what is known.
+        progress: what has happened so far; nothing, if not given.
         monitor: whether state estimates are compared with what later activities need.
         patience: how long before the last moment the executive ceases to keep all that people may still decide, as
             :mod:`~robust.pike_bridge.online.patience` says; None: it acts as soon as it can [PIKE §3].
@@ -95,6 +96,7 @@ class PlanExecutive:
         *,
         ranking: Ranking = as_written,
         preference: Preference | None = None,
+        progress: said.Progress | None = None,
         monitor: bool = True,
         patience: Fraction | None = Fraction(0),
         solver: str = "z3",
@@ -105,7 +107,7 @@ class PlanExecutive:
         self.budget = budget
         self.thrift = Thrift()
         """What the budget gave away so far."""
-        self.progress = said.Progress(plan)
+        self.progress = progress or said.Progress(plan)
         self.reasoner = reasoner(self.progress)
         self.running: dict[int, Fraction] = {}
         """When each activity that runs was dispatched, by its place in the plan."""
@@ -133,6 +135,11 @@ class PlanExecutive:
         self._activities: dict[str, list[int]] = {}
         for place, activity in enumerate(plan.network.activities):
             self._activities.setdefault(activity.source, []).append(place)
+            if activity.source in self.progress.times and self._runs(activity):
+                self.running[place] = self.progress.times[activity.source]
+        if self._monitor is not None:
+            for event in self.progress.times:
+                self._monitor.executed(event)
 
     @property
     def ended(self) -> bool:
@@ -280,6 +287,10 @@ class PlanExecutive:
             return (self.progress.chosen[choice],)
         return tuple(self._possible(choice, self.plan.network.domains[choice], self._deadline))
 
+    def violations(self, estimate: said.Estimate) -> list[said.Violated]:
+        """What is seen otherwise than later activities rely on, which are said once."""
+        return [] if self._monitor is None else [violation for violation, _ in self._monitor.compare(estimate)]
+
     # -- what has happened -------------------------------------------------------------------------------------------
 
     def _advance(self, now: Fraction, decisions: list[said.Decision]) -> None:
@@ -308,6 +319,10 @@ class PlanExecutive:
                     self.progress.void.update(broken)
                     self._changed = True
                     yield violation
+            case said.Started():
+                pass  # what was dispatched has begun
+            case said.NotAchieved() | said.Retract():
+                yield self._rejected(message, "the paper's executive knows of no failures; expected a field executive")
             case _:
                 assert_never(message)
 
@@ -381,10 +396,14 @@ class PlanExecutive:
                     yield said.Chosen(choice, value, now)
         for place in self._activities.get(event, ()):
             activity = self.plan.network.activities[place]
-            if self.progress.certain(activity.guard) and activity.target in self.progress.pending:
+            if self._runs(activity):
                 self.running[place] = now
-                action, end = activity.action, activity.target
-                yield said.Dispatched(action, activity.agent, now, end, activity.lower, activity.upper)
+                action, end, goal = activity.action, activity.target, said.goal_of(place)
+                yield said.Dispatched(action, activity.agent, now, end, activity.lower, activity.upper, goal)
+
+    def _runs(self, activity: model.Activity) -> bool:
+        """Whether an activity that has begun has not ended."""
+        return self.progress.certain(activity.guard) and activity.target in self.progress.pending
 
     def _decide(self, choice: str) -> str | None:
         """The first value that could be committed to; None if the execution has failed already."""

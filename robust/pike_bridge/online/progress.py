@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 from robust.errors import InputError, Location
 from robust.json_text import JsonTypes, Tagged, named
-from robust.numbers import shorten
+from robust.numbers import format_number, shorten
 from robust.pike_bridge import model, semantics
 from robust.plan.model import Atom
 
@@ -22,9 +22,11 @@ class Outcome(Tagged):
 
     choice: str
     value: str
+    at: Fraction | None = None
+    """When that was, if it is told later."""
 
     def __str__(self) -> str:
-        return f"{self.choice} = {self.value}"
+        return f"{self.choice} = {self.value}{_at(self.at)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,9 +35,58 @@ class Completion(Tagged):
 
     action: str
     event: str | None = None
+    goal: str | None = None
+    """Of the dispatch; then neither `event` nor the order of dispatches matters."""
+    at: Fraction | None = None
+    """When that was, if it is told later."""
+    outcomes: Mapping[str, str] = field(default_factory=dict)
+    """Values of people's choices that show in it."""
 
     def __str__(self) -> str:
-        return f"{self.action} has ended{f' at {self.event}' if self.event else ''}"
+        shown = "".join(f", {name} = {value}" for name, value in self.outcomes.items())
+        return f"{self.action} has ended{f' at {self.event}' if self.event else ''}{_at(self.at)}{shown}"
+
+
+@dataclass(frozen=True, slots=True)
+class Started(Tagged):
+    """Somebody has begun an activity, perhaps before it was dispatched."""
+
+    action: str
+    event: str | None = None
+    """Its end, if there are several of the action."""
+    goal: str | None = None
+    at: Fraction | None = None
+
+    def __str__(self) -> str:
+        return f"{self.action} has begun{_at(self.at)}"
+
+
+@dataclass(frozen=True, slots=True)
+class NotAchieved(Tagged):
+    """An activity has ended without what it does at its end: it failed, was aborted by its agent, or cancelled."""
+
+    action: str
+    event: str | None = None
+    goal: str | None = None
+    at: Fraction | None = None
+
+    def __str__(self) -> str:
+        return f"{self.action} was {self.kind()}{_at(self.at)}"
+
+
+class ActivityFailed(NotAchieved):
+    __slots__ = ()
+    KIND = "failed"
+
+
+class ActivityAborted(NotAchieved):
+    __slots__ = ()
+    KIND = "aborted"
+
+
+class ActivityCancelled(NotAchieved):
+    __slots__ = ()
+    KIND = "cancelled"
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,13 +96,32 @@ class Estimate(Tagged):
     true: frozenset[Atom] = frozenset()
     false: frozenset[Atom] = frozenset()
     complete: bool = False
+    at: Fraction | None = None
 
     def __str__(self) -> str:
         literals = [*sorted(map(str, self.true)), *(f"(not {atom})" for atom in sorted(map(str, self.false)))]
         return f"seen: {', '.join(literals) or 'nothing'}{', all else is false' if self.complete else ''}"
 
 
-Message: TypeAlias = Outcome | Completion | Estimate
+@dataclass(frozen=True, slots=True)
+class Retract(Tagged):
+    """An earlier message was wrong: one that is equal to this one."""
+
+    message: Report
+
+    def __str__(self) -> str:
+        return f"not so: {self.message}"
+
+
+NOT_ACHIEVED = (ActivityFailed, ActivityAborted, ActivityCancelled)
+Ending: TypeAlias = Completion | ActivityFailed | ActivityAborted | ActivityCancelled
+Report: TypeAlias = Outcome | Started | Ending | Estimate
+"""What happened, as far as somebody knows."""
+Message: TypeAlias = Report | Retract
+
+
+def _at(time: Fraction | None) -> str:
+    return "" if time is None else f" at {format_number(time)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +144,47 @@ class Dispatched(Tagged):
     """The event at which it ends."""
     lower: Fraction
     upper: Fraction | None
+    goal: str = ""
+    """What messages about this dispatch may name."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cancel(Tagged):
+    """An activity that runs is not needed any more: its agent is to stop."""
+
+    action: str
+    agent: str | None
+    time: Fraction
+    goal: str
+
+
+@dataclass(frozen=True, slots=True)
+class Deviated(Tagged):
+    """An activity took less or more time than its bounds allow, or takes more by now; the rest has been judged anew.
+
+    `duration` is what it took or has taken by now.
+    """
+
+    action: str
+    time: Fraction
+    duration: Fraction
+    lower: Fraction
+    upper: Fraction | None
+    counts: Fraction | None = None
+    """When its end counts, which was early, if it does not yet."""
+
+
+@dataclass(frozen=True, slots=True)
+class Resumed(Tagged):
+    """What has happened is not a correct beginning any more, but the rest of the plan is correct from here on.
+
+    `released` are choices of the executive that are open again.
+    """
+
+    time: Fraction
+    released: tuple[str, ...]
+    planned: bool = False
+    """Whether a planner has made another plan, and not what was left of this one goes on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +254,14 @@ class Succeeded(Tagged):
     """What was chosen, by whomever."""
 
 
-Decision: TypeAlias = Executed | Dispatched | Chosen | Excluded | Violated | Rejected | Failed | Succeeded
+Decision: TypeAlias = (
+    Executed | Dispatched | Cancel | Deviated | Resumed | Chosen | Excluded | Violated | Rejected | Failed | Succeeded
+)
+
+
+def goal_of(place: int) -> str:
+    """The goal id of the activity at a place of the plan, which is dispatched once at most."""
+    return f"goal-{place + 1}"
 
 
 def parse_atom(text: str, location: Location | None = None) -> Atom:

@@ -26,6 +26,7 @@ from robust.pike_bridge.model import TeamPlan, check_choice, guard
 from robust.pike_bridge.online import explain
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.executive import PlanExecutive
+from robust.pike_bridge.online.field import FieldExecutive
 from robust.pike_bridge.online.progress import JSON, Decision, Executed, Message
 from robust.smt.limits import NEVER, Deadline
 
@@ -81,7 +82,7 @@ def read_journal(path: str | os.PathLike[str], plan: TeamPlan) -> tuple[JournalS
     return tuple(steps)
 
 
-def resume(executive: PlanExecutive, steps: Iterable[JournalStep], file: str = "journal") -> None:
+def resume(executive: PlanExecutive | FieldExecutive, steps: Iterable[JournalStep], file: str = "journal") -> None:
     """Bring an executive that has done nothing yet to where the steps end.
 
     Raises:
@@ -89,7 +90,8 @@ def resume(executive: PlanExecutive, steps: Iterable[JournalStep], file: str = "
     """
     for line, step in enumerate(steps, 2):
         pending = set(executive.plan.network.guards) - executive.progress.times.keys()
-        for event in (decision.event for decision in step.decisions if isinstance(decision, Executed)):
+        acts = (each.event for each in step.decisions if isinstance(each, Executed) and not each.reported)
+        for event in acts:
             if event not in pending:
                 raise InputError(
                     f"found event {shorten(event)} executed, expected one of the plan that was not yet",
@@ -274,19 +276,35 @@ def check_message(plan: TeamPlan, message: said.Message, location: Location | No
             if name in (choice.name for choice in plan.network.choices if choice.controllable):
                 raise InputError(f"found choice {name}, expected one that is not for the executive to make", location)
             check_choice(plan.network.domains, name, value, location)
-        case said.Completion(action, event):
-            ends = {activity.target for activity in plan.network.activities if activity.action == action}
-            if not ends:
-                suggestion = did_you_mean(action, {activity.action for activity in plan.network.activities})
-                reason = f"found unknown activity {shorten(action)}, expected one of the plan{suggestion}"
-                raise InputError(reason, location)
-            if event is not None and event not in ends:
-                expected = f"where {action} ends: {', '.join(sorted(ends))}"
-                raise InputError(f"found event {shorten(event)}, expected {expected}", location)
+        case said.Completion() | said.Started() | said.NotAchieved():
+            _check_activity(plan, message, location)
         case said.Estimate():
             pass
+        case said.Retract():
+            check_message(plan, message.message, location)
         case _:
             assert_never(message)
+    for name, value in message.outcomes.items() if isinstance(message, said.Completion) else ():
+        check_message(plan, said.Outcome(name, value), location)
+
+
+def _check_activity(
+    plan: TeamPlan, message: said.Completion | said.Started | said.NotAchieved, location: Location | None
+) -> None:
+    """InputError if it names an activity, an event or a goal that the plan does not have."""
+    activities = plan.network.activities
+    ends = {activity.target for activity in activities if activity.action == message.action}
+    if not ends:
+        suggestion = did_you_mean(message.action, {activity.action for activity in activities})
+        reason = f"found unknown activity {shorten(message.action)}, expected one of the plan{suggestion}"
+        raise InputError(reason, location)
+    if message.event is not None and message.event not in ends:
+        expected = f"where {message.action} ends: {', '.join(sorted(ends))}"
+        raise InputError(f"found event {shorten(message.event)}, expected {expected}", location)
+    goals = [said.goal_of(place) for place, each in enumerate(activities) if each.action == message.action]
+    if message.goal is not None and message.goal not in goals:
+        expected = f"that of a dispatch of {message.action}: {', '.join(goals)}"
+        raise InputError(f"found goal {shorten(message.goal)}, expected {expected}", location)
 
 
 @dataclass
@@ -299,7 +317,7 @@ class Service:
         likely: what knows how likely success is; None: nobody does.
     """
 
-    executive: PlanExecutive
+    executive: PlanExecutive | FieldExecutive
     journal: Journal | None = None
     solver: str = "z3"
     deadline: Deadline = NEVER
@@ -449,4 +467,13 @@ class Service:
                 }
                 for place, since in self.executive.running.items()
             ],
+            **(self._field_state(self.executive) if isinstance(self.executive, FieldExecutive) else {}),
+        }
+
+    @staticmethod
+    def _field_state(executive: FieldExecutive) -> Encoded:
+        state = executive.state()
+        return {
+            "ended": {goal: {"how": how, "at": str(at)} for goal, (how, at) in state.ended.items()},
+            "facts": {str(atom): holds for atom, holds in state.facts.items()},
         }

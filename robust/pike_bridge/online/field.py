@@ -1,0 +1,682 @@
+"""An executive for robots and people as they are: early, late, wrong about what they saw, and not always successful.
+
+As long as everything happens as the plan has it, a :class:`PlanExecutive` decides. What that does not know is written
+into the plan, and the rest is judged anew, as if the plan had always been like this:
+
+- An activity that took less or more time than it may has bounds which allow that; one that is overdue has no upper
+  bound. Where nothing correct is left if an early end counts, it counts once the least duration is over.
+- An activity that failed, was aborted or cancelled has none of its effects at its end, and needs nothing until then.
+- What is seen to be so, and is not by what was done, is an effect of an event of its own: it supports what needs it,
+  and breaks what it contradicts. If all that may have caused it needs the same values of people's choices, they are
+  taken to have these.
+- What happened earlier than it was told has the time at which it happened; so has what had to be before it.
+
+All messages and all own acts are kept. What has happened is derived from them in the order of their times, whatever
+order they came in, so that a message may be late, or be taken back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from typing import Any, TypeAlias, assert_never
+
+from robust.pike_bridge import model
+from robust.pike_bridge.online import progress as said
+from robust.pike_bridge.online.executive import PlanExecutive, objection
+from robust.pike_bridge.online.semantic import Reasoner
+from robust.plan.model import Atom
+
+COMPLETED = said.Completion.kind()
+
+
+@dataclass(frozen=True, slots=True)
+class FieldState:
+    """Where an execution has come to, to be handed over.
+
+    Attributes:
+        time: now.
+        choices: values of choices that are made.
+        schedule: times of events that have happened.
+        running: when each activity that runs began, by its goal id.
+        ended: how and when activities have ended, by their goal ids: as what reports of it are called.
+        facts: what is true and what is false, of the atoms that conditions are about.
+    """
+
+    time: Fraction
+    choices: Mapping[str, str]
+    schedule: Mapping[str, Fraction]
+    running: Mapping[str, Fraction]
+    ended: Mapping[str, tuple[str, Fraction]]
+    facts: Mapping[Atom, bool]
+
+
+Planner: TypeAlias = Callable[[FieldState], model.TeamPlan | None]
+"""Makes another plan for where an execution has come to, with times from then on; None if it has none."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Note:
+    """A report that was taken: when what it says happened, and the places of the activities that it is about."""
+
+    report: said.Report
+    at: Fraction
+    places: tuple[int, ...] = ()
+
+
+@dataclass(slots=True)
+class _Course:
+    """What has happened, as it follows from own acts and from notes."""
+
+    times: dict[str, Fraction]
+    chosen: dict[str, str]
+    reported: set[str] = field(default_factory=set)
+    begun: dict[int, Fraction] = field(default_factory=dict)
+    ended: dict[int, tuple[str, Fraction]] = field(default_factory=dict)
+    seen: list[tuple[Fraction, model.Literal]] = field(default_factory=list)
+    inferred: set[str] = field(default_factory=set)
+    """Choices of people that only what was seen tells."""
+
+
+class _ReportError(Exception):
+    """A message cannot be taken; it says why."""
+
+
+class FieldExecutive:
+    """Executes a plan whatever robots and people report; an :class:`robust.execute.drive.Executive`.
+
+    Args:
+        plan: the plan.
+        reasoner: makes the reasoning for the progress that it is given.
+        early: `accept` takes an activity that ends early as ended if something correct is left then, and `wait` counts
+            it as ended once its least duration is over.
+        planner: asked for another plan where nothing of this one is left.
+        options: those of :class:`PlanExecutive`.
+
+    After a failure, reports may show that something is left after all.
+    """
+
+    def __init__(
+        self,
+        plan: model.TeamPlan,
+        reasoner: Callable[[said.Progress], Reasoner],
+        *,
+        early: str = "accept",
+        planner: Planner | None = None,
+        **options: Any,
+    ) -> None:
+        self._make: Callable[[model.TeamPlan, said.Progress], PlanExecutive] = lambda judged, progress: PlanExecutive(
+            judged, reasoner, progress=progress, **options
+        )
+        self._waits, self._planner = early == "wait", planner
+        self._begin(plan, Fraction(0))
+
+    def _begin(self, plan: model.TeamPlan, now: Fraction) -> None:
+        self.plan = plan
+        """As it was written."""
+        self._structure = said.Structure(plan)
+        self._relevant = frozenset(condition.literal.atom for condition in plan.conditions)
+        self._notes: list[_Note] = []
+        self._course = _Course({}, {})
+        """What has happened; its own acts and choices are those that no note is about."""
+        self._acts: dict[str, Fraction] = {}
+        self._choices: dict[str, str] = {}
+        self._past: frozenset[str] = frozenset()
+        """Events that happened before a failure that was mended: what they were to keep to is of no account."""
+        self._held: set[int] = set()
+        """Activities whose early end counts when their least duration is over."""
+        self._overdue: set[int] = set()
+        self._deviated: set[int] = set()
+        """Activities whose deviation was announced."""
+        self._recorded: said.Failed | said.Succeeded | None = None
+        """How an execution ended that is repeated."""
+        self._stale = False
+        """Whether notes or acts were added that the executive does not know of."""
+        self._executive: PlanExecutive = self._make(plan, said.Progress(plan, now))
+
+    # -- what drivers see ----------------------------------------------------------------------------------------------
+
+    @property
+    def progress(self) -> said.Progress:
+        """What has happened, in the plan as it has come to be."""
+        if self._stale:
+            self._judge_anew(self._executive.progress.now)
+        return self._executive.progress
+
+    @property
+    def reasoner(self) -> Reasoner:
+        """What answers now."""
+        return self._executive.reasoner
+
+    @property
+    def running(self) -> Mapping[int, Fraction]:
+        """When each activity that runs began, by its place in the plan."""
+        return self._executive.running
+
+    @property
+    def outcome(self) -> said.Failed | said.Succeeded | None:
+        """How the execution ended, if it has."""
+        return self._recorded or self._executive.outcome
+
+    @property
+    def ended(self) -> bool:
+        """Whether the execution has succeeded or failed; reports may revive one that has failed."""
+        return self.outcome is not None
+
+    @property
+    def withheld(self) -> frozenset[str]:
+        """As of :class:`PlanExecutive`."""
+        return self._executive.withheld
+
+    @property
+    def wake(self) -> Fraction | None:
+        """When to step again if nothing is reported before."""
+        if self.ended:
+            return None
+        now = self.progress.now
+        moments = [self._executive.wake, *(self._counts_from(place) for place in self._held)]
+        return min((moment for moment in moments if moment is not None and moment >= now), default=None)
+
+    def prepare(self) -> bool:
+        """As of :meth:`PlanExecutive.prepare`."""
+        return self._executive.prepare()
+
+    def possible_values(self, choice: str) -> tuple[str, ...]:
+        """As of :meth:`PlanExecutive.possible_values`."""
+        return self._executive.possible_values(choice)
+
+    @classmethod
+    def resumed(
+        cls, plan: model.TeamPlan, reasoner: Callable[[said.Progress], Reasoner], state: FieldState, **options: Any
+    ) -> FieldExecutive:
+        """An executive that goes on from where another one, perhaps of another program, has come to."""
+        executive = cls(plan, reasoner, **options)
+        reports = {report.kind(): report for report in (said.Completion, *said.NOT_ACHIEVED)}
+        places = {said.goal_of(place): place for place in range(len(plan.network.activities))}
+        executive._acts, executive._choices = dict(state.schedule), dict(state.choices)
+        for goal, (how, at) in state.ended.items():
+            action = plan.network.activities[places[goal]].action
+            executive._notes.append(_Note(reports[how](action, goal=goal, at=at), at, (places[goal],)))
+        true, false = (
+            frozenset(atom for atom, holds in state.facts.items() if holds is side) for side in (True, False)
+        )
+        executive._notes.append(_Note(said.Estimate(true, false), state.time))
+        executive._judge_anew(state.time)
+        return executive
+
+    def state(self) -> FieldState:
+        """Where the execution has come to."""
+        progress = self.progress
+        return FieldState(
+            progress.now,
+            dict(progress.chosen),
+            {event: time for event, time in progress.times.items() if event in self._structure.guards},
+            {said.goal_of(place): since for place, since in self.running.items()},
+            {said.goal_of(place): end for place, end in self._course.ended.items()},
+            self._facts(self._course, progress.now),
+        )
+
+    def step(self, now: Fraction, messages: Sequence[said.Message] = ()) -> list[said.Decision]:
+        """Take note of what has happened, and do what can be done now.
+
+        Raises:
+            OutOfTimeError: if the deadline passes.
+        """
+        if isinstance(self.outcome, said.Succeeded) or (self.ended and not messages):
+            return [self._rejected(message, "the execution has ended") for message in messages]
+        before, now = self.progress, max(now, self.progress.now)
+        decisions: list[said.Decision] = []
+        taken: list[said.Message] = []
+        anew = self.ended | self._is_overdue(now) | self._counts(now)
+        for message in messages:
+            try:
+                anew |= self._take(message, now)
+                taken.append(message)
+            except _ReportError as error:
+                decisions.append(self._rejected(message, str(error)))
+        self._stale = True  # until the step is done: if it is out of time, the next one begins with what is noted
+        if anew:
+            estimates = (message for message in taken if isinstance(message, said.Estimate))
+            decisions += (broken for each in estimates for broken in self._executive.violations(each))
+            self._judge_anew(now)
+            decisions += self._changes(before)
+            taken = []
+        decisions += self._acted(self._executive.step(now, taken))
+        self._stale = False
+        if isinstance(self.outcome, said.Failed):
+            decisions[-1:] = self._mended(now, self.outcome)
+        return decisions
+
+    def repeat(self, now: Fraction, messages: Sequence[said.Message], decisions: Iterable[said.Decision]) -> None:
+        """Take an earlier step again as it was decided then; nothing is asked."""
+        decisions = tuple(decisions)
+        self._recorded = None
+        refused = {each.message for each in decisions if isinstance(each, said.Rejected)}
+        self._is_overdue(now)
+        for message in messages:
+            if str(message) not in refused:
+                self._take(message, now)
+        self._judge_anew(now)
+        for decision in decisions:
+            match decision:
+                case said.Resumed(planned=False):
+                    self._release()
+                case said.Failed() | said.Succeeded():
+                    self._recorded = decision
+                case said.Deviated() if decision.counts is not None:
+                    self._held |= self._early()
+        self._acted(decisions)
+        self._judge_anew(now)
+
+    # -- what is told --------------------------------------------------------------------------------------------------
+
+    def _take(self, message: said.Message, now: Fraction) -> bool:
+        """Note a message; whether more follows from it than from the same as the plan has it.
+
+        Raises:
+            _ReportError: if it contradicts what is known.
+        """
+        if isinstance(message, said.Retract):
+            note = next((note for note in reversed(self._notes) if note.report == message.message), None)
+            if note is None:
+                raise _ReportError("nobody has said that")
+            self._notes.remove(note)
+            return True
+        at = now if message.at is None else message.at
+        if not 0 <= at <= now:
+            raise _ReportError(f"found a time that is {'not yet' if at > now else 'before the beginning'}")
+        note = _Note(message, at, self._places(message, at))
+        usual = at == now and self._is_usual(note)
+        self._notes.append(note)
+        if isinstance(message, said.Started):
+            self._course.begun.update(dict.fromkeys(note.places, at))
+        elif isinstance(message, said.Completion | said.NotAchieved):
+            self._course.ended.update(dict.fromkeys(note.places, (message.kind(), at)))
+            if self._waits:
+                self._held |= self._early()
+        return not usual
+
+    def _places(self, message: said.Report, at: Fraction) -> tuple[int, ...]:
+        """The activities that a message is about; _ReportError if it contradicts what is known."""
+        match message:
+            case said.Outcome(choice, value):
+                self._object(choice, value, message)
+                return ()
+            case said.Estimate(true, false):
+                if true & false:
+                    raise _ReportError(f"{min(true & false)} is said to be both true and false")
+                return ()
+            case said.Started():
+                return self._beginning(message)
+            case said.Completion():
+                for choice, value in message.outcomes.items():
+                    self._object(choice, value, said.Outcome(choice, value))
+                return self._ending(message, at)
+            case said.NotAchieved():
+                return self._ending(message, at)
+            case _:
+                assert_never(message)
+
+    def _is_usual(self, note: _Note) -> bool:
+        """Whether a note of now is of what the plan has."""
+        match note.report:
+            case said.Outcome(choice):
+                return choice not in self._course.inferred
+            case said.Estimate():
+                return not self._unexpected(note.report, self._facts(self._course, note.at))
+            case said.Started():
+                return all(self.running.get(place) == note.at for place in note.places)
+            case said.Completion():
+                return not note.report.outcomes and all(self._is_usual_end(place, note.at) for place in note.places)
+            case _:
+                return False
+
+    def _object(self, choice: str, value: str, message: said.Outcome) -> None:
+        known = {name: each for name, each in self._course.chosen.items() if name not in self._course.inferred}
+        reason = objection(self.plan, known, message)
+        if reason is not None:
+            raise _ReportError(reason)
+
+    def _named(self, message: said.Started | said.Ending) -> list[int]:
+        """The places of activities that a message may be about."""
+        activities = self.plan.network.activities
+        if message.goal is not None:
+            alike = [place for place in range(len(activities)) if said.goal_of(place) == message.goal]
+        else:
+            alike = [place for place, each in enumerate(activities) if each.action == message.action]
+            alike = [place for place in alike if message.event in {None, activities[place].target}]
+        if not alike:
+            raise _ReportError("there is no such activity")
+        return alike
+
+    def _beginning(self, message: said.Started) -> tuple[int, ...]:
+        alike, course = self._named(message), self._course
+        activities = self.plan.network.activities
+        dispatched = [place for place in alike if place in self.running and place not in course.begun]
+        coming = [
+            place
+            for place in alike
+            if activities[place].source in self.progress.pending and self.progress.compatible(activities[place].guard)
+        ]
+        candidates = dispatched or coming
+        if not candidates:
+            raise _ReportError("it has begun already, or cannot begin any more")
+        if len({activities[place].target for place in candidates}) > 1:
+            raise _ReportError("there are several; say at which event it ends")
+        if not dispatched:
+            before = self._structure.preceding(activities[candidates[0]].source)
+            unfinished = next(
+                (event for event in before if event in self.progress.pending and self._structure.ends[event]), None
+            )
+            if unfinished is not None:
+                raise _ReportError(f"what ends at {unfinished} is before it, and has not ended")
+        return tuple(candidates)
+
+    def _ending(self, message: said.Ending, at: Fraction) -> tuple[int, ...]:
+        activities = self.plan.network.activities
+        running = [place for place in self._named(message) if place in self.running and place not in self._course.ended]
+        if not running:
+            raise _ReportError("it is not running")
+        if len({activities[place].target for place in running}) > 1:
+            raise _ReportError("several run; say at which event it ends")
+        if any(at < self.running[place] for place in running):
+            raise _ReportError("found an end before the beginning")
+        return tuple(running)
+
+    def _is_usual_end(self, place: int, at: Fraction) -> bool:
+        """Whether an activity ends within its bounds."""
+        activity, lasted = self.plan.network.activities[place], at - self.running[place]
+        return place not in self._course.begun and _within(lasted, activity.lower, activity.upper)
+
+    def _is_overdue(self, now: Fraction) -> bool:
+        """Whether an activity has become overdue."""
+        activities = self.plan.network.activities
+        late = {
+            place
+            for place, since in self.running.items()
+            if (upper := activities[place].upper) is not None and now - self._course.begun.get(place, since) > upper
+        }
+        new = late - self._overdue
+        self._overdue |= new
+        return bool(new)
+
+    def _counts(self, now: Fraction) -> bool:
+        """Whether an early end has begun to count."""
+        return any(self._counts_from(place) <= now for place in self._held)
+
+    def _counts_from(self, place: int) -> Fraction:
+        """When the least duration of an activity is over."""
+        activity = self.plan.network.activities[place]
+        return self._course.begun.get(place, self._course.times[activity.source]) + activity.lower
+
+    def _early(self) -> set[int]:
+        """Activities that were completed before their least duration was over."""
+        ended = self._course.ended.items()
+        return {place for place, (how, at) in ended if how == COMPLETED and at < self._counts_from(place)}
+
+    # -- what follows --------------------------------------------------------------------------------------------------
+
+    def _judge_anew(self, now: Fraction) -> None:
+        """Derive what has happened and the plan that it shows, for an executive of their own."""
+        self._stale, self._recorded = False, None
+        course = self._derived(now)
+        plan = self._as_it_shows(course, now)
+        times = dict(sorted(course.times.items(), key=lambda item: item[1]))
+        progress = said.Progress(plan, now, times, course.chosen, set(), course.reported)
+        self._executive = self._make(plan, progress)
+
+    def _derived(self, now: Fraction) -> _Course:
+        course = self._course = _Course(dict(self._acts), dict(self._choices))
+        notes = sorted(self._notes, key=lambda note: note.at)
+        for note in notes:
+            match note.report:
+                case said.Outcome(choice, value):
+                    course.chosen[choice] = value
+                    event = next(each.event for each in self.plan.network.choices if each.name == choice)
+                    if note.report.at is not None and event is not None and not self._structure.ends[event]:
+                        self._backdate(course, event, note.at)
+                case said.Started():
+                    for place in note.places:
+                        course.begun[place] = note.at
+                        self._backdate(course, self.plan.network.activities[place].source, note.at)
+                case said.Completion() | said.NotAchieved():
+                    course.ended.update((place, (note.report.kind(), note.at)) for place in note.places)
+                    course.chosen |= note.report.outcomes if isinstance(note.report, said.Completion) else {}
+        self._note_ends(course, now)
+        for event in course.times:
+            for variable, value in self._structure.guards[event]:
+                course.chosen.setdefault(variable, value)
+        for note in notes:
+            if isinstance(note.report, said.Estimate):
+                self._note_seen(course, note.report, note.at)
+        return course
+
+    def _backdate(self, course: _Course, event: str, at: Fraction) -> None:
+        """An event that the executive has not executed was at a time, and what has to be before it was before."""
+        latest = {event: at}
+        for each in self._backwards(event):
+            if each in latest and each not in course.times:
+                course.times[each] = max(latest[each], Fraction(0))
+                course.reported.add(each)
+                for bound in self._structure.incoming[each]:
+                    if (
+                        bound.lower is not None
+                        and bound.lower >= 0
+                        and bound.source in self._structure.not_before[each]
+                    ):
+                        latest[bound.source] = min(latest.get(bound.source, at), latest[each] - bound.lower)
+
+    def _backwards(self, event: str) -> list[str]:
+        """The event and all that are not after it, each before those that it must not be after."""
+        order: list[str] = []
+        remaining = self._structure.preceding(event)
+        while remaining:
+            free = [each for each in remaining if not any(each in self._structure.not_before[o] for o in remaining)]
+            order += sorted(free)
+            remaining -= set(free)
+        return order
+
+    def _note_ends(self, course: _Course, now: Fraction) -> None:
+        """Events where activities end, once all that have begun and end there have ended."""
+        activities = self.plan.network.activities
+        for target in {activities[place].target for place in course.ended}:
+            there = [
+                place
+                for place, each in enumerate(activities)
+                if each.target == target and each.source in course.times and _certain(each.guard, course.chosen)
+            ]
+            if all(place in course.ended for place in there):
+                held = (self._counts_from(place) for place in there if place in self._held)
+                time = max([course.ended[place][1] for place in there] + list(held))
+                if time <= now:
+                    course.times[target] = time
+                    course.reported.add(target)
+
+    def _facts(self, course: _Course, until: Fraction) -> dict[Atom, bool]:
+        """What was true at a time of what conditions are about, by what was done and seen."""
+        changes = sorted(self._changes_of_state(course), key=lambda change: change[:2])
+        return {literal.atom: literal.positive for time, _, literal in changes if time <= until}
+
+    def _changes_of_state(self, course: _Course) -> Iterator[tuple[Fraction, int, model.Literal]]:
+        """When literals began to hold; at one time deletions first, and what was seen last."""
+        lost = {place for place, (how, _) in course.ended.items() if how != COMPLETED}
+        for effect in self.plan.effects:
+            happened = effect.event in course.times and _certain(effect.guard, course.chosen)
+            if happened and effect.literal.atom in self._relevant and not self._is_lost(effect, lost):
+                yield course.times[effect.event], int(effect.literal.positive), effect.literal
+        for time, literal in course.seen:
+            yield time, 2, literal
+
+    def _is_lost(self, effect: model.Effect, lost: set[int]) -> bool:
+        return effect.activity in lost and effect.event == self.plan.network.activities[effect.activity].target
+
+    def _unexpected(self, estimate: said.Estimate, facts: Mapping[Atom, bool]) -> list[model.Literal]:
+        """What conditions are about and is not as it should be."""
+        seen = dict.fromkeys(estimate.true, True) | dict.fromkeys(estimate.false, False)
+        if estimate.complete:
+            seen = {atom: atom in estimate.true for atom in self._relevant}
+        return [
+            model.Literal(atom, positive)
+            for atom, positive in sorted(seen.items())
+            if atom in self._relevant and facts.get(atom, False) != positive
+        ]
+
+    def _note_seen(self, course: _Course, estimate: said.Estimate, at: Fraction) -> None:
+        """What was seen otherwise than it should be; and choices of people that all its possible causes need."""
+        for literal in self._unexpected(estimate, self._facts(course, at)):
+            course.seen.append((at, literal))
+            guards = [
+                effect.guard | self._structure.guards[effect.event]
+                for effect in self.plan.effects
+                if effect.literal == literal and effect.event not in course.times
+            ]
+            guards = [
+                label for label in guards if all(course.chosen.get(name, value) == value for name, value in label)
+            ]
+            common = frozenset.intersection(*guards) if guards else model.ALWAYS
+            theirs = {choice.name for choice in self.plan.network.choices if not choice.controllable}
+            for name, value in common:
+                if name in theirs and name not in course.chosen:
+                    course.chosen[name] = value
+                    course.inferred.add(name)
+
+    def _as_it_shows(self, course: _Course, now: Fraction) -> model.TeamPlan:
+        """The plan as it would have been written by somebody who had known what would happen."""
+        network = self.plan.network
+        lost = {place for place, (how, _) in course.ended.items() if how != COMPLETED}
+        events = list(network.events)
+        effects = [effect for effect in self.plan.effects if not self._is_lost(effect, lost)]
+        names = {event.name for event in events}
+        for number, (time, literal) in enumerate(course.seen):
+            name = f"seen {number}"
+            while name in names:
+                name += "'"
+            events.append(model.Event(name))
+            effects.append(model.Effect(literal, name, model.ALWAYS, None))
+            course.times[name] = time
+            course.reported.add(name)
+        conditions = (
+            condition
+            for condition in self.plan.conditions
+            if condition.last not in self._past
+            and not (condition.activity in lost and condition.last == network.activities[condition.activity].target)
+        )
+        constraints = (each for each in network.constraints if not {each.source, each.target} <= self._past)
+        activities = (self._with_bounds(place, course, now) for place in range(len(network.activities)))
+        shown = replace(network, events=tuple(events), constraints=tuple(constraints), activities=tuple(activities))
+        return replace(self.plan, network=shown, conditions=tuple(conditions), effects=tuple(effects))
+
+    def _with_bounds(self, place: int, course: _Course, now: Fraction) -> model.Activity:
+        """An activity with bounds that what happened keeps to."""
+        activity = self.plan.network.activities[place]
+        source, target = (course.times.get(event) for event in (activity.source, activity.target))
+        if source is None:
+            return activity
+        late = course.begun.get(place, source) - source
+        lower, upper = activity.lower + late, None if activity.upper is None else activity.upper + late
+        if target is not None:
+            lasted = target - source
+            return replace(activity, lower=min(lower, lasted), upper=None if upper is None else max(upper, lasted))
+        return replace(activity, lower=lower, upper=None if upper is None or now - source > upper else upper)
+
+    # -- what is announced ---------------------------------------------------------------------------------------------
+
+    def _rejected(self, message: said.Message, reason: str) -> said.Rejected:
+        return said.Rejected(str(message), reason, self._executive.progress.now)
+
+    def _acted(self, decisions: Sequence[said.Decision]) -> Sequence[said.Decision]:
+        """Take note of what the executive has done."""
+        for decision in decisions:
+            if isinstance(decision, said.Executed) and not decision.reported:
+                self._acts[decision.event] = self._course.times[decision.event] = decision.time
+            elif isinstance(decision, said.Executed):
+                self._course.times[decision.event] = decision.time
+            elif isinstance(decision, said.Chosen):
+                self._course.chosen[decision.choice] = decision.value
+                if not decision.observed:
+                    self._choices[decision.choice] = decision.value
+        return decisions
+
+    def _changes(self, before: said.Progress) -> Iterator[said.Decision]:
+        """What has turned out to be so, beside what a message says outright."""
+        progress, activities = self._executive.progress, self.plan.network.activities
+        for event, time in progress.times.items():
+            if before.times.get(event) != time and event in self._structure.guards:
+                yield said.Executed(event, time, reported=True)
+        for choice, value in progress.chosen.items():
+            if before.chosen.get(choice) != value:
+                yield said.Chosen(choice, value, progress.now, observed=True)
+        for place, since in self.running.items():
+            if before.times.get(activities[place].source) != since and place not in self._course.begun:
+                each = activities[place]
+                goal, limits = said.goal_of(place), (each.lower, each.upper)
+                yield said.Dispatched(each.action, each.agent, progress.now, each.target, *limits, goal)
+        for place in sorted(self._overdue.union(self._course.ended) - self._deviated):
+            lasted = self._lasted(place, progress.now)
+            if not _within(lasted, activities[place].lower, activities[place].upper) and place not in self._held:
+                yield self._deviation(place, lasted)
+
+    def _lasted(self, place: int, now: Fraction) -> Fraction:
+        """How long an activity took, or has taken by now."""
+        begun = self._course.begun.get(place, self._course.times[self.plan.network.activities[place].source])
+        return self._course.ended.get(place, (COMPLETED, now))[1] - begun
+
+    def _deviation(self, place: int, lasted: Fraction, counts: Fraction | None = None) -> said.Deviated:
+        self._deviated.add(place)
+        each = self.plan.network.activities[place]
+        return said.Deviated(each.action, self._executive.progress.now, lasted, each.lower, each.upper, counts)
+
+    # -- what is left after a failure ----------------------------------------------------------------------------------
+
+    def _mended(self, now: Fraction, failed: said.Failed) -> Sequence[said.Decision]:
+        """How it goes on after a failure, if it does."""
+        for mend in (self._waiting, self._releasing, self._planning):
+            announced = mend(now)
+            if announced:
+                decisions = self._acted(self._executive.step(now))
+                if not isinstance(self.outcome, said.Failed):
+                    return [*announced, *decisions]
+        activities = self.plan.network.activities
+        running = ((activities[place], said.goal_of(place)) for place in self.running)
+        return [*(said.Cancel(each.action, each.agent, now, goal) for each, goal in running), failed]
+
+    def _waiting(self, now: Fraction) -> Sequence[said.Decision]:
+        """Early ends count later."""
+        early = self._early() - self._held
+        self._held |= early
+        if early:
+            self._judge_anew(now)
+        return [self._deviation(place, self._lasted(place, now), self._counts_from(place)) for place in sorted(early)]
+
+    def _releasing(self, now: Fraction) -> Sequence[said.Decision]:
+        """The rest of the plan from here on, with what the executive has chosen and nobody has acted upon open again."""
+        released = self._release()
+        self._judge_anew(now)
+        return [said.Resumed(now, released)]
+
+    def _release(self) -> tuple[str, ...]:
+        self._past = frozenset(self._course.times)
+        guards = self._structure.guards
+        acted_upon = {variable for event in self._past & guards.keys() for variable, _ in guards[event]}
+        released = tuple(choice for choice in self._choices if choice not in acted_upon)
+        for choice in released:
+            del self._choices[choice]
+        return released
+
+    def _planning(self, now: Fraction) -> Sequence[said.Decision]:
+        """Another plan."""
+        plan = None if self._planner is None else self._planner(self.state())
+        if plan is None:
+            return []
+        self._begin(plan, now)
+        return [said.Resumed(now, (), planned=True)]
+
+
+def _certain(guard: model.Guard, chosen: Mapping[str, str]) -> bool:
+    """Whether a guard holds by what is known."""
+    return all(chosen.get(name) == value for name, value in guard)
+
+
+def _within(lasted: Fraction, lower: Fraction, upper: Fraction | None) -> bool:
+    return lower <= lasted and (upper is None or lasted <= upper)
