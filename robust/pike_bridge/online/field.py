@@ -57,7 +57,7 @@ Planner: TypeAlias = Callable[[FieldState], model.TeamPlan | None]
 
 
 @dataclass(frozen=True, slots=True)
-class _Note:
+class FieldNote:
     """A report that was taken: when what it says happened, and the places of the activities that it is about."""
 
     report: said.Report
@@ -117,7 +117,10 @@ class FieldExecutive:
         """As it was written."""
         self._structure = said.Structure(plan)
         self._relevant = frozenset(condition.literal.atom for condition in plan.conditions)
-        self._notes: list[_Note] = []
+        self.notes: list[FieldNote] = []
+        """All reports that were taken and not taken back, as they came."""
+        self.mended = False
+        """Whether it went on after a failure with what is left from there on."""
         self._course = _Course({}, {})
         """What has happened; its own acts and choices are those that no note is about."""
         self._acts: dict[str, Fraction] = {}
@@ -141,7 +144,7 @@ class FieldExecutive:
     def progress(self) -> said.Progress:
         """What has happened, in the plan as it has come to be."""
         if self._stale:
-            self._judge_anew(self._executive.progress.now)
+            self.judge_anew(self._executive.progress.now)
         return self._executive.progress
 
     @property
@@ -174,9 +177,8 @@ class FieldExecutive:
         """When to step again if nothing is reported before."""
         if self.ended:
             return None
-        now = self.progress.now
-        moments = [self._executive.wake, *(self._counts_from(place) for place in self._held)]
-        return min((moment for moment in moments if moment is not None and moment >= now), default=None)
+        moments = [self._executive.wake, *(self._counts_from(place) for place in self._awaited)]
+        return min((moment for moment in moments if moment is not None), default=None)
 
     def prepare(self) -> bool:
         """As of :meth:`PlanExecutive.prepare`."""
@@ -197,12 +199,12 @@ class FieldExecutive:
         executive._acts, executive._choices = dict(state.schedule), dict(state.choices)
         for goal, (how, at) in state.ended.items():
             action = plan.network.activities[places[goal]].action
-            executive._notes.append(_Note(reports[how](action, goal=goal, at=at), at, (places[goal],)))
+            executive.notes.append(FieldNote(reports[how](action, goal=goal, at=at), at, (places[goal],)))
         true, false = (
             frozenset(atom for atom, holds in state.facts.items() if holds is side) for side in (True, False)
         )
-        executive._notes.append(_Note(said.Estimate(true, false), state.time))
-        executive._judge_anew(state.time)
+        executive.notes.append(FieldNote(said.Estimate(true, false), state.time))
+        executive.judge_anew(state.time)
         return executive
 
     def state(self) -> FieldState:
@@ -224,7 +226,7 @@ class FieldExecutive:
             OutOfTimeError: if the deadline passes.
         """
         if isinstance(self.outcome, said.Succeeded) or (self.ended and not messages):
-            return [self._rejected(message, "the execution has ended") for message in messages]
+            return [said.Rejected(str(message), "the execution has ended", now) for message in messages]
         before, now = self.progress, max(now, self.progress.now)
         decisions: list[said.Decision] = []
         taken: list[said.Message] = []
@@ -234,12 +236,12 @@ class FieldExecutive:
                 anew |= self._take(message, now)
                 taken.append(message)
             except _ReportError as error:
-                decisions.append(self._rejected(message, str(error)))
+                decisions.append(said.Rejected(str(message), str(error), now))
         self._stale = True  # until the step is done: if it is out of time, the next one begins with what is noted
         if anew:
             estimates = (message for message in taken if isinstance(message, said.Estimate))
             decisions += (broken for each in estimates for broken in self._executive.violations(each))
-            self._judge_anew(now)
+            self._judge_with_early_ends(now)
             decisions += self._changes(before)
             taken = []
         decisions += self._acted(self._executive.step(now, taken))
@@ -257,7 +259,7 @@ class FieldExecutive:
         for message in messages:
             if str(message) not in refused:
                 self._take(message, now)
-        self._judge_anew(now)
+        self.judge_anew(now)
         for decision in decisions:
             match decision:
                 case said.Resumed(planned=False):
@@ -267,7 +269,7 @@ class FieldExecutive:
                 case said.Deviated() if decision.counts is not None:
                     self._held |= self._early()
         self._acted(decisions)
-        self._judge_anew(now)
+        self.judge_anew(now)
 
     # -- what is told --------------------------------------------------------------------------------------------------
 
@@ -278,17 +280,17 @@ class FieldExecutive:
             _ReportError: if it contradicts what is known.
         """
         if isinstance(message, said.Retract):
-            note = next((note for note in reversed(self._notes) if note.report == message.message), None)
+            note = next((note for note in reversed(self.notes) if note.report == message.message), None)
             if note is None:
                 raise _ReportError("nobody has said that")
-            self._notes.remove(note)
+            self.notes.remove(note)
             return True
         at = now if message.at is None else message.at
         if not 0 <= at <= now:
             raise _ReportError(f"found a time that is {'not yet' if at > now else 'before the beginning'}")
-        note = _Note(message, at, self._places(message, at))
+        note = FieldNote(message, at, self._places(message, at))
         usual = at == now and self._is_usual(note)
-        self._notes.append(note)
+        self.notes.append(note)
         if isinstance(message, said.Started):
             self._course.begun.update(dict.fromkeys(note.places, at))
         elif isinstance(message, said.Completion | said.NotAchieved):
@@ -318,7 +320,7 @@ class FieldExecutive:
             case _:
                 assert_never(message)
 
-    def _is_usual(self, note: _Note) -> bool:
+    def _is_usual(self, note: FieldNote) -> bool:
         """Whether a note of now is of what the plan has."""
         match note.report:
             case said.Outcome(choice):
@@ -403,7 +405,13 @@ class FieldExecutive:
 
     def _counts(self, now: Fraction) -> bool:
         """Whether an early end has begun to count."""
-        return any(self._counts_from(place) <= now for place in self._held)
+        return any(self._counts_from(place) <= now for place in self._awaited)
+
+    @property
+    def _awaited(self) -> list[int]:
+        """Activities that have ended early, which does not count yet."""
+        activities = self.plan.network.activities
+        return [place for place in self._held if activities[place].target not in self._course.times]
 
     def _counts_from(self, place: int) -> Fraction:
         """When the least duration of an activity is over."""
@@ -417,7 +425,7 @@ class FieldExecutive:
 
     # -- what follows --------------------------------------------------------------------------------------------------
 
-    def _judge_anew(self, now: Fraction) -> None:
+    def judge_anew(self, now: Fraction) -> None:
         """Derive what has happened and the plan that it shows, for an executive of their own."""
         self._stale, self._recorded = False, None
         course = self._derived(now)
@@ -426,9 +434,20 @@ class FieldExecutive:
         progress = said.Progress(plan, now, times, course.chosen, set(), course.reported)
         self._executive = self._make(plan, progress)
 
+    def _judge_with_early_ends(self, now: Fraction) -> None:
+        """Early ends count at once if something correct is left then, and else later if something is left so."""
+        self.judge_anew(now)
+        early = self._early() - self._held
+        if early and not self._executive.prepare():
+            self._held |= early
+            self.judge_anew(now)
+            if not self._executive.prepare():
+                self._held -= early
+                self.judge_anew(now)
+
     def _derived(self, now: Fraction) -> _Course:
         course = self._course = _Course(dict(self._acts), dict(self._choices))
-        notes = sorted(self._notes, key=lambda note: note.at)
+        notes = sorted(self.notes, key=lambda note: note.at)
         for note in notes:
             match note.report:
                 case said.Outcome(choice, value):
@@ -443,10 +462,10 @@ class FieldExecutive:
                 case said.Completion() | said.NotAchieved():
                     course.ended.update((place, (note.report.kind(), note.at)) for place in note.places)
                     course.chosen |= note.report.outcomes if isinstance(note.report, said.Completion) else {}
-        self._note_ends(course, now)
         for event in course.times:
             for variable, value in self._structure.guards[event]:
                 course.chosen.setdefault(variable, value)
+        self._note_ends(course, now)
         for note in notes:
             if isinstance(note.report, said.Estimate):
                 self._note_seen(course, note.report, note.at)
@@ -480,13 +499,15 @@ class FieldExecutive:
     def _note_ends(self, course: _Course, now: Fraction) -> None:
         """Events where activities end, once all that have begun and end there have ended."""
         activities = self.plan.network.activities
-        for target in {activities[place].target for place in course.ended}:
+        in_order = sorted(course.ended, key=lambda place: course.ended[place][1])
+        targets = dict.fromkeys(activities[place].target for place in in_order)
+        for target in (target for target in targets if target not in self._acts):
             there = [
                 place
                 for place, each in enumerate(activities)
                 if each.target == target and each.source in course.times and _certain(each.guard, course.chosen)
             ]
-            if all(place in course.ended for place in there):
+            if there and all(place in course.ended for place in there):
                 held = (self._counts_from(place) for place in there if place in self._held)
                 time = max([course.ended[place][1] for place in there] + list(held))
                 if time <= now:
@@ -496,7 +517,8 @@ class FieldExecutive:
     def _facts(self, course: _Course, until: Fraction) -> dict[Atom, bool]:
         """What was true at a time of what conditions are about, by what was done and seen."""
         changes = sorted(self._changes_of_state(course), key=lambda change: change[:2])
-        return {literal.atom: literal.positive for time, _, literal in changes if time <= until}
+        known = {literal.atom: literal.positive for time, _, literal in changes if time <= until}
+        return dict.fromkeys(sorted(self._relevant), False) | known
 
     def _changes_of_state(self, course: _Course) -> Iterator[tuple[Fraction, int, model.Literal]]:
         """When literals began to hold; at one time deletions first, and what was seen last."""
@@ -519,7 +541,7 @@ class FieldExecutive:
         return [
             model.Literal(atom, positive)
             for atom, positive in sorted(seen.items())
-            if atom in self._relevant and facts.get(atom, False) != positive
+            if atom in self._relevant and facts[atom] != positive
         ]
 
     def _note_seen(self, course: _Course, estimate: said.Estimate, at: Fraction) -> None:
@@ -582,16 +604,15 @@ class FieldExecutive:
 
     # -- what is announced ---------------------------------------------------------------------------------------------
 
-    def _rejected(self, message: said.Message, reason: str) -> said.Rejected:
-        return said.Rejected(str(message), reason, self._executive.progress.now)
-
     def _acted(self, decisions: Sequence[said.Decision]) -> Sequence[said.Decision]:
         """Take note of what the executive has done."""
         for decision in decisions:
-            if isinstance(decision, said.Executed) and not decision.reported:
-                self._acts[decision.event] = self._course.times[decision.event] = decision.time
-            elif isinstance(decision, said.Executed):
+            if isinstance(decision, said.Executed):
                 self._course.times[decision.event] = decision.time
+                for variable, value in self._structure.guards[decision.event]:
+                    self._course.chosen.setdefault(variable, value)
+                if not decision.reported:
+                    self._acts[decision.event] = decision.time
             elif isinstance(decision, said.Chosen):
                 self._course.chosen[decision.choice] = decision.value
                 if not decision.observed:
@@ -614,49 +635,43 @@ class FieldExecutive:
                 yield said.Dispatched(each.action, each.agent, progress.now, each.target, *limits, goal)
         for place in sorted(self._overdue.union(self._course.ended) - self._deviated):
             lasted = self._lasted(place, progress.now)
-            if not _within(lasted, activities[place].lower, activities[place].upper) and place not in self._held:
-                yield self._deviation(place, lasted)
+            each = activities[place]
+            if not _within(lasted, each.lower, each.upper):
+                self._deviated.add(place)
+                counts = self._counts_from(place) if place in self._held else None
+                yield said.Deviated(each.action, progress.now, lasted, each.lower, each.upper, counts)
 
     def _lasted(self, place: int, now: Fraction) -> Fraction:
         """How long an activity took, or has taken by now."""
         begun = self._course.begun.get(place, self._course.times[self.plan.network.activities[place].source])
         return self._course.ended.get(place, (COMPLETED, now))[1] - begun
 
-    def _deviation(self, place: int, lasted: Fraction, counts: Fraction | None = None) -> said.Deviated:
-        self._deviated.add(place)
-        each = self.plan.network.activities[place]
-        return said.Deviated(each.action, self._executive.progress.now, lasted, each.lower, each.upper, counts)
-
     # -- what is left after a failure ----------------------------------------------------------------------------------
 
     def _mended(self, now: Fraction, failed: said.Failed) -> Sequence[said.Decision]:
         """How it goes on after a failure, if it does."""
-        for mend in (self._waiting, self._releasing, self._planning):
+        before = self._past, dict(self._choices), self.mended
+        for mend in (self._releasing, self._planning):
             announced = mend(now)
             if announced:
                 decisions = self._acted(self._executive.step(now))
                 if not isinstance(self.outcome, said.Failed):
                     return [*announced, *decisions]
+                self._past, self._choices, self.mended = before
+                self.judge_anew(now)
+                self._recorded = failed
         activities = self.plan.network.activities
         running = ((activities[place], said.goal_of(place)) for place in self.running)
         return [*(said.Cancel(each.action, each.agent, now, goal) for each, goal in running), failed]
 
-    def _waiting(self, now: Fraction) -> Sequence[said.Decision]:
-        """Early ends count later."""
-        early = self._early() - self._held
-        self._held |= early
-        if early:
-            self._judge_anew(now)
-        return [self._deviation(place, self._lasted(place, now), self._counts_from(place)) for place in sorted(early)]
-
     def _releasing(self, now: Fraction) -> Sequence[said.Decision]:
-        """The rest of the plan from here on, with what the executive has chosen and nobody has acted upon open again."""
+        """The rest of the plan from here on; what the executive has chosen and nobody has acted upon is open again."""
         released = self._release()
-        self._judge_anew(now)
+        self.judge_anew(now)
         return [said.Resumed(now, released)]
 
     def _release(self) -> tuple[str, ...]:
-        self._past = frozenset(self._course.times)
+        self._past, self.mended = frozenset(self._course.times), True
         guards = self._structure.guards
         acted_upon = {variable for event in self._past & guards.keys() for variable, _ in guards[event]}
         released = tuple(choice for choice in self._choices if choice not in acted_upon)
