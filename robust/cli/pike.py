@@ -279,7 +279,7 @@ if TYPE_CHECKING:
     from robust.execute.drive import WallClock
     from robust.options.pike import PikeRunCommand
     from robust.pike_bridge.model import TeamPlan
-    from robust.pike_bridge.online.executive import PlanExecutive
+    from robust.pike_bridge.online.field import TeamExecutive
     from robust.pike_bridge.online.progress import Progress
     from robust.pike_bridge.online.semantic import Reasoner
     from robust.pike_bridge.online.service import Request
@@ -527,7 +527,7 @@ class _TeamPage:
         if said is not None:
             self._words.add(Fraction(answer.get("time") or 0), *said)
 
-    def unknown(self, executive: PlanExecutive) -> str | None:
+    def unknown(self, executive: TeamExecutive) -> str | None:
         """An open choice of which it is not known what is still possible; None if nobody wants to know."""
         if executive.ended or not self.server.is_watched:
             return None
@@ -538,7 +538,7 @@ class _TeamPage:
         """Which values are possible now."""
         self._possible[choice] = values
 
-    def show(self, executive: PlanExecutive) -> None:
+    def show(self, executive: TeamExecutive) -> None:
         """Show how things are now; what was possible before may not be so any more."""
         from robust.draw.live import TeamMoment
 

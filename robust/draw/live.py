@@ -19,7 +19,7 @@ from robust.draw.interactive import part, self_contained
 if TYPE_CHECKING:
     from robust.execute.monitor import Outlook, StepOutlook
     from robust.pike_bridge.model import Choice
-    from robust.pike_bridge.online.executive import PlanExecutive
+    from robust.pike_bridge.online.field import TeamExecutive
     from robust.pike_bridge.online.progress import Failed, Progress, Succeeded
 
 LANES = 60
@@ -134,7 +134,7 @@ class TeamMoment:
     possible: Mapping[str, Sequence[str]]
 
     @classmethod
-    def of(cls, executive: PlanExecutive, possible: Mapping[str, Sequence[str]]) -> TeamMoment:
+    def of(cls, executive: TeamExecutive, possible: Mapping[str, Sequence[str]]) -> TeamMoment:
         """What is known now, kept."""
         now = copy(executive.progress)
         now.times, now.chosen, now.pending = dict(now.times), dict(now.chosen), dict(now.pending)

@@ -319,7 +319,7 @@ class PlanExecutive:
                     self.progress.void.update(broken)
                     self._changed = True
                     yield violation
-            case said.Started():
+            case said.Began():
                 pass  # what was dispatched has begun
             case said.NotAchieved() | said.Retract():
                 yield self._rejected(message, "the paper's executive knows of no failures; expected a field executive")

@@ -24,9 +24,10 @@ from typing import Any, TypeAlias, assert_never
 
 from robust.pike_bridge import model
 from robust.pike_bridge.online import progress as said
-from robust.pike_bridge.online.executive import PlanExecutive, objection
+from robust.pike_bridge.online.executive import PlanExecutive, Thrift, objection
 from robust.pike_bridge.online.semantic import Reasoner
 from robust.plan.model import Atom
+from robust.presented import NoTruthValue
 
 COMPLETED = said.Completion.kind()
 
@@ -83,7 +84,7 @@ class _ReportError(Exception):
     """A message cannot be taken; it says why."""
 
 
-class FieldExecutive:
+class FieldExecutive(NoTruthValue, ask="outcome"):
     """Executes a plan whatever robots and people report; an :class:`robust.execute.drive.Executive`.
 
     Args:
@@ -168,6 +169,16 @@ class FieldExecutive:
         return self.outcome is not None
 
     @property
+    def undecided(self) -> bool:
+        """Whether the budget of the last step did not suffice."""
+        return self._executive.undecided
+
+    @property
+    def thrift(self) -> Thrift:
+        """What the budget gave away so far."""
+        return self._executive.thrift
+
+    @property
     def withheld(self) -> frozenset[str]:
         """As of :class:`PlanExecutive`."""
         return self._executive.withheld
@@ -204,6 +215,9 @@ class FieldExecutive:
             frozenset(atom for atom, holds in state.facts.items() if holds is side) for side in (True, False)
         )
         executive.notes.append(FieldNote(said.Estimate(true, false), state.time))
+        executive.judge_anew(state.time)
+        early = executive._early()
+        executive._held = {place for place in early if plan.network.activities[place].target not in state.schedule}
         executive.judge_anew(state.time)
         return executive
 
@@ -291,7 +305,7 @@ class FieldExecutive:
         note = FieldNote(message, at, self._places(message, at))
         usual = at == now and self._is_usual(note)
         self.notes.append(note)
-        if isinstance(message, said.Started):
+        if isinstance(message, said.Began):
             self._course.begun.update(dict.fromkeys(note.places, at))
         elif isinstance(message, said.Completion | said.NotAchieved):
             self._course.ended.update(dict.fromkeys(note.places, (message.kind(), at)))
@@ -309,7 +323,7 @@ class FieldExecutive:
                 if true & false:
                     raise _ReportError(f"{min(true & false)} is said to be both true and false")
                 return ()
-            case said.Started():
+            case said.Began():
                 return self._beginning(message)
             case said.Completion():
                 for choice, value in message.outcomes.items():
@@ -324,10 +338,10 @@ class FieldExecutive:
         """Whether a note of now is of what the plan has."""
         match note.report:
             case said.Outcome(choice):
-                return choice not in self._course.inferred
+                return note.report.at is None and choice not in self._course.inferred
             case said.Estimate():
                 return not self._unexpected(note.report, self._facts(self._course, note.at))
-            case said.Started():
+            case said.Began():
                 return all(self.running.get(place) == note.at for place in note.places)
             case said.Completion():
                 return not note.report.outcomes and all(self._is_usual_end(place, note.at) for place in note.places)
@@ -340,7 +354,7 @@ class FieldExecutive:
         if reason is not None:
             raise _ReportError(reason)
 
-    def _named(self, message: said.Started | said.Ending) -> list[int]:
+    def _named(self, message: said.Began | said.Ending) -> list[int]:
         """The places of activities that a message may be about."""
         activities = self.plan.network.activities
         if message.goal is not None:
@@ -352,7 +366,7 @@ class FieldExecutive:
             raise _ReportError("there is no such activity")
         return alike
 
-    def _beginning(self, message: said.Started) -> tuple[int, ...]:
+    def _beginning(self, message: said.Began) -> tuple[int, ...]:
         alike, course = self._named(message), self._course
         activities = self.plan.network.activities
         dispatched = [place for place in alike if place in self.running and place not in course.begun]
@@ -432,7 +446,10 @@ class FieldExecutive:
         plan = self._as_it_shows(course, now)
         times = dict(sorted(course.times.items(), key=lambda item: item[1]))
         progress = said.Progress(plan, now, times, course.chosen, set(), course.reported)
-        self._executive = self._make(plan, progress)
+        thrift, self._executive = self._executive.thrift, self._make(plan, progress)
+        self._executive.thrift = thrift
+        for place in course.ended:  # it may be at an event where others end that still run
+            self._executive.running.pop(place, None)
 
     def _judge_with_early_ends(self, now: Fraction) -> None:
         """Early ends count at once if something correct is left then, and else later if something is left so."""
@@ -455,7 +472,7 @@ class FieldExecutive:
                     event = next(each.event for each in self.plan.network.choices if each.name == choice)
                     if note.report.at is not None and event is not None and not self._structure.ends[event]:
                         self._backdate(course, event, note.at)
-                case said.Started():
+                case said.Began():
                     for place in note.places:
                         course.begun[place] = note.at
                         self._backdate(course, self.plan.network.activities[place].source, note.at)
@@ -686,6 +703,9 @@ class FieldExecutive:
             return []
         self._begin(plan, now)
         return [said.Resumed(now, (), planned=True)]
+
+
+TeamExecutive: TypeAlias = PlanExecutive | FieldExecutive
 
 
 def _certain(guard: model.Guard, chosen: Mapping[str, str]) -> bool:

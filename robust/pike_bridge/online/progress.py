@@ -48,8 +48,10 @@ class Completion(Tagged):
 
 
 @dataclass(frozen=True, slots=True)
-class Started(Tagged):
+class Began(Tagged):
     """Somebody has begun an activity, perhaps before it was dispatched."""
+
+    KIND = "started"
 
     action: str
     event: str | None = None
@@ -115,7 +117,7 @@ class Retract(Tagged):
 
 NOT_ACHIEVED = (ActivityFailed, ActivityAborted, ActivityCancelled)
 Ending: TypeAlias = Completion | ActivityFailed | ActivityAborted | ActivityCancelled
-Report: TypeAlias = Outcome | Started | Ending | Estimate
+Report: TypeAlias = Outcome | Began | Ending | Estimate
 """What happened, as far as somebody knows."""
 Message: TypeAlias = Report | Retract
 

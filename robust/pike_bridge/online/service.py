@@ -25,8 +25,7 @@ from robust.pike_bridge.likelihood import LikelyChoices, chance_answer
 from robust.pike_bridge.model import TeamPlan, check_choice, guard
 from robust.pike_bridge.online import explain
 from robust.pike_bridge.online import progress as said
-from robust.pike_bridge.online.executive import PlanExecutive
-from robust.pike_bridge.online.field import FieldExecutive
+from robust.pike_bridge.online.field import FieldExecutive, TeamExecutive
 from robust.pike_bridge.online.progress import JSON, Decision, Executed, Message
 from robust.smt.limits import NEVER, Deadline
 
@@ -82,7 +81,7 @@ def read_journal(path: str | os.PathLike[str], plan: TeamPlan) -> tuple[JournalS
     return tuple(steps)
 
 
-def resume(executive: PlanExecutive | FieldExecutive, steps: Iterable[JournalStep], file: str = "journal") -> None:
+def resume(executive: TeamExecutive, steps: Iterable[JournalStep], file: str = "journal") -> None:
     """Bring an executive that has done nothing yet to where the steps end.
 
     Raises:
@@ -276,7 +275,7 @@ def check_message(plan: TeamPlan, message: said.Message, location: Location | No
             if name in (choice.name for choice in plan.network.choices if choice.controllable):
                 raise InputError(f"found choice {name}, expected one that is not for the executive to make", location)
             check_choice(plan.network.domains, name, value, location)
-        case said.Completion() | said.Started() | said.NotAchieved():
+        case said.Completion() | said.Began() | said.NotAchieved():
             _check_activity(plan, message, location)
         case said.Estimate():
             pass
@@ -289,7 +288,7 @@ def check_message(plan: TeamPlan, message: said.Message, location: Location | No
 
 
 def _check_activity(
-    plan: TeamPlan, message: said.Completion | said.Started | said.NotAchieved, location: Location | None
+    plan: TeamPlan, message: said.Completion | said.Began | said.NotAchieved, location: Location | None
 ) -> None:
     """InputError if it names an activity, an event or a goal that the plan does not have."""
     activities = plan.network.activities
@@ -317,7 +316,7 @@ class Service:
         likely: what knows how likely success is; None: nobody does.
     """
 
-    executive: PlanExecutive | FieldExecutive
+    executive: TeamExecutive
     journal: Journal | None = None
     solver: str = "z3"
     deadline: Deadline = NEVER
@@ -406,7 +405,7 @@ class Service:
             InputError: if the journal cannot be written.
             OutOfTimeError: if the deadline passes.
         """
-        over = self.ended
+        over = self.ended and not (messages and isinstance(self.executive, FieldExecutive))
         with self.thinking():
             decisions = self.executive.step(moment, messages)
         if not over:
