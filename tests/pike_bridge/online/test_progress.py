@@ -15,7 +15,17 @@ from robust.json_text import parse_line
 from robust.pike_bridge.model import ALWAYS, Activity, Assignment, Choice, Condition, Effect, Literal, TeamPlan, guard
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.progress import JSON
-from robust.pike_bridge.online.service import CLOSING, AskPossible, AskState, AskWhy, News, Query, Tick, Together
+from robust.pike_bridge.online.service import (
+    CLOSING,
+    AskChance,
+    AskPossible,
+    AskState,
+    AskWhy,
+    News,
+    Query,
+    Tick,
+    Together,
+)
 from robust.plan.model import Atom
 from robust.records import in_line
 from tests.pike_bridge.plans import network
@@ -27,16 +37,23 @@ ATOMS = st.builds(Atom, WORDS, st.lists(WORDS, max_size=3).map(tuple)).filter(
 )
 NAMES = st.text(st.characters(exclude_categories=["Cs"]))
 TIMES = st.fractions()
-MESSAGES = st.one_of(
-    st.builds(said.Outcome, NAMES, NAMES),
-    st.builds(said.Completion, NAMES, st.none() | NAMES),
-    st.builds(said.Estimate, st.frozensets(ATOMS), st.frozensets(ATOMS), st.booleans()),
-)
+MAYBE, WHEN = st.none() | NAMES, st.none() | TIMES
+REPORTS = [
+    st.builds(said.Outcome, NAMES, NAMES, WHEN),
+    st.builds(said.Began, NAMES, MAYBE, MAYBE, WHEN),
+    st.builds(said.Completion, NAMES, MAYBE, MAYBE, WHEN, st.dictionaries(NAMES, NAMES)),
+    *(st.builds(kind, NAMES, MAYBE, MAYBE, WHEN) for kind in said.NOT_ACHIEVED),
+    st.builds(said.Estimate, st.frozensets(ATOMS), st.frozensets(ATOMS), st.booleans(), WHEN),
+]
+MESSAGES = st.one_of(*REPORTS, st.builds(said.Retract, st.one_of(REPORTS)))
 TEXTS = st.lists(NAMES).map(tuple)
 SCENARIOS = st.dictionaries(NAMES, NAMES).map(lambda chosen: tuple(Assignment(*item) for item in chosen.items()))
 DECISIONS = st.one_of(
     st.builds(said.Executed, NAMES, TIMES, st.booleans()),
-    st.builds(said.Dispatched, NAMES, st.none() | NAMES, TIMES, NAMES, TIMES, st.none() | TIMES),
+    st.builds(said.Dispatched, NAMES, MAYBE, TIMES, NAMES, TIMES, WHEN, NAMES),
+    st.builds(said.Cancel, NAMES, MAYBE, TIMES, NAMES),
+    st.builds(said.Deviated, NAMES, TIMES, TIMES, TIMES, WHEN, WHEN),
+    st.builds(said.Resumed, TIMES, TEXTS, st.booleans()),
     st.builds(said.Chosen, NAMES, NAMES, TIMES, st.booleans()),
     st.builds(said.Excluded, NAMES, TIMES, TEXTS, TEXTS, NAMES),
     st.builds(said.Violated, ATOMS, st.booleans(), NAMES, TEXTS, TIMES),
@@ -47,7 +64,7 @@ DECISIONS = st.one_of(
 REQUESTS = st.one_of(
     st.builds(Together, st.lists(MESSAGES).map(tuple)),
     st.builds(AskWhy, st.dictionaries(NAMES, NAMES)),
-    st.sampled_from([Tick(), AskPossible(), AskState()]),
+    st.sampled_from([Tick(), AskPossible(), AskState(), AskChance()]),
 )
 SCHEMAS = {name: schema(f"robust/pike-stdio{name}/1") for name in ("", "-input")}
 SHAPES = {
@@ -83,7 +100,7 @@ def test_published_schemas_and_strategies_miss_no_kind():
     assert parts == [each.kind() for each in get_args(said.Message)]
 
 
-KINDS = "outcome, completion, estimate"
+KINDS = "outcome, started, completion, failed, aborted, cancelled, estimate, retract"
 
 
 @pytest.mark.parametrize(
@@ -96,7 +113,7 @@ KINDS = "outcome, completion, estimate"
         ('{"kind": "outcome", "choice": "a"}', "input:7:1: found no field 'value', expected a text"),
         (
             '{"kind": "outcome", "choice": "a", "value": "b", "valu": 1}',
-            "input:7:50: found unknown field 'valu', expected only kind, choice, value; did you mean 'value'?",
+            "input:7:50: found unknown field 'valu', expected only kind, choice, value, at; did you mean 'value'?",
         ),
         ('{"kind": "estimate", "true": "(a)"}', "input:7:30: found '(a)', expected a list for 'true'"),
         ('{"kind": "estimate", "true": ["a"]}', "input:7:31: found 'a', expected an atom such as '(at cup table)'"),
