@@ -316,6 +316,19 @@ class HesitationOptions(LongOptions):
     limit: float | None = _limit("60", "seconds for each execution")
 
 
+class StepsOptions(LongOptions):
+    """Execute large plans with choices: how long each step takes, and what its budget gives away.
+
+    Steps of executions of large plans with choices.
+    """
+
+    blocks: tuple[int, ...] = _many(
+        "plans of N blocks of 13 activities; 4, 8, 16 and 31", "--blocks", "N", read=_whole_numbers
+    )
+    seed: int = _count(0, "of what people choose, and how long activities take")
+    limit: float | None = _limit("120", "seconds for each execution")
+
+
 class Figure17Options(LongOptions, Plot):
     """Execute plans with choices by PIKE, and by one who guesses intents: re-plans over the number of intents.
 
@@ -381,6 +394,7 @@ EXPERIMENTS = {
         Entry("figure20a", "pike.figure20a_21", Figure20aOptions),
         Entry("figure20b", "pike.figure20b", Figure20bOptions),
         Entry("hesitation", "pike.hesitation", HesitationOptions),
+        Entry("steps", "pike.steps", StepsOptions),
         Entry("figure21", "pike.figure20a_21", Figure21Options),
         Entry("figure17", "pike.figure17_18", Figure17Options),
         Entry("figure18", "pike.figure17_18", Figure18Options),
