@@ -267,7 +267,6 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
     def repeat(self, now: Fraction, messages: Sequence[said.Message], decisions: Iterable[said.Decision]) -> None:
         """Take an earlier step again as it was decided then; nothing is asked."""
         decisions = tuple(decisions)
-        self._recorded = None
         refused = {each.message for each in decisions if isinstance(each, said.Rejected)}
         self._is_overdue(now)
         for message in messages:
@@ -278,12 +277,12 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
             match decision:
                 case said.Resumed(planned=False):
                     self._release()
-                case said.Failed() | said.Succeeded():
-                    self._recorded = decision
                 case said.Deviated() if decision.counts is not None:
                     self._held |= self._early()
         self._acted(decisions)
         self.judge_anew(now)
+        endings = (each for each in decisions if isinstance(each, said.Failed | said.Succeeded))
+        self._recorded = next(endings, None)
 
     # -- what is told --------------------------------------------------------------------------------------------------
 
