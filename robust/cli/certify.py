@@ -298,7 +298,8 @@ def _of_choices(options: CertifyCommand, deadline: Deadline) -> list[Any]:
         return execution(network, options.separation, decision.witness.scenario, decision.witness.schedule)
     if options.kind is None:
         return knowledge(network, options.separation, deadline, choices)
-    raise RefutedError("no choices and times are a correct execution of the plan with choices", Location(str(network)))
+    reason = "there is no correct execution of the plan with choices; `--kind knowledge` certifies that"
+    raise RefutedError(reason, Location(str(network)))
 
 
 def _region(options: CertifyCommand, plan: ParametrizedPlan, deadline: Deadline) -> Region:

@@ -191,7 +191,7 @@ def test_choices_that_leave_no_execution(path):
         ended = command("verify", path, KITCHEN, "--kind", "knowledge", *less)
         assert (ended.code, ended.out) == (1, "rejected: the choices that are demanded are others\n")
     ended = command("certify", KITCHEN, "-o", path, "--kind", "execution", *both)
-    assert (ended.code, "found no correct execution" in ended.err) == (1, True)
+    assert (ended.code, "there is no correct execution" in ended.err) == (1, True)
 
 
 def test_a_maximal_box_is_demanded_with_all_its_values(path, box, tmp_path):
