@@ -12,7 +12,7 @@ from robust.execute.messages import MonitorMessage, StepProgress
 from robust.numbers import format_number
 from robust.plan import model, timeline
 from robust.plan.polynomial import Polynomial
-from robust.plan.simulate import simulate
+from robust.plan.simulate import mutex_pairs, simulate
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,18 +92,35 @@ class History:
                     times[point] = time
         return times
 
+    def earliest(self, epsilon: Fraction) -> Mapping[model.TimePoint, Fraction]:
+        """When at the earliest a point may happen that is mutex with what happened less than `epsilon` ago."""
+        running = {self.plan.instance[name].end for name, step in self.steps.items() if step.is_running}
+        recent = {p: at for p, at in self._times.items() if p not in running and at + epsilon > self.time}
+        recent.pop(model.ZERO, None)
+        if not recent:
+            return {}
+        attempts = (each for each, *_ in self._instances if each.identifier not in self.plan.instance)
+        tried = (replace(each, conditions=(), durations=()) for each in attempts)
+        found: dict[model.TimePoint, Fraction] = {}
+        for pair in mutex_pairs(replace(self.plan, instances=(*self.plan.instances, *tried))):
+            for past, open_point in (pair, pair[::-1]):
+                if past in recent and (open_point in running or open_point not in self._times):
+                    found[open_point] = max(recent[past] + epsilon, found.get(open_point, self.time))
+        return found
+
     def breaches(self, epsilon: Fraction) -> Sequence[str]:
         """What broke in what has happened, in words: conditions and separations of steps, and demands of the plan."""
-        instances = []
-        for instance, _, _ in self._instances:
+        instances, times = [], dict(self._execution.times)
+        for instance, start, _ in self._instances:
             known = self.steps.get(instance.identifier, StepProgress())
-            untold = set() if known.end is not None else {model.Timing.AT_END}
-            untold |= set(model.Timing) if known.start is None else set()
-            conditions = tuple(part for part in instance.conditions if part.timing not in untold)
-            instances.append(replace(instance, conditions=conditions, durations=()))
+            if known.start is None:
+                instance = replace(instance, conditions=())  # noqa: PLW2901 - of an attempt that failed
+            elif known.end is None:
+                instance, times[instance.end] = _so_far(instance), max(start, self.time)  # noqa: PLW2901 - it runs
+            instances.append(replace(instance, durations=()))
         plan = replace(self._execution.plan, instances=tuple(instances), goal=())
         looks = {str(point) for point in self._seen}  # to look is to do nothing, so that no time has to be kept from it
-        every = simulate(plan, plan.nominal, self._execution.times, epsilon=epsilon).violations
+        every = simulate(plan, plan.nominal, times, epsilon=epsilon).violations
         pairs = (each.obligation.removeprefix("separation: ").split(", ") for each in every)
         found = [each for each, pair in zip(every, pairs, strict=True) if looks.isdisjoint(pair)]
         late = [
@@ -232,12 +249,12 @@ def read_by(
         yield from model.fluents_in(expression)
 
 
-def remaining_plan(history: History, *, ordered: bool) -> model.ParametrizedPlan:
+def remaining_plan(history: History, epsilon: Fraction, *, ordered: bool) -> model.ParametrizedPlan:
     """The plan of what is still to come, in the state that is reached, with times as in the whole plan.
 
-    What has happened is a number in the constraints of the rest. A step that runs begins now and has, in its effects
-    and conditions, lasted for a while; its start has nothing to say any more. If it is not `ordered`, only durations
-    and deadlines count, and no order of steps.
+    What has happened is a number in the constraints of the rest, and mutex points stay `epsilon` away from it. A step
+    that runs begins now and has, in its effects and conditions, lasted for a while; its start has nothing to say any
+    more. If it is not `ordered`, only durations and deadlines count, and no order of steps.
     """
     plan, now, state = history.plan, history.time, history.state
     times = dict(history.happened)
@@ -252,8 +269,10 @@ def remaining_plan(history: History, *, ordered: bool) -> model.ParametrizedPlan
         elif known.end is None:
             instances.append(instance)
     points = {point for instance in instances for point in instance.time_points if point not in times}
-    earliest = Polynomial[model.NumericVariable].constant(now)
-    constraints += [model.TemporalConstraint(model.ZERO, point, earliest, None) for point in points]
+    earliest = dict.fromkeys(points, now) | history.earliest(epsilon)
+    constraints += [
+        model.TemporalConstraint(model.ZERO, point, Polynomial.constant(time), None) for point, time in earliest.items()
+    ]
     for item in plan.constraints:
         numbers = all(bound is None or bound.is_constant for bound in (item.lower, item.upper))
         if ordered or not numbers or item.name is not None or item.source.instance == item.target.instance:
@@ -288,6 +307,18 @@ def _begun(instance: model.ActionInstance, elapsed: Fraction, values: model.Valu
     )
     longer = Polynomial.variable(model.Duration()) + elapsed
     return model.with_values(rest, {model.Duration(): longer})
+
+
+def _so_far(instance: model.ActionInstance) -> model.ActionInstance:
+    """A step without its end."""
+    at_end = model.Timing.AT_END
+    return replace(
+        instance,
+        conditions=tuple(part for part in instance.conditions if part.timing is not at_end),
+        atom_effects=tuple(e for e in instance.atom_effects if e.timing is not at_end),
+        numeric_effects=tuple(e for e in instance.numeric_effects if e.timing is not at_end),
+        mentions=frozenset(m for m in instance.mentions if m.timing is not at_end),
+    )
 
 
 def _continued(

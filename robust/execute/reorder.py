@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from robust.encode.encoding import RelationalEncoding
+from robust.encode.interface import constant, variable
 from robust.errors import InputError, SolverError, UnsupportedError
 from robust.execute.causal import causal_network
 from robust.execute.distances import Original, with_literals
@@ -61,11 +62,11 @@ def reordered(
             return Reordered(Prospect.BROKEN, reasons=tuple(breaches))
         if in_order:
             with suppress(OutsideFragmentError, UnsupportedError, InputError):  # if planned durations will not do
-                rest = make(remaining_plan(history, ordered=True), epsilon, *known)
+                rest = make(remaining_plan(history, epsilon, ordered=True), epsilon, *known)
                 rest.pass_time(history.time)
                 if rest.look(history.time, deadline).prospect in OPEN:
                     return Reordered(Prospect.ON_TRACK, rest, in_order=True)
-        unordered = remaining_plan(history, ordered=not free)
+        unordered = remaining_plan(history, epsilon, ordered=not free)
         found = _schedule(unordered, epsilon, deadline)
         if found is None:
             return Reordered(Prospect.BROKEN)
@@ -79,6 +80,8 @@ def _schedule(
 ) -> tuple[Mapping[str, Fraction], Mapping[model.TimePoint, Fraction]] | None:
     """Parameter values and a valid schedule; None if there are none.
 
+    If steps can take as long as planned, they do; if not, they take some time if they can.
+
     Raises:
         OutOfTimeError: if the deadline passes, or the solver gives up.
         SolverError: if the simulator does not confirm what was found.
@@ -91,7 +94,19 @@ def _schedule(
         return None
     if answer is Satisfiability.UNKNOWN:
         raise OutOfTimeError
-    values = {name: Fraction(value) for name, value in session.values(encoding.unknowns()).items()}
+    found = session.values(encoding.unknowns())
+    terms, places = encoding.terms, encoding.places
+    planned = [
+        terms.at_least(variable(model.ParameterReference(name)) - constant(length))
+        for name, length in plan.nominal.items()
+    ]
+    lasting = [terms.greater(places[each.end] - places[each.start]) for each in plan.instances if each.durative]
+    for wish in ([*planned, *lasting], lasting):
+        with session.frame(*wish):
+            if session.check("steps take time", deadline) is Satisfiability.SATISFIABLE:
+                found = session.values(encoding.unknowns())
+                break
+    values = {name: Fraction(value) for name, value in found.items()}
     schedule = encoding.schedule(values)
     parameters = plan.nominal | {name: value for name, value in values.items() if name in plan.nominal}
     if simulate(plan, parameters, schedule, epsilon=epsilon).violations:

@@ -7,6 +7,7 @@ what has been said; it relaxes all of them until nothing changes. Drawn often an
 import csv
 import json
 from collections import defaultdict
+from dataclasses import replace
 from fractions import Fraction
 from functools import cache
 from heapq import heappop, heappush
@@ -22,6 +23,8 @@ from robust.execute.forecast import PathForecaster, Prospect
 from robust.execute.messages import MessageKind, MonitorMessage
 from robust.plan.model import ZERO
 from robust.plan.simulate import mutex_pairs
+from tests.execute.test_monitor import Oracle as SolverOracle
+from tests.execute.test_monitor import bare
 from tests.sampling import often
 
 SHARED = Path(__file__).parents[3] / "shared"
@@ -197,3 +200,49 @@ def test_answers_are_those_of_shortest_paths_from_scratch(case):
             assert list(differences(monitor, oracle, outlook, random)) == [], (number, message)
         ended[outlook.prospect] += 1
     assert sum(ended.values()) == often(1, 20)
+
+
+def disordered(monitor, solver, random, spread):
+    """Messages of a robot that also starts what is not yet to start, if some order succeeds; with the answers."""
+    ends, now, outlook = [], Fraction(0), monitor.outlook()
+    while outlook.prospect in OPEN:
+        draw, latest = random.random(), [look.end[1] for look in outlook.running if look.end[1] is not None]
+        chosen = [look.step for look in outlook.startable if not look.start[0] > now]
+        if draw < 0.3 and outlook.coming:
+            step = random.choice(outlook.coming).step
+            begun = {**happened(monitor), monitor.plan.instance[step].start: now}
+            chosen = [step] if solver.is_possible(begun, now) else chosen
+        if chosen and draw < 0.8:
+            now += random.choice([0, 0, Fraction(1, 2000), Fraction(1, 1000), Fraction(1, 8)])
+            message = MonitorMessage(START, random.choice(chosen), now)
+            if monitor.plan.instance[message.step].durative:
+                length = monitor.planned[message.step] * (1 + (random.choice(ratios()) - 1) * spread)
+                heappush(ends, (max(now, Fraction(round((now + length) * 1000), 1000)), message.step))
+        elif ends and draw < 0.95:
+            now, step = max(now, ends[0][0]), heappop(ends)[1]
+            message = MonitorMessage(END, step, now)
+        else:
+            now += Fraction(1, 16)
+            if latest and random.random() < 0.5:  # just before it is too late, and at that very moment
+                now = max(now, min(latest) - random.choice([0, Fraction(1, 2000), Fraction(1, 500)]))
+            message = MonitorMessage(TICK, at=now)
+        outlook = monitor.tell(message)
+        yield message, outlook
+
+
+@pytest.mark.parametrize("first", range(4, often(12, 204), 4))
+def test_nothing_is_left_in_any_order_when_a_solver_says_so(first):
+    cases = [case for case in files() if case[-1] <= 20]
+    judged = 0
+    for seed in range(first, first + 4):
+        random = Random(seed)  # noqa: S311 - reproducible
+        name, *paths, _ = cases[0] if seed % 4 < 2 else random.choice(cases)
+        deadline = random.choice(["+5%", "+20%", "+60%"])
+        monitor = Monitor(load_plan(*paths, parameters=["duration:*"], deadline=deadline), seconds=None)
+        solver = SolverOracle(replace(monitor.plan, constraints=bare(monitor.plan)))
+        for message, outlook in disordered(monitor, solver, random, random.choice([Fraction(1, 4), 1])):
+            if outlook.reordered or outlook.prospect is Prospect.BROKEN:
+                possible = solver.is_possible(happened(monitor), monitor.time)
+                assert possible is (outlook.prospect is not Prospect.BROKEN), (seed, name, message)
+                judged += 1
+    assert judged > 0
