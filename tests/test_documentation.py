@@ -89,10 +89,11 @@ def run(session, directory, robust=COMMAND):
 
 
 def normalised(line):
-    """Without what differs from run to run and from terminal to terminal: times, frames, spaces."""
+    """Without what differs from run to run and from terminal to terminal: times, frames, spaces, slow steps."""
     line = re.sub(r"[─│╭╮╰╯┃━┏┓┡┩┗┛┳╇┴┬┼├┤]", " ", line)
     line = re.sub(r'("(?:[a-z_]*seconds|[a-z_]*_s)"): [0-9.e+-]+', r"\1: TIME", line)
     line = re.sub(r"\b[0-9]+(?:\.[0-9]+)? ?(?:s|ms|seconds)\b", "TIME", line)
+    line = re.sub(r"^[0-9]+ of [0-9]+ steps were not decided within their budget.*", "", line)
     return " ".join(line.split())
 
 
