@@ -22,6 +22,7 @@ from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any, TypeAlias, assert_never
 
+from robust.errors import InputError
 from robust.pike_bridge import model
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.executive import PlanExecutive, Thrift, objection
@@ -265,7 +266,11 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         return decisions
 
     def repeat(self, now: Fraction, messages: Sequence[said.Message], decisions: Iterable[said.Decision]) -> None:
-        """Take an earlier step again as it was decided then; nothing is asked."""
+        """Take an earlier step again as it was decided then; nothing is asked.
+
+        Raises:
+            InputError: if a planner made another plan then, which no record has.
+        """
         decisions = tuple(decisions)
         refused = {each.message for each in decisions if isinstance(each, said.Rejected)}
         self._is_overdue(now)
@@ -275,14 +280,16 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         self.judge_anew(now)
         for decision in decisions:
             match decision:
-                case said.Resumed(planned=False):
+                case said.Resumed(planned=True):
+                    raise InputError(f"found another plan of a planner at {now}, expected an execution of one plan")
+                case said.Resumed():
                     self._release()
                 case said.Deviated() if decision.counts is not None:
                     self._held |= self._early()
         self._acted(decisions)
         self.judge_anew(now)
-        endings = (each for each in decisions if isinstance(each, said.Failed | said.Succeeded))
-        self._recorded = next(endings, None)
+        ends = (decision for decision in decisions if isinstance(decision, said.Failed | said.Succeeded))
+        self._recorded = next(ends, None)
 
     # -- what is told --------------------------------------------------------------------------------------------------
 

@@ -73,7 +73,7 @@ class NotAchieved(Tagged):
     at: Fraction | None = None
 
     def __str__(self) -> str:
-        return f"{self.action} was {self.kind()}{_at(self.at)}"
+        return f"{self.action} {'has' if self.kind() == 'failed' else 'was'} {self.kind()}{_at(self.at)}"
 
 
 class ActivityFailed(NotAchieved):

@@ -1,5 +1,6 @@
 """Executives for robots and people as they are: each kind of report, and random worlds, which a simulator judges."""
 
+import json
 from dataclasses import replace
 from fractions import Fraction
 from operator import itemgetter
@@ -8,7 +9,8 @@ from random import Random
 import pytest
 from hypothesis import given, settings
 
-from robust.pike import FieldExecutive
+from robust.json_text import parse_line
+from robust.pike import FieldExecutive, JournalStep, resume
 from robust.pike_bridge.model import (
     Activity,
     Choice,
@@ -23,6 +25,7 @@ from robust.pike_bridge.model import (
     starts_with,
 )
 from robust.pike_bridge.online import progress as said
+from robust.pike_bridge.online.progress import JSON
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.semantics import ExecutionExistence, Oracle
 from robust.plan.model import Atom
@@ -331,6 +334,7 @@ def carried_out(plan, random, **options):
     """An execution in a random world: the executive, and all that was told with when it happened."""
     chosen, world = executive(plan, **options), World(plan, random)
     asked, told, now = set(), [], Fraction(0)
+    chosen.steps = []
     for _ in range(40):
         due = sorted((each for each in world.agenda if each[0] <= now), key=itemgetter(0, 1))
         world.agenda = [each for each in world.agenda if each not in due]
@@ -339,6 +343,7 @@ def carried_out(plan, random, **options):
             messages.append(random.choice(messages))
         told += [(happened, message) for _, _, message, happened in due]
         decisions = chosen.step(now, messages)
+        chosen.steps.append(JournalStep(now, tuple(messages), tuple(decisions)))
         check_step(chosen, decisions)
         if isinstance(chosen.outcome, said.Succeeded):
             break
@@ -429,6 +434,23 @@ def test_what_has_happened_does_not_depend_on_the_order_of_reports(random):
     chosen.notes[:] = shuffled
     chosen.judge_anew(state.time)
     assert chosen.state() == state
+
+
+@given(seeds)
+@settings(max_examples=often(10, 300))
+def test_a_journal_leads_to_where_it_was_written(random):
+    """Whenever a process was killed: the same state, and the same decision next."""
+    early = random.choice(("accept", "wait"))
+    plan = decided_in_time(random)
+    chosen, _ = carried_out(plan, random, early=early, patience=None)
+    length = random.randint(0, len(chosen.steps))
+    again = executive(plan, early=early, patience=None)
+    lines = (json.dumps(JSON.write(JournalStep, step)) for step in chosen.steps[:length])
+    resume(again, [JSON.read(JournalStep, parse_line(line, "journal")) for line in lines])
+    for step in chosen.steps[length:]:
+        assert again.step(step.time, step.messages) == list(step.decisions)
+    assert again.state() == chosen.state()
+    assert again.outcome == chosen.outcome
 
 
 @pytest.mark.parametrize("seed", range(4))
