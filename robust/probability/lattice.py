@@ -10,8 +10,9 @@ most |x|₂ |y|₂ ((1+u)^3m (1+u√5)^(3m+1) (1+β)^3m − 1) in each place, β
 and Zimmermann 2007, theorem 5.1, radix 2; larger radices round less often]. Here x is a law, |x|₂ ≤ √n, and y the
 differences of one, |y|₂ ≤ 1. That NumPy's transforms are of this kind, with passes of radix 2 and 4 and roots of unity
 that are right to the last digit or two, is taken from their source; a test compares with exact sums. With n ≤ 2²⁰,
-m ≤ 21 and β ≤ 2u, that is less than 5·10⁻¹¹. Differences are rounded by u/2 each, which adds at most n·u/2 < 6·10⁻¹¹. A product of two numbers up to 1 is rounded by less than u. So after each
-operation a step of `STEP` = 2⁻³² > 2·10⁻¹⁰ to the safe side covers all of its rounding.
+m ≤ 21 and β ≤ 2u, that is less than 5·10⁻¹¹. Differences are rounded by u/2 each, which adds at most n·u/2 < 6·10⁻¹¹.
+A product of two numbers up to 1 is rounded by less than u. So after each operation a step of `STEP` = 2⁻³² > 2·10⁻¹⁰ to
+the safe side covers all of its rounding.
 
 **Branches that meet.** Laws of T(v) − T(d) are kept, d the dominator of v, so that what all paths to v have in common
 counts once. Branches may still share variables. From below the product of their laws is a bound all the same: they are

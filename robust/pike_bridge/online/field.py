@@ -259,7 +259,9 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
             self._judge_with_early_ends(now)
             decisions += self._changes(before)
             taken = []
-        decisions += self._acted(self._executive.step(now, taken))
+        acted = self._acted(self._executive.step(now, taken))
+        self._drop(each.message for each in acted if isinstance(each, said.Rejected))
+        decisions += acted
         self._stale = False
         if isinstance(self.outcome, said.Failed):
             decisions[-1:] = self._mended(now, self.outcome)
@@ -272,11 +274,14 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
             InputError: if a planner made another plan then, which no record has.
         """
         decisions = tuple(decisions)
-        refused = {each.message for each in decisions if isinstance(each, said.Rejected)}
         self._is_overdue(now)
+        refused = [each.message for each in decisions if isinstance(each, said.Rejected)]
         for message in messages:
-            if str(message) not in refused:
+            try:
                 self._take(message, now)
+            except _ReportError:
+                refused.remove(str(message))
+        self._drop(refused)
         self.judge_anew(now)
         for decision in decisions:
             match decision:
@@ -288,8 +293,16 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
                     self._held |= self._early()
         self._acted(decisions)
         self.judge_anew(now)
+        self._newly_deviated(now)  # it was announced then
         ends = (decision for decision in decisions if isinstance(decision, said.Failed | said.Succeeded))
         self._recorded = next(ends, None)
+
+    def _drop(self, refused: Iterable[str]) -> None:
+        """Forget what was noted last and then rejected, because something happened at that moment."""
+        for text in refused:
+            note = next((note for note in reversed(self.notes) if str(note.report) == text), None)
+            if note is not None:
+                self.notes.remove(note)
 
     # -- what is told --------------------------------------------------------------------------------------------------
 
@@ -485,14 +498,19 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
                 case said.Completion() | said.NotAchieved():
                     course.ended.update((place, (note.report.kind(), note.at)) for place in note.places)
                     course.chosen |= note.report.outcomes if isinstance(note.report, said.Completion) else {}
-        for event in course.times:
-            for variable, value in self._structure.guards[event]:
-                course.chosen.setdefault(variable, value)
+        self._note_guards(course)
         self._note_ends(course, now)
+        self._note_guards(course)
         for note in notes:
             if isinstance(note.report, said.Estimate):
                 self._note_seen(course, note.report, note.at)
         return course
+
+    def _note_guards(self, course: _Course) -> None:
+        """Guards of what has happened hold."""
+        for event in course.times:
+            for variable, value in self._structure.guards[event]:
+                course.chosen.setdefault(variable, value)
 
     def _backdate(self, course: _Course, event: str, at: Fraction) -> None:
         """An event that the executive has not executed was at a time, and what has to be before it was before."""
@@ -656,13 +674,22 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
                 each = activities[place]
                 goal, limits = said.goal_of(place), (each.lower, each.upper)
                 yield said.Dispatched(each.action, each.agent, progress.now, each.target, *limits, goal)
-        for place in sorted(self._overdue.union(self._course.ended) - self._deviated):
-            lasted = self._lasted(place, progress.now)
+        for place in self._newly_deviated(progress.now):
             each = activities[place]
-            if not _within(lasted, each.lower, each.upper):
-                self._deviated.add(place)
-                counts = self._counts_from(place) if place in self._held else None
-                yield said.Deviated(each.action, progress.now, lasted, each.lower, each.upper, counts)
+            counts = self._counts_from(place) if place in self._held else None
+            lasted = self._lasted(place, progress.now)
+            yield said.Deviated(each.action, progress.now, lasted, each.lower, each.upper, counts)
+
+    def _newly_deviated(self, now: Fraction) -> list[int]:
+        """Activities that did not keep to their bounds, or do not by now, which is announced once."""
+        activities = self.plan.network.activities
+        outside = [
+            place
+            for place in sorted(self._overdue.union(self._course.ended) - self._deviated)
+            if not _within(self._lasted(place, now), activities[place].lower, activities[place].upper)
+        ]
+        self._deviated.update(outside)
+        return outside
 
     def _lasted(self, place: int, now: Fraction) -> Fraction:
         """How long an activity took, or has taken by now."""
