@@ -269,7 +269,7 @@ def remaining_plan(history: History, epsilon: Fraction, *, ordered: bool) -> mod
         elif known.end is None:
             instances.append(instance)
     points = {point for instance in instances for point in instance.time_points if point not in times}
-    earliest = dict.fromkeys(points, now) | history.earliest(epsilon)
+    earliest = {**dict.fromkeys(points, now), **history.earliest(epsilon)}
     constraints += [
         model.TemporalConstraint(model.ZERO, point, Polynomial.constant(time), None) for point, time in earliest.items()
     ]
