@@ -68,6 +68,7 @@ class StepAhead:
 class PlanForecast:
     """What is ahead: of each step that has not ended, which may start now, and what durations are promised.
 
+    `free` are the steps whose starts wait for nothing but time: those that may start now, and some that may later.
     `exact` says whether windows are all that is left, or only the promised part of it.
     """
 
@@ -75,6 +76,7 @@ class PlanForecast:
     reasons: tuple[str, ...] = ()
     steps: Mapping[str, StepAhead] | None = None
     ready: frozenset[str] = frozenset()
+    free: frozenset[str] = frozenset()
     promise: Mapping[str, Window] | None = None
     exact: bool = True
 
@@ -275,7 +277,7 @@ class PathForecaster:
             return PlanForecast(Prospect.BROKEN, tuple(self._reasons(expected=False)))
         on_track = self._expected.open
         network = self._expected if on_track else self._possible
-        steps, ready = {}, []
+        steps, ready, free = {}, [], []
         for instance in self._plan.instances:
             name, known = instance.identifier, self._progress.get(instance.identifier)
             if known is not None and known.end is not None:
@@ -287,15 +289,15 @@ class PathForecaster:
                 longest += Fraction(network.earliest[begin], self._scale) - known.start
             steps[name] = StepAhead(self._window(least), self._window(most), longest)
             if known is None or known.start is None:
-                possible = self._possible.earliest[begin]
                 happened = self._possible.times
-                if possible <= self._ticks(time) and all(point in happened for point in self._waits_for[begin]):
-                    ready.append(name)
+                if all(point in happened for point in self._waits_for[begin]):
+                    free.append(name)
+                    if self._possible.earliest[begin] <= self._ticks(time):
+                        ready.append(name)
         promise = self._find_promise(deadline) if on_track else None
         reasons = () if on_track else tuple(self._reasons(expected=True))
-        return PlanForecast(
-            Prospect.ON_TRACK if on_track else Prospect.AT_RISK, reasons, steps, frozenset(ready), promise
-        )
+        prospect = Prospect.ON_TRACK if on_track else Prospect.AT_RISK
+        return PlanForecast(prospect, reasons, steps, frozenset(ready), frozenset(free), promise)
 
     def _window(self, window: tuple[int, int | None]) -> Window:
         low, high = window

@@ -9,7 +9,7 @@ from where it is, in whatever order a solver finds (:mod:`robust.execute.reorder
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
@@ -46,7 +46,7 @@ from robust.qe.box import Interval
 from robust.smt.limits import Deadline
 
 TICK = Fraction(1, 1000)
-"""How long after a moment it is certain that it has passed, on clocks."""
+"""Clocks are read in multiples of this: a moment has passed at the next one."""
 SECONDS = 1.0
 """For an answer, unless said otherwise."""
 
@@ -106,6 +106,8 @@ class Outlook(NoTruthValue, ask="prospect"):
         success: the probability of success, where durations have distributions; None if it is not known.
         reordered: whether the plan goes on in another order than its own.
         exact: whether windows and slack are all that is left; else they are what is promised, and more may be left.
+        wake: when something changes if nothing happens before: a step may start, cannot start or end any more, or is
+            too late for the plan; None if never.
     """
 
     message: int
@@ -121,6 +123,7 @@ class Outlook(NoTruthValue, ask="prospect"):
     success: SuccessOutlook | None = None
     reordered: bool = False
     exact: bool = True
+    wake: Fraction | None = None
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -130,14 +133,6 @@ class Outlook(NoTruthValue, ask="prospect"):
             for look in self.running
             if look.end[1] is not None
         )
-
-    @property
-    def wake(self) -> Fraction | None:
-        """When something changes if nothing happens before: a step may start, or cannot any more; None if never."""
-        times = [look.start[0] for look in self.coming]
-        times += [look.start[1] for look in (*self.startable, *self.coming) if look.start[1] is not None]
-        times += [look.end[1] for look in self.running if look.end[1] is not None]
-        return min((time + TICK for time in times if time >= self.time), default=None)
 
 
 @dataclass
@@ -372,7 +367,19 @@ class Monitor:
             self._success(forecast),
             self._other is not None and not self._in_order,
             forecast.exact,
+            self._wake(looks, forecast.free),
         )
+
+    def _wake(self, looks: Sequence[StepOutlook], free: Container[str]) -> Fraction | None:
+        """The first moment to come at which time alone opens or closes a window.
+
+        The start of a step that waits for another one moves with the present, and is no such moment.
+        """
+        opening = [look.start[0] for look in looks if look.step in free and look.start[0] > self.time]
+        limits = [look.end[1] if look.since is not None else look.start[1] for look in looks]
+        closing = [time + self.lateness for time in limits if time is not None]
+        first = min((time for time in (*opening, *closing) if time >= self.time), default=None)
+        return None if first is None else (first // TICK + 1) * TICK
 
     def _success(self, forecast: PlanForecast) -> SuccessOutlook | None:
         """Bounds of the probability of success; those before, where no promise was found in time."""

@@ -153,12 +153,9 @@ class SliceForecaster:
         reasons = (
             () if prospect is Prospect.ON_TRACK else ("no durations are left of which all are at least as planned",)
         )
-        ready = frozenset(
-            step
-            for step, ahead in steps.items()
-            if self._known(step).start is None and ahead.start[0] <= time and not self._waits(step, times)
-        )
-        self._last = PlanForecast(prospect, reasons, steps, ready, promise, exact=False)
+        free = frozenset(s for s in steps if self._known(s).start is None and not self._waits(s, times))
+        ready = frozenset(step for step in free if steps[step].start[0] <= time)
+        self._last = PlanForecast(prospect, reasons, steps, ready, free, promise, exact=False)
         return self._last
 
     def _waits(self, step: str, times: Mapping[model.TimePoint, Fraction]) -> bool:

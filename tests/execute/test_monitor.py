@@ -4,6 +4,7 @@ import asyncio
 from dataclasses import replace
 from fractions import Fraction
 from heapq import heappop, heappush
+from itertools import pairwise
 from pathlib import Path
 from random import Random
 
@@ -204,6 +205,51 @@ def test_the_probability_of_the_promise_is_a_lower_bound():
     ended = monitor.say("end", "n0", at=12)
     assert lower < ended.success.lower <= ended.success.upper == 1
     assert monitor.say("tick", at=100).success.upper == 0
+
+
+def waking(monitor: Monitor) -> list[Outlook]:
+    """The answers of a run in which a clock does nothing but wake, and nobody says anything more."""
+    answers = [monitor.outlook()]
+    while answers[-1].wake is not None:
+        assert len(answers) < 100
+        answers.append(monitor.say("tick", at=answers[-1].wake))
+        assert answers[-1].refused is None
+        assert answers[-1].time == answers[-2].wake > answers[-2].time
+    return answers
+
+
+@pytest.mark.parametrize("lateness", [0, 5])
+@pytest.mark.parametrize("started", [False, True])
+def test_a_clock_wakes_only_where_time_opens_or_closes_a_window(lateness, started):
+    monitor = workshop(lateness=Fraction(lateness))
+    if started:
+        monitor.say("start", "n0", at=0)
+    answers = waking(monitor)
+    assert [answer.prospect for answer in answers] == [Prospect.ON_TRACK, Prospect.AT_RISK, Prospect.BROKEN]
+    for before, after in pairwise(answers):
+        again = Monitor(monitor.plan, lateness=monitor.lateness)
+        for message in [each for each in monitor.taken.values() if each.kind is START]:
+            again.tell(message)
+        assert again.say("tick", at=after.time - Fraction(1, 500)).prospect is before.prospect
+
+
+def test_a_clock_wakes_where_a_start_waits_for_time_alone():
+    monitor = workshop()
+    monitor.say("start", "n0", at=0)
+    answer = monitor.say("end", "n0", at=12)
+    while answer.wake is not None and not answer.startable:
+        answer = monitor.say("tick", at=answer.wake)
+    assert answer.time < Fraction(1201, 100), "after the separation from what has just happened"
+
+
+def test_promises_by_slices_wake_a_clock_a_few_times():
+    files = (EXAMPLES / "generator" / name for name in ("domain.pddl", "problem.pddl", "plan.stn"))
+    monitor = Monitor(load_plan(*files, parameters=["duration:*"]), reorder=False)
+    monitor.say("start", "shift", at=0)
+    monitor.say("start", "pour_1", at=20)
+    answers = waking(monitor)
+    assert len(answers) < 40
+    assert answers[-1].prospect is Prospect.BROKEN
 
 
 def test_an_event_loop_goes_on_while_answers_are_worked_out():
