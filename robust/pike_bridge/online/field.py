@@ -271,7 +271,8 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         """Take an earlier step again as it was decided then; nothing is asked.
 
         Raises:
-            InputError: if a planner made another plan then, which no record has.
+            InputError: if a planner made another plan then, which no record has, or if a message was taken that
+                contradicts what came before it.
         """
         decisions = tuple(decisions)
         self._is_overdue(now)
@@ -279,7 +280,9 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         for message in messages:
             try:
                 self._take(message, now)
-            except _ReportError:
+            except _ReportError as error:
+                if str(message) not in refused:
+                    raise InputError(f"found {message} taken, expected it to be rejected: {error}") from None
                 refused.remove(str(message))
         self._drop(refused)
         self.judge_anew(now)

@@ -97,7 +97,8 @@ def resume(executive: TeamExecutive, steps: Iterable[JournalStep], file: str = "
                     Location(file, line),
                 )
             pending.remove(event)
-        executive.repeat(step.time, step.messages, step.decisions)
+        with records.in_line(file, line):
+            executive.repeat(step.time, step.messages, step.decisions)
 
 
 def plan_digest(plan: TeamPlan) -> str:

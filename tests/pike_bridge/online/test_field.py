@@ -9,6 +9,7 @@ from random import Random
 import pytest
 from hypothesis import given, settings
 
+from robust.errors import InputError
 from robust.json_text import parse_line
 from robust.pike import FieldExecutive, JournalStep, resume
 from robust.pike_bridge.model import (
@@ -451,6 +452,24 @@ def test_a_journal_leads_to_where_it_was_written(random):
         assert again.step(step.time, step.messages) == list(step.decisions)
     assert again.state() == chosen.state()
     assert again.outcome == chosen.outcome
+
+
+@pytest.mark.parametrize(
+    ("step", "reason"),
+    [
+        (
+            JournalStep(Fraction(1), (said.Began("(fly human)"),), ()),
+            "taken, expected it to be rejected: there is no such",
+        ),
+        (
+            JournalStep(Fraction(1), (), (said.Resumed(Fraction(1), (), planned=True),)),
+            "found another plan of a planner",
+        ),
+    ],
+)
+def test_steps_that_cannot_have_been_taken_say_where_they_are(step, reason):
+    with pytest.raises(InputError, match=f"^journal:3: .*{reason}"):
+        resume(executive(kitchen()), [JournalStep(Fraction(0), (), ()), step])
 
 
 @pytest.mark.parametrize("seed", range(4))
