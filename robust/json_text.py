@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from enum import Enum
 from fractions import Fraction
-from functools import cache, singledispatch
+from functools import cache, partial, singledispatch
 from pathlib import Path
 from textwrap import dedent
 from types import NoneType, UnionType
@@ -585,10 +585,12 @@ def _exact(kind: type, value: Any) -> Any:
 def schema_of(kind: type[JsonObject], title: str) -> dict[str, Any]:
     """The JSON Schema (draft 2020-12) of a class; its `RULES` are what types cannot say.
 
+    If it has `DECIMALS`, rationals may also be numbers.
+
     Descriptions are those of docstrings: of an object the text, of its fields what stands below `Attributes:`.
     """
     (top,), parts = msgspec.json.schema_components(
-        [_wire_type(kind)], schema_hook=_schema, ref_template="#/$defs/{name}"
+        [_wire_type(kind)], schema_hook=partial(_schema, getattr(kind, "DECIMALS", False)), ref_template=_PART
     )
     for part in parts.values():
         del part["title"]
@@ -603,6 +605,7 @@ def schema_of(kind: type[JsonObject], title: str) -> dict[str, Any]:
     return {**head, **body, **({"$defs": parts} if parts else {})}
 
 
+_PART = "#/$defs/{name}"
 _FIELD = re.compile(r"^(\w+): (.*(?:\n .*)*)", re.MULTILINE)
 
 
@@ -659,7 +662,7 @@ def _names_for(kind: Any) -> dict[str, Any]:
     return known | vars(sys.modules[kind.__module__])
 
 
-def _schema(kind: type) -> dict[str, Any]:
+def _schema(decimals: bool, kind: type) -> dict[str, Any]:
     if kind is Fraction:
-        return {"type": "string", "pattern": "^-?[0-9]+(/[1-9][0-9]*)?$"}
+        return {"type": ["string", "number"] if decimals else "string", "pattern": "^-?[0-9]+(/[1-9][0-9]*)?$"}
     raise NotImplementedError(kind.__name__)

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from fractions import Fraction
 from math import ceil, floor
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from msgspec import UNSET, Meta, UnsetType
 from rich import box as borders
@@ -571,6 +571,7 @@ class Watch(JsonObject, tag_field="schema", tag="robust/watch/1"):
         error: why the line was no message; there is nothing else then
     """
 
+    DECIMALS: ClassVar = True
     message: Count | UnsetType = UNSET
     time: Rational | UnsetType = UNSET
     prospect: Annotated[str, one_of(*(prospect.value for prospect in Prospect))] | UnsetType = UNSET

@@ -74,6 +74,8 @@ def test_a_plan_that_cannot_be_in_time_is_broken_and_says_why():
 def test_decimals_are_rounded_to_the_safe_side():
     _, exact = watched(said=['{"start": "n0", "at": "1/3"}'])
     _, decimal = watched("--numbers", "decimal", said=['{"start": "n0", "at": "1/3"}'])
+    for line in decimal:
+        jsonschema.validate(line, schema("robust/watch/1"))
     assert exact[1]["running"][0]["since"] == "1/3"
     assert decimal[1]["running"][0]["since"] == 0.333333
     assert decimal[1]["running"][0]["end"][0] == 12.333334
