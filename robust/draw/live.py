@@ -76,8 +76,17 @@ def watched(
         **_frame(outlook.time, rate, outlook.prospect.value, words),
         "reasons": list(outlook.reasons),
         "ends": [[look.name, look.step, float(look.end[1])] for look in ends if look.end[1] is not None],
+        "promised": _promised(outlook),
+        "success": None if outlook.success is None else [float(outlook.success.lower), float(outlook.success.upper)],
         **_some(lanes),
     }
+
+
+def _promised(outlook: Outlook) -> list[list[Any]]:
+    """The durations that are promised, as many as a page bears: step, least and greatest, None if there is no limit."""
+    names = {look.step: look.name for look in (*outlook.running, *outlook.startable, *outlook.coming)}
+    known = [(step, names[step], *lengths) for step, lengths in (outlook.promise or {}).items() if step in names]
+    return [[step, name, float(low), None if high is None else float(high)] for step, name, low, high in known[:LANES]]
 
 
 def _frame(time: Fraction, rate: Fraction | None, status: str, words: Sequence[Said]) -> Shown:

@@ -146,7 +146,8 @@ class Monitor:
         seconds: for an answer: what is not found by then is as it was promised last, or is said to be undecided.
         reorder: whether other orders of steps than the plan's are as good as its own; not if they are statements of the
             plan, as in network files.
-        distributions: those of durations, independent of each other, by parameter; for the probability of success.
+        distributions: those of durations, independent of each other, by parameter; for the probability of success. If
+            one is missing, nothing is known of it from below.
 
     Raises:
         UnsupportedError: if the plan has conditions that nobody here can follow.
@@ -175,6 +176,9 @@ class Monitor:
         self._lock = asyncio.Lock()
         self.retired: frozenset[str] = frozenset()
         """Identifiers of steps of plans that this run followed before."""
+        named = ((self.plan.lasting.get(name), each) for name, each in self.distributions.items())
+        self.chances = {str(self.plan.instance[step]): each for step, each in named if step is not None}
+        """The distributions of durations by ground action, those of plans before included."""
 
     @property
     def count(self) -> int:
@@ -259,17 +263,22 @@ class Monitor:
     def continued(self, plan: model.ParametrizedPlan, after: int) -> Monitor | None:
         """A monitor of another plan of the same run, in which what runs goes on; messages go on being counted.
 
+        Durations are distributed as those of the same ground actions were.
+
         None if a message after the one with this number is about a step that the other plan does not have.
 
         Raises:
             UnsupportedError: if the other plan has conditions that nobody here can follow.
         """
-        other = Monitor(plan, self.epsilon, self.lateness, self.seconds, self.reorder)
+        steps = {name: str(plan.instance[step]) for name, step in plan.lasting.items()}
+        known = {name: self.chances[action] for name, action in steps.items() if action in self.chances}
+        other = Monitor(plan, self.epsilon, self.lateness, self.seconds, self.reorder, known)
+        other.chances = self.chances | other.chances
         other.retired = self.retired | self.plan.instance.keys()
         for number, message in sorted(self.taken.items()):
-            known = message.step in plan.instance or message.kind not in STEPS
+            is_known = message.step in plan.instance or message.kind not in STEPS
             other._count = number - 1
-            if other.take(message) is not None if known else number > after:
+            if other.take(message) is not None if is_known else number > after:
                 return None
         other._count, other.time = self._count, self.time
         return other
@@ -390,8 +399,9 @@ class Monitor:
         if forecast.promise is not None:
             kept = Fraction(1)
             for name, step in self.plan.lasting.items():
-                if step in forecast.promise and name in self.distributions:
-                    kept *= self._share_within(self.distributions[name], step, forecast.promise[step])
+                if step in forecast.promise:
+                    chance = self.distributions.get(name)
+                    kept *= 0 if chance is None else self._share_within(chance, step, forecast.promise[step])
             self._last_success = SuccessOutlook(kept, Fraction(1), self.time)
         elif forecast.prospect is Prospect.AT_RISK:
             self._last_success = SuccessOutlook(Fraction(0), Fraction(1), self.time)

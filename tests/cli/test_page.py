@@ -107,6 +107,21 @@ def test_everybody_is_sent_what_is_answered():
         )
 
 
+def test_what_is_promised_and_how_likely_success_is():
+    chances = [word for number in range(9) for word in ("--distribution", f"dur_n{number}=normal::2")]
+    with watching(*chances) as (port, say), stream(port) as client:
+        answer = say('{"start": "n0", "at": 0}')
+        state = state_with(client, lambda state: any(lane["state"] == "running" for lane in state["lanes"]))
+        assert state["success"] == [float(Fraction(answer["success"][end])) for end in ("lower", "upper")]
+        assert 0 < state["success"][0] < 1
+        assert {step: [low, high] for step, _, low, high in state["promised"]} == {
+            step: [float(Fraction(end)) for end in lengths] for step, lengths in answer["promise"].items()
+        }
+        say('{"tick": 95}')
+        state = state_with(client, lambda state: state["status"] == "broken")
+        assert (state["success"], state["promised"]) == ([0, 0], [])
+
+
 def test_nobody_waits_for_a_client_that_does_not_read_or_is_gone():
     with watching() as (port, say):
         idle = socket.create_connection(("127.0.0.1", port))

@@ -20,6 +20,7 @@ from robust.plan.pddl.reader import parse_domain, parse_problem, read_domain, re
 from robust.plan.simulate import simulate
 from robust.plan.stn import parse_stn
 from robust.plan.timed import parse_timed_plan
+from robust.probability.distributions import Distribution
 from tests.cli.running import EXAMPLES
 from tests.sampling import often
 
@@ -153,6 +154,29 @@ def test_the_function_asks_from_a_monitor_or_a_situation():
     assert alike.plan == found.plan
     with pytest.raises(NoPlanError, match=r"\(in--time\) is false"):
         robust.replan(monitor, *FILES, planner=OneByOne(), deadline=60)
+
+
+def test_durations_are_distributed_as_before():
+    plan = workshop(deadline=400)
+    chances = {
+        parameter.name: Distribution("uniform", {"lower": parameter.nominal / 2, "upper": parameter.nominal * 2})
+        for parameter in plan.parameters
+    }
+    monitor = Monitor(plan, distributions=chances)
+    monitor.say("start", "n0", at=1)
+    found = robust.replan(monitor, *FILES, planner=OneByOne())
+    continued = monitor.continued(found.plan, monitor.count)
+    by_action = {str(plan.instance[step]): chances[name] for name, step in plan.lasting.items()}
+    wanted = {name: by_action.get(str(found.plan.instance[step])) for name, step in found.plan.lasting.items()}
+    assert continued.distributions == {name: known for name, known in wanted.items() if known is not None}
+    assert len(continued.distributions) > 3
+    assert continued.outlook().success.lower == 0, "other workers take over, whose times nobody knows"
+    same = monitor.continued(plan, monitor.count)
+    assert same.distributions == chances
+    assert same.outlook().success == monitor.outlook().success
+    assert same.outlook().success.lower > 0
+    some = dict(list(chances.items())[:-1])
+    assert Monitor(plan, distributions=some).outlook().success.lower == 0, "of one duration nothing is known"
 
 
 def test_identifiers_are_never_used_again():

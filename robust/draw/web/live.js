@@ -5,6 +5,7 @@ const at = id => document.getElementById(id);
 const made = (name, kind, text) => { const node = document.createElement(name); node.className = kind; node.textContent = text; return node; };
 const put = (id, nodes) => at(id).replaceChildren(...nodes);
 const short = number => String(Number(number.toFixed(Math.abs(number) < 100 ? 1 : 0)));
+const percent = (share, round) => `${round(share * 1000) / 10} %`;
 const says = {
   "on track": ["On track", "It succeeds if steps take as long as planned; room says how much later they may end, one at a time."],
   "at risk": ["At risk", "It succeeds only if some steps take less time than planned."],
@@ -73,6 +74,11 @@ function show(text) {
     if (choice.chosen === null && !choice.possible) row.append(made("span", "note", "open"));
     return row;
   }));
+  const {success, promised} = shown;
+  at("chance").textContent = success ? `succeeds with probability ${percent(success[0], Math.floor)} to ${percent(success[1], Math.ceil)}` : "";
+  at("promising").hidden = !promised?.length;
+  put("promised", (promised ?? []).map(([step, name, low, high]) =>
+    made("li", "", `${name} (${step}): ${short(low)} to ${high === null ? "any time" : short(high)}`)));
   draw();
 }
 
