@@ -224,7 +224,7 @@ def test_workers_with_another_version_or_none(cluster, monkeypatch, files):
 
 
 def test_no_cluster(monkeypatch, files):
-    with pytest.raises(InputError, match="expected one of them"):
+    with pytest.raises(InputError, match="choose one"):
         sweep_of([], jobs=2, cluster="tcp://127.0.0.1:1")
     pytest.importorskip("distributed")
     monkeypatch.setattr(pool, "PATIENCE", 0.3)

@@ -167,7 +167,7 @@ def test_labeled_values_whose_labels_are_all_empty():
         .replace('"Type">derived<', '"LabeledValues">{}</data><data key="Type">derived<')
     )
     assert (labeled.count("Labeled"), parse_graphml(labeled, "n.stnu").links) == (5, LINKS)
-    with pytest.raises(InputError, match=r"^n.stnu:21:.*: found LabeledValues beside a Value that differs"):
+    with pytest.raises(InputError, match=r"^n.stnu:21:.*: found LabeledValues and a different Value"):
         parse_graphml(labeled.replace("(⊡, -1)", "(⊡, -2)"), "n.stnu")
 
 
