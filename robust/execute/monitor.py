@@ -13,6 +13,7 @@ from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
+from math import lcm
 
 from robust.encode.interface import EPSILON
 from robust.errors import did_you_mean
@@ -167,6 +168,7 @@ class Monitor:
     def __post_init__(self) -> None:
         self._own, self._make = _forecaster(self.plan, self.epsilon)
         self._count = 0
+        self._fineness = 1
         self._said: dict[str, list[MonitorMessage]] = {step.identifier: [] for step in self.plan.instances}
         self._progress = {step: StepProgress() for step in self._said}
         self._other: Forecaster | None = None
@@ -293,11 +295,15 @@ class Monitor:
                 names = [name for each in self.plan.instances for name in (each.identifier, str(each)[1:-1])]
                 return f"found {shorten(message.step)}, expected a step of the plan{did_you_mean(message.step, names)}"
             message = replace(message, step=step)
+            fineness = lcm(self._fineness, (message.at or Fraction(0)).denominator)
+            if fineness > FINEST:
+                return "found a time that has no common unit of 60 digits with those before, expected a coarser one"
             try:
                 progress = StepProgress.of([*self._said[step], message], self.plan.instance[step])
             except ContradictionError as error:
                 return f"{error}; retract what was wrong first"
             self._said[step].append(message)
+            self._fineness = fineness
             self._follow(step, progress)
         if wrong is None:
             self.taken[self._count] = message
@@ -318,12 +324,22 @@ class Monitor:
         return None
 
     def _retract(self, message: MonitorMessage) -> str | None:
-        wrong = self.taken.pop(int(message.step), None) if message.step.isdecimal() else None
+        number = int(message.step) if message.step.isdecimal() else 0
+        wrong = self.taken.get(number)
         if wrong is None:
             return f"found message {shorten(message.step)}, expected the number of one that was taken"
-        if wrong.step in self._said:
-            self._said[wrong.step].remove(wrong)
-            self._follow(wrong.step, StepProgress.of(self._said[wrong.step], self.plan.instance[wrong.step]))
+        if wrong.kind in STEPS:
+            rest = list(self._said[wrong.step])
+            rest.remove(wrong)
+            try:
+                progress = StepProgress.of(rest, self.plan.instance[wrong.step])
+            except ContradictionError as error:
+                return f"{error}: without message {number} the others contradict each other; retract them first"
+            self._said[wrong.step] = rest
+            times = (known.at for several in self._said.values() for known in several)
+            self._fineness = lcm(*(at.denominator for at in times if at is not None))
+            self._follow(wrong.step, progress)
+        del self.taken[number]
         self.time = max((known.time for known in self.taken.values()), default=Fraction(0))
         self._other = None
         return None

@@ -185,6 +185,41 @@ def test_what_is_observed_replaces_what_the_plan_predicts():
     assert "expected true or false" in str(monitor.say("fact", "raw table", at=12, observed=1).refused)
 
 
+def test_a_message_that_others_rest_on_is_not_taken_back_before_them():
+    monitor = workshop()
+    for kind, at in (("start", 0), ("failed", 3), ("start", 4)):
+        before = monitor.say(kind, "n0", at=at)
+    refused = monitor.say("retract", "2")
+    assert str(refused.refused).startswith("found n0 start at 4 and at 0, expected one time: without message 2 ")
+    assert replace(refused, refused=None, message=3) == before
+    assert monitor.say("retract", "3").refused is None
+    assert monitor.say("retract", "2").prospect is Prospect.ON_TRACK
+
+
+def test_an_observation_is_taken_back():
+    monitor = workshop()
+    monitor.say("start", "n0", at=0)
+    before = monitor.say("value", "cutting chair", at=1, observed=12)
+    assert "two values of (cutting chair) at 1" in str(monitor.say("value", "cutting chair", at=1, observed=7).refused)
+    monitor.say("retract", "2")
+    assert monitor.say("value", "cutting chair", at=1, observed=7).refused is None
+    assert "expected the number of one that was taken" in str(monitor.say("retract", "2").refused)
+    monitor.say("retract", "5")
+    again = monitor.say("value", "cutting chair", at=1, observed=12)
+    assert replace(again, message=before.message) == before
+
+
+def test_times_without_a_common_unit_of_sixty_digits_are_refused():
+    monitor = workshop()
+    before = monitor.say("start", "n0", at=1 + Fraction(1, 1 << 199))
+    assert before.refused is None
+    refused = monitor.say("end", "n0", at=Fraction(14) + Fraction(1, 3**100))
+    assert "no common unit of 60 digits" in str(refused.refused)
+    assert replace(refused, refused=None, message=1) == before
+    monitor.say("retract", "1")
+    assert monitor.say("start", "n0", at=Fraction(1, 3**100)).refused is None
+
+
 def test_a_step_that_failed_breaks_the_plan_until_it_is_attempted_again():
     monitor = workshop()
     monitor.say("start", "n0", at=0)
