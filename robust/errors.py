@@ -103,14 +103,19 @@ def from_extra(error: ModuleNotFoundError) -> UnsupportedError | None:
     return missing(package, _EXTRAS[package]) if package in _EXTRAS else None
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """A suffix for an error message about an unknown name: the closest known names, or what is known at all."""
+def closest(name: str, known: Iterable[str]) -> str:
+    """A suffix for an error message that lists what is known: the names closest to an unknown one, if any are close."""
     from difflib import get_close_matches  # noqa: PLC0415 - only for messages
 
+    close = get_close_matches(name, sorted(set(known)), n=2, cutoff=0.6)
+    return f"; did you mean {' or '.join(map(repr, close))}?" if close else ""
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """A suffix for an error message about an unknown name: the closest known names, or what is known at all."""
     candidates = sorted(set(known))
-    close = get_close_matches(name, candidates, n=2, cutoff=0.6)
-    if close:
-        return f"; did you mean {' or '.join(repr(match) for match in close)}?"
+    if close := closest(name, candidates):
+        return close
     if candidates and len(candidates) <= 8:
         return f"; known are {', '.join(candidates)}"
     return ""

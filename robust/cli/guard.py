@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from robust.cli.output import Display, answering, complain, noting_warnings, print_json
 from robust.errors import UNDECIDED, InputError, RobustError, SolverError
-from robust.options.declare import WRITTEN, Options, as_typed
+from robust.options.declare import Options, as_typed
 from robust.smt.limits import OutOfTimeError
 
 if TYPE_CHECKING:
@@ -259,7 +259,7 @@ class Run:
         self._notes: list[str] = []
         self._writes: list[Callable[[], object]] = []
         self._failed = 0
-        given = (getattr(options, name, None) for name in WRITTEN)
+        given = (getattr(options, name, None) for name in options.written)
         self._files = [path for path in given if isinstance(path, Path)]
         self._color: str = getattr(options, "color", "auto")
         self.display = Display(shown=hasattr(options, "quiet") and not talks, what="reading", color=self._color)

@@ -563,7 +563,8 @@ def _subjects(name: str, plan: ParametrizedPlan, place: Location) -> Iterator[tu
         remedy = did_you_mean(name, names) if names else "; the plan has none, and --parameter makes some"
         if subject in steps and name != "*":
             raise InputError(f"found no parameter that is a duration of {shorten(subject)}, expected one", place)
-        raise InputError(f"found unknown parameter {shorten(name)}{remedy}", place)
+        message = f"found unknown parameter {shorten(name)}, expected a parameter, an action, a step or *{remedy}"
+        raise InputError(message, place)
     yield from found
 
 

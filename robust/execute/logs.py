@@ -212,7 +212,7 @@ class _Table:
     def _action(self, given: str, line: int) -> str:
         name = action_name(given)
         if not name.strip("() ") or not name.isprintable():
-            raise _wrong(f"action {shorten(given)}", "a name", self._file, line)
+            raise _wrong(f"action {shorten(given)}", "a name without control characters", self._file, line)
         return name
 
     def _moment(self, text: str, line: int) -> Moment:

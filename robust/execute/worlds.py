@@ -71,7 +71,7 @@ from os import PathLike
 from random import Random
 from typing import Final
 
-from robust.errors import InputError, Location, did_you_mean
+from robust.errors import InputError, Location, closest, did_you_mean
 from robust.execute import dispatcher
 from robust.execute.dispatchable import Dispatchable, Means, NaturalLink
 from robust.numbers import shorten
@@ -341,7 +341,7 @@ def _form(table: Mapping[str, object], others: Collection[str], location: Locati
     """The distribution of a table with some other keys."""
     kind = table.get("distribution")
     if not isinstance(kind, str) or kind not in KEYS:
-        hint = did_you_mean(str(kind), KEYS)
+        hint = closest(str(kind), KEYS)
         raise InputError(f"found distribution {shorten(str(kind))}, expected one of {', '.join(KEYS)}{hint}", location)
     known = {"distribution", *others, *KEYS[kind]}
     for key in (key for key in table if key not in known):

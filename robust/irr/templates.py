@@ -165,7 +165,8 @@ def template_of(shape: str, names: Sequence[str]) -> list[Direction]:
     if shape == OCTAGON:
         signs = product(combinations(names, 2), (-1, 1))
         return template + [((first, Fraction(1)), (second, Fraction(sign))) for (first, second), sign in signs]
-    for number, line in enumerate(read_text(shape).split("\n"), start=1):
+    text = read_text(shape, expected="octagon, or a readable file of linear forms")
+    for number, line in enumerate(text.split("\n"), start=1):
         place = Location(shape, number)
         if words := line.partition("#")[0].split():
             template.append(_direction(words, names, place))

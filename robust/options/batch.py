@@ -23,6 +23,8 @@ class ConvertCommand(
 ):
     """Options of `robust convert`."""
 
+    written = (*declare.Options.written, "tree")
+
     plan: Path = declare.argument(..., "time-triggered plan or log of a planner; - is standard input", "TIMED_PLAN")
     output: Path | None = declare.output_option(
         "write the plan to this file instead of stdout", metavar="PLAN.stn", read=declare.plan_file, also=declare.beside

@@ -205,6 +205,8 @@ class Options:
     """
 
     declarations: ClassVar[Mapping[str, Option]] = {}
+    written: ClassVar[tuple[str, ...]] = ("output", "plot", "html", "csv", "stnu")
+    """Options that name a file for the answer."""
 
     def __init_subclass__(cls) -> None:
         """Collect what is declared here and by base classes."""
@@ -256,13 +258,13 @@ class Options:
         files = [(option, getattr(self, name), place_of(name)) for name, option in items if option.path]
         uses: dict[str, str] = {}
         for name, option in items:
-            if option.path and name not in WRITTEN and (value := getattr(self, name)):
+            if option.path and name not in self.written and (value := getattr(self, name)):
                 for file in map(Path, value if option.many else [value]):
                     uses[os.path.realpath(file)] = "which is read"
                     if option.argument and name != "logs" and file.suffix not in {"", ".pddl"}:
                         beside = os.path.realpath(file.with_suffix(".toml"))
                         uses.setdefault(beside, f"where parameters of {quoted(file)} are read")
-        for name in WRITTEN:
+        for name in self.written:
             path = getattr(self, name, None)
             if not isinstance(path, Path) or (path.exists() and not path.is_file()):
                 continue
@@ -428,6 +430,8 @@ def plan_file(path: Path, place: Location) -> Path:
 
 def writable(path: Path, place: Location, what: str) -> Path:
     """InputError unless a file can be written to the path: better known before anything is computed."""
+    if str(path) == "-":
+        raise InputError("found '-', expected the name of a file; /dev/stdout is standard output", place)
     if not path.parent.is_dir():
         raise InputError(f"there is no directory {quoted(path.parent)} to write {what} to; name another", place)
     if path.is_dir() or not os.access(path if path.exists() else path.parent, os.W_OK):
@@ -438,10 +442,6 @@ def writable(path: Path, place: Location, what: str) -> Path:
 def written_to(what: str) -> Callable[[str | Path, Location], Path]:
     """A check that a file can be written to a path."""
     return lambda path, place: writable(Path(path), place, what)
-
-
-WRITTEN = ("output", "plot", "html", "csv", "stnu")
-"""Options that name a file for the answer."""
 
 
 def refuse_replacing(files: Iterable[Path], place: Location, *, force: bool) -> None:
@@ -513,13 +513,17 @@ def _lines(given: Iterable[str], is_known: Callable[[str], bool], option: str) -
         if not text.startswith("@"):
             yield text, place_of(option, text)
             continue
+        if text == "@":
+            raise InputError("found no file behind @, expected @FILE", place_of(option, text))
         from robust.plan.pddl.forms import read_text  # noqa: PLC0415 - as above
 
         lines = [line.strip() for line in read_text(text[1:]).split("\n")]
         said = [(line, Location(text[1:], at)) for at, line in enumerate(lines, start=1) if line and line[0] != "#"]
         skipped = [line for line, _ in said if "=" in line and not is_known(line.partition("=")[0].strip())]
         if len(skipped) == len(said):
-            raise InputError("found nothing about a parameter of the plan, expected something", Location(text[1:]))
+            found = "found nothing about a parameter of the plan, expected lines NAME=VALUE or NAME=LOW:HIGH"
+            remedy = "--parameter 'duration:*' makes all durations parameters"
+            raise InputError(f"{found}; {remedy}", Location(text[1:]))
         if skipped:
             message = (
                 f"{text[1:]}: skipped {len(skipped)} of {len(said)} lines, which are about no parameter of the plan"

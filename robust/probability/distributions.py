@@ -22,7 +22,7 @@ from random import Random
 from statistics import NormalDist
 from typing import Final
 
-from robust.errors import InputError, Location, did_you_mean
+from robust.errors import InputError, Location, closest
 from robust.numbers import format_number, parse_number, shorten
 
 Enclosure = tuple[int, int]
@@ -586,7 +586,7 @@ def parse_form(text: str, place: Location) -> DistributionForm:
     """A distribution of which shares of a planned value are left open; InputError says what is wrong."""
     kind, *given = (part.strip() for part in text.split(":"))
     if kind not in KEYS:
-        hint = did_you_mean(kind, KEYS)
+        hint = closest(kind, KEYS)
         raise InputError(f"found distribution {shorten(kind)}, expected one of {', '.join(KEYS)}{hint}", place)
     keys = KEYS[kind]
     expected = ":".join((kind, *map(str.upper, keys)))

@@ -298,7 +298,9 @@ def _print_late(out: Console, result: RiskResult, late: packing.LatenessDraws, p
         )
         for name, share in told
     ]
-    show_table(out, table(("broken, or on a chain", "latest in draws", "some chain is late (certified)"), rows))
+    headings = ("broken, or on a chain", "latest in draws", "some chain is late (certified)")
+    shown = 3 if any(certified for *_, certified in rows) else 2
+    show_table(out, table(headings[:shown], [row[:shown] for row in rows]))
 
 
 def _estimate(estimate: packing.SampledEstimate, places: int) -> Text:

@@ -39,6 +39,7 @@ OUTPUTS = {
     "convert --stnu": ("convert", *SMALL, "--stnu", ".json"),
     "convert --tree": ("convert", *SMALL, "--tree", ".xml"),
     "execute --plot": ("execute", *DELIVERY, "--plot", ".svg"),
+    "learn -o": ("learn", "runs.csv", "-o", ".toml"),
     "stnu repair -o": ("stnu", "repair", LATE, "-o", ".json"),
     "pike plot -o": ("pike", "plot", KITCHEN, "-o", ".svg"),
     "pike run --plot": ("pike", "run", KITCHEN, "--plot", ".svg"),
@@ -57,6 +58,7 @@ def here(tmp_path, monkeypatch):
     for name, plan in (("small", inputs.PLAN), ("off", inputs.PLAN.replace("[5, 5]", "[5, 6]"))):
         Path(name).mkdir()
         inputs.write(Path(name), plan=plan)
+    Path("runs.csv").write_text("action,duration\nleave,5\n", encoding="utf-8")
     return tmp_path
 
 
@@ -110,6 +112,17 @@ def test_what_can_be_known_is_known_before_anything_is_computed(here, name):
     Path("file").touch()
     for target in (f"nowhere/a{suffix}", f"folder{suffix}") if suffix else ("file", "file/folder"):
         assert_one_line(command(*words, target), 2, Path(target).parts[0])
+
+
+@pytest.mark.parametrize("name", [name for name in FILES if "plot" not in name and "html" not in name])
+def test_no_file_is_called_like_standard_output_by_mistake_or_takes_the_place_of_what_is_read(here, name):
+    words = OUTPUTS[name][:-1]
+    read = next(word for word in map(str, words[1:]) if Path(word).is_file() or Path(word).is_dir())
+    before = Path(read).read_bytes() if Path(read).is_file() else None
+    for target in ("-", read):
+        assert_one_line(command(*words, target), 2, target)
+    assert not Path("-").exists()
+    assert before is None or Path(read).read_bytes() == before
 
 
 def test_the_other_files_are_written_and_answers_of_a_batch_outlive_their_store(here, monkeypatch):

@@ -373,8 +373,10 @@ def test_from_logs_to_a_promise(tmp_path):
     learned = robust.learn(written(tmp_path, table(*rows)))
     assert robust.check(plan, at=learned.box).box == checked.box
     empty = written(tmp_path, "duration:fly=0:3\n", "none.txt")
-    with pytest.raises(InputError, match=r"none\.txt: found nothing about a parameter of the plan"):
+    with pytest.raises(InputError, match=r"none\.txt: found nothing about a parameter of the plan, .*'duration:\*"):
         robust.repair(plan, require=f"@{empty}")
+    with pytest.raises(InputError, match="found no file behind @, expected @FILE"):
+        robust.check(plan, at="@")
 
 
 def test_json_and_options(tmp_path):

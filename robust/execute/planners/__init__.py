@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from fractions import Fraction
 
 from robust.encode.interface import EPSILON
-from robust.errors import InputError, did_you_mean, missing
+from robust.errors import InputError, closest, missing
 from robust.execute.planners.interface import Planner, command_planner, kairos_planner
 from robust.execute.planners.reachability import ReachabilityFirst
 
@@ -43,5 +43,5 @@ def create_planner(name_or_command: str, *, epsilon: Fraction = EPSILON) -> Plan
         return ReachabilityFirst(command_planner(text.removeprefix(_COMMAND), epsilon=epsilon))
     if text not in _MAKERS:
         known = f"{', '.join(PLANNERS)} or command:TEMPLATE"
-        raise InputError(f"found planner {name_or_command!r}, expected {known}{did_you_mean(text, PLANNERS)}")
+        raise InputError(f"found planner {name_or_command!r}, expected {known}{closest(text, PLANNERS)}")
     return ReachabilityFirst(_MAKERS[text](epsilon=epsilon))

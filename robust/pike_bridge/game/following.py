@@ -14,7 +14,7 @@ from dataclasses import KW_ONLY, dataclass, replace
 from fractions import Fraction
 from typing import NamedTuple
 
-from robust.errors import UnsupportedError
+from robust.errors import RefutedError, UnsupportedError
 from robust.network.dispatchable import Windows
 from robust.network.dispatchable import strategy as dispatch_network
 from robust.pike_bridge.game.controllability import ControllabilityVerdict, DecidingControllability
@@ -24,7 +24,7 @@ from robust.pike_bridge.model import Guard, TeamPlan
 from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.online.semantic import News, Reasoner, SemanticReasoner
 from robust.pike_bridge.online.world import Ending, ExecutionRecord, Human, Rehearsal
-from robust.searching import Announce, unheard
+from robust.searching import Announce, Status, unheard
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 STRATEGY = "strategy"
@@ -199,8 +199,10 @@ def find_strategy(
     """A strategy for whatever people choose; if there is none, and people are rational, for what they choose then.
 
     Raises:
-        UnsupportedError: if none was found; it says why.
+        RefutedError: if it is proved that there is none.
+        UnsupportedError: if that could not be decided; it says why.
         OutOfTimeError: if the deadline passes.
+        KeyboardInterrupt: if interrupted.
     """
     found = None
     for rational in (False, True) if human is Human.RATIONAL else (False,):
@@ -210,9 +212,13 @@ def find_strategy(
             return found.strategy
         if deadline.passed:
             raise OutOfTimeError
+        if found.status == Status.INTERRUPTED.value:
+            raise KeyboardInterrupt
     known = found is not None and found.verdict is ControllabilityVerdict.UNCONTROLLABLE
-    reason = "the plan is not controllable" if known else "controllability is unknown"
-    raise UnsupportedError(f"--strategy: {reason}; robust pike check --controllable says why")
+    remedy = "robust pike check --controllable says why"
+    if known:
+        raise RefutedError(f"--strategy: the plan is not controllable; {remedy}")
+    raise UnsupportedError(f"--strategy: controllability is unknown; {remedy}")
 
 
 @dataclass
@@ -226,7 +232,8 @@ class StrategyRehearsal(Rehearsal):
         """As of :class:`Rehearsal`.
 
         Raises:
-            UnsupportedError: if there is no strategy.
+            RefutedError: if there is no strategy.
+            UnsupportedError: if it is not known whether there is one.
         """
         self._strategy = find_strategy(
             self.plan,

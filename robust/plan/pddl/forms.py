@@ -28,13 +28,15 @@ LONGEST_LINE = 2**20
 """Bytes of a line of that."""
 
 
-def read_text(path: str | os.PathLike[str], most: int = LARGEST) -> str:
+def read_text(
+    path: str | os.PathLike[str], most: int = LARGEST, *, expected: str = "a readable text file"
+) -> str:
     """The text of an input file, limited in bytes: UTF-8 with or without a byte order mark, any line ends.
 
     Raises:
-        InputError: if the file cannot be read, is too large or is no text.
+        InputError: if the file cannot be read, is too large or is no text; the message says what is `expected`.
     """
-    return _decode(read_bytes(path, most=most), Location(os.fspath(path)))
+    return _decode(read_bytes(path, expected, most), Location(os.fspath(path)))
 
 
 def read_plan_text(path: str | os.PathLike[str]) -> tuple[str, str]:

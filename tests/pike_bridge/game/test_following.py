@@ -8,8 +8,9 @@ from random import Random
 import pytest
 
 from robust import pike
-from robust.errors import UnsupportedError
+from robust.errors import RefutedError, UnsupportedError
 from robust.pike_bridge.game import following
+from robust.pike_bridge.game.controllability import DecidingControllability
 from robust.pike_bridge.game.following import StrategyRehearsal, find_strategy
 from robust.pike_bridge.online.world import Human, Pace, Story
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
@@ -61,17 +62,24 @@ def test_small_controllable_plans_succeed(monkeypatch):
         delay, human = Fraction(random.choice((0, 0, 1))), random.choice((Human.CARELESS, Human.RATIONAL))
         try:
             followed(monkeypatch, plan, range(3), human, delay, Deadline.after(60))
-        except (UnsupportedError, OutOfTimeError):
+        except (RefutedError, UnsupportedError, OutOfTimeError):
             continue
         count += 1
     assert count >= 3
 
 
 def test_without_a_strategy_it_says_so():
-    with pytest.raises(
-        UnsupportedError, match="the plan is not controllable; robust pike check --controllable says why"
-    ):
+    with pytest.raises(RefutedError, match="the plan is not controllable; robust pike check --controllable says why"):
         pike.run("robust/examples/kitchen/kitchen.tpnu.json", strategy=True)
+
+
+def test_interrupted_while_it_looks_for_a_strategy_it_says_no_more_than_that(monkeypatch):
+    def interrupted(_search):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(DecidingControllability, "_search", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        pike.run("robust/examples/wing/wing.tpnu.json", strategy=True)
 
 
 def test_once_people_do_otherwise_the_solver_decides():
