@@ -228,16 +228,22 @@ class EnvelopeOptions(LocalOptions):
 
 
 class RiskOptions(LocalOptions, Plot):
-    """Bound the probability that delivery plans of 1 to 8 random durations succeed, and draw random points beside.
+    """Bound the probability that plans with random durations succeed: deliveries with 1 to 8 of them, beside random
+    points, and with every duration random job shops and, with --logs, what planners printed; with --suite, what boxes
+    and octagons keep.
 
-    Probabilities of success: time and width over the number of parameters.
+    Probabilities of success: time and width over the number of random durations.
     """
 
-    plans: int = _count(5, "how many plans of each size")
+    plans: int = _count(5, "how many deliveries of each size")
+    shops: int = _count(1, "how many job shops of each size")
+    logs: Path | None = _file(None, "a data set of planners' logs: a directory with plans.json", "DIR")
+    suite: Path | None = _file(None, "a data set with recorded plans, of which those with 2 to 4 parameters", "DIR")
     seed: int = _count(0, "which plans")
-    draws: int = _count(100_000, "random points of each plan with up to 4 parameters")
+    draws: int = _count(100_000, "random points of each delivery with up to 4 parameters")
     within: Number = option("0.001", "how close bounds are to be", metavar="W", read=positive)
-    sizes: tuple[int, ...] = _inner(tuple(range(1, 9)), "numbers of parameters")
+    sizes: tuple[int, ...] = _inner(tuple(range(1, 9)), "numbers of parameters of deliveries")
+    parts: tuple[int, ...] = _inner((2, 4, 8, 16), "numbers of parts, with three durations each, of job shops")
     limit: float | None = _limit("60", "seconds after which bounds are what is known")
 
 

@@ -220,10 +220,9 @@ class Risk(Searching[RiskResult]):
             SolverError: a solver is not installed.
         """
         if len(self._distributions) > FEW or self.factors or self.joints:
-            if self._is_certain():
+            if certain := self._is_certain():
                 self._know(Fraction(1), Fraction(1))
-                return
-            if self._by_longest_paths():
+            if self._by_longest_paths(certain=certain) or certain:
                 return
         if self.factors or self.joints:
             raise UnsupportedError(
@@ -269,8 +268,11 @@ class Risk(Searching[RiskResult]):
         except OutOfTimeError:
             return False
 
-    def _by_longest_paths(self) -> bool:
-        """Whether longest paths decide about the plan, and how probably all of them are in time."""
+    def _by_longest_paths(self, *, certain: bool) -> bool:
+        """Whether longest paths decide about the plan, and how probably all of them are in time.
+
+        If that is `certain`, only how probably executors and fixed schedules succeed is left to find.
+        """
         from robust.probability.success import Lateness  # noqa: PLC0415 - numpy takes a tenth of a second
 
         self._on_stage("longest paths")
@@ -283,19 +285,22 @@ class Risk(Searching[RiskResult]):
                 solver=self.solver,
                 factors=self.factors,
                 joints=self.joints,
+                certain=certain,
             )
         except OutsideFragmentError:
             return False
-        self._late = search.draw(self.draws or DRAWS)
+        late = self._late = None if certain else search.draw(self.draws or DRAWS)
 
         def tell(bounds: Bounds) -> None:
             self._cells, self._probabilities = search.cells, search.probabilities
             self._know(bounds.lower, bounds.upper)
 
         search.run(self.within, tell)
+        if late is None:
+            return True
         self._on_stage("what is late")
         with _ending_early():
-            search.attribute(self._late, self.within)
+            search.attribute(late, self.within)
         self._late = search.draw(self.draws or DRAWS)
         return True
 

@@ -53,8 +53,9 @@ class FixedSchedules:
         Allowances for durations, all equally probable to suffice at first, make a schedule; then those are made more
         probable, or less, that pay.
         """
-        best = self.success(self._planned())
-        times = self._planned()
+        longest = self._timed({name: self._graph.durations[name].most for name in self._names})
+        times = max(self._planned(), longest or self._planned(), key=self.success)
+        best = self.success(times)
         weights = dict.fromkeys(self._names, 1.0)
         trials = [dict(weights)]
         step, current = 2.0, -1.0
@@ -96,10 +97,15 @@ class FixedSchedules:
                 ways = (times[e.source] + constants[e] + sum(allowances[name] for name in e.names) for e in entering)
                 times[node] = max(ways, default=0.0)
             low, high = (middle, high) if times[SINK] <= latest else (low, middle)
-        exact = {name: Fraction(floor(value * 4096), 4096) for name, value in self._allowances(weights, low).items()}
+        return self._timed(
+            {name: Fraction(floor(value * 4096), 4096) for name, value in self._allowances(weights, low).items()}
+        )
+
+    def _timed(self, allowances: Mapping[str, Fraction]) -> dict[Node, Fraction] | None:
+        """The earliest schedule that leaves durations this long, if it is in time."""
         schedule: dict[Node, Fraction] = {}
         for node, entering in self._steps:
-            arrivals = (schedule[e.source] + e.constant + sum(exact[name] for name in e.names) for e in entering)
+            arrivals = (schedule[e.source] + e.constant + sum(allowances[name] for name in e.names) for e in entering)
             schedule[node] = max(arrivals, default=Fraction(0))
         return schedule if schedule[SINK] <= self._graph.latest else None
 

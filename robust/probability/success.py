@@ -48,6 +48,7 @@ class Lateness:
         solver: `z3` or `cvc5`.
         factors: what durations share; independent.
         joints: jointly normal durations.
+        certain: whether a schedule is known to exist for all values that can be drawn.
 
     Raises:
         OutsideFragmentError: if there is more to the plan than longest paths.
@@ -64,8 +65,10 @@ class Lateness:
         solver: str,
         factors: Sequence[SharedFactor] = (),
         joints: Sequence[Joint] = (),
+        certain: bool = False,
     ) -> None:
         self._plan = plan
+        self._certain = certain
         self._slack = SlackPlan(plan, epsilon)
         self._distributions = {name: known.settled for name, known in distributions.items()}
         self._factors, self._joints = factors, joints
@@ -177,7 +180,8 @@ class Lateness:
         best = min(strong.upper if self._factors else Fraction(1), Fraction(1))
         if not self._factors:
             best = self._bounds(0, schedules.at_most(found) * Fraction(self._given.mass[1], UNIT)).upper
-        weak, dynamic = Bounds(strong.lower, Fraction(1)), Bounds(Fraction(0), Fraction(1))
+        weak = Bounds(Fraction(1) if self._certain else strong.lower, Fraction(1))
+        dynamic = Bounds(Fraction(0), Fraction(1))
         self.probabilities = None
 
         def learn(lower: Fraction | float, upper: Fraction | float, *, is_policy: bool) -> None:
@@ -200,7 +204,9 @@ class Lateness:
             )
             on_bounds(weak)
 
-        for is_policy in (False, True) if self.graph.waiting else (False,):
+        if self._certain:
+            learn(1, 1, is_policy=False)
+        for is_policy in (False, True)[self._certain : 1 + bool(self.graph.waiting)]:
             if self._joints:
                 learn(*self._by_single_paths(is_policy), is_policy=is_policy)
             elif self._factors:

@@ -39,7 +39,7 @@ TINY: dict[str, tuple[dict[str, Any], int, str]] = {
     "widening": ({"series": (replace(DELIVERIES, sizes=(2,)), replace(ALL_REFUELS, sizes=(2,)))}, 4, "widen, solver"),
     "figure4": ({"suite": ..., "sizes": (1,), "baseline_limit": 120, "contenders": (WIDEN, OPTIMAL)}, 6, "0 + 0 of 4"),
     "conversions": ({"drawn": 2, "delivery": 1, "planned": 0}, 3, "over-all condition"),
-    "risk": ({"sizes": (1, 2), "plans": 1, "draws": 200}, 2, "meets the bounds on 2 of 2 plans"),
+    "risk": ({"sizes": (1, 2), "plans": 1, "parts": (2,), "suite": ..., "draws": 200}, 4, "kept by the octagon"),
     "stnu": ({"sizes": (10, 20), "networks": 2}, 4, "Schedules of teams"),
     "envelopes": ({"plans": 2, "points": 2, "every": 6}, 5, "Random plans with up to three parameters"),
     "logs": ({"suite": ..., "validator": BINARY}, 2, "1 of 1 that VAL calls valid, 1 of 1 that VAL calls invalid"),
