@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import select
@@ -124,4 +125,10 @@ class LineWriter:
         return bool(select.select([], [self._descriptor], [], seconds)[1])
 
     def _advance(self) -> None:
-        self._pending = self._pending[os.write(self._descriptor, self._pending[:_ATOMIC]) :]
+        try:
+            written = os.write(self._descriptor, self._pending[:_ATOMIC])
+        except OSError as error:
+            if error.errno in {errno.EPIPE, errno.EIO}:  # nobody reads any more, or the terminal is gone
+                raise
+            raise InputError(f"cannot write to standard output: {(error.strerror or str(error)).lower()}") from None
+        self._pending = self._pending[written:]

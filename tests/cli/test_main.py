@@ -112,6 +112,15 @@ def test_an_answer_that_a_full_device_does_not_take_is_no_success(words):
     assert (ended.code, ended.err) == (2, f"robust: error: {by_us} space left on device\n")
 
 
+SERVICES = [("watch", *example()), ("pike", "run", KITCHEN, "--stdio")]
+
+
+@pytest.mark.parametrize("words", SERVICES)
+def test_a_service_says_that_a_full_device_takes_no_answers(words):
+    ended = redirected(">/dev/full", *words)
+    assert (ended.code, ended.err) == (2, "robust: error: cannot write to standard output: no space left on device\n")
+
+
 def test_closed_streams_and_streams_in_other_encodings():
     """Without stdout there is nobody to answer to; messages may get lost."""
     ended = redirected(">&-", "check", *example())
