@@ -4,13 +4,20 @@ import json
 import signal
 import subprocess
 import time
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
+from random import Random
 
 import jsonschema
 import pytest
 
+from robust import Monitor, load_plan
+from robust.execute.messages import MessageKind, MonitorMessage
+from robust.show.execution import outlook_line
 from tests.cli.running import assert_one_line, process, started
+from tests.execute.test_monitor import replay
+from tests.sampling import often
 from tests.schemas import schema
 
 WORKSHOP = Path(__file__).parents[2] / "robust" / "examples" / "workshop"
@@ -135,6 +142,59 @@ def test_a_journal_survives_and_is_resumed(tmp_path):
     assert cut[-1] == after[-1], "a line that was cut off is dropped"
     journal.write_bytes(content.replace(b"13", b"14", 1))
     assert_one_line(process("watch", *FILES, *OPTIONS, "--journal", journal), says="the journal was changed here")
+
+
+def test_a_journal_in_use_is_nobody_elses_and_a_closed_pipe_leaves_it_whole(tmp_path):
+    journal = tmp_path / "run.journal"
+    with started("watch", *FILES, *OPTIONS, "--journal", journal, stdin=subprocess.PIPE) as running:
+        running.stdout.readline()
+        assert_one_line(process("watch", *FILES, *OPTIONS, "--journal", journal, input=""), says="found a journal that another process writes")
+        spoken(running, *SAID[:2])
+        running.stdout.close()
+        running.stdin.write(SAID[2] + "\n")
+        running.stdin.close()
+        assert running.wait(30) == 128 + signal.SIGPIPE
+        assert running.stderr.read() == ""
+    _, (after,) = watched("--journal", journal, said=[])
+    assert after["message"] == 3, "what was heard is kept, whether it could be answered or not"
+    assert [look["since"] for look in after["running"]] == ["27/2"]
+
+
+def chatter(random, deadline):
+    """What is said of a run, as messages: of a robot, with what is repeated, late and contradicts."""
+    monitor = Monitor(load_plan(*FILES, parameters=["duration:*"], deadline=deadline), seconds=None)
+    said = []
+    for message in replay(monitor, random, random.choice([0.1, 0.4])):
+        said.append(message)
+        late = random.choice(said)
+        wrong = MonitorMessage(MessageKind.START, "n0", Fraction(-1))
+        said += random.choice([[], [late], [wrong], [replace(late, at=late.at + 1)]])
+    return said
+
+
+@pytest.mark.parametrize("first", range(0, often(2, 40), 2))
+def test_nothing_is_lost_whatever_is_killed(tmp_path, first):
+    """Five kills each: what was answered is in the journal, and what is ahead is as if nothing had happened."""
+    for seed in range(first, first + often(1, 2)):
+        random, journal = Random(seed), tmp_path / f"{seed}.journal"  # noqa: S311 - reproducible
+        options = (*FILES, *OPTIONS, "--journal", journal, "--answer-limit", 60)
+        messages, heard = chatter(random, "90"), 0
+        for _ in range(5):
+            with started("watch", *options, stdin=subprocess.PIPE) as running:
+                resumed = json.loads(running.stdout.readline())
+                assert heard <= resumed["message"] <= len(messages)
+                heard = resumed["message"]
+                fresh = Monitor(load_plan(*FILES, parameters=["duration:*"], deadline="90"), seconds=None)
+                for message in messages[:heard]:
+                    fresh.tell(message)
+                assert resumed == json.loads(json.dumps(outlook_line(fresh.outlook(), "exact", 10)))
+                coming = messages[heard : heard + random.randrange(12)]
+                running.stdin.write("".join(f"{json.dumps(message.as_dict())}\n" for message in coming))
+                running.stdin.flush()
+                for _ in range(random.randint(0, len(coming))):
+                    heard = json.loads(running.stdout.readline())["message"]
+                running.send_signal(signal.SIGKILL)
+                assert "Traceback" not in running.stderr.read()
 
 
 def test_real_time_passes_without_messages():
