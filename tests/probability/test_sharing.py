@@ -1,5 +1,6 @@
 """Durations that share factors or are correlated: against draws and sums of code of its own, and in worlds."""
 
+from collections.abc import Iterable
 from fractions import Fraction
 from itertools import pairwise, product
 from math import erf
@@ -43,10 +44,10 @@ def test_averages_of_a_normal_law_over_a_normal_factor(log_concave):
         return Conditional(max(0.0, law - 1e-6), min(1.0, law + 1e-6))
 
     average = FactorAverage(factor_of("normal:0:1"), at, 0.0 if log_concave else None)
-    average.run(1e-3, lambda: told.append((average.lower, average.upper)))
+    average.run(1e-3 if log_concave else 0.01, lambda: told.append((average.lower, average.upper)))
     assert average.lower <= truth <= average.upper
     assert average.upper - average.lower <= (1e-3 if log_concave else 0.02)
-    assert len(looked) <= 40 if log_concave else len(looked) >= 100
+    assert len(looked) <= 40 if log_concave else len(looked) >= 80
     assert all(a[0] <= b[0] <= b[1] <= a[1] for a, b in pairwise(told))
 
 
@@ -89,10 +90,10 @@ KINDS = ("truncated-normal::15%:1%", "uniform:3:21", "triangular:50%::160%", "ex
          "empirical:80%,90%,100%,130%:1,2,5,2")  # fmt: skip
 
 
-def hunt_factors(seed: int, plans: int, draws: int) -> float:
+def hunt_factors(seed: int, plans: Iterable[int], draws: int) -> float:
     """The greatest distance of bounds from the share of draws, in standard deviations."""
     worst = 0.0
-    for number in range(plans):
+    for number in plans:
         random = Random(f"factors {seed} {number}")  # noqa: S311 - reproducible
         known = ordered_plan(random, random.randint(5, 9), late=f"+{random.randint(10, 40)}%")
         every = [",".join(f"a{at}" for at in range(0 if step == 3 else 1, len(known.planned), step)) for step in (2, 3)]
@@ -112,12 +113,12 @@ def hunt_factors(seed: int, plans: int, draws: int) -> float:
 
 
 def test_bounds_with_factors_hold_the_share_of_draws():
-    assert hunt_factors(0, 3, 40_000) < 4
+    assert hunt_factors(0, range(2), 40_000) < 4
 
 
 @pytest.mark.slow
 def test_bounds_with_factors_hold_the_share_of_draws_of_many_plans():
-    assert hunt_factors(1, 60, 200_000) < 4
+    assert hunt_factors(1, range(60), 200_000) < 4
 
 
 def test_a_search_with_factors_that_is_cut_short_keeps_its_bounds():
@@ -162,7 +163,7 @@ def test_bounds_with_covariances_hold_the_share_of_draws(case, tmp_path):
     known = ordered_plan(Random(3), 6, late="+15%")  # noqa: S311 - reproducible
     file = tmp_path / "world.toml"
     file.write_text(world_of(known, matrix))
-    result = robust.risk(known.plan, {}, world=file, within="1/100")
+    result = robust.risk(known.plan, {}, world=file, within="1/30")
     assert bool(result.factors) == (case != "no factor")
     random = np.random.default_rng(1)
     own = random.multivariate_normal(np.zeros(len(matrix)), matrix, 200_000).T
@@ -172,7 +173,7 @@ def test_bounds_with_covariances_hold_the_share_of_draws(case, tmp_path):
     fits = (np.max(known.ends(lengths), axis=0) <= float(known.latest) + 1e-9) & (np.min(lengths, axis=0) >= 0)
     share = float(np.mean(fits))
     assert float(result.probability.lower) - 0.004 <= share <= float(result.probability.upper) + 0.004
-    assert result.probability.width <= (F(1, 4) if case == "no factor" else F(1, 50))
+    assert result.probability.width <= (F(1, 4) if case == "no factor" else F(1, 25))
     assert result.status is not RiskStatus.UNKNOWN
     assert abs(result.estimate.successes / result.estimate.draws - share) < 0.03
 
