@@ -346,9 +346,12 @@ class Monitor:
 
     def _follow(self, step: str, progress: StepProgress) -> None:
         before, self._progress[step] = self._progress[step], progress
+        if progress == before:
+            return
         self._own.follow(step, progress)
         if self._other is not None:
-            if before.start not in (None, progress.start) or progress.attempts != before.attempts:
+            was_over = before.end is not None  # and is no longer part of the rest
+            if was_over or before.start not in (None, progress.start) or progress.attempts != before.attempts:
                 self._other = None
             else:
                 self._other.follow(step, progress)

@@ -200,6 +200,15 @@ def test_another_order_of_the_steps_is_followed_and_orders_that_are_statements_a
     assert outlook.replan
 
 
+def test_what_is_over_is_repeated_once_another_order_is_followed():
+    monitor = workshop()
+    for kind, step, at in (("start", "n0", 0), ("end", "n0", 12), ("start", "n3", 13)):
+        before = monitor.say(kind, step, at=at)
+    assert before.reordered
+    again = monitor.say("end", "n0", at=12)
+    assert replace(again, message=before.message) == before
+
+
 def bare(plan: ParametrizedPlan) -> tuple[TemporalConstraint, ...]:
     """Durations and deadlines without orders."""
     return tuple(c for c in plan.constraints if c.name is not None or c.source.instance == c.target.instance)
