@@ -148,7 +148,10 @@ def test_a_journal_in_use_is_nobody_elses_and_a_closed_pipe_leaves_it_whole(tmp_
     journal = tmp_path / "run.journal"
     with started("watch", *FILES, *OPTIONS, "--journal", journal, stdin=subprocess.PIPE) as running:
         running.stdout.readline()
-        assert_one_line(process("watch", *FILES, *OPTIONS, "--journal", journal, input=""), says="found a journal that another process writes")
+        assert_one_line(
+            process("watch", *FILES, *OPTIONS, "--journal", journal, input=""),
+            says="found a journal that another process writes",
+        )
         spoken(running, *SAID[:2])
         running.stdout.close()
         running.stdin.write(SAID[2] + "\n")

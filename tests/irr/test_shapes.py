@@ -105,5 +105,6 @@ def test_templates_from_files(tmp_path):
     ):
         file.write_text(text)
         assert_one_line(command("envelope", *example(), "--shape", file), says=f"{file}:{says}")
-    with pytest.raises(InputError, match="hexagon: found no such file, expected octagon, or a readable file of linear forms"):
+    expected = "hexagon: found no such file, expected octagon, or a readable file of linear forms"
+    with pytest.raises(InputError, match=expected):
         robust.envelope(example(), shape="hexagon")

@@ -28,9 +28,7 @@ LONGEST_LINE = 2**20
 """Bytes of a line of that."""
 
 
-def read_text(
-    path: str | os.PathLike[str], most: int = LARGEST, *, expected: str = "a readable text file"
-) -> str:
+def read_text(path: str | os.PathLike[str], most: int = LARGEST, *, expected: str = "a readable text file") -> str:
     """The text of an input file, limited in bytes: UTF-8 with or without a byte order mark, any line ends.
 
     Raises:
