@@ -704,15 +704,14 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
     def _mended(self, now: Fraction, failed: said.Failed) -> Sequence[said.Decision]:
         """How it goes on after a failure, if it does."""
         before = self._past, dict(self._choices), self.mended
-        for mend in (self._releasing, self._planning):
-            announced = mend(now)
-            if announced:
-                decisions = self._acted(self._executive.step(now))
-                if not isinstance(self.outcome, said.Failed):
-                    return [*announced, *decisions]
-                self._past, self._choices, self.mended = before
-                self.judge_anew(now)
-                self._recorded = failed
+        announced = [*self._releasing(now), *self._acted(self._executive.step(now))]
+        if not isinstance(self.outcome, said.Failed):
+            return announced
+        self._past, self._choices, self.mended = before
+        self.judge_anew(now)
+        self._recorded = failed
+        if planned := self._planning(now):  # another plan, of which nothing of this one is kept
+            return [*planned, *self._acted(self._executive.step(now))]
         activities = self.plan.network.activities
         running = ((activities[place], said.goal_of(place)) for place in self.running)
         return [*(said.Cancel(each.action, each.agent, now, goal) for each, goal in running), failed]

@@ -275,6 +275,16 @@ def test_a_planner_is_asked_where_nothing_is_left():
     assert chosen.step(Fraction(6), [USED])[-1].kind() == "succeeded"
 
 
+def test_another_plan_that_fails_at_once_is_judged_by_itself():
+    """Nothing of the first plan, its choices above all, is left in the second."""
+    other = fetching(limit=Fraction(1), choices=[Choice("how", ("slow", "fast"), True, "begin")])
+    chosen = begun(fetching(choices=[Choice("speed", ("1", "2"), True, "begin")]), planner=lambda _state: other)
+    decisions = chosen.step(Fraction(1), [said.ActivityFailed("(fetch)")])
+    assert kinds(decisions)[-2:] == ["resumed", "failed"]
+    assert chosen.plan == other
+    assert chosen.state().choices == {}
+
+
 def test_an_executive_goes_on_from_a_state():
     """As the one that came to it, whatever program that was part of."""
     chosen = begun(fetching())
