@@ -1,6 +1,6 @@
 """The picture of each kind of result, which `plot` of results loads; those of boxes and of probabilities are here.
 
-A box is drawn with how the search came to it, a probability of success with what fails first.
+A box is drawn with how the search came to it, a probability of success with what fails first or is late.
 
 Rows of a box are deviations from the nominal values, so that parameters of different size can share one axis; where
 deviations differ by orders of magnitude, the axis is logarithmic on both sides of zero.
@@ -29,11 +29,13 @@ from robust.numbers import approximate, end, readable
 from robust.options.declare import names, place_of, plot_file
 from robust.pike_bridge.envelopes.search import LabeledRegion, TeamEnvelope
 from robust.pike_bridge.online.world import ExecutionRecord
-from robust.probability.risk import BlameShare, RiskResult
+from robust.probability.measure import Bounds
+from robust.probability.risk import RiskResult
 from robust.qe.box import Box
 from robust.qe.compute import RegionResult
 from robust.qe.region import Region
 from robust.show.documents import bounds_text, places_for
+from robust.show.risk import SHOWN
 from robust.show.text import Words
 
 _TALLEST = 4.5
@@ -254,9 +256,9 @@ def plot_risk(result: RiskResult, path: Path | None) -> Figure:
 def _risk_figure(result: RiskResult) -> Figure:
     moving = [name for name, distribution in result.distributions.items() if distribution.settled.kind != "constant"]
     plane = len(moving) == 2 and result.region is not None
-    shown = _shown(result)
     words = Words(result.plan)
-    names = [wrapped(words.obligation(share.name), 40) for share in shown]
+    shown = _shown(result, words)
+    names = [wrapped(bar.name, 40) for bar in shown]
     lines = sum(name.count("\n") + 1 for name in names)
     height = max(4.6 if plane else 2.4, 1.6 + 0.16 * lines + 0.16 * len(names))
     figure = Figure(figsize=(13.0 if plane else 8.5, height), layout="constrained")
@@ -266,7 +268,7 @@ def _risk_figure(result: RiskResult) -> Figure:
         _draw_region(left, result, moving, words)
     else:
         right = figure.subplots()
-    _draw_shares(right, shown, names)
+    _draw_shares(right, shown, names, late=_is_late(result))
     explained = style.entries(figure.axes)
     figure.legend(explained.values(), explained.keys(), loc="outside lower left", ncols=3, fontsize=8, frameon=False)
     return figure
@@ -319,21 +321,49 @@ def _view(result: RiskResult, name: str) -> tuple[Fraction, Fraction]:
     return low, high
 
 
-def _shown(result: RiskResult) -> list[BlameShare]:
-    """The obligations that matter, the most probable last."""
+@dataclass(frozen=True, slots=True)
+class _ShareBar:
+    """What fails or is late, how probably by certified bounds, and in which share of random draws."""
+
+    name: str
+    certified: Bounds | None
+    drawn: float | None = None
+
+
+def _is_late(result: RiskResult) -> bool:
+    """Whether what is late is known, instead of what fails first."""
+    return not result.shares and result.late is not None
+
+
+def _shown(result: RiskResult, words: Words) -> list[_ShareBar]:
+    """What matters: obligations, the most probable last; or durations on chains that are late, and what they delay."""
+    if result.late is not None and _is_late(result):
+        delayed = [(words.obligation(share.name), share) for share in result.late.points[:SHOWN]]
+        along = [(words.parameters.get(share.name, share.name), share) for share in result.late.durations[:SHOWN]]
+        return [_ShareBar(name, share.certified, share.estimate) for name, share in (*delayed, *along)][::-1]
     shares = [share for share in result.shares or () if share.probability.upper >= result.within]
-    return sorted(shares, key=lambda share: share.probability.upper)
+    shares.sort(key=lambda share: share.probability.upper)
+    return [_ShareBar(words.obligation(share.name), share.probability) for share in shares]
 
 
-def _draw_shares(canvas: Axes, shown: Sequence[BlameShare], names: Sequence[str]) -> None:
-    """A bar for each obligation: what is certain in full colour, what is possible lighter and hatched."""
-    for row, share in enumerate(shown):
-        possible: Any = {"color": style.LIGHT[5], "edgecolor": VERMILION, "hatch": style.HATCHES[1]}
-        canvas.barh(row, float(share.probability.upper), height=0.55, label="possibly (upper bound)", **possible)
-        canvas.barh(row, float(share.probability.lower), height=0.55, color=VERMILION, label="certainly (lower bound)")
+def _draw_shares(canvas: Axes, shown: Sequence[_ShareBar], names: Sequence[str], *, late: bool) -> None:
+    """A bar for each: what is certain in full colour, what is possible lighter and hatched, draws as a dot."""
+    for row, bar in enumerate(shown):
+        if bar.certified is not None:
+            possible: Any = {"color": style.LIGHT[5], "edgecolor": VERMILION, "hatch": style.HATCHES[1]}
+            canvas.barh(row, float(bar.certified.upper), height=0.55, label="possibly (upper bound)", **possible)
+            certain = float(bar.certified.lower)
+            canvas.barh(row, certain, height=0.55, color=VERMILION, label="certainly (lower bound)")
+        if bar.drawn is not None:
+            canvas.plot(bar.drawn, row, "o", color=EDGE, markersize=5, label="share of draws in which it is latest")
     canvas.set_yticks(range(len(shown)), names, fontsize=8)
-    canvas.set_xlabel("probability that this is the first to break")
-    canvas.set_title("What fails first", fontsize=9, loc="left")
+    canvas.set_xlim(left=0)
+    if late:
+        canvas.set_xlabel("probability that some chain of actions that ends there, or has it, is late")
+        canvas.set_title("What is late", fontsize=9, loc="left")
+    else:
+        canvas.set_xlabel("probability that this is the first to break")
+        canvas.set_title("What fails first", fontsize=9, loc="left")
     if not shown:
         canvas.text(0.5, 0.5, "nothing that matters", ha="center", va="center", transform=canvas.transAxes)
         canvas.set_xticks([])

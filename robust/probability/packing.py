@@ -195,14 +195,13 @@ class SampledEstimate:
 class LateShare:
     """How probably the plan is late along a chain that ends where a point is due, or that has a duration on it.
 
-    `estimate` is the share of draws in which it is the chain that is latest. Certified is how probably any chain that
-    ends there, or has the duration on it, is late.
+    `estimate` is the share of draws in which it is the chain that is latest. `certified` bounds how probably any chain
+    that ends there, or has the duration on it, is late.
     """
 
     name: str
     estimate: float
-    at_least: Fraction | None = None
-    at_most: Fraction | None = None
+    certified: Bounds | None = None
 
 
 @dataclass(frozen=True)

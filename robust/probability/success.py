@@ -87,7 +87,7 @@ class Lateness:
         self._prove(Box(self._intervals), orders, epsilon, solver)
         self.probabilities: SuccessProbabilities | None = None
         self.cells = 0
-        self._certified: dict[str, tuple[Fraction, Fraction]] = {}
+        self._certified: dict[str, Bounds] = {}
         self._gain: Bounds | None = None
 
     # -- what is demanded of single durations, and of orders ----------------------------------------------------------
@@ -374,8 +374,8 @@ class Lateness:
             count,
             int(successes.sum()),
             float((inside & (late > margin) & (late <= 1 + margin)).mean()),
-            tuple(packing.LateShare(*one, *certified.get(one[0], ())) for one in _greatest(points)),
-            tuple(packing.LateShare(*one, *certified.get(one[0], ())) for one in _greatest(durations)),
+            tuple(packing.LateShare(name, share, certified.get(name)) for name, share in _greatest(points)),
+            tuple(packing.LateShare(name, share, certified.get(name)) for name, share in _greatest(durations)),
             self._gain,
         )
 
@@ -408,8 +408,9 @@ class Lateness:
                 inside = Fraction(self._given.mass[0], UNIT)
                 bounds = max(Fraction(0), 1 - Fraction(paths.upper)) * inside, 1 - Fraction(paths.lower) * inside
                 for name in about:
-                    known = self._certified.get(name, (Fraction(0), Fraction(0)))
-                    self._certified[name] = max(known[0], bounds[0]), min(Fraction(1), known[1] + bounds[1])
+                    known = self._certified.get(name, Bounds(Fraction(0), Fraction(0)))
+                    upper = min(Fraction(1), known.upper + bounds[1])
+                    self._certified[name] = Bounds(max(known.lower, bounds[0]), upper)
 
 
 SHOWN = 8

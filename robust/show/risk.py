@@ -68,14 +68,12 @@ class LateAt(JsonObject):
     Attributes:
         obligation: what is broken
         estimate: share of draws in which nothing is later
-        at_least: certified bound of the probability that some chain to it is late; null if not known
-        at_most: likewise
+        certified: the probability that some chain to it is late; null if not known
     """
 
     obligation: str
     estimate: float
-    at_least: Rational | None
-    at_most: Rational | None
+    certified: measure.Bounds | None
 
 
 class LateAlong(JsonObject):
@@ -83,14 +81,12 @@ class LateAlong(JsonObject):
     Attributes:
         parameter: a duration
         estimate: share of draws in which the chain of actions that is latest has it
-        at_least: certified bound of the probability that some chain that has it is late; null if not known
-        at_most: likewise
+        certified: the probability that some chain that has it is late; null if not known
     """
 
     parameter: str
     estimate: float
-    at_least: Rational | None
-    at_most: Rational | None
+    certified: measure.Bounds | None
 
 
 class LateDocument(JsonObject):
@@ -289,13 +285,7 @@ def _print_late(out: Console, result: RiskResult, late: packing.LatenessDraws, p
     told = [(words.told(share.name), share) for share in late.points[:SHOWN]]
     told += [(words.parameters.get(share.name, share.name), share) for share in late.durations[:SHOWN]]
     rows = [
-        (
-            name,
-            f"{share.estimate:.{places}f}",
-            ""
-            if share.at_least is None or share.at_most is None
-            else bounds_text(measure.Bounds(share.at_least, share.at_most), places),
-        )
+        (name, f"{share.estimate:.{places}f}", "" if share.certified is None else bounds_text(share.certified, places))
         for name, share in told
     ]
     headings = ("broken, or on a chain", "latest in draws", "some chain is late (certified)")

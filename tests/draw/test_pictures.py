@@ -288,6 +288,14 @@ def test_probabilities(crater, needed):
     assert_readable(pictures._risk_figure(result), *needed)
 
 
+def test_probabilities_of_many_random_durations():
+    workshop = [str(EXAMPLES / "workshop" / name) for name in ("domain.pddl", "problem.pddl", "plan.log")]
+    plan = load_plan(*workshop, parameters=["duration:*"], deadline="+10%")
+    figure = pictures._risk_figure(risk(plan, {"*": "truncated-normal::15%"}, within="0.05", draws=500))
+    assert_readable(figure, "What is late", "paint bob table", "share of draws in which it is latest")
+    assert figure.axes[0].patches
+
+
 @pytest.mark.parametrize(("seed", "count"), [(0, 3), (1, 20), (2, 60)])
 def test_nothing_overlaps_and_everything_is_drawn(seed, count, tmp_path):
     random = Random(seed)  # noqa: S311 - reproducible

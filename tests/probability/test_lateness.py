@@ -337,11 +337,11 @@ def test_chains_that_are_late_are_certified():
             for n, name in enumerate(known.names)
             if f"end of {name.removeprefix('dur_')}" in point.name or f"{name.removeprefix('dur_')}.end" in point.name
         )
-        assert point.at_least is not None
-        assert float(point.at_least) - 0.006 <= float(np.mean(ends[number] > latest)) <= float(point.at_most) + 0.006
+        share = float(np.mean(ends[number] > latest))
+        assert float(point.certified.lower) - 0.006 <= share <= float(point.certified.upper) + 0.006
     for duration in result.late.durations[:3]:
-        assert duration.at_least <= duration.at_most <= 1
-        assert duration.estimate <= float(duration.at_most) + 0.02
+        assert duration.certified.lower <= duration.certified.upper <= 1
+        assert duration.estimate <= float(duration.certified.upper) + 0.02
 
 
 def test_probabilities_grow_with_the_deadline():
@@ -355,7 +355,7 @@ def test_a_search_that_is_cut_short_keeps_its_bounds(monkeypatch):
     exact = robust.risk(known.plan, {"*": "truncated-normal::15%"})
     assert exact.status is RiskStatus.COMPLETE
     assert {share.name for share in exact.late.durations} <= set(known.names)
-    assert all(share.estimate <= float(share.at_most) + 0.02 for share in exact.late.durations)
+    assert all(share.estimate <= float(share.certified.upper) + 0.02 for share in exact.late.durations)
     late = robust.risk(known.plan, {"*": "truncated-normal::15%"}, timeout=0)
     assert late.status is RiskStatus.TIMEOUT
     assert late.probability.lower <= exact.probability.lower <= exact.probability.upper <= late.probability.upper
