@@ -550,10 +550,11 @@ class DistributionForm:
         """
         if planned is None:
             missing = [key for key in KEYS[self.kind] if key in PLANNED and key not in self.amounts]
-            missing += [key for key, amounts in self.amounts.items() if any(amount.relative for amount in amounts)]
             if missing:
                 expected = ":".join((self.kind, *map(str.upper, KEYS[self.kind])))
                 raise InputError(f"found no {missing[0]!r}, expected {expected}", place)
+            if shares := [key for key, amounts in self.amounts.items() if any(amount.relative for amount in amounts)]:
+                raise InputError(f"found a share as {shares[0]!r}, but no planned value: expected a number", place)
         unit = planned or Fraction(0)
         known = {key: [amount.at(unit) for amount in amounts] for key, amounts in self.amounts.items()}
         if self.kind == "empirical":

@@ -271,6 +271,7 @@ def test_wrong_factors_and_covariances_say_what_is_wrong(text):
         ("weather=uniform:1:2", "expected NAME"),
         ("weather*nothing=uniform:1:2", "found unknown parameter"),
         ("weather*a0=uniform:-1:2", "expected one above 0"),
+        ("weather*a0=truncated-normal:1:10%:0.5:2", "found a share as 'deviation', but no planned value"),
     ],
 )
 def test_wrong_factors_of_options_say_what_is_wrong(factor, found):
