@@ -33,7 +33,7 @@ from .certificates import CERTIFICATES
 from .engine.experiment import Experiment
 from .engine.measure import Run, run_robust
 from .engine.show import Columns, Table, number, page
-from .suite import DELIVERIES, Delivery, read_deliveries
+from .suite import DELIVERIES, FILE_NAME, Delivery, directory_with, read_deliveries
 
 COMMAND = "python -m benchmarks.results --suite DIRECTORY"
 OUTPUT = Path(__file__).with_name("RESULTS.md")
@@ -66,6 +66,7 @@ def run_all(suite: Path, general: float, comparison: float, exact: float, plots:
     Raises:
         RobustError: if the data set is malformed, or the run was interrupted.
     """
+    suite = directory_with(FILE_NAME, suite)
     machine = _machine()
     start = median(_start() for _ in range(STARTS))
     runs: tuple[tuple[str, float, dict[str, Any]], ...] = (

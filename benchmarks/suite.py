@@ -108,15 +108,32 @@ class RecordedInstance:
 Entry = TypeVar("Entry", bound=Listed)
 
 
+def directory_with(name: str | Path, given: Path) -> Path:
+    """Where the list of a data set lies: in the directory, or one level below or above.
+
+    Raises:
+        InputError: if it is in none of them, or in several below.
+    """
+    if not given.is_dir():
+        found = "a file" if given.exists() else "nothing"
+        raise InputError(f"found {found}, expected a directory with {name}", Location(str(given)))
+    if (given / name).is_file():
+        return given
+    below = sorted(path for path in given.iterdir() if (path / name).is_file())
+    near = below or [path for path in (given.resolve().parent,) if (path / name).is_file()]
+    if len(near) == 1:
+        return near[0]
+    found = f"{name} in {' and in '.join(path.name for path in near)}" if near else f"no {name}"
+    raise InputError(f"found {found}, expected a directory with it, or one level below or above", Location(str(given)))
+
+
 def read_suite(directory: Path) -> tuple[RecordedInstance, ...]:
     """The instances of a data set.
 
     Raises:
         InputError: if the directory, its list or a file that the list names is missing or malformed.
     """
-    if not directory.is_dir():
-        found = "a file" if directory.exists() else "nothing"
-        raise InputError(f"found {found}, expected a directory with {FILE_NAME}", Location(str(directory)))
+    directory = directory_with(FILE_NAME, directory)
     place = Location(str(directory / FILE_NAME))
     instances = []
     for one in _entries(_Recorded, place):
@@ -132,6 +149,7 @@ def read_deliveries(directory: Path) -> tuple[tuple[Delivery, Files], ...]:
     Raises:
         InputError: if there are none, or a file is missing or malformed.
     """
+    directory = directory_with(DELIVERIES, directory)
     place = Location(str(directory / DELIVERIES))
     return tuple((one, one.files(directory, place)) for one in _entries(Delivery, place))
 

@@ -31,6 +31,7 @@ from robust.sweeps.batch import COMMAND, complaint, measured
 from ..catalogue import LogsOptions
 from ..engine.experiment import Experiment, Report, Task
 from ..engine.show import NOTHING, Columns, Panel, Series, Table, number
+from ..suite import directory_with
 
 FILE_NAME = "plans.json"
 TOLERANCE = "0.001"
@@ -248,16 +249,18 @@ class LogReport(Report[LogRow]):
 
 
 def _prepare(options: LogsOptions, _: object) -> tuple[Log, ...]:
-    place = Location(str(options.suite / FILE_NAME))
-    found: tuple[Log, ...] = from_json(tuple[Log, ...], read_text(options.suite / FILE_NAME), place)
+    directory = directory_with(FILE_NAME, options.suite)
+    place = Location(str(directory / FILE_NAME))
+    found: tuple[Log, ...] = from_json(tuple[Log, ...], read_text(directory / FILE_NAME), place)
     if not found:
         raise InputError("found an empty list, expected at least one log", place)
     return found
 
 
 def _tasks(options: LogsOptions, logs: tuple[Log, ...]) -> list[Task]:
+    directory = directory_with(FILE_NAME, options.suite)
     validator = None if options.validator is None or not options.validator.is_file() else options.validator.resolve()
-    return [Task(log.name, (options.suite, log, validator, options.limit)) for log in logs]
+    return [Task(log.name, (directory, log, validator, options.limit)) for log in logs]
 
 
 def _describe(row: LogRow) -> str:

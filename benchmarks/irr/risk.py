@@ -42,7 +42,7 @@ from ..catalogue import RiskOptions
 from ..engine.experiment import Experiment, Report, Task
 from ..engine.show import NOTHING, Columns, Panel, Series, Table, family, middle, number
 from ..generators.shops import shop_files
-from ..suite import read_suite
+from ..suite import directory_with, read_suite
 from .figure4 import own_instance
 from .logs import FILE_NAME
 
@@ -363,9 +363,10 @@ def _tasks(options: RiskOptions, _: object) -> list[Task]:
         for index in range(options.shops)
     ]
     if options.logs is not None:
-        file = options.logs / FILE_NAME
+        directory = directory_with(FILE_NAME, options.logs)
+        file = directory / FILE_NAME
         for one in from_json(list[PlannerLog], read_text(file), Location(str(file))):
-            files = [str(options.logs / name) for name in (one.domain, one.problem, one.log)]
+            files = [str(directory / name) for name in (one.domain, one.problem, one.log)]
             tasks.append(Task(one.name, (LOG, one.name, files, *asked)))
     if options.suite is not None:
         for instance in read_suite(options.suite):

@@ -81,10 +81,20 @@ def test_wrong_lists(make_suite, listed, message):
 
 def test_what_is_no_data_set(tmp_path):
     (tmp_path / "file").write_text("", encoding="utf-8")
-    with pytest.raises(InputError, match=r"recorded-results\.json: found no such file"):
+    with pytest.raises(InputError, match=r"found no recorded-results\.json, expected a directory with it"):
         read_suite(tmp_path)
     with pytest.raises(InputError, match="found a file, expected a directory"):
         read_suite(tmp_path / "file")
+
+
+def test_a_data_set_lies_one_level_away(make_suite):
+    directory = make_suite(navigation())
+    (inside := directory / "inside").mkdir()
+    assert read_suite(directory.parent) == read_suite(directory) == read_suite(inside)
+    (other := directory.parent / "other").mkdir()
+    (other / "recorded-results.json").write_text("[]", encoding="utf-8")
+    with pytest.raises(InputError, match=f"found recorded-results.json in other and in {directory.name}"):
+        read_suite(directory.parent)
 
 
 ENDLESS = ["a upper: inf instead of 2", "b lower: absent instead of 0", "b upper: absent instead of 1"]
