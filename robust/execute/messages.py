@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from fractions import Fraction
 from hashlib import sha256
@@ -123,6 +123,11 @@ class StepProgress:
                     attempts.append((start, at))
                 start, end, failure = None, None, f"{message.kind.value} at {time_text(at)}"
         return cls(start, end if start is not None else None, failure, tuple(attempts))
+
+    def by(self, time: Fraction) -> StepProgress:
+        """How far the step was at a time after all attempts that failed."""
+        start, end = (None if at is None or at > time else at for at in (self.start, self.end))
+        return self if (start, end) == (self.start, self.end) else replace(self, start=start, end=end)
 
     @property
     def is_running(self) -> bool:

@@ -9,7 +9,7 @@ from where it is, in whatever order a solver finds (:mod:`robust.execute.reorder
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
@@ -17,17 +17,7 @@ from math import lcm
 
 from robust.encode.interface import EPSILON
 from robust.errors import did_you_mean
-from robust.execute.forecast import (
-    FINEST,
-    OPEN,
-    Forecaster,
-    Making,
-    PathForecaster,
-    PlanForecast,
-    Prospect,
-    StepAhead,
-    Window,
-)
+from robust.execute.forecast import FINEST, OPEN, Forecaster, PathForecaster, PlanForecast, Prospect, StepAhead, Window
 from robust.execute.messages import (
     OBSERVED,
     STEPS,
@@ -166,7 +156,7 @@ class Monitor:
     """What time it is at least."""
 
     def __post_init__(self) -> None:
-        self._own, self._make = _forecaster(self.plan, self.epsilon)
+        self._own = _forecaster(self.plan, self.epsilon, self.plan.lasting)
         self._count = 0
         self._fineness = 1
         self._said: dict[str, list[MonitorMessage]] = {step.identifier: [] for step in self.plan.instances}
@@ -206,18 +196,24 @@ class Monitor:
         Raises:
             UnsupportedError: if a continuous effect's rate changes while it acts.
         """
-        return self._history.state
+        return self._history_until(self.time).state
 
-    @property
-    def _history(self) -> History:
+    def _history_until(self, time: Fraction) -> History:
         observed = [message for message in self.taken.values() if message.kind in OBSERVED]
         observed.sort(key=lambda message: (message.at or Fraction(0), message.arrived or Fraction(0)))
-        return History(self.plan, self.planned, self._progress, observed, self.time)
+        return History(self.plan, self.planned, self._progress, observed, time)
 
     @property
     def _now(self) -> Fraction:
         """Nothing that has not been heard of happened before."""
         return max(self.time - self.lateness, Fraction(0))
+
+    @property
+    def _judged_from(self) -> Fraction:
+        """From when on the rest of the plan is judged: after all that was observed, and after attempts that failed."""
+        observed = (message.at for message in self.taken.values() if message.kind in OBSERVED)
+        attempts = (end for known in self._progress.values() for _, end in known.attempts)
+        return max((self._now, *attempts, *(at for at in observed if at is not None)))
 
     # -- messages ------------------------------------------------------------------------------------------------------
 
@@ -395,17 +391,19 @@ class Monitor:
             self._success(forecast),
             self._other is not None and not self._in_order,
             forecast.exact,
-            self._wake(looks, forecast.free),
+            self._wake(looks, forecast),
         )
 
-    def _wake(self, looks: Sequence[StepOutlook], free: Container[str]) -> Fraction | None:
+    def _wake(self, looks: Sequence[StepOutlook], forecast: PlanForecast) -> Fraction | None:
         """The first moment to come at which time alone opens or closes a window.
 
         The start of a step that waits for another one moves with the present, and is no such moment.
         """
-        opening = [look.start[0] for look in looks if look.step in free and look.start[0] > self.time]
+        opening = [look.start[0] for look in looks if look.step in forecast.free and look.start[0] > self.time]
         limits = [look.end[1] if look.since is not None else look.start[1] for look in looks]
         closing = [time + self.lateness for time in limits if time is not None]
+        if forecast.prospect is Prospect.UNDECIDED and self._judged_from > self._now:
+            closing.append(self._judged_from + self.lateness)
         first = min((time for time in (*opening, *closing) if time >= self.time), default=None)
         return None if first is None else (first // TICK + 1) * TICK
 
@@ -453,7 +451,7 @@ class Monitor:
             return ()
         steps = (step for step in self.plan.instances if self._progress[step.identifier].end is None)
         read = set(read_by(steps, self.plan.goal))
-        return [text for variable, text in self._history.surprises if variable in read]
+        return [text for variable, text in self._history_until(self.time).surprises if variable in read]
 
     @property
     def _observed(self) -> tuple[int, ...]:
@@ -476,13 +474,19 @@ class Monitor:
         if self._other is None or self._seen_by_other != self._observed or not self._is_open(self._other, deadline):
             from robust.execute.reorder import reordered  # noqa: PLC0415 - loads solvers, which few plans need
 
+            moment = self._judged_from
+            history = self._history_until(moment)
             judged = reordered(
-                self._history, self._make, self.epsilon, free=self.reorder, in_order=in_order, deadline=deadline
+                history, _forecaster, self.epsilon, free=self.reorder, in_order=in_order, deadline=deadline
             )
             self._other, self._seen_by_other = judged.forecaster, self._observed
             self._in_order = judged.in_order
             if self._other is None:
-                return PlanForecast(judged.prospect, (*judged.reasons, *causes))
+                is_late = (
+                    judged.prospect is Prospect.BROKEN and moment > self._now
+                )  # what happened before may be heard yet
+                prospect = Prospect.UNDECIDED if is_late else judged.prospect
+                return PlanForecast(prospect, (*judged.reasons, *causes))
             self._other.pass_time(self._now)
         other = self._other.look(self.time, deadline)
         return replace(other, reasons=(*causes, *other.reasons))
@@ -504,11 +508,17 @@ def _wrong_times(message: MonitorMessage) -> str | None:
 _WANTED = {MessageKind.VALUE: "a number", MessageKind.FACT: "true or false"}
 
 
-def _forecaster(plan: model.ParametrizedPlan, epsilon: Fraction) -> tuple[Forecaster, Making]:
-    """By shortest paths where they decide about the plan, else by slices; and what makes others like it."""
+def _forecaster(
+    plan: model.ParametrizedPlan,
+    epsilon: Fraction,
+    lasting: Mapping[str, str],
+    planned: Mapping[str, Fraction] | None = None,
+    running: Mapping[str, StepProgress] | None = None,
+) -> Forecaster:
+    """By shortest paths where they decide about the plan, else by slices."""
     try:
-        return PathForecaster(plan, epsilon, plan.lasting), PathForecaster
+        return PathForecaster(plan, epsilon, lasting, planned, running)
     except OutsideFragmentError:
         from robust.execute.slice_forecast import SliceForecaster  # noqa: PLC0415 - loads solvers, which few plans need
 
-        return SliceForecaster(plan, epsilon, plan.lasting), SliceForecaster
+        return SliceForecaster(plan, epsilon, lasting, planned, running)

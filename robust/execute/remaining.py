@@ -44,16 +44,22 @@ class History:
     Args:
         plan: the plan.
         planned: how long steps take as planned, by identifier.
-        steps: how far each step is, by identifier.
+        known: how far each step is by all that is known, by identifier.
         observed: what was observed of the state.
-        time: what time it is at least.
+        time: nothing that is not known happened before. What happened later is part of what is still to come, except
+            for observations and attempts that failed: there must be none.
     """
 
     plan: model.ParametrizedPlan
     planned: Mapping[str, Fraction]
-    steps: Mapping[str, StepProgress]
+    known: Mapping[str, StepProgress]
     observed: Sequence[MonitorMessage]
     time: Fraction
+
+    @cached_property
+    def steps(self) -> Mapping[str, StepProgress]:
+        """How far each step was at the time of the history."""
+        return {name: step.by(self.time) for name, step in self.known.items()}
 
     @property
     def state(self) -> MonitorState:
@@ -84,13 +90,17 @@ class History:
     @cached_property
     def happened(self) -> Mapping[model.TimePoint, Fraction]:
         """The times of what has happened, zero among them."""
-        times = {model.ZERO: Fraction(0)}
-        for name, step in self.steps.items():
-            instance = self.plan.instance[name]
-            for point, time in ((instance.start, step.start), (instance.end, step.end)):
-                if time is not None:
-                    times[point] = time
-        return times
+        return {model.ZERO: Fraction(0), **self._times_of(self.steps)}
+
+    @property
+    def later(self) -> Mapping[model.TimePoint, Fraction]:
+        """The times of what is known to happen later."""
+        return {point: time for point, time in self._times_of(self.known).items() if point not in self.happened}
+
+    def _times_of(self, steps: Mapping[str, StepProgress]) -> Mapping[model.TimePoint, Fraction]:
+        points = ((step, self.plan.instance[name]) for name, step in steps.items())
+        both = (each for step, known in points for each in ((known.start, step.start), (known.end, step.end)))
+        return {point: time for point, time in both if time is not None}
 
     def earliest(self, epsilon: Fraction) -> Mapping[model.TimePoint, Fraction]:
         """When at the earliest a point may happen that is mutex with what happened less than `epsilon` ago."""
@@ -134,10 +144,10 @@ class History:
 
     @cached_property
     def lasted(self) -> Mapping[str, Fraction]:
-        """How long the steps took that have ended."""
+        """How long the steps take whose ends are known."""
         return {
             name: step.end - step.start
-            for name, step in self.steps.items()
+            for name, step in self.known.items()
             if step.end is not None and step.start is not None
         }
 
@@ -252,7 +262,8 @@ def read_by(
 def remaining_plan(history: History, epsilon: Fraction, *, ordered: bool) -> model.ParametrizedPlan:
     """The plan of what is still to come, in the state that is reached, with times as in the whole plan.
 
-    What has happened is a number in the constraints of the rest, and mutex points stay `epsilon` away from it. A step
+    What has happened is a number in the constraints of the rest, and mutex points stay `epsilon` away from it; what is
+    known to happen later has its time. A step
     that runs begins now and has, in its effects and conditions, lasted for a while; its start has nothing to say any
     more. If it is not `ordered`, only durations and deadlines count, and no order of steps.
     """
@@ -261,18 +272,20 @@ def remaining_plan(history: History, epsilon: Fraction, *, ordered: bool) -> mod
     running = state.running
     instances, constraints = [], list[model.TemporalConstraint]()
     for instance in plan.instances:
-        known = state.steps[instance.identifier]
-        if known.end is None and known.start is not None:
-            instances.append(_begun(instance, now - known.start, history.reading(instance)))
+        step = state.steps[instance.identifier]
+        if step.end is None and step.start is not None:
+            instances.append(_begun(instance, now - step.start, history.reading(instance)))
             at = Polynomial[model.NumericVariable].constant(now)
             constraints.append(model.TemporalConstraint(model.ZERO, instance.start, at, at))
-        elif known.end is None:
+        elif step.end is None:
             instances.append(instance)
     points = {point for instance in instances for point in instance.time_points if point not in times}
     earliest = {**dict.fromkeys(points, now), **history.earliest(epsilon)}
     constraints += [
         model.TemporalConstraint(model.ZERO, point, Polynomial.constant(time), None) for point, time in earliest.items()
     ]
+    known = ((point, Polynomial[model.NumericVariable].constant(time)) for point, time in history.later.items())
+    constraints += [model.TemporalConstraint(model.ZERO, point, at, at) for point, at in known]
     for item in plan.constraints:
         numbers = all(bound is None or bound.is_constant for bound in (item.lower, item.upper))
         if ordered or not numbers or item.name is not None or item.source.instance == item.target.instance:
@@ -280,7 +293,7 @@ def remaining_plan(history: History, epsilon: Fraction, *, ordered: bool) -> mod
     values = {name: history.lasted[step] for name, step in plan.lasting.items() if step in history.lasted}
     lasted = {name: now - running[step] for name, step in plan.lasting.items() if step in running}
     parameters = tuple(
-        replace(known, nominal=max(known.nominal, lasted.get(known.name, known.nominal))) for known in plan.parameters
+        replace(each, nominal=max(each.nominal, lasted.get(each.name, each.nominal))) for each in plan.parameters
     )
     rest = replace(
         plan,

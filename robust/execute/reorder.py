@@ -63,16 +63,26 @@ def reordered(
         if in_order:
             with suppress(OutsideFragmentError, UnsupportedError, InputError):  # if planned durations will not do
                 rest = make(remaining_plan(history, epsilon, ordered=True), epsilon, *known)
-                rest.pass_time(history.time)
+                _tell_later(rest, history)
                 if rest.look(history.time, deadline).prospect in OPEN:
                     return Reordered(Prospect.ON_TRACK, rest, in_order=True)
         unordered = remaining_plan(history, epsilon, ordered=not free)
         found = _schedule(unordered, epsilon, deadline)
         if found is None:
             return Reordered(Prospect.BROKEN)
-        return Reordered(Prospect.AT_RISK, make(_in_order_of(unordered, epsilon, *found), epsilon, *known))
+        rest = make(_in_order_of(unordered, epsilon, *found), epsilon, *known)
+        _tell_later(rest, history)
+        return Reordered(Prospect.AT_RISK, rest)
     except (OutsideFragmentError, UnsupportedError, InputError, SolverError, OutOfTimeError):
         return Reordered(Prospect.UNDECIDED)
+
+
+def _tell_later(rest: Forecaster, history: History) -> None:
+    """Tell a forecaster of the rest of a plan what is known to happen later."""
+    rest.pass_time(history.time)
+    for step, known in history.known.items():
+        if known != history.steps[step]:
+            rest.follow(step, known)
 
 
 def _schedule(

@@ -5,52 +5,22 @@ from dataclasses import replace
 from fractions import Fraction
 from heapq import heappop, heappush
 from itertools import pairwise
-from pathlib import Path
 from random import Random
 
 import pytest
 
 from robust import ParametrizedPlan, load_plan
-from robust.encode.encoding import RelationalEncoding
-from robust.encode.interface import constant
 from robust.execute.forecast import PathForecaster, Prospect
 from robust.execute.messages import MessageKind, MonitorMessage
 from robust.execute.monitor import Monitor, Outlook
-from robust.plan.model import ZERO, Atom, TemporalConstraint, TimePoint
+from robust.plan.model import Atom, TimePoint
 from robust.probability.distributions import Distribution
-from robust.smt.limits import NEVER
-from robust.smt.session import Satisfiability, Session
+from tests.execute.replays import EXAMPLES, OPEN, SolverOracle, bare
 from tests.irr.test_proposals import drawn_plan
 from tests.qe.test_lifted import job_shop
 from tests.sampling import often
 
-EXAMPLES = Path(__file__).parents[2] / "robust" / "examples"
 START, END, TICK = MessageKind.START, MessageKind.END, MessageKind.TICK
-OPEN = {Prospect.ON_TRACK, Prospect.AT_RISK}
-
-
-class Oracle:
-    """Some continuation keeps network and obligations, as a solver says."""
-
-    def __init__(self, plan: ParametrizedPlan) -> None:
-        self.plan, self.encoding = plan, RelationalEncoding(plan)
-        terms = self.encoding.terms
-        violations = [known.violation for known in self.encoding.obligations if known.violation is not None]
-        kept = [terms.negation(violation) for violation in violations]
-        self.session = Session(terms)
-        self.session.add(*self.encoding.network_formulas(), *kept, *self.encoding._states.definitions.needed_by(kept))
-
-    def is_possible(self, times: dict[TimePoint, Fraction], now: Fraction) -> bool:
-        terms, places = self.encoding.terms, self.encoding.places
-        facts = [
-            terms.equal(places[point] - constant(times[point]))
-            if point in times
-            else terms.at_least(places[point] - constant(now))
-            for point in self.plan.time_points
-            if point != ZERO and (point in times or point.time is None)
-        ]
-        with self.session.frame(*facts):
-            return self.session.check("possible", NEVER) is Satisfiability.SATISFIABLE
 
 
 def replay(monitor: Monitor, random: Random, spread: float) -> list[MonitorMessage]:
@@ -98,7 +68,7 @@ def test_nothing_is_left_when_a_solver_says_so(first):
         monitor, random = plans(seed), Random(seed)  # noqa: S311 - reproducible
         if monitor is None:
             continue
-        oracle = Oracle(monitor.plan)
+        oracle = SolverOracle(monitor.plan)
         said = list(replay(monitor, random, random.choice([0, 0.1, 0.3, 0.9])))
         fresh = Monitor(monitor.plan, reorder=False)
         for count, message in enumerate(said, start=1):
@@ -190,14 +160,45 @@ def test_another_order_of_the_steps_is_followed_and_orders_that_are_statements_a
     assert outlook.reordered
     assert not outlook.replan
     assert [look.step for look in outlook.running] == ["n3"]
+
+
+@pytest.mark.parametrize("lateness", [0, 20])
+def test_another_order_is_left_only_once_messages_of_it_would_have_come(lateness):
+    monitor = workshop(lateness=Fraction(lateness))
+    monitor.say("start", "saw ann shelf", at=0)
     outlook = monitor.say("end", "n3", at=9)
-    oracle = Oracle(replace(monitor.plan, constraints=bare(monitor.plan)))
+    oracle = SolverOracle(replace(monitor.plan, constraints=bare(monitor.plan)))
     times = happened(monitor.plan, list(monitor.taken.values()))
-    while outlook.prospect in OPEN:  # nothing is ever started
-        assert oracle.is_possible(times, monitor.time)
+    while outlook.prospect in OPEN:  # nothing is ever started, or has been heard of
+        assert oracle.is_possible(times, max(monitor.time - lateness, Fraction(0)))
         outlook = monitor.say("tick", at=monitor.time + 10)
-    assert not oracle.is_possible(times, monitor.time)
+    assert not oracle.is_possible(times, monitor.time - lateness)
     assert outlook.replan
+
+
+def test_another_order_is_judged_from_when_messages_of_it_may_be_late():
+    oracle, possible, time = None, True, 10
+    while possible:
+        monitor = workshop(lateness=Fraction(20))
+        monitor.say("tick", at=time)
+        monitor.say("start", "saw ann shelf", at=0)
+        outlook = monitor.say("end", "n3", at=9)
+        oracle = oracle or SolverOracle(replace(monitor.plan, constraints=bare(monitor.plan)))
+        possible = oracle.is_possible(
+            happened(monitor.plan, list(monitor.taken.values())), max(monitor.time - 20, Fraction(0))
+        )
+        assert (outlook.prospect in OPEN) is possible, time
+        time += 5
+    assert time > 25
+
+
+def test_attempts_and_observations_are_undecided_until_nothing_more_can_be_heard_of_before_them():
+    monitor = workshop(lateness=Fraction(5))
+    monitor.say("start", "n0", at=0)
+    monitor.say("end", "n0", at=12)
+    outlook = monitor.say("fact", "raw table", at=13, observed=False)
+    assert outlook.prospect is Prospect.UNDECIDED
+    assert monitor.say("tick", at=outlook.wake).prospect is Prospect.BROKEN
 
 
 def test_what_is_over_is_repeated_once_another_order_is_followed():
@@ -207,11 +208,6 @@ def test_what_is_over_is_repeated_once_another_order_is_followed():
     assert before.reordered
     again = monitor.say("end", "n0", at=12)
     assert replace(again, message=before.message) == before
-
-
-def bare(plan: ParametrizedPlan) -> tuple[TemporalConstraint, ...]:
-    """Durations and deadlines without orders."""
-    return tuple(c for c in plan.constraints if c.name is not None or c.source.instance == c.target.instance)
 
 
 def test_what_is_observed_replaces_what_the_plan_predicts():
