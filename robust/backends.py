@@ -26,7 +26,7 @@ OFFERED = tuple(ELIMINATORS)
 SPLITTINGS = ("monolithic", "partial", "full")
 """How elimination problems are grouped, see :mod:`robust.qe.compute`."""
 
-KNOWLEDGE_BASES = ("pitms", "atms", "sat", "bdd")
+KNOWLEDGE_BASES = ("pitms", "pitms-labels", "atms", "sat", "bdd")
 """Who reasons about choices, see :mod:`robust.pike_bridge.knowledge`."""
 
 SMT, WINDOWS, DRAKE = REASONERS = ("smt", "windows", "drake")

@@ -14,7 +14,7 @@ from typing import TypeVar
 from robust import errors, presented, records
 from robust.pike_bridge import action_model, files, semantics
 from robust.pike_bridge.compile import Compilation, Compiling, Temporal, scenarios
-from robust.pike_bridge.knowledge import bdd, labels, reasons_about_time, tms
+from robust.pike_bridge.knowledge import bdd, labels, propagation, reasons_about_time, tms
 from robust.pike_bridge.model import GOAL, INITIAL, Activity, Assignment, Guard, Literal, TeamPlan
 from robust.pike_bridge.theory import Commitment, Exclude, KnowledgeBase, Require, Theory
 from robust.plan.model import Atom
@@ -23,7 +23,7 @@ from robust.searching import Announce, Searching, Status, Stoppable, unheard
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 T = TypeVar("T")
-BACKENDS = ("bdd", "pitms", "atms", "sat")
+BACKENDS = ("bdd", "pitms", "pitms-labels", "atms", "sat")
 SUBJECT_LIMIT = 60.0
 """Seconds for each back end, unless the whole has fewer."""
 SHRINK_LIMIT = 120.0
@@ -226,7 +226,7 @@ class _Examination:
         whole = self.truth
         self._one_after_the_other(self._compile().knowledge)
         self.truth, self.history = whole, ""
-        if isinstance(knowledge, tms.PiTms):
+        if isinstance(knowledge, tms.PiTms | propagation.PropagatedLabels):
             self._labels(compilation, knowledge)
         self._count(knowledge, counts)
 
@@ -251,7 +251,7 @@ class _Examination:
             if not self.truth:
                 break
 
-    def _labels(self, compilation: Compilation, knowledge: tms.PiTms) -> None:
+    def _labels(self, compilation: Compilation, knowledge: tms.PiTms | propagation.PropagatedLabels) -> None:
         """The goal's prime implicants, and labels of nodes, as a decision diagram has them [PIKE, Invariant 5.2]."""
         theory, deadline = compilation.augmented.theory, self.deadline
         theory = replace(theory, conflicts=(*theory.conflicts, *compilation.conflicts))
@@ -265,7 +265,7 @@ class _Examination:
             return  # nothing was compiled
         nodes = [label for label in knowledge.labels(deadline) if label.node.kind is labels.NodeKind.DERIVED]
         for label in self.random.sample(nodes, min(LABELS, len(nodes))):
-            alone = Theory(theory.domains, (label.node.formula,), knowledge.simplified.conflicts)
+            alone = Theory(theory.domains, (label.node.formula,), knowledge.encoded.conflicts)
             diagram = bdd.BddKnowledgeBase(alone, deadline=deadline)
             if diagram.implicant_count(deadline) <= LISTED:
                 same = label.environments == frozenset(diagram.prime_implicants(deadline))

@@ -26,7 +26,7 @@ def test_knowledge_bases_are_held_against_the_oracle_and_the_smallest_disagreeme
     ended = command("pike", "check", file, "--cross", "--json")
     answer = answer_of(ended, "robust/pike-cross/1")
     assert (ended.code, answer["agree"], answer["scenarios"], answer["disagreements"]) == (0, True, 2, [])
-    assert len(answer["questions"]) == 8
+    assert len(answer["questions"]) == 10
     assert command("pike", "check", file, "--cross").out.startswith("All agree: 2 team scenarios, ")
     file = sat_plan([]).write(tmp_path)  # a plan without choices
     for backend in ("oracle", "pitms", "bdd"):

@@ -26,6 +26,9 @@ class Registration:
 _HERE = "robust.pike_bridge.knowledge"
 _REGISTRY = {
     "pitms": Registration(f"{_HERE}.tms", "PiTms", frozenset({"solver", "shortcut"}), knows_implicants=True),
+    "pitms-labels": Registration(
+        f"{_HERE}.propagation", "PropagatedLabels", frozenset({"solver", "shortcut"}), knows_implicants=True
+    ),
     "atms": Registration(f"{_HERE}.tms", "Atms", frozenset({"solver", "shortcut"})),
     "bdd": Registration(f"{_HERE}.bdd", "BddKnowledgeBase", knows_implicants=True),
     "sat": Registration(f"{_HERE}.sat", "SatKnowledgeBase", frozenset({"network", "solver"})),

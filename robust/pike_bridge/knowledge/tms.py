@@ -208,6 +208,8 @@ class LabelKnowledgeBase(logic.KnowledgeBase):
 
     consensus: ClassVar[bool]
     """Whether labels are closed under consensus, so that what resolves a conflict does so for good."""
+    simplifying: ClassVar[bool] = True
+    """Whether what follows from single assignments is put into effect before the theory is encoded."""
     resolve: labeling.Resolve
     """What conflicts do to labels."""
 
@@ -229,38 +231,36 @@ class LabelKnowledgeBase(logic.KnowledgeBase):
             possible = not shortcut or sat.SatKnowledgeBase(theory, solver=solver, deadline=deadline).satisfiable(
                 deadline
             )
-            self.simplified = labeling.simplify(theory, deadline) if possible else Theory(theory.domains, (FALSE,))
-            """The equivalent theory that was encoded."""
-            network = labeling.encode(self.simplified)
+            simplified = labeling.simplify(theory, deadline) if self.simplifying else theory
+            self.encoded = simplified if possible else Theory(theory.domains, (FALSE,))
+            """The equivalent theory that the nodes are those of."""
+            network = labeling.encode(self.encoded)
             self.statistics.sizes |= {
                 "nodes": len(network.nodes),
                 "justifications": sum(map(len, network.justifications)),
-                "conflicts": len(self.simplified.conflicts),
+                "conflicts": len(self.encoded.conflicts),
                 "variables": len(theory.domains),
             }
-            self._maintenance = labeling.TruthMaintenance(
-                network, self._vocabulary, consensus=self.consensus, resolve=self.resolve
-            )
+            self._maintenance = self._maintaining(network)
             self._maintenance.run(self._effort(deadline))
             self._compile(deadline)
         self._measure()
 
     def _narrow(self, asked: logic.Narrowing, deadline: Deadline) -> None:
-        self._narrow_goal(asked, deadline)
+        excluded: list[Guard] = [frozenset()]
         if asked.consistent:
             # Requiring a value is excluding the others [PIKE §5.7].
             domains = self.theory.domains
             others = [(name, each) for name, value in asked.required.items() for each in domains[name] if each != value]
             excluded = [*asked.conflicts, *(frozenset({Assignment(*each)}) for each in others)]
-        else:
-            excluded = [frozenset()]
+        self._narrow_goal(asked, excluded, deadline)
         self._committed += tuple(map(self._conflict, excluded))
         self._measure()
 
     def labels(self, deadline: Deadline = NEVER) -> list[NodeLabel]:
         """The label of every node, after all conflicts, also those committed to.
 
-        The nodes are those of `simplified`.
+        The nodes are those of `encoded`.
 
         Raises:
             OutOfTimeError: if the deadline passes.
@@ -279,12 +279,15 @@ class LabelKnowledgeBase(logic.KnowledgeBase):
         """Find the goal."""
 
     @abstractmethod
-    def _narrow_goal(self, asked: logic.Narrowing, deadline: Deadline) -> None:
-        """Find what is left of the goal."""
+    def _narrow_goal(self, asked: logic.Narrowing, excluded: list[Guard], deadline: Deadline) -> None:
+        """Find what is left of the goal: what is asked, which comes to the environments that are excluded."""
 
     @abstractmethod
     def _measure(self) -> None:
         """Note the size of the goal."""
+
+    def _maintaining(self, network: labeling.JustificationNetwork) -> labeling.TruthMaintenance:
+        return labeling.TruthMaintenance(network, self._vocabulary, consensus=self.consensus, resolve=self.resolve)
 
     def _constraints(self) -> Iterator[labeling.Label]:
         """The labels of the goal's antecedents, which are its own only where nothing else has to hold."""
@@ -298,6 +301,16 @@ class LabelKnowledgeBase(logic.KnowledgeBase):
 
     def _decoded(self, label: labeling.Label) -> Iterator[Guard]:
         return map(self._vocabulary.decode, labeling.environments(label))
+
+    def _partial(self, required: Mapping[str, str]) -> Partial:
+        """An environment; what variables without another value have goes without saying."""
+        partial = Partial()
+        for variable, value in required.items():
+            if len(self.theory.domains[variable]) == 1:
+                continue
+            made = self._vocabulary.assign(variable, value) & self._vocabulary.made
+            partial = Partial(partial.environment | made, partial.scope | self._vocabulary.field(variable))
+        return partial
 
 
 class Atms(LabelKnowledgeBase):
@@ -325,14 +338,13 @@ class Atms(LabelKnowledgeBase):
         self._factors = factors(list(self._constraints()), conflicts, self._vocabulary, self._effort(deadline))
         self._required: dict[str, str] = {}
 
-    def _narrow_goal(self, asked: logic.Narrowing, deadline: Deadline) -> None:
+    def _narrow_goal(self, asked: logic.Narrowing, excluded: list[Guard], deadline: Deadline) -> None:
         """Join what is committed to with the factors about the same variables.
 
         What is known to hold goes without saying in conflicts, which so join fewer factors.
         """
         known = {**self._required, **asked.required}
-        excluded = map(logic.Exclude, asked.conflicts)
-        whole = logic.narrowing([logic.Require(guard(known)), *excluded], self.theory)
+        whole = logic.narrowing([logic.Require(guard(known)), *map(logic.Exclude, asked.conflicts)], self.theory)
         narrowed = [FALSITY]
         if asked.consistent and whole.consistent:
             new = [self._partial({variable: value}) for variable, value in asked.required.items()]
@@ -359,16 +371,6 @@ class Atms(LabelKnowledgeBase):
         environments = (conflict.environment for factor in self._factors for conflict in factor.conflicts)
         conflicts = list(map(self._vocabulary.decode, environments))
         return compile_goal(self.theory.domains, labels, conflicts, deadline).count(deadline)
-
-    def _partial(self, required: Mapping[str, str]) -> Partial:
-        """An environment; what variables without another value have goes without saying."""
-        partial = Partial()
-        for variable, value in required.items():
-            if len(self.theory.domains[variable]) == 1:
-                continue
-            made = self._vocabulary.assign(variable, value) & self._vocabulary.made
-            partial = Partial(partial.environment | made, partial.scope | self._vocabulary.field(variable))
-        return partial
 
 
 class PiTms(LabelKnowledgeBase):
@@ -416,7 +418,7 @@ class PiTms(LabelKnowledgeBase):
         self.goal.label(deadline)
         self.statistics.sizes["label nodes"] = len(self.goal.diagrams.functions.families)
 
-    def _narrow_goal(self, asked: logic.Narrowing, deadline: Deadline) -> None:
+    def _narrow_goal(self, asked: logic.Narrowing, excluded: list[Guard], deadline: Deadline) -> None:
         self.goal = self.goal.narrowed(asked, deadline)
 
     def _measure(self) -> None:

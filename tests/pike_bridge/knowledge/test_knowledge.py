@@ -17,6 +17,7 @@ from robust.pike_bridge import knowledge as back_ends
 from robust.pike_bridge import theory as shared
 from robust.pike_bridge.compile import Compiling
 from robust.pike_bridge.knowledge import bdd, create_knowledge_base, goal, labels, sat, tms
+from robust.pike_bridge.knowledge.propagation import PropagatedLabels
 from robust.pike_bridge.model import Assignment, AssignmentVocabulary, guard
 from robust.pike_bridge.theory import All, Exclude, Is, Not, Require, Some, Theory, conjunction, is_consistent
 from robust.smt.limits import Deadline, OutOfTimeError
@@ -265,21 +266,22 @@ def test_labels_of_figure_14_and_of_the_consensus_example():
     names = ((Assignment("v0", "3"), Assignment(name, "1"), Assignment(name, "2")) for name in domains if name != "v0")
     wide = Theory(domains, tuple(Some(tuple(map(Is, each))) for each in names))
     assert tms.PiTms(wide).implicant_count() == 1 + 2**8
-    for kind, limit in (tms.PiTms, "largest_goal"), (tms.Atms, "largest_label"):
+    for kind, limit in (tms.PiTms, "largest_goal"), (tms.Atms, "largest_label"), (PropagatedLabels, "largest_label"):
         with pytest.raises(shared.OutOfSpaceError):
             kind(wide, **{limit: 20})
 
 
-@settings(max_examples=often(25, 1000))
+@pytest.mark.parametrize("kind", [tms.PiTms, PropagatedLabels])
+@settings(max_examples=often(20, 1000))
 @given(theories(), st.data())
-def test_goal_and_nodes_have_all_prime_implicants(theory, data):
+def test_goal_and_nodes_have_all_prime_implicants(kind, theory, data):
     """Invariant 5.2."""
     left = models(theory)
-    knowledge, diagram = tms.PiTms(theory, shortcut=False), bdd.BddKnowledgeBase(theory)
-    assert set(tms.PiTms(theory).prime_implicants()) == prime_implicants(theory.domains, left)
-    assert knowledge.simplified.domains == theory.domains
-    assert sorted(map(str, models(knowledge.simplified))) == sorted(map(str, left))
-    without = models(Theory(theory.domains, (), knowledge.simplified.conflicts))
+    knowledge, diagram = kind(theory, shortcut=False), bdd.BddKnowledgeBase(theory)
+    assert set(kind(theory).prime_implicants()) == prime_implicants(theory.domains, left)
+    assert knowledge.encoded.domains == theory.domains
+    assert sorted(map(str, models(knowledge.encoded))) == sorted(map(str, left))
+    without = models(Theory(theory.domains, (), knowledge.encoded.conflicts))
     for step in ([], *(data.draw(commitments(theory.domains)) for _ in range(2))):
         knowledge.commit(step)
         diagram.commit(step)
@@ -318,7 +320,7 @@ def test_factors_stay_apart():
     assert knowledge.statistics.sizes["factors"] == 2
 
 
-NAMES = ("pitms", "atms", "bdd", "sat")
+NAMES = ("pitms", "pitms-labels", "atms", "bdd", "sat")
 X1, Y2 = Is(Assignment("x", "1")), Is(Assignment("y", "2"))
 ROOMS = Theory(
     {"x": ("1", "2"), "y": ("1", "2", "3"), "only": ("1",)}, (Some((X1, Y2)),), (guard({"x": "1", "y": "3"}),)
@@ -366,7 +368,7 @@ def test_every_question_is_counted_and_an_expired_deadline_changes_nothing(name)
     assert knowledge.count_models() == 1
 
 
-@pytest.mark.parametrize("name", ["pitms", "atms", "bdd"])
+@pytest.mark.parametrize("name", ["pitms", "pitms-labels", "atms", "bdd"])
 def test_compiling_too_much_ends_soon_after_the_deadline(name):
     """Sixty variables in random triples, which no order keeps apart."""
     names, random = [f"v{at}" for at in range(60)], Random(0)  # noqa: S311 - reproducible, not secret
