@@ -252,16 +252,30 @@ def envelope(options: asking.PikeEnvelopeCommand, run: Run) -> int:
 # -- new ---------------------------------------------------------------------------------------------------------------
 
 
+def _new(options: asking.PikeNewCommand) -> Instance:
+    from robust.pike_bridge import builder
+    from robust.pike_bridge.action_model import shipped
+    from robust.plan.pddl.forms import read_text
+
+    match options.kind:
+        case asking.K_INTENTS:
+            return builder.k_intents(options.structure, options.seed).instance
+        case asking.SAT if options.cnf is not None:
+            return builder.satisfiability(builder.read_dimacs(read_text(options.cnf), str(options.cnf)))
+        case asking.SAT:
+            variables, clauses = options.structure
+            return builder.satisfiability(builder.random_clauses(variables, clauses, options.seed))
+        case kind:
+            return shipped(kind)
+
+
 @action(asking.PikeNewCommand)
 def new(options: asking.PikeNewCommand, run: Run) -> int:
     """Write an example plan with choices and its PDDL files, and suggest what to try next."""
-    from robust.pike_bridge.action_model import shipped
-    from robust.pike_bridge.builder import k_intents
     from robust.show import pike as show
 
     def write() -> tuple[Instance, Path]:
-        generated = options.kind == asking.K_INTENTS
-        instance = k_intents(options.structure, options.seed).instance if generated else shipped(options.kind)
+        instance = _new(options)
         name = options.name or instance.name
         files = [options.output / file for file in (f"{name}.tpnu.json", "domain.pddl", "problem.pddl")]
         declare.refuse_replacing(files, declare.place_of("output"), force=options.force)

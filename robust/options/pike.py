@@ -450,11 +450,11 @@ class PikeEnvelopeCommand(PikeEnvelopeOptions, PikeCommand, SliceOptions):
 
 # -- new plans ---------------------------------------------------------------------------------------------------------
 
-K_INTENTS = "k-intents"
+K_INTENTS, SAT = "k-intents", "sat"
 
 
 def _structure(text: str, place: Location) -> tuple[int, ...]:
-    """`2,3,2`: how many options each pair of choices has."""
+    """`2,3,2`: how many options each pair of choices has; or how many variables and clauses there are."""
     try:
         sizes = tuple(int(part) for part in text.split(","))
     except ValueError:
@@ -468,18 +468,31 @@ class PikeNewCommand(Force, Output):
     """Options of `robust pike new`."""
 
     kind: str = option(
-        ..., "kitchen, wing or k-intents", metavar="KIND", choices=("kitchen", "wing", K_INTENTS), argument=True
+        ...,
+        "kitchen, wing, k-intents, or sat: a formula whose models are the correct scenarios",
+        metavar="KIND",
+        choices=("kitchen", "wing", K_INTENTS, SAT),
+        argument=True,
     )
     output: Path = option(..., "the directory to write to", "--output", "-o", metavar="DIR", path=True)
     name: str = option("", "of the .tpnu.json file, else that of the plan", metavar="NAME")
     structure: tuple[int, ...] = option(
-        "2,2", "k-intents: how many options each pair of choices has", metavar="N,N", read=_structure
+        "2,2",
+        "k-intents: how many options each pair of choices has; sat: how many variables and clauses are drawn, of up "
+        "to three literals",
+        metavar="N,N",
+        read=_structure,
     )
-    seed: int = option(0, "k-intents: decides what is drawn", metavar="N")
+    seed: int = option(0, "k-intents, sat: decides what is drawn", metavar="N")
+    cnf: Path | None = option(None, "sat: the formula, in a DIMACS file; else one is drawn", metavar="FILE", path=True)
 
     def check_combinations(self, given: Collection[str]) -> None:
-        for name in ("structure", "seed"):
-            if name in given and self.kind != K_INTENTS:
-                raise InputError(f"expected only with {K_INTENTS}, found {self.kind}", place_of(name))
+        for name, kinds in {"structure": (K_INTENTS, SAT), "seed": (K_INTENTS, SAT), "cnf": (SAT,)}.items():
+            if name in given and self.kind not in kinds:
+                raise InputError(f"expected only with {' or '.join(kinds)}, found {self.kind}", place_of(name))
+            if name in given and name != "cnf" and self.cnf is not None:
+                raise InputError("cannot be combined with --cnf; choose one", place_of(name))
+        if self.kind == SAT and len(_structure(str(self.structure), place_of("structure"))) != 2:
+            raise InputError("expected the numbers of variables and clauses, such as 20,90", place_of("structure"))
         if "/" in self.name or self.name.startswith("."):
             raise InputError(f"found {shorten(self.name)}, expected a name without directory", place_of("name"))

@@ -14,7 +14,7 @@ from fractions import Fraction
 from itertools import pairwise
 from math import prod
 from random import Random
-from typing import TypeAlias, assert_never
+from typing import NamedTuple, TypeAlias, assert_never
 
 from robust.errors import InputError, Location
 from robust.numbers import Number, exact, shorten
@@ -266,3 +266,81 @@ def k_intents(structure: Sequence[int], seed: int = 0) -> KIntents:
         build(name, sequence(*steps)), sketched_domain(name, predicates, actions), sketched_problem(name, name, (), ())
     )
     return KIntents(tuple(structure), instance)
+
+
+# -- satisfiability as plans [PIKE, Appendix B, Figure 22] -------------------------------------------------------------
+
+
+class ClauseFormula(NamedTuple):
+    """A formula in conjunctive normal form, as in DIMACS files: variables are 1, 2, ..., and `-3` is not the third."""
+
+    variables: int
+    clauses: tuple[tuple[int, ...], ...]
+
+
+def read_dimacs(text: str, file: str) -> ClauseFormula:
+    """The formula of a DIMACS file: a line `p cnf VARIABLES CLAUSES`, then clauses, each ended by 0.
+
+    Raises:
+        InputError: with the line, for anything else.
+    """
+    variables, wanted = -1, -1
+    clauses: list[tuple[int, ...]] = []
+    clause: list[int] = []
+    for line, words in enumerate(map(str.split, text.splitlines()), start=1):
+        place = Location(file, line)
+        if not words or words[0].startswith("c"):
+            continue
+        if words[0].startswith("%"):
+            break  # what some collections end their files with
+        if variables < 0:
+            if words[:2] != ["p", "cnf"] or len(words) != 4 or not all(word.isdecimal() for word in words[2:]):
+                raise InputError(f"found {shorten(' '.join(words))}, expected 'p cnf VARIABLES CLAUSES'", place)
+            variables, wanted = map(int, words[2:])
+            continue
+        for word in words:
+            if not word.removeprefix("-").isdecimal() or int(word.removeprefix("-")) > variables:
+                expected = f"0, or a variable up to {variables}, with - for its negation"
+                raise InputError(f"found {shorten(word)}, expected {expected}", place)
+            if int(word):
+                clause.append(int(word))
+            else:
+                clauses.append(tuple(clause))
+                clause = []
+    if variables < 0 or clause or len(clauses) != wanted:
+        expected = "'p cnf VARIABLES CLAUSES'" if variables < 0 else f"{wanted} clauses, each ended by 0"
+        found = f"{len(clauses)} clauses{' and one that does not end' if clause else ''}"
+        raise InputError(f"found {found}, expected {expected}", Location(file))
+    return ClauseFormula(variables, tuple(clauses))
+
+
+def random_clauses(variables: int, clauses: int, seed: int = 0) -> ClauseFormula:
+    """Clauses of three different variables each, as far as there are so many, any of which may be negated."""
+    random = Random(f"{seed}/{variables}/{clauses}")  # noqa: S311 - reproducible
+    names = range(1, variables + 1)
+    drawn = (random.sample(names, min(3, variables)) for _ in range(clauses))
+    return ClauseFormula(variables, tuple(tuple(random.choice((1, -1)) * name for name in sorted(c)) for c in drawn))
+
+
+def satisfiability(formula: ClauseFormula, name: str = "sat") -> action_model.Instance:
+    """A plan whose correct team scenarios are the models of a formula [PIKE, Appendix B, Figure 22].
+
+    A choice for each variable, in parallel, then an activity for each clause, which needs that one of its literals was
+    assigned. All bounds are orderings, [ε, ∞].
+    """
+    choices, actions = [], []
+    holds = {number: f"(clause-holds-{number})" for number in range(1, len(formula.clauses) + 1)}
+    shown: dict[int, list[str]] = {}
+    for number, clause in enumerate(formula.clauses, start=1):
+        for literal in dict.fromkeys(clause):
+            shown.setdefault(literal, []).append(holds[number])
+    for variable in range(1, formula.variables + 1):
+        names = {variable: f"assign-{variable}", -variable: f"assign-not-{variable}"}
+        assign, assign_not = (act(f"({action})", model.EPSILON, None) for action in names.values())
+        choices.append(choose(f"v{variable}", {"true": assign, "false": assign_not}))
+        actions += [ActionText(names[each], end_effects=tuple(shown.get(each, ()))) for each in names]
+    clauses = [act(f"(clause-{number})", model.EPSILON, None) for number in holds]
+    actions += [ActionText(f"clause-{number}", at_start=(atom,)) for number, atom in holds.items()]
+    program = sequence(*(parallel(*part) for part in (choices, clauses) if part))
+    domain = sketched_domain(name, list(holds.values()), actions)
+    return action_model.Instance(build(name, program), domain, sketched_problem(name, name, (), ()))

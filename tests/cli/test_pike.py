@@ -96,7 +96,10 @@ def test_pictures_are_drawn_and_a_chart_says_what_happened(tmp_path):
     assert "coffee: the duration of (make-coffee human)" in svg.read_text()
 
 
-@pytest.mark.parametrize("words", [("kitchen", "--name", "mine"), ("wing",), ("k-intents", "--structure", "2,3")])
+@pytest.mark.parametrize(
+    "words",
+    [("kitchen", "--name", "mine"), ("wing",), ("k-intents", "--structure", "2,3"), ("sat", "--structure", "4,9")],
+)
 def test_new_plans_can_be_checked_and_say_what_to_type_next(words, tmp_path):
     answer = answer_of(command("pike", "new", *words, "-o", tmp_path, "--json"), "robust/pike-new/1")
     assert command("pike", "check", answer["files"][0]).code in (0, 1)

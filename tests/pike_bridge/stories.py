@@ -8,7 +8,7 @@ from fractions import Fraction
 from functools import partial
 
 from robust.pike_bridge.action_model import Instance, shipped
-from robust.pike_bridge.builder import act, build, choose, parallel, sequence
+from robust.pike_bridge.builder import ClauseFormula, act, build, choose, parallel, satisfiability, sequence
 from robust.plan.pddl.write import ActionText, sketched_domain, sketched_problem
 
 _ROLES = {
@@ -79,28 +79,7 @@ wing = partial(shipped, "wing")
 """The wing of an aeroplane [PIKE §6.1]. Choices: the human's h1 and h2 (uncontrollable), Baxter's b1 and b2."""
 
 
-def sat_plan(clauses, name="sat"):
-    """Satisfiability as plans with choices [PIKE, Appendix B, Figure 22], with clauses as in DIMACS files: `-3` for the
-    negation of the third variable.
-
-    A choice for each variable, then an activity for each clause that needs one of its literals. It is satisfiable if
-    and only if its plan admits a correct execution.
-    """
-    variables = sorted({abs(literal) for clause in clauses for literal in clause})
-    names = {
-        sign * variable: f"assign-{'' if sign > 0 else 'not-'}{variable}" for variable in variables for sign in (1, -1)
-    }
-    assign = [
-        choose(f"v{variable}", {"true": act(f"({names[variable]})", 1, 2), "false": act(f"({names[-variable]})", 1, 2)})
-        for variable in variables
-    ]
-    holding = {f"clause-{number}": (f"(clause-holds-{number})", clause) for number, clause in enumerate(clauses, 1)}
-    tests = [act(f"({clause})", 1, 2) for clause in holding]
-    actions = [
-        ActionText(action, end_effects=tuple(atom for atom, clause in holding.values() if literal in clause))
-        for literal, action in names.items()
-    ]
-    actions += [ActionText(clause, at_start=(atom,)) for clause, (atom, _) in holding.items()]
-    program = sequence(*(parallel(*part) for part in (assign, tests) if part))
-    domain = sketched_domain(name, [atom for atom, _ in holding.values()], actions)
-    return Instance(build(name, program), domain, sketched_problem(name, name, (), ()))
+def sat_plan(clauses):
+    """The plan of a formula, with clauses as in DIMACS files, of no more variables than they mention."""
+    variables = max((abs(literal) for clause in clauses for literal in clause), default=0)
+    return satisfiability(ClauseFormula(variables, tuple(map(tuple, clauses))))

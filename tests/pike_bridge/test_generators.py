@@ -1,12 +1,15 @@
 """Generated plans: the paper's examples give its results, and families are reproducible and as described."""
 
+import re
 from collections import Counter
 from dataclasses import replace
 from fractions import Fraction
 from itertools import product
+from math import prod
 from statistics import mean
 
 import pytest
+import z3
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -14,6 +17,7 @@ from benchmarks.generators.team_plans import random_plan
 from benchmarks.pike.figure17_18 import closest_factors, random_k_intents
 from robust.errors import InputError
 from robust.pike_bridge import action_model, builder, causal, labeled_apsp, model
+from robust.pike_bridge.compile import Compiling
 from robust.pike_bridge.semantics import ExecutionExistence, Oracle
 from tests.pike_bridge import stories
 from tests.sampling import often
@@ -88,20 +92,60 @@ def test_orders_between_elements_must_be_strict(figure, dominated, further):
 literals = st.sampled_from([sign * variable for variable in (1, 2, 3) for sign in (1, -1)])
 
 
+def models(formula):
+    """Every assignment that meets all clauses, as scenarios of the plan."""
+    names = range(1, formula.variables + 1)
+    rows = (dict(zip(names, row, strict=True)) for row in product((False, True), repeat=formula.variables))
+    met = [row for row in rows if all(any(row[abs(each)] == (each > 0) for each in c) for c in formula.clauses)]
+    return [{f"v{name}": str(value).lower() for name, value in row.items()} for row in met]
+
+
 @settings(max_examples=often(18, 35))
 @given(st.lists(st.lists(literals, max_size=4), max_size=6))
 def test_plans_are_correct_in_the_models_of_their_formula(clauses):
     """[PIKE, Appendix B]: empty and repeated clauses, tautologies and repeated literals included."""
-    names = sorted({abs(literal) for clause in clauses for literal in clause})
-    rows = (dict(zip(names, row, strict=True)) for row in product(("true", "false"), repeat=len(names)))
-    values = ("false", "true")
-    models = [
-        {f"v{name}": value for name, value in row.items()}
-        for row in rows
-        if all(any(row[abs(literal)] == values[literal > 0] for literal in clause) for clause in clauses)
-    ]
-    drawn = scenarios(stories.sat_plan(clauses))
-    assert sorted(sorted(each.items()) for each in drawn) == sorted(sorted(each.items()) for each in models)
+    formula = builder.ClauseFormula(3, tuple(map(tuple, clauses)))
+    drawn = scenarios(builder.satisfiability(formula))
+    assert sorted(sorted(each.items()) for each in drawn) == sorted(sorted(each.items()) for each in models(formula))
+
+
+@pytest.mark.parametrize(("variables", "clauses", "seed"), [(6, 20, 1), (8, 34, 2), (20, 85, 0), (20, 95, 3)])
+def test_plans_are_consistent_if_a_solver_finds_their_formula_satisfiable(variables, clauses, seed):
+    """Each model has as many in the knowledge base as there are ways to take a true literal of each clause."""
+    formula = builder.random_clauses(variables, clauses, seed)
+    text = f"c drawn\np cnf {variables} {clauses}\n" + "".join(f"{' '.join(map(str, c))} 0\n" for c in formula.clauses)
+    assert builder.read_dimacs(text, "drawn.cnf") == formula
+    solver = z3.Solver()
+    solver.from_string(text.removeprefix("c drawn\n"))  # z3 takes this form, too
+    plan = builder.satisfiability(builder.read_dimacs(text, "drawn.cnf")).plan()
+    exists = Oracle(plan).decide().verdict is ExecutionExistence.EXISTS
+    assert exists == (solver.check() == z3.sat) == (clauses < 95)
+    knowledge = Compiling(plan, "bdd").compile().knowledge
+    assert knowledge.satisfiable() == exists
+    if variables < 10:
+        met = [
+            [sum(each[f"v{abs(v)}"] == str(v > 0).lower() for v in c) for c in formula.clauses]
+            for each in models(formula)
+        ]
+        assert knowledge.count_models() == sum(map(prod, met))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "found 0 clauses, expected 'p cnf VARIABLES CLAUSES'"),
+        ("p cnf 2\n", "f.cnf:1: found 'p cnf 2', expected 'p cnf VARIABLES CLAUSES'"),
+        ("c\n\np cnf 2 1\n1 3 0\n", "f.cnf:4: found '3', expected 0, or a variable up to 2"),
+        ("p cnf 2 1\n1 x 0\n", "f.cnf:2: found 'x', expected 0, or a variable up to 2"),
+        (
+            "p cnf 2 2\n1 2\n0 -1\n",
+            "f.cnf: found 1 clauses and one that does not end, expected 2 clauses, each ended by 0",
+        ),
+    ],
+)
+def test_formulas_that_are_none(text, message):
+    with pytest.raises(InputError, match=re.escape(message)):
+        builder.read_dimacs(text, "f.cnf")
 
 
 def test_k_intents_and_random_plans_are_reproducible_and_of_the_described_shape(tmp_path):
