@@ -21,8 +21,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from robust.probability.convolution import Array
 from robust.probability.distributions import DISCRETE, UNIT, ZERO, Distribution
-from robust.probability.lattice import Array
 from robust.probability.random_durations import RandomDuration, cumulative, drawn
 from robust.probability.sharing import Given, SharedFactor
 from robust.qe.box import Interval

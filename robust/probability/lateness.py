@@ -26,8 +26,9 @@ import numpy as np
 from robust.irr.proposals import SlackPlan
 from robust.network.slack import OutsideFragmentError
 from robust.probability import lattice
+from robust.probability.convolution import Array, Increments
 from robust.probability.distributions import DISCRETE, Distribution
-from robust.probability.lattice import Array, CellSearch, LatticeEdge, LongestPath, Node
+from robust.probability.lattice import CellSearch, LatticeEdge, LongestPath, Node
 from robust.probability.random_durations import RandomDuration
 from robust.smt.limits import Deadline, raise_if_interrupted
 
@@ -256,7 +257,7 @@ class PathBounds:
             first, law = 0, np.ones(1)
             for name in edge.names:
                 begin, own = self._durations[name].law(unit, size * fine, upper=upper)
-                law = lattice.in_full_series(law, own, upper=upper) if len(law) > 1 else own
+                law = lattice.in_full_series(law, own, size * fine, upper=upper) if len(law) > 1 else own
                 first += begin
             shift = edge.constant / unit
             places = np.arange(size) * fine - first
@@ -350,19 +351,19 @@ def pruned(edges: Laws, budget: float) -> tuple[list[int], float, list[float]]:
     """The numbers of edges that stay, what is to be taken off the lower bound, and what each edge would cost."""
     order, entering, leaving = lattice.ordered(edges)
     size = len(edges[0].law)
-    own = [lattice.spectrum(lattice.differences(edge.law)) for edge in edges]
+    own = [Increments(edge.law) for edge in edges]
     forward: dict[Node, Array] = {}
     backward: dict[Node, Array] = {}
     along: list[Array] = [np.ones(size)] * len(edges)
     for node in order:
         forward[node] = np.ones(size)
         for number in entering[node]:
-            along[number] = lattice.lowered(lattice.convolved(forward[edges[number].source], own[number]))
+            along[number] = lattice.lowered(own[number].convolved(forward[edges[number].source]))
             forward[node] = lattice.lowered(forward[node] * along[number])
     for node in reversed(order):
         backward[node] = np.ones(size)
         for number in leaving[node]:
-            after = lattice.lowered(lattice.convolved(backward[edges[number].target], own[number]))
+            after = lattice.lowered(own[number].convolved(backward[edges[number].target]))
             backward[node] = lattice.lowered(backward[node] * after)
     reserve = 4 * size * 2.0**-52 + lattice.STEP
     costs = [

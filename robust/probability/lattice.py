@@ -5,14 +5,10 @@ stochastically at least X/h: F[k] ≤ P(X ≤ k·h). Upper laws belong to one th
 Sums and maxima are monotone in every variable, so that lower laws of parts give lower laws of what is made of them, and
 upper laws upper ones. Values of n and more are late, whatever they are, since no length is negative.
 
-**Rounding.** Let u = 2⁻⁵³. A fast Fourier transform of length N = 2^m convolves vectors x and y with an error of at
-most |x|₂ |y|₂ ((1+u)^3m (1+u√5)^(3m+1) (1+β)^3m − 1) in each place, β the error of the roots of unity [Brent, Percival
-and Zimmermann 2007, theorem 5.1, radix 2; larger radices round less often]. Here x is a law, |x|₂ ≤ √n, and y the
-differences of one, |y|₂ ≤ 1. That NumPy's transforms are of this kind, with passes of radix 2 and 4 and roots of unity
-that are right to the last digit or two, is taken from their source; a test compares with exact sums. With n ≤ 2²⁰,
-m ≤ 21 and β ≤ 2u, that is less than 5·10⁻¹¹. Differences are rounded by u/2 each, which adds at most n·u/2 < 6·10⁻¹¹.
-A product of two numbers up to 1 is rounded by less than u. So after each operation a step of `STEP` = 2⁻³² > 2·10⁻¹⁰ to
-the safe side covers all of its rounding.
+**Rounding.** After each operation a step of `STEP` = 2⁻³² to the safe side covers all of its rounding: half of that
+bounds what convolutions are wrong by, see :mod:`robust.probability.convolution`, and a product of two numbers up to 1
+is rounded by u = 2⁻⁵³. Laws of a variable in a cell are quotients of differences and wrong by 3u of their size. Sums of
+n ≤ 2¹⁷ products that are 1 at most together are wrong by n·u, in whatever order they are added.
 
 **Branches that meet.** Laws of T(v) − T(d) are kept, d the dominator of v, so that what all paths to v have in common
 counts once. Branches may still share variables. From below the product of their laws is a bound all the same: they are
@@ -30,7 +26,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from robust.probability.convolution import Array, Increments
+
 STEP = 2.0**-32
 """What one operation adds to the error, with a reserve."""
 BATCH = 24
@@ -98,18 +95,6 @@ def differences(law: Array) -> Array:
     return np.diff(law, prepend=0.0, axis=-1)
 
 
-def spectrum(probabilities: Array) -> npt.NDArray[np.complex128]:
-    """What a law is multiplied by."""
-    return np.fft.rfft(probabilities, 2 * probabilities.shape[-1])
-
-
-def _length(law: Array) -> int | npt.NDArray[np.complex128]:
-    """What a law adds: a fixed number of places, or by its spectrum."""
-    place = int(np.searchsorted(law, 0.5))
-    fixed = place < len(law) and law[place] == 1 and (not place or law[place - 1] == 0)
-    return place if fixed else spectrum(differences(law))
-
-
 def lowered(law: Array) -> Array:
     """A step down, and monotone again."""
     return np.asarray(np.maximum.accumulate(np.clip(law - STEP, 0, 1), axis=-1))
@@ -120,24 +105,16 @@ def raised(law: Array) -> Array:
     return np.asarray(np.minimum.accumulate(np.clip(law + STEP, 0, 1)[..., ::-1], axis=-1)[..., ::-1])
 
 
-def convolved(law: Array, other: npt.NDArray[np.complex128]) -> Array:
-    """The law of a sum, not rounded yet."""
-    size = law.shape[-1]
-    return np.fft.irfft(np.fft.rfft(law, 2 * size) * other, 2 * size)[..., :size]
-
-
 def in_series(first: Array, second: Array, *, upper: bool) -> Array:
     """The law of a sum."""
-    return (raised if upper else lowered)(convolved(first, spectrum(differences(second))))
+    return (raised if upper else lowered)(Increments(second).convolved(first))
 
 
-def in_full_series(first: Array, second: Array, *, upper: bool) -> Array:
-    """The law of a sum, up to the greatest; what follows the end of a law is as at its end."""
-    size = len(first) + len(second) - 1
-    length = 1 << (size + len(second)).bit_length()
-    ended = np.concatenate([first, np.full(len(second) - 1, first[-1])])
-    total = np.fft.irfft(np.fft.rfft(ended, length) * np.fft.rfft(differences(second), length), length)[:size]
-    return (raised if upper else lowered)(total)
+def in_full_series(first: Array, second: Array, size: int, *, upper: bool) -> Array:
+    """The law of a sum, up to the greatest or to a size; what follows the end of a law is as at its end."""
+    size = min(size, len(first) + len(second) - 1)
+    ended = [np.concatenate([law[:size], np.full(max(0, size - len(law)), law[-1])]) for law in (first, second)]
+    return in_series(*ended, upper=upper)
 
 
 def parallel(first: Array, second: Array, *, upper: bool) -> Array:
@@ -207,7 +184,7 @@ class LongestPath:
         self.size = len(edges[0].law)
         self.order, self._entering, _ = ordered(edges)
         self.law = {edge.name: edge.law for edge in edges if edge.name is not None}
-        self._lengths = [_length(edge.law) for edge in edges]
+        self._lengths = [Increments(edge.law) for edge in edges]
         self._dominator: dict[Node, Node] = {self.order[0]: self.order[0]}
         self._behind: dict[Node, list[frozenset[Hashable]]] = {}
         self.shared: set[Hashable] = set()
@@ -326,9 +303,9 @@ class LongestPath:
             if before is None:
                 before, lower, upper = self._start, law, law
             else:
-                own = spectrum(differences(law))
-                lower = lowered(convolved(before.lower, own))
-                upper = lower if only_lower else raised(convolved(before.upper, own))
+                own = Increments(law)
+                lower = lowered(own.convolved(before.lower))
+                upper = lower if only_lower else raised(own.convolved(before.upper))
             if only_lower:
                 return _Laws(lower, lower, lower, lower, names)
             ends = _shifted(before.best, corners[0]), _shifted(before.worst, corners[1])
@@ -339,7 +316,7 @@ class LongestPath:
         length = self._lengths[number]
 
         def along(law: Array, finish: Callable[[Array], Array]) -> Array:
-            return _shifted(law, np.array([length])) if isinstance(length, int) else finish(convolved(law, length))
+            return _shifted(law, np.array([length.first])) if length.is_fixed else finish(length.convolved(law))
 
         lower = along(before.lower, lowered)
         if only_lower:
@@ -377,7 +354,7 @@ def _sum(first: _Laws, second: _Laws, only_lower: bool) -> _Laws:
     """Of two times that share nothing."""
 
     def along(law: Array, other: Array) -> Array:
-        return convolved(law, spectrum(differences(other)))
+        return Increments(other).convolved(law)
 
     lower = lowered(along(first.lower, second.lower))
     if only_lower:

@@ -8,8 +8,8 @@ from math import ceil, floor
 import numpy as np
 
 from robust.probability import lattice, measure
+from robust.probability.convolution import Array
 from robust.probability.distributions import UNIT, Below, Distribution, Enclosure, exp_minus, normal
-from robust.probability.lattice import Array
 from robust.qe.box import Interval
 
 FAR = Fraction(13, 2)

@@ -17,9 +17,10 @@ import numpy as np
 from robust.irr.proposals import SlackPlan
 from robust.probability import lattice
 from robust.probability.averages import Conditional
+from robust.probability.convolution import Array
 from robust.probability.distributions import UNIT, Distribution, product
 from robust.probability.lateness import SINK, LatenessGraph, PathEdge
-from robust.probability.lattice import Array, Node
+from robust.probability.lattice import Node
 from robust.probability.measure import interval_probability
 from robust.probability.random_durations import RandomDuration
 from robust.probability.sharing import SharedFactor

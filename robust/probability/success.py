@@ -21,9 +21,10 @@ from robust.plan.model import within as restricted
 from robust.plan.polynomial import Polynomial
 from robust.probability import lattice, packing
 from robust.probability.averages import Conditional, SharedAverage, draw_factors
+from robust.probability.convolution import Array
 from robust.probability.distributions import UNIT, Distribution, Enclosure, product
 from robust.probability.lateness import SINK, WORK, LatenessGraph, PathBounds, PathEdge, lateness_graph
-from robust.probability.lattice import Array, Node
+from robust.probability.lattice import Node
 from robust.probability.measure import Bounds, SuccessProbabilities, interval_probability
 from robust.probability.random_durations import RandomDuration, drawn
 from robust.probability.schedules import FixedSchedules, Windows, conditionally, fitting

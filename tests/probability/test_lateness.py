@@ -15,7 +15,7 @@ from robust.execute.convert import convert
 from robust.plan.parameters import parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.timed import parse_timed_plan
-from robust.probability import lateness, lattice
+from robust.probability import lateness
 from robust.probability import risk as risks
 from robust.probability.distributions import UNIT, Distribution, parse_distribution
 from robust.probability.lateness import SINK, PathBounds, PathEdge
@@ -70,19 +70,6 @@ def test_laws_hold_the_probability_of_each_place(kind, ends):
                 exact = F(interval_probability(inside, known.distribution)[0], known.mass[0])
             assert (whole[place] >= exact - F(1, 10**15)) if upper else (whole[place] <= exact + F(1, 10**15))
             assert abs(whole[place] - float(exact)) < 0.4 or known.distribution.kind in {"constant", "empirical"}
-
-
-@pytest.mark.parametrize("size", [64, 1024])
-def test_a_step_covers_the_rounding_of_a_convolution(size):
-    random = Random(size)  # noqa: S311 - reproducible
-    for _ in range(5):
-        weights = [[random.randint(0, 1 << 20) for _ in range(size)] for _ in range(2)]
-        first, second = ([F(one, sum(row)) for one in row] for row in weights)
-        law = np.cumsum([float(one) for one in first])
-        sums = lattice.convolved(law, lattice.spectrum(np.array([float(one) for one in second])))
-        for place in (0, size // 3, size - 1):
-            exact = sum(F(law[place - k]) * F(float(second[k])) for k in range(place + 1))
-            assert abs(F(float(sums[place])) - exact) < lattice.STEP / 100
 
 
 # -- paths -------------------------------------------------------------------------------------------------------------
