@@ -99,13 +99,15 @@ class Object:
 Json: TypeAlias = JsonText | Numeral | Constant | Array | Object
 
 
-def parse_json(text: str, file: str) -> Json:
+def parse_json(text: str, file: str, *, infinite: bool = False) -> Json:
     """The value of a document; `file` is its name in messages.
+
+    With `infinite`, `Infinity` and `-Infinity` are numbers, as Python and JavaScript write them.
 
     Raises:
         InputError: at the place where the text is no JSON, repeats a key, or is nested too deeply.
     """
-    return _Parser(text, file).document()
+    return _Parser(text, file, infinite).document()
 
 
 def parse_line(text: str, file: str) -> Object:
@@ -179,9 +181,10 @@ class _Open:
 
 
 class _Parser:
-    def __init__(self, text: str, file: str) -> None:
+    def __init__(self, text: str, file: str, infinite: bool = False) -> None:
         self._text = text
         self._file = file
+        self._infinite = infinite
         self._at = 0
         self._lines = [0, *(match.end() for match in re.finditer("\n", text))]
         self._open: list[_Open] = []
@@ -272,7 +275,7 @@ class _Parser:
         word = match.group() if match else ""
         if word in _WORDS:
             value: Json = Constant(_WORDS[word], location)
-        elif _NUMBER.fullmatch(word):
+        elif _NUMBER.fullmatch(word) or (self._infinite and word.removeprefix("-") == "Infinity"):
             value = Numeral(word, location)
         else:
             raise self._fault("a JSON value")

@@ -29,7 +29,7 @@ from robust.numbers import Number, exact, shorten
 from robust.options import pike as asking
 from robust.options.declare import Options, Verb, named_values, not_negative, place_of, setting, spelled, texts
 from robust.options.verbs import Solving
-from robust.pike_bridge.action_model import Instance, load_team_plan
+from robust.pike_bridge.action_model import Instance
 from robust.pike_bridge.builder import act, build, choose, k_intents, parallel, sequence, within
 from robust.pike_bridge.compile import (
     Checking,
@@ -42,6 +42,7 @@ from robust.pike_bridge.compile import (
     Temporal,
     checked_assumptions,
 )
+from robust.pike_bridge.conditional import read_any
 from robust.pike_bridge.cross_check import CrossCheck, Crossed, Crossing, Disagreement
 from robust.pike_bridge.envelopes.parameters import ParametricPlan, parametrize, specifications
 from robust.pike_bridge.envelopes.search import LabeledRegion, LabeledRegionSearch, TeamEnvelope, TeamEnvelopeSearch
@@ -156,17 +157,17 @@ Plan: TypeAlias = TeamPlan | Instance | str | os.PathLike[str]
 
 
 def load(path: str | os.PathLike[str], *, epsilon: Number = EPSILON) -> TeamPlan:
-    """Read a `.tpnu.json` file, its domain and its problem.
+    """Read a `.tpnu.json` file, its domain and its problem; or a conditional network (CSTN, CSTNU, CCTP).
 
     Args:
-        path: the file; those of PDDL are beside it.
+        path: the file; those of PDDL are beside it. Conditional networks are GraphML of the CSTNU tool or `.cctp`.
         epsilon: how much earlier is "before", for producers, consumers and threats; 0: strictly.
 
     Raises:
         InputError: with the place, if a file cannot be read, is wrong, or does not fit the others.
         UnsupportedError: if the actions or the goal need more than conjunctions of literals.
     """
-    return load_team_plan(path, epsilon=not_negative(epsilon, place_of("epsilon")))
+    return read_any(path, epsilon=not_negative(epsilon, place_of("epsilon")))
 
 
 def _team_plan(plan: Plan, options: Options) -> TeamPlan:

@@ -188,7 +188,8 @@ def _write_stnu(options: ConvertCommand, run: Run, plan: ParametrizedPlan) -> Ne
     """Write the network with uncertainty of a plan under the box."""
     from robust.cli.certify import read_box
     from robust.qe.box import Box
-    from robust.stnu.files import scaled, write
+    from robust.stnu.files import write
+    from robust.stnu.graphml import scaled
     from robust.stnu.network import network_of_plan
 
     output = options.stnu or Path()

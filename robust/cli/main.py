@@ -50,9 +50,10 @@ COMMANDS: dict[str, Command | Group] = {
         },
     ),
     "stnu": Group(
-        "Networks with uncertainty of other tools: controllable, dispatched, repaired.",
+        "Networks with uncertainty of other tools: controllable, likely, dispatched, repaired.",
         {
             "check": Command("Are networks dynamically controllable, and if not, why?", "robust.cli.stnu:check"),
+            "risk": Command("How likely can a network with random lengths be executed?", "robust.cli.stnu:risk"),
             "dispatch": Command("The minimal dispatchable network, and executions.", "robust.cli.stnu:dispatch"),
             "repair": Command("The least change that makes a network controllable.", "robust.cli.stnu:repair"),
         },

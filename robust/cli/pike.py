@@ -40,9 +40,9 @@ Asked = TypeVar("Asked", bound=asking.Staged)
 
 def load(options: asking.TeamPlanFile) -> TeamPlan:
     """The plan of a command."""
-    from robust.pike_bridge.action_model import load_team_plan
+    from robust.pike_bridge.conditional import read_any
 
-    return load_team_plan(options.file, epsilon=options.separation)
+    return read_any(options.file, epsilon=options.separation)
 
 
 # -- check, compile and plot -------------------------------------------------------------------------------------------

@@ -10,17 +10,19 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from robust.cli.guard import Cause, GivenUpError, Run, action
 from robust.errors import UNDECIDED, UNSUPPORTED, InputError, RobustError, did_you_mean
-from robust.numbers import shorten
+from robust.numbers import plural, shorten
 from robust.options import batch, declare
 from robust.records import atomic_write
 
 if TYPE_CHECKING:
     from robust.api import AnytimeSearch
+    from robust.probability.measure import Bounds
     from robust.show.console import Console
     from robust.show.stnu import JudgedNetwork
-    from robust.stnu.network import Network
+    from robust.stnu.network import ConditionalNetwork, Network
     from robust.stnu.verdicts import NetworkCheck, NetworkRepair
 
+Asked = TypeVar("Asked", "Network", "Network | ConditionalNetwork")
 Result = TypeVar("Result")
 
 
@@ -29,16 +31,50 @@ def check(options: batch.StnuCheckCommand, run: Run) -> int:
     """Can a dispatcher that sees contingent links end satisfy all requirements, whatever nature does? If not, why?"""
     from robust import stnu
     from robust.show import stnu as show
+    from robust.stnu.files import read
 
-    def judge(network: Network) -> NetworkCheck:
+    def judge(network: Network | ConditionalNetwork) -> NetworkCheck:
+        if not isinstance(network, stnu.Network):
+            return run.only(lambda: _conditional(network, run))
         return run.only(lambda: stnu.check(network, timeout=run.remaining))
 
-    judged, cause = _each(options, run, judge)
+    judged, cause = _each(options, run, read, judge)
     run.answer(
         lambda: show.check_document(judged, _status(judged, cause)),
         lambda out: show.print_checks(out, judged, quiet=options.quiet),
     )
     return _code(judged, cause)
+
+
+def _conditional(network: ConditionalNetwork, run: Run) -> NetworkCheck:
+    """The verdict about a plan with choices."""
+    from robust.pike_bridge.conditional import plan_of_network
+    from robust.pike_bridge.game.controllability import DecidingControllability
+    from robust.show.pike_games import headline
+    from robust.smt.limits import Deadline
+    from robust.stnu.verdicts import NetworkCheck, NetworkVerdict
+
+    found = DecidingControllability(plan_of_network(network), deadline=Deadline.after(run.remaining)).run()
+    verdict = NetworkVerdict(found.verdict.value)
+    first, *others = headline(found)
+    words = f"{first.removeprefix('Not controllable: ')} {'; '.join(map(str.strip, others))}".strip()
+    reason = None if verdict is NetworkVerdict.CONTROLLABLE else words
+    return NetworkCheck(network, verdict, (), reason, found.seconds)
+
+
+@action(batch.StnuRiskCommand)
+def risk(options: batch.StnuRiskCommand, run: Run) -> int:
+    """How likely can all requirements be met if the lengths of contingent links are random?"""
+    from robust.show.documents import bounds_text
+    from robust.stnu.chances import searching_risk
+
+    def follow(bounds: Bounds) -> None:
+        run.display.say(f"probability of success: {bounds_text(bounds, 4)}")
+
+    result = run.reply(
+        lambda: searching_risk(options.file, within=options.within, timeout=run.remaining, on_bounds=follow)
+    )
+    return UNDECIDED if result.cut_short else 0
 
 
 @action(batch.StnuDispatchCommand)
@@ -55,7 +91,7 @@ def dispatch(options: batch.StnuDispatchCommand, run: Run) -> int:
 
         return run.only(work)
 
-    judged, cause = _each(options, run, judge)
+    judged, cause = _each(options, run, stnu.load, judge)
     run.answer(
         lambda: show.dispatch_document(judged, _status(judged, cause)),
         lambda out: show.print_dispatches(out, judged, quiet=options.quiet),
@@ -68,6 +104,7 @@ def repair(options: batch.StnuRepairCommand, run: Run) -> int:
     """What is the least change of bounds after which a network is controllable? Ctrl-C prints the best so far."""
     from robust.show import stnu as show
     from robust.smt.limits import Deadline
+    from robust.stnu.files import load
     from robust.stnu.verdicts import NetworkRepairSearch
 
     def judge(network: Network) -> NetworkRepair:
@@ -89,9 +126,10 @@ def repair(options: batch.StnuRepairCommand, run: Run) -> int:
     judged: list[JudgedNetwork[NetworkRepair]] = []
     written: str | None = None
     cause: Cause | None = None
-    _, cause = _each(options, run, judge, judged)
+    _, cause = _each(options, run, load, judge, judged)
     if options.output is not None and (last := judged[-1].result) is not None and last.network is not None:
-        from robust.stnu.files import scaled, write
+        from robust.stnu.files import write
+        from robust.stnu.graphml import scaled
 
         content, scale = write(last.network, options.output)
         run.write(partial(atomic_write, options.output, content, declare.place_of("output")))
@@ -105,7 +143,8 @@ def repair(options: batch.StnuRepairCommand, run: Run) -> int:
 def _each(
     options: batch.StnuFiles,
     run: Run,
-    judge: Callable[[Network], Result],
+    read: Callable[[Path], Asked],
+    judge: Callable[[Asked], Result],
     judged: list[JudgedNetwork[Result]] | None = None,
 ) -> tuple[list[JudgedNetwork[Result]], Cause | None]:
     """What is found of each file, and why the last ones are missing; one that cannot be read is no obstacle to others.
@@ -115,13 +154,18 @@ def _each(
         GivenUpError: if nothing was found.
     """
     from robust.show.stnu import JudgedNetwork
-    from robust.stnu.files import load
+    from robust.stnu.network import with_quantile
 
+    quantile = Fraction(options.quantile)
     judged = [] if judged is None else judged
     for number, file in enumerate(options.files, start=1):
         run.display.say(f"network {number} of {len(options.files)}: {file}")
         try:
-            network = run.only(lambda path=file: load(path))  # type: ignore[misc]
+            network = with_quantile(run.only(partial(read, file)), quantile)
+            if quantile == 0 and (count := sum(link.distribution is not None for link in network.contingents)):
+                run.note(
+                    f"{file}: {plural(count, 'random length')} may be all that is possible; --quantile Q cuts tails"
+                )
             judged.append(JudgedNetwork(file, judge(network)))
         except GivenUpError as error:
             if not judged:

@@ -237,7 +237,13 @@ class StnuFiles(verbs.Limited, verbs.Output):
     """Options of all of `robust stnu`."""
 
     files: tuple[Path, ...] = declare.argument(
-        ..., "networks: GraphML as the CSTNU tool writes it (.stnu), or JSON", "FILE", many=True
+        ..., "networks: GraphML as the CSTNU tool writes it (.stnu), JSON, .cctp or text", "FILE", many=True
+    )
+    quantile: Number = declare.option(
+        "0",
+        "random lengths are from their quantile Q to 1 - Q; default: any length that their distributions allow",
+        metavar="Q",
+        read=declare.not_negative,
     )
 
 
@@ -268,6 +274,15 @@ def _link_weights(values: Sequence[str], place: Location) -> tuple[tuple[str, Fr
             raise InputError(f"found {shorten(text)}, expected {expected}", place)
         weights.append((name, None if value == "inf" else declare.positive(value, place)))
     return tuple(weights)
+
+
+class StnuRiskCommand(verbs.Limited, verbs.Output):
+    """Options of `robust stnu risk`."""
+
+    file: Path = declare.argument(..., "a network all of whose contingent links have distributions", "FILE")
+    within: Number = declare.option(
+        "0.001", "how close the bounds of the probability must be", metavar="W", read=declare.positive
+    )
 
 
 class StnuRepairCommand(StnuFiles):

@@ -373,6 +373,37 @@ class Distribution:
         least = self.support[0] if lower is None else lower
         return difference(ONE if upper is None else self._up_to(upper), ZERO if least is None else self._up_to(least))
 
+    def interval(self, quantile: Fraction) -> tuple[Fraction, Fraction | None]:
+        """An interval below which a value is with probability `quantile` at most, and above which as well.
+
+        Its ends are multiples of a millionth of the scale's power of ten; None is no upper end, for a quantile of 0.
+        """
+        low, high = self.support
+        grid = Fraction(10) ** (len(str(int(self.scale))) - 7)
+        most = int(quantile * UNIT)
+
+        def last(sign: int, end: Fraction | None) -> Fraction | None:
+            """The multiple of the grid nearest to the centre beyond which there is little enough."""
+
+            def beyond(steps: int) -> bool:
+                place = self.centre + sign * steps * grid
+                dense = self.between(None, place) if sign < 0 else self.between(place, None)
+                return dense[1] + sum(share[1] for value, share in self.atoms if sign * (value - place) > 0) <= most
+
+            if quantile <= 0 and end is None:
+                return None
+            reach = int(abs(end - self.centre) / grid) + 1 if end is not None else 1
+            while end is None and not beyond(reach):
+                reach *= 2
+            least = 0
+            while reach - least > 1:
+                middle = (least + reach) // 2
+                least, reach = (least, middle) if beyond(middle) else (middle, reach)
+            found = self.centre + sign * reach * grid
+            return found if end is None else max(found, end) if sign < 0 else min(found, end)
+
+        return last(-1, low) or Fraction(0), last(1, high)
+
     def _normal(self, value: Fraction) -> Enclosure:
         return normal((value - self.numbers.get("mean", self.numbers.get("origin", value))) / self.scale)
 

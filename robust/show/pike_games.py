@@ -140,7 +140,7 @@ def _chosen(game: Game, branch: GameBranch) -> dict[str, str]:
 @printing.register(TeamControllability)
 def print_controllable(out: Console, found: TeamControllability, *, quiet: bool) -> None:
     """The verdict with its reason; unless `quiet` also what the strategy chooses. How far bounds can move."""
-    for line in _headline(found):
+    for line in headline(found):
         out.print(line, soft_wrap=True)
     if found.strategy is not None and not quiet:
         for line in _strategy_lines(found.strategy.game, found.strategy.branches):
@@ -152,7 +152,8 @@ def print_controllable(out: Console, found: TeamControllability, *, quiet: bool)
         out.print(f"{cases} of what people choose, {policies} tried, {duration(found.seconds)}.")
 
 
-def _headline(found: TeamControllability) -> Iterator[str]:
+def headline(found: TeamControllability) -> Iterator[str]:
+    """The verdict with its reason, in a line, or several for several situations."""
     game = found.game
     match found.verdict:
         case ControllabilityVerdict.CONTROLLABLE:

@@ -9,8 +9,9 @@
 
 from robust.irr.conflicts import RepairStatus
 from robust.qe.box import Side
+from robust.stnu.chances import risk
 from robust.stnu.files import load, write
-from robust.stnu.network import Edge, Link, Network
+from robust.stnu.network import Edge, Link, Network, with_quantile
 from robust.stnu.verdicts import DispatchResult, check, dispatch, refutes, repair
 from robust.stnu.verdicts import LinkChange as Change
 from robust.stnu.verdicts import NetworkCheck as CheckResult
@@ -35,5 +36,7 @@ __all__ = [
     "load",
     "refutes",
     "repair",
+    "risk",
+    "with_quantile",
     "write",
 ]

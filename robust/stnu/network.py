@@ -12,17 +12,20 @@ An origin, where a file names one, happens first: no other time point of the fil
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+import warnings
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
 from functools import cached_property
+from typing import TypeVar
 
-from robust.errors import InputError, Location
+from robust.errors import InputError, InputWarning, Location, UnsupportedError
 from robust.execute.controllable_boxes import ends_of, parametric_stnu
 from robust.network import uncertain
 from robust.numbers import format_number, plural, shorten
 from robust.plan.model import ZERO, ParametrizedPlan, TimePoint, TimePointKind
+from robust.probability.distributions import Distribution
 from robust.qe.box import Box, Side
 
 _NOTHING = Fraction(0)
@@ -32,7 +35,7 @@ _NOTHING = Fraction(0)
 class Link:
     """`lower ≤ target − source ≤ upper`: for the dispatcher to satisfy, or if contingent, what nature may choose.
 
-    None is an infinite bound. `place` is where it was read.
+    None is an infinite bound. `place` is where it was read; `distribution` is that of a random length, if it is known.
     """
 
     source: str
@@ -41,6 +44,7 @@ class Link:
     upper: Fraction | None
     is_contingent: bool = False
     place: Location | None = field(default=None, compare=False)
+    distribution: Distribution | None = None
 
     def bound(self, side: Side) -> Fraction | None:
         return self.lower if side is Side.LOWER else self.upper
@@ -57,6 +61,53 @@ class Link:
 def bounds_text(lower: Fraction | None, upper: Fraction | None) -> str:
     """`[0.5, inf]`."""
     return f"[{'-inf' if lower is None else format_number(lower)}, {'inf' if upper is None else format_number(upper)}]"
+
+
+Label = frozenset[tuple[str, str]]
+"""A conjunction of propositions or choices with their values."""
+
+
+@dataclass(frozen=True, slots=True)
+class ChoicePoint:
+    """A choice with its values, made at a time point: observed there or, if `is_controllable`, the executive's."""
+
+    name: str
+    values: tuple[str, ...]
+    node: str
+    is_controllable: bool = False
+
+
+@dataclass(frozen=True)
+class ConditionalNetwork:
+    """A network of which time points and links exist only where their labels hold: a CSTN, CSTNU or CCTP.
+
+    Args:
+        name: what messages call it, such as the name of its file.
+        nodes: all time points, with their labels.
+        links: requirement and contingent links, with their labels.
+        choices: what labels are about.
+        origin: the time point that happens first, if there is one.
+    """
+
+    name: str
+    nodes: Mapping[str, Label]
+    links: tuple[tuple[Link, Label], ...]
+    choices: tuple[ChoicePoint, ...]
+    origin: str | None = None
+
+    @property
+    def size(self) -> str:
+        """`5 time points, 4 links, 2 contingent, 1 choice`."""
+        count = f"{plural(len(self.nodes), 'time point')}, {plural(len(self.links), 'link')}"
+        return f"{count}, {len(self.contingents)} contingent, {plural(len(self.choices), 'choice')}"
+
+    @property
+    def contingents(self) -> tuple[Link, ...]:
+        return tuple(link for link, _ in self.links if link.is_contingent)
+
+    def mapped(self, change: Callable[[Link], Link]) -> ConditionalNetwork:
+        """A copy with each link changed."""
+        return replace(self, links=tuple((change(link), label) for link, label in self.links))
 
 
 class Role(Enum):
@@ -94,8 +145,9 @@ class Network:
         layout: where a drawing has its time points, as text.
 
     Raises:
-        InputError: at the link that is wrong: between unknown time points, empty, contingent and without a least
-            length, contingent with the same end as another one, in a circle of contingent links, or against another.
+        InputError: at the link that is wrong: between unknown time points, or contingent and empty, without a least
+            length, with the same end as another one, or in a circle of contingent links. Requirements may contradict
+            each other: then the network is not controllable.
     """
 
     name: str
@@ -111,24 +163,23 @@ class Network:
             for end in (link.source, link.target):
                 if end not in known:
                     raise self.fault(link, f"found unknown time point {shorten(end)}, expected one of the nodes")
-            if link.source == link.target:
-                raise self.fault(link, f"found a link from {shorten(link.source)} to itself, expected two time points")
-            if link.lower is not None and link.upper is not None and link.lower > link.upper:
-                raise self.fault(link, f"found {link}, expected a lower bound that is not above the upper bound")
             if link.is_contingent:
                 self._check_contingent(link, before)
                 before[link.target] = link
         for link in before.values():
             self._check_circle(link, before)
-        self._check_parallel()
 
     def fault(self, link: Link, message: str) -> InputError:
         """An error about a link, at its place."""
         return InputError(message, link.place or Location(self.name))
 
     def _check_contingent(self, link: Link, before: Mapping[str, Link]) -> None:
+        if link.source == link.target:
+            raise self.fault(link, f"found contingent link {link.ends}, expected two time points")
         if link.lower is None:
             raise self.fault(link, f"found contingent link {link}, expected a finite lower bound")
+        if link.upper is not None and link.lower > link.upper:
+            raise self.fault(link, f"found {link}, expected a lower bound that is not above the upper bound")
         if link.target in before:
             other = before[link.target]
             message = f"found contingent link {link.ends}, expected {link.target} to end {other.ends} only"
@@ -143,24 +194,6 @@ class Network:
             names = " => ".join([*sorted(seen), min(seen)])
             raise self.fault(link, f"found contingent links in a circle, {names}; expected each to have a beginning")
 
-    def _check_parallel(self) -> None:
-        """Requirements between the same two time points that contradict each other."""
-        ends: dict[tuple[str, str], tuple[Fraction, Link]] = {}
-        for link in self.links:
-            if link.is_contingent:
-                continue
-            for key, most in (
-                ((link.source, link.target), link.upper),
-                ((link.target, link.source), None if link.lower is None else -link.lower),
-            ):
-                if most is not None and (key not in ends or most < ends[key][0]):
-                    ends[key] = most, link
-        for (source, target), (most, link) in ends.items():
-            if (target, source) in ends and most + ends[target, source][0] < 0:
-                other = ends[target, source][1]
-                message = f"found a contradiction, {link} and {other}; expected bounds that some times satisfy"
-                raise self.fault(link, message)
-
     @property
     def contingents(self) -> tuple[Link, ...]:
         return tuple(link for link in self.links if link.is_contingent)
@@ -170,6 +203,10 @@ class Network:
         """`5 time points, 4 links, 2 contingent`."""
         count = plural(len(self.links), "link")
         return f"{plural(len(self.nodes), 'time point')}, {count}, {len(self.contingents)} contingent"
+
+    def mapped(self, change: Callable[[Link], Link]) -> Network:
+        """A copy with each link changed."""
+        return self.with_links(tuple(map(change, self.links)))
 
     def with_links(self, links: Sequence[Link]) -> Network:
         """A copy with other links."""
@@ -268,8 +305,7 @@ def network_of_plan(plan: ParametrizedPlan, box: Box, name: str, origin: str = "
     parameter that several links share, is taken to be independent and hidden, so the network may demand more.
 
     Raises:
-        InputError: if an infinite end of the box makes a requirement infinitely strong, a duration may be negative, or
-            requirements contradict each other for some values in the box.
+        InputError: if an infinite end of the box makes a requirement infinitely strong, or a duration may be negative.
         UnsupportedError: for a bound that is not linear in the parameters.
     """
     stnu = parametric_stnu(plan, box).at(ends_of(box))
@@ -286,3 +322,54 @@ def network_of_plan(plan: ParametrizedPlan, box: Box, name: str, origin: str = "
         if link.source != link.target and (link.lower is not None or link.upper is not None)
     )
     return Network(name, tuple(names), links, origin)
+
+
+Asked = TypeVar("Asked", Network, ConditionalNetwork, Network | ConditionalNetwork)
+
+# -- what formats share ------------------------------------------------------------------------------------------------
+
+
+def note_unused(file: str, keys: Collection[str]) -> None:
+    """Say once what of a file was passed over."""
+    if keys:
+        passed = f"passed over what has no meaning for networks: {', '.join(keys)}"
+        warnings.warn(InputWarning(f"{Location(file)}: {passed}"), stacklevel=4)
+
+
+def with_origin(network: Network, name: str) -> Network:
+    """A network whose origin has the name that a format gives it.
+
+    Raises:
+        UnsupportedError: if another node has that name.
+    """
+    if network.origin == name:
+        return network
+    if name in network.nodes:
+        raise UnsupportedError(f"found node {name!r} that is not the origin, expected another name in this format")
+    if network.origin is None:
+        return network
+    new = {node: name if node == network.origin else node for node in network.nodes}
+    links = tuple(replace(link, source=new[link.source], target=new[link.target]) for link in network.links)
+    layout = {new[node]: at for node, at in network.layout.items()}
+    return Network(network.name, tuple(new.values()), links, name, layout)
+
+
+def with_quantile(network: Asked, quantile: Fraction) -> Asked:
+    """A network whose random lengths are between two quantiles of their distributions.
+
+    Each length is below its interval with probability `quantile` at most, and above it as well; intervals are as narrow
+    as multiples of a millionth of a distribution's width allow.
+
+    Raises:
+        InputError: unless the quantile is at least 0 and below 1/2.
+    """
+    if not 0 <= quantile < Fraction(1, 2):
+        raise InputError(f"found {quantile}, expected a quantile of at least 0 and below 1/2", Location("quantile"))
+
+    def narrowed(link: Link) -> Link:
+        if not link.is_contingent or link.distribution is None or quantile == 0:
+            return link
+        lower, upper = link.distribution.interval(quantile)
+        return replace(link, lower=lower, upper=upper)
+
+    return network.mapped(narrowed)

@@ -38,7 +38,7 @@ from robust.qe.box import Side
 from robust.smt import limits, session
 from robust.smt.limits import OutOfTimeError
 from robust.stnu.files import Source, deadline, network_of
-from robust.stnu.network import Edge, Link, Network, Role, edges_of, instant
+from robust.stnu.network import ConditionalNetwork, Edge, Link, Network, Role, edges_of, instant
 
 _NOTHING = Fraction(0)
 GRAIN = 10**6
@@ -61,7 +61,7 @@ class NetworkCheck(Presented, ask="verdict"):
     why there is no verdict.
     """
 
-    network: Network
+    network: Network | ConditionalNetwork
     verdict: NetworkVerdict
     cycle: tuple[Edge, ...]
     reason: str | None
@@ -201,6 +201,7 @@ class DispatchResult(Presented, ask="checked"):
     `derived` is how many ordinary edges follow from the network in all.
     """
 
+    network: Network
     checked: NetworkCheck
     requirements: tuple[Requirement, ...]
     waits: tuple[uncertain.Wait, ...]
@@ -212,10 +213,6 @@ class DispatchResult(Presented, ask="checked"):
     def name(self) -> str:
         """Name of the network."""
         return self.network.name
-
-    @property
-    def network(self) -> Network:
-        return self.checked.network
 
     def execute(self, seed: int = 0) -> NetworkExecution:
         """An execution as early as possible; lengths of contingent links are drawn uniformly.
@@ -275,7 +272,7 @@ def dispatch(network: Source, *, timeout: Number | None = None) -> DispatchResul
     network = network_of(network)
     checked, answer = _decided(network, timeout)
     if answer is None or not checked.is_controllable:
-        return DispatchResult(checked, (), (), 0, None, time.perf_counter() - started)
+        return DispatchResult(network, checked, (), (), 0, None, time.perf_counter() - started)
     full = dispatchable.strategy(answer, answer.form.stnu.contingents)
     index = full.index
     natural = [
@@ -297,7 +294,7 @@ def dispatch(network: Source, *, timeout: Number | None = None) -> DispatchResul
         if (a, b, weight) not in natural and not (full.points[b] == ZERO and weight >= 0)
     )
     derived = sum(map(len, full.above))
-    return DispatchResult(checked, requirements, waits, derived, tables, time.perf_counter() - started)
+    return DispatchResult(network, checked, requirements, waits, derived, tables, time.perf_counter() - started)
 
 
 # -- executions --------------------------------------------------------------------------------------------------------

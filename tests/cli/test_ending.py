@@ -17,7 +17,7 @@ import pytest
 from benchmarks.generators.sizes import write_instance
 from benchmarks.irr.stnu import team_network
 from robust.cli.guard import STOPS, Cause, Guard
-from robust.stnu.files import network_json
+from robust.stnu.network_json import network_json
 from tests.children import eventually, is_running
 from tests.cli import inputs
 from tests.cli.running import COMMAND, LOAD, answer_of, command, environment, example, process, ran, started, stopped

@@ -20,8 +20,9 @@ from robust.network.dispatchable import Windows
 from robust.plan.model import ZERO
 from robust.smt.limits import NEVER
 from robust.stnu import RepairStatus, Side
-from robust.stnu.files import graphml, network_json, parse_graphml, parse_network_json
+from robust.stnu.graphml import graphml, parse_graphml
 from robust.stnu.network import network_of_plan
+from robust.stnu.network_json import network_json, parse_network_json
 from robust.stnu.verdicts import NetworkRepairSearch
 from tests.execute.plans import box_of
 from tests.execute.test_controllability_boxes import MEET, random_box
