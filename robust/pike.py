@@ -239,14 +239,16 @@ def searching_sizes(plan: TeamPlan, options: asking.PikeCompileOptions) -> Measu
     """The computation behind :func:`compile`.
 
     Raises:
-        UnsupportedError: if prime implicants are wanted of a back end that has none.
+        UnsupportedError: if prime implicants or labels are wanted of a back end that has none.
     """
-    able = [name for name, registration in knowledge_bases().items() if registration.knows_implicants]
-    if options.implicants and options.backend not in able:
-        expected = setting("backend", *able)
-        raise UnsupportedError(
-            f"{spelled('implicants')}: back end {options.backend} has no prime implicants; expected {expected}"
-        )
+    for wanted, option, having, what in (
+        (options.implicants, "implicants", "knows_implicants", "prime implicants"),
+        ("labels" in options.show, "show", "labels", "labels"),
+    ):
+        able = [name for name, registration in knowledge_bases().items() if getattr(registration, having)]
+        if wanted and options.backend not in able:
+            expected = setting("backend", *able)
+            raise UnsupportedError(f"{spelled(option)}: back end {options.backend} has no {what}; expected {expected}")
     return _searching(Measuring, plan, options, temporal=Temporal(options.temporal))
 
 

@@ -138,7 +138,7 @@ def _drawing(options: asking.PikePlotCommand, run: Run) -> tuple[PikePlot, Calla
         links = augment(plan, StructuralPrecedence(plan.network, epsilon=plan.separation)).links
     from robust.draw.tpnu import DrawnLink, plot_network
 
-    arrows = [DrawnLink(link.producer.event, link.consumer.first, str(link.consumer.literal)) for link in links or ()]
+    arrows = [DrawnLink(link.producer.event, link.consumer.first, link.text) for link in links or ()]
     draw = partial(plot_network, plan.network, options.output, links=arrows, epsilon=options.separation)
     drawn = pike.PikePlot(
         plot=str(options.output),

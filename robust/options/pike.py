@@ -199,11 +199,31 @@ class KnowledgeBaseOptions(Compiled):
     shortcut: bool = option(True, "let a solver check first whether there is any correct execution")
 
 
+CONTENTS = ("links", "labels", "distances")
+
+
+def _contents(value: str | Sequence[str], place: Location) -> tuple[str, ...]:
+    """Some of :data:`CONTENTS`."""
+    wanted = _names_or_none(value, place)
+    for name in wanted:
+        if name not in CONTENTS:
+            expected = f"one of {', '.join(CONTENTS)}"
+            raise InputError(f"found {shorten(name)}, expected {expected}{did_you_mean(name, CONTENTS)}", place)
+    return wanted
+
+
 class PikeCompileOptions(KnowledgeBaseOptions):
     """Options of :func:`robust.pike.compile`."""
 
-    implicants: bool = option(False, "list the prime implicants (pitms, bdd)")
+    implicants: bool = option(False, "list the prime implicants (pitms, pitms-labels, bdd)")
     models: bool = option(True, "count the models")
+    show: str | Sequence[str] = option(
+        (),
+        "list links: labeled causal links, and how threats are kept away; labels: those of the knowledge base's nodes "
+        "(pitms, pitms-labels, atms); distances: labeled shortest paths",
+        metavar="A,B",
+        read=_contents,
+    )
 
 
 class PikeCompileCommand(PikeCompileOptions, PikeCommand):

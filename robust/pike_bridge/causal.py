@@ -55,6 +55,11 @@ class LabeledCausalLink:
     def label(self) -> model.Guard:
         return self.producer.guard
 
+    @property
+    def text(self) -> str:
+        """For drawings: the literal, and the label, unless it is always so [PIKE, Figure 2]."""
+        return f"{self.consumer.literal}{f' if {model.guard_text(self.label)}' if self.label else ''}"
+
 
 class Contexts:
     """Precedence among the happenings of one condition, in the context in which all of them and the condition hold."""
@@ -168,6 +173,23 @@ AFTER = "after"
 """The value of an order variable whose threat comes after the consumer, +1 in the paper."""
 
 
+EITHER = "either"
+"""How a threat is kept away that may come before the producer or after the consumer, as an order variable says."""
+NEVER_TOGETHER = "never"
+"""How a definite threat is kept away: the link is not used where it is activated."""
+
+
+class KeptAway(NamedTuple):
+    """How a threat is kept out of the interval of a link [PIKE, Figure 12]; the cases C1 and C9 need nothing."""
+
+    link: LabeledCausalLink
+    threat: LabeledHappening
+    resolution: str
+    """BEFORE, AFTER, EITHER or NEVER_TOGETHER."""
+    variable: str | None = None
+    """The order variable, of EITHER."""
+
+
 @dataclass(frozen=True, slots=True)
 class AugmentedPlan:
     """A plan, its augmented network T′, and the propositional constraints of KB without temporal conflicts."""
@@ -176,6 +198,14 @@ class AugmentedPlan:
     network: model.Tpnu
     theory: Theory
     links: tuple[LabeledCausalLink, ...]
+    conditions: tuple[OpenCondition, ...]
+    """All of them, with the candidates that are not dominated."""
+    threats: tuple[KeptAway, ...]
+
+    @property
+    def added(self) -> tuple[model.Constraint, ...]:
+        """The orderings that the plan did not have."""
+        return self.network.constraints[len(self.plan.network.constraints) :]
 
 
 def augment(plan: model.TeamPlan, precedence: distance_graph.Precedence) -> AugmentedPlan:
@@ -199,13 +229,16 @@ def augment(plan: model.TeamPlan, precedence: distance_graph.Precedence) -> Augm
 class _Augmentation:
     plan: model.TeamPlan
     choices: dict[str, model.Choice] = field(default_factory=dict)
+    conditions: list[OpenCondition] = field(default_factory=list)
     links: list[LabeledCausalLink] = field(default_factory=list)
+    threats: list[KeptAway] = field(default_factory=list)
     constraints: list[model.Constraint] = field(default_factory=list)
     formulas: list[Formula] = field(default_factory=list)
     conflicts: list[model.Guard] = field(default_factory=list)
 
     def close(self, question: OpenCondition, contexts: Contexts) -> None:
         """Add what makes an open condition met wherever it is activated."""
+        self.conditions.append(question)
         if not question.producers:
             self.conflicts.append(question.guard)
             return
@@ -230,7 +263,9 @@ class _Augmentation:
         choices = (*network.choices, *self.choices.values())
         network = replace(network, choices=choices, constraints=(*network.constraints, *self.constraints))
         formulas, conflicts = tuple(dict.fromkeys(self.formulas)), tuple(dict.fromkeys(self.conflicts))
-        return AugmentedPlan(self.plan, network, Theory(network.domains, formulas, conflicts), tuple(self.links))
+        theory = Theory(network.domains, formulas, conflicts)
+        links, conditions, threats = tuple(self.links), tuple(self.conditions), tuple(self.threats)
+        return AugmentedPlan(self.plan, network, theory, links, conditions, threats)
 
     def _keep_away(self, link: LabeledCausalLink, threat: LabeledHappening, contexts: Contexts) -> None:
         """Keep a threat out of the interval of a link, wherever all three are activated: the cases of Figure 12."""
@@ -245,17 +280,23 @@ class _Augmentation:
             return
         not_before = touches or precedes(producer, threat.event)
         not_after = touches or precedes(threat.event, last)
+        variable = None
         if not_before and not_after:
+            resolution = NEVER_TOGETHER
             self.conflicts.append(context)
         elif not_before:
+            resolution = AFTER
             self._order(last, threat.event, context)
         elif not_after:
+            resolution = BEFORE
             self._order(threat.event, producer, context)
         else:
+            resolution = EITHER
             name = f"o[{link.consumer}, {producer}, {threat.event}]"
             variable = self._variable(name, context, (BEFORE, AFTER))
             self._order(threat.event, producer, context | {model.Assignment(variable, BEFORE)})
             self._order(last, threat.event, context | {model.Assignment(variable, AFTER)})
+        self.threats.append(KeptAway(link, threat, resolution, variable))
 
     def _order(self, earlier: str, later: str, context: model.Guard) -> None:
         self.constraints.append(model.Constraint(earlier, later, self.plan.separation, None, context))

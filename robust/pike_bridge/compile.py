@@ -5,7 +5,7 @@ asks the semantic oracle or such a knowledge base; every execution that it shows
 """
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from enum import Enum
@@ -13,9 +13,9 @@ from fractions import Fraction
 from typing import Any
 
 from robust.errors import InputError, Location, SolverError, UnsupportedError
-from robust.pike_bridge import causal, distance_graph, labeled_apsp, semantics
+from robust.pike_bridge import causal, contents, distance_graph, labeled_apsp, semantics
 from robust.pike_bridge import theory as logic
-from robust.pike_bridge.knowledge import create_knowledge_base, goal, reasons_about_time
+from robust.pike_bridge.knowledge import create_knowledge_base, goal, reasons_about_time, tms
 from robust.pike_bridge.model import ALWAYS, Assignment, Guard, TeamPlan, Tpnu, check_choice, circular
 from robust.pike_bridge.model import guard as conjunction
 from robust.presented import Presented, VerdictEnum
@@ -186,6 +186,9 @@ class Sizes(Stoppable, ask="satisfiable"):
     seconds: dict[str, float] = field(default_factory=dict)
     statistics: dict[str, Any] = field(default_factory=dict)
     implicants: list[dict[str, str]] | None = None
+    causal_links: list[contents.ConditionLinks] | None = None
+    labels: list[contents.FormulaLabel] | None = None
+    distances: contents.PlanDistances | None = None
 
 
 UNDECIDED = ""
@@ -223,10 +226,12 @@ class Measuring(Compiling, Searching[Sizes]):
     Args:
         implicants: whether the prime implicants are listed.
         models: whether models are counted.
+        show: what else is listed: `links`, `labels` of nodes, `distances`.
     """
 
     implicants: bool = False
     models: bool = True
+    show: Collection[str] = ()
 
     def __post_init__(self) -> None:
         network = self.plan.network
@@ -245,8 +250,17 @@ class Measuring(Compiling, Searching[Sizes]):
 
     def _search(self) -> None:
         self._sizes.candidate_subplans = candidate_subplans(self.plan.network)
-        knowledge = self.compile().knowledge
+        compilation = self.compile()
+        knowledge, augmented = compilation.knowledge, compilation.augmented
         self._sizes.satisfiable = knowledge.satisfiable(self.deadline)
+        if "links" in self.show:
+            self._sizes.causal_links = contents.links_of(augmented)
+        if "labels" in self.show and isinstance(knowledge, tms.LabelKnowledgeBase):
+            self._sizes.labels = contents.labels_of(knowledge, self.deadline)
+        if "distances" in self.show:
+            self.on_stage("distances")
+            distances = compilation.distances or labeled_apsp.LabeledDistances(augmented.network, self.deadline)
+            self._sizes.distances = contents.distances_of(augmented.network, distances, self.deadline)
         questions = (self._ask_models, self._ask_implicants)
         # Labels hold the prime implicants already, so that these are known even if there is no time to count models.
         for question in reversed(questions) if self.backend == PITMS else questions:

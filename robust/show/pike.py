@@ -1,10 +1,10 @@
 """Plans with choices for people and programs: answers, sizes, and simulated executions with their reasons."""
 
 import shlex
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from fractions import Fraction
-from itertools import zip_longest
+from itertools import chain, zip_longest
 from pathlib import Path
 from statistics import median
 from typing import Annotated, Any
@@ -13,7 +13,7 @@ from msgspec import UNSET, Meta, UnsetType
 
 from robust.json_text import Count, JsonObject, Rational, Seconds, like, on_wire, one_of
 from robust.numbers import duration, format_number, plural, readable
-from robust.pike_bridge import action_model, model, semantics
+from robust.pike_bridge import action_model, contents, model, semantics
 from robust.pike_bridge.compile import PikeCheck, Sizes
 from robust.pike_bridge.cross_check import CrossCheck, Crossed, Disagreement
 from robust.pike_bridge.likelihood import OPEN, ChanceBounds, TeamChance, chance_answer
@@ -51,6 +51,9 @@ class PikeCompile(JsonObject, tag_field="schema", tag="robust/pike-compile/1", k
 
     Attributes:
         implicants: with --implicants
+        causal_links: with --show links
+        labels: with --show labels
+        distances: with --show distances
     """
 
     status: Ended
@@ -73,6 +76,9 @@ class PikeCompile(JsonObject, tag_field="schema", tag="robust/pike-compile/1", k
     seconds: Stages
     statistics: dict[str, Any]
     implicants: list[dict[str, str]] | UnsetType = UNSET
+    causal_links: list[contents.ConditionLinks] | UnsetType = UNSET
+    labels: list[contents.FormulaLabel] | UnsetType = UNSET
+    distances: contents.PlanDistances | UnsetType = UNSET
 
 
 class PikeCross(JsonObject, tag_field="schema", tag="robust/pike-cross/1"):
@@ -268,7 +274,8 @@ def compile_document(sizes: Sizes) -> Document:
     """`robust/pike-compile/1`."""
     known = {**vars(sizes), **sizes.counts, "seconds": _rounded(sizes.seconds)}
     del known["counts"], known["reason"]
-    return document(PikeCompile(**known | {"implicants": UNSET if sizes.implicants is None else sizes.implicants}))
+    listings = ("implicants", "causal_links", "labels", "distances")
+    return document(PikeCompile(**known | {name: UNSET for name in listings if known[name] is None}))
 
 
 @printing.register(Sizes)
@@ -280,7 +287,53 @@ def print_sizes(out: Console, sizes: Sizes, *, quiet: bool) -> None:
     for name, value in _facts(sizes).items():
         out.print(f"  {name}: {value}")
     for implicant in sizes.implicants or ():
-        out.print("  {" + ", ".join(f"{name} = {value}" for name, value in implicant.items()) + "}")
+        out.print(Text(f"  {_environment(implicant)}"), soft_wrap=True)
+    for line in chain(_link_lines(sizes), _label_lines(sizes), _distance_lines(sizes)):
+        out.print(Text(line), soft_wrap=True)
+
+
+def _environment(values: Mapping[str, str]) -> str:
+    return "{" + ", ".join(f"{name} = {value}" for name, value in values.items()) + "}"
+
+
+def _where(values: Mapping[str, str]) -> str:
+    return f" if {scenario_text(values)}" if values else ""
+
+
+def _at(event: str, actions: Sequence[str]) -> str:
+    return f"{event}, {' and '.join(actions)}" if actions else event
+
+
+_AWAY = {"before": "is put before it", "after": "is put after its consumer", "never": "excludes it"}
+
+
+def _link_lines(sizes: Sizes) -> Iterator[str]:
+    """Each condition, the links that may support it, and the threats of each."""
+    for each in sizes.causal_links or ():
+        place = each.first if each.first == each.last else f"{each.first} to {each.last}"
+        yield f"{each.condition} at {_at(place, each.actions or ['the goal'])}{_where(each.label)}:"
+        for link in each.producers:
+            ordered = ", put before" if link.ordered else ""
+            yield f"  from {_at(link.event, link.actions)}{_where(link.label)}{ordered}"
+            for threat in link.threats:
+                away = _AWAY.get(threat.resolution, f"is before it or after its consumer: {threat.variable}")
+                yield f"    {_at(threat.event, threat.actions)}{_where(threat.label)} {away}"
+        if not each.producers:
+            yield "  from nothing"
+
+
+def _label_lines(sizes: Sizes) -> Iterator[str]:
+    for label in sizes.labels or ():
+        yield f"{label.kind} {label.formula}: {', '.join(map(_environment, label.environments)) or 'nowhere'}"
+
+
+def _distance_lines(sizes: Sizes) -> Iterator[str]:
+    if sizes.distances is not None:
+        for conflict in sizes.distances.conflicts:
+            yield f"no schedule{_where(conflict)}"
+        for pair in sizes.distances.pairs:
+            values = "; ".join(f"{readable(value.bound)}{_where(value.label)}" for value in pair.values)
+            yield f"{pair.source} to {pair.target}: at most {values}"
 
 
 def _compile_headline(sizes: Sizes) -> str:

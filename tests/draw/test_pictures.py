@@ -414,7 +414,8 @@ def test_layouts_do_not_overlap(sizes, data):
 def test_plans_with_their_links(name):
     plan = action_model.load_team_plan(EXAMPLES / name / f"{name}.tpnu.json")
     links = causal.augment(plan, distance_graph.StructuralPrecedence(plan.network, epsilon=plan.separation)).links
-    arrows = [tpnu.DrawnLink(one.producer.event, one.consumer.first, str(one.consumer.literal)) for one in links]
+    arrows = [tpnu.DrawnLink(one.producer.event, one.consumer.first, one.text) for one in links]
+    assert any(" if " in arrow.label for arrow in arrows)
     drawing = tpnu._NetworkDrawing(plan.network, plan.separation, arrows)
     figure = drawing.figure()
     assert_readable(figure, "causal link", "choice of others", *{one.label for one in arrows})

@@ -21,15 +21,18 @@ class Registration:
     """Of `network`, `solver` and `shortcut`; what takes a network reasons about time itself."""
     knows_implicants: bool = False
     """Whether it counts and lists all prime implicants: `HasImplicants`."""
+    labels: bool = False
+    """Whether it labels the nodes of formulas."""
 
 
 _HERE = "robust.pike_bridge.knowledge"
+_LABELING = frozenset({"solver", "shortcut"})
 _REGISTRY = {
-    "pitms": Registration(f"{_HERE}.tms", "PiTms", frozenset({"solver", "shortcut"}), knows_implicants=True),
+    "pitms": Registration(f"{_HERE}.tms", "PiTms", _LABELING, knows_implicants=True, labels=True),
     "pitms-labels": Registration(
-        f"{_HERE}.propagation", "PropagatedLabels", frozenset({"solver", "shortcut"}), knows_implicants=True
+        f"{_HERE}.propagation", "PropagatedLabels", _LABELING, knows_implicants=True, labels=True
     ),
-    "atms": Registration(f"{_HERE}.tms", "Atms", frozenset({"solver", "shortcut"})),
+    "atms": Registration(f"{_HERE}.tms", "Atms", _LABELING, labels=True),
     "bdd": Registration(f"{_HERE}.bdd", "BddKnowledgeBase", knows_implicants=True),
     "sat": Registration(f"{_HERE}.sat", "SatKnowledgeBase", frozenset({"network", "solver"})),
 }
