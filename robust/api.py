@@ -425,6 +425,7 @@ def randomness_of(plan: ParametrizedPlan, options: verbs.RiskOptions | verbs.Env
 
 def searching_risk(plan: ParametrizedPlan, options: verbs.RiskOptions) -> AnytimeSearch[RiskResult]:
     """The search behind :func:`risk`."""
+    from robust.execute.controllability import served
     from robust.probability.risk import Risk
 
     random = randomness_of(plan, options)
@@ -441,6 +442,7 @@ def searching_risk(plan: ParametrizedPlan, options: verbs.RiskOptions) -> Anytim
         timeout=options.limit,
         on_bounds=options.on_bounds,
         on_stage=options.on_stage,
+        serving=partial(served, plan),
     )
 
 

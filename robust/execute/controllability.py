@@ -34,7 +34,8 @@ from robust.irr.search import stops_at
 from robust.irr.stops import JUST, Stop, declared_stop
 from robust.network.dispatchable import waits
 from robust.network.uncertain import Wait, dynamic, explain
-from robust.plan.model import ParametrizedPlan
+from robust.plan.model import ParametrizedPlan, TimePointKind
+from robust.probability.measure import Bounds, SuccessProbabilities
 from robust.qe.box import Box, Face, Growing, Side
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Satisfiability as SolverVerdict
@@ -235,6 +236,25 @@ def shrink(plan: ParametrizedPlan, box: Box, kind: Control, *, deadline: Deadlin
         OutOfTimeError: if the deadline passes first.
     """
     return Controllability(plan, box, deadline=deadline).shrunk(kind).box
+
+
+def served(plan: ParametrizedPlan, box: Box, deadline: Deadline = NEVER) -> SuccessProbabilities:
+    """How probably executors and fixed schedules succeed with values of a box for all of which the plan is proved.
+
+    Where the box is dynamically controllable, our dispatcher and the best executor do for sure; where it is strongly
+    controllable, so does one schedule. Else that is open.
+    """
+    certain, unknown = Bounds(Fraction(1), Fraction(1)), Bounds(Fraction(0), Fraction(1))
+    dynamically = strongly = unknown
+    starts: dict[str, Fraction] = {}
+    with suppress(errors.UnsupportedError, OutOfTimeError):
+        known = Controllability(plan, box, deadline=deadline)
+        if (schedule := known.strong_answer().schedule) is not None:
+            dynamically = strongly = certain
+            starts = {str(point): time for point, time in schedule.items() if point.kind is TimePointKind.START}
+        elif known.finding(Control.DYNAMIC).verdict is ControlVerdict.CONTROLLABLE:
+            dynamically = certain
+    return SuccessProbabilities(certain, dynamically, strongly, dynamically, strongly, starts)
 
 
 @dataclass(frozen=True)

@@ -59,9 +59,13 @@ class Shape:
 
     @property
     def bounded(self) -> dict[str, Interval]:
-        """The forms with an end that is finite."""
-        infinite = (None, None)
-        return {name: ends for name, ends in self.bounds.intervals.items() if (ends.lower, ends.upper) != infinite}
+        """The forms with an end that is finite; parameters have the ends that follow from all faces, as in proofs."""
+        inside, infinite = self.polyhedron, (None, None)
+        shown = {
+            name: (inside.extent(name) if name in self.parameters else None) or ends
+            for name, ends in self.bounds.intervals.items()
+        }
+        return {name: ends for name, ends in shown.items() if (ends.lower, ends.upper) != infinite}
 
     @property
     def polyhedron(self) -> Polyhedron:

@@ -89,7 +89,8 @@ class RiskResult(Presented, ask="probability"):
     `shares` are of failing values, by what breaks first; None before that is known. `disjoint` are boxes that together
     bound the probability from below, `estimate` is one by random points: both only where bounds were not close
     without. `region` is what was measured. `reason` says which failure of a solver ended a search that is UNKNOWN.
-    `probabilities` and `late` are known where longest paths decide about the plan. `distributions` are those of
+    `probabilities` and `late` are known where longest paths decide about the plan, the first also where all values
+    succeed. `distributions` are those of
     parameters before `factors` scale or shift them; `joints` are normal ones with other covariances.
     """
 
@@ -139,6 +140,8 @@ class Risk(Searching[RiskResult]):
         timeout: seconds after which what is known is returned.
         on_bounds: called with the bounds when they have changed.
         on_stage: called with the name of each stage that begins.
+        serving: what executors and fixed schedules can do in a box for whose values the plan is proved; asked where
+            longest paths do not decide.
 
     Raises:
         InputError: if a parameter has no distribution, or one is of no parameter.
@@ -157,6 +160,7 @@ class Risk(Searching[RiskResult]):
     timeout: float | None = None
     on_bounds: Callable[[Bounds], None] | None = None
     on_stage: Callable[[str], None] | None = None
+    serving: Callable[[Box, Deadline], SuccessProbabilities] | None = None
 
     def __post_init__(self) -> None:
         super().__init__()
@@ -220,9 +224,15 @@ class Risk(Searching[RiskResult]):
             SolverError: a solver is not installed.
         """
         if len(self._distributions) > FEW or self.factors or self.joints:
-            if certain := self._is_certain():
+            supports = self._supports()
+            if certain := self._is_certain(supports):
                 self._know(Fraction(1), Fraction(1))
-            if self._by_longest_paths(certain=certain) or certain:
+            if self._by_longest_paths(certain=certain):
+                return
+            if certain:
+                if self.serving is not None:
+                    self._on_stage("executors")
+                    self._probabilities = self.serving(supports, self._deadline)
                 return
         if self.factors or self.joints:
             raise UnsupportedError(
@@ -252,16 +262,19 @@ class Risk(Searching[RiskResult]):
             self._go_without_region(region)
         self._deadline.enforce()
 
-    def _is_certain(self) -> bool:
-        """Whether the plan is proved for all values that can be drawn: the cheap question first."""
-        self._on_stage("all values at once")
+    def _supports(self) -> Box:
+        """All values that can be drawn."""
 
         def support(known: Distribution) -> Interval:
             return Interval(*known.support)
 
-        supports = Box(
+        return Box(
             {name: shared_range(self.factors, support(own), name, support) for name, own in self._distributions.items()}
         )
+
+    def _is_certain(self, supports: Box) -> bool:
+        """Whether the plan is proved for all values that can be drawn: the cheap question first."""
+        self._on_stage("all values at once")
         deadline = Deadline.after(self._share(Fraction(1, 10)))
         try:
             return proposals.is_inside(self.plan, supports, self.epsilon, deadline, solver=self.solver)

@@ -14,7 +14,7 @@ from robust.execute.learned import distributions_of
 from robust.execute.worlds import parse_rules
 from robust.irr.containment import Containment
 from robust.irr.widen import DiscoveredBadSet
-from robust.plan.model import Parameter
+from robust.plan.model import ZERO, Parameter
 from robust.probability import measure as measures
 from robust.probability import risk as risks
 from robust.probability.measure import Bounds, box_probability
@@ -23,9 +23,9 @@ from robust.probability.risk import Risk, RiskStatus
 from robust.qe.estimate import proportion_bounds
 from robust.qe.polyhedron import Polyhedron
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
-from tests.irr.building import lasts, parametric, shipped, timed
+from tests.irr.building import lasts, parameter, parametric, shipped, timed
 from tests.irr.test_boxes import assert_maximal
-from tests.plan.building import drawn
+from tests.plan.building import action, between, drawn, plan_of, reference
 
 F = Fraction
 NAVIGATION = shipped("two_sample_navigation")
@@ -289,3 +289,28 @@ def test_wrong_distributions_are_one_line(given_, message):
         robust.risk(NAVIGATION, given_)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("wait", "dynamic", "strong"),
+    [((0, 3), 1, 0), ((0, 100), 1, 1), ((-5, -5), 0, 0)],
+    ids=["seen", "fixed", "foreseen"],
+)
+def test_where_all_values_succeed_executors_and_schedules_may_not(wait, dynamic, strong):
+    """Actions that begin soon after another has ended, some time after it, or shortly before it ends."""
+    lengths = [parameter(f"p{number}", 10) for number in range(5)]
+    actions = [action(f"i{number}") for number in range(len(lengths))]
+    constraints = [between(ZERO, actions[0].start, 0)]
+    for one, known in zip(actions, lengths, strict=True):
+        constraints.append(between(one.start, one.end, reference(known.name), reference(known.name)))
+    for before, one in pairwise(actions):
+        constraints.append(between(before.end, one.start, *wait))
+    plan = plan_of(*actions, parameters=lengths, constraints=constraints)
+    result = robust.risk(plan, {"*": "uniform:8:13"})
+    known = result.probabilities
+    assert (result.status, result.probability.lower, known.weak.lower) == (RiskStatus.COMPLETE, 1, 1)
+    assert (known.dynamic.lower, known.best_dynamic.lower) == (dynamic, dynamic)
+    assert (known.strong.lower, known.best_strong.lower) == (strong, strong)
+    assert {bounds.upper for bounds in (known.dynamic, known.strong)} == {1}
+    assert len(known.starts) == strong * len(actions)
+    assert ("one fixed schedule: 1.0000" in str(result)) is bool(strong)
