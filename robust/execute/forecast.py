@@ -10,7 +10,7 @@ Starts that keep to this are in time whatever lengths the box has, so the box is
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -357,6 +357,26 @@ class PathForecaster:
         times, now = self._possible.times, self._ticks(self._now)
         bounds: list[Bound] = [(0, point, times.get(point, now)) for point in range(1, len(self._slack.times))]
         return [*bounds, *((point, 0, -time) for point, time in times.items())]
+
+    def demands(self) -> Iterator[tuple[int, int, Fraction, str | None]]:
+        """Source and target of each distance that is demanded if anything is to be left, the least that it may be, and
+        the step whose duration is part of it; what has happened counts from zero, and nothing more happens before now.
+        """
+        ended, times = set(self._ended), self._possible.times
+        links = [(source, target, offset, step) for source, target, offset, step in self._links if step not in ended]
+        every = (each for each in self._bounds if not each.expected and each.step not in ended)
+        for source, target, weight, step in (*links, *((*each.bound, None) for each in every)):
+            distance = weight + times.get(source, 0) - times.get(target, 0)
+            a, b = (0 if point in times else point for point in (source, target))
+            if a or b:
+                yield a, b, Fraction(distance, self._scale), step
+        for point in range(1, len(self._slack.times)):
+            if point not in times:
+                yield 0, point, self._now, None
+
+    def lengths(self, step: str) -> Window:
+        """Where the duration of a step has to be, as far as it is declared or demanded for itself alone."""
+        return self._window(self._bounds_of_lengths[step])
 
     # -- promises ------------------------------------------------------------------------------------------------------
 

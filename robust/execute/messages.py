@@ -88,12 +88,14 @@ class StepProgress:
         end: when it ended.
         failure: the last failure in words, if it has not started since; empty if there is none.
         attempts: starts and ends of attempts that failed or were cancelled.
+        unbegun: the end that was said of a step whose start was not, which counts as not started.
     """
 
     start: Fraction | None = None
     end: Fraction | None = None
     failure: str = ""
     attempts: tuple[tuple[Fraction, Fraction], ...] = ()
+    unbegun: Fraction | None = None
 
     @classmethod
     def of(cls, messages: Iterable[MonitorMessage], instance: model.ActionInstance) -> StepProgress:
@@ -122,7 +124,8 @@ class StepProgress:
                 if start is not None:
                     attempts.append((start, at))
                 start, end, failure = None, None, f"{message.kind.value} at {time_text(at)}"
-        return cls(start, end if start is not None else None, failure, tuple(attempts))
+        known, unbegun = (None, end) if start is None else (end, None)
+        return cls(start, known, failure, tuple(attempts), unbegun)
 
     def by(self, time: Fraction) -> StepProgress:
         """How far the step was at a time after all attempts that failed."""

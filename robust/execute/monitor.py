@@ -33,7 +33,6 @@ from robust.numbers import Number, format_number, parse_number, shorten
 from robust.plan import model
 from robust.presented import NoTruthValue
 from robust.probability.distributions import Distribution
-from robust.qe.box import Interval
 from robust.smt.limits import Deadline
 
 TICK = Fraction(1, 1000)
@@ -67,10 +66,8 @@ class StepOutlook:
 
 @dataclass(frozen=True, slots=True)
 class SuccessOutlook:
-    """Certified bounds of the probability that the plan succeeds, by what was known at a time.
-
-    The lower one is the probability of the promise: of durations that are still open, given how long steps have run.
-    """
+    """Certified bounds of the probability that the plan succeeds in the order that it follows, by what was known at a
+    time; of durations that are still open, given how long steps have run."""
 
     lower: Fraction
     upper: Fraction
@@ -91,6 +88,8 @@ class Outlook(NoTruthValue, ask="prospect"):
         startable: steps that may start now; `start` says until when.
         coming: all other steps to come, in the order of their earliest starts.
         refused: why the message changed nothing; None if it was taken.
+        assumed: what answers rest on although it does not fit what was said: steps whose ends are known, and whose
+            starts are awaited, count as not started.
         replan: whether only another plan helps, as far as is known.
         promise: durations of steps that have not ended, by step: as long as all are within, and steps start as they
             may, the plan succeeds; None if nothing is promised.
@@ -115,6 +114,7 @@ class Outlook(NoTruthValue, ask="prospect"):
     reordered: bool = False
     exact: bool = True
     wake: Fraction | None = None
+    assumed: tuple[str, ...] = ()
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -372,7 +372,7 @@ class Monitor:
         forecast = self._forecast(deadline)
         prospect = forecast.prospect
         if prospect in OPEN and all(known.end is not None for known in self._progress.values()):
-            return Outlook(self._count, self.time, Prospect.DONE, refused=refused)
+            return Outlook(self._count, self.time, Prospect.DONE, refused=refused, assumed=self._assumed)
         looks = [self._look(step, ahead) for step, ahead in (forecast.steps or {}).items()]
         running = sorted((look for look in looks if look.since is not None), key=lambda look: look.start)
         startable = [look for look in looks if look.since is None and look.step in forecast.ready]
@@ -388,10 +388,18 @@ class Monitor:
             refused,
             prospect not in OPEN,
             forecast.promise,
-            self._success(forecast),
+            self._success(forecast, deadline),
             self._other is not None and not self._in_order,
             forecast.exact,
             self._wake(looks, forecast),
+            self._assumed,
+        )
+
+    @property
+    def _assumed(self) -> tuple[str, ...]:
+        unbegun = ((step, known.unbegun) for step, known in self._progress.items() if known.unbegun is not None)
+        return tuple(
+            f"{step} has not started: its end at {time_text(at)} was said, its start was not" for step, at in unbegun
         )
 
     def _wake(self, looks: Sequence[StepOutlook], forecast: PlanForecast) -> Fraction | None:
@@ -407,31 +415,20 @@ class Monitor:
         first = min((time for time in (*opening, *closing) if time >= self.time), default=None)
         return None if first is None else (first // TICK + 1) * TICK
 
-    def _success(self, forecast: PlanForecast) -> SuccessOutlook | None:
-        """Bounds of the probability of success; those before, where no promise was found in time."""
+    def _success(self, forecast: PlanForecast, deadline: Deadline) -> SuccessOutlook | None:
+        """Bounds of the probability of success; those before, where none were found in time."""
         if not self.distributions:
             return None
-        if forecast.prospect is Prospect.BROKEN:
-            return SuccessOutlook(Fraction(0), Fraction(0), self.time)
-        if forecast.promise is not None:
-            kept = Fraction(1)
-            for name, step in self.plan.lasting.items():
-                if step in forecast.promise:
-                    chance = self.distributions.get(name)
-                    kept *= 0 if chance is None else self._share_within(chance, step, forecast.promise[step])
-            self._last_success = SuccessOutlook(kept, Fraction(1), self.time)
-        elif forecast.prospect is Prospect.AT_RISK:
-            self._last_success = SuccessOutlook(Fraction(0), Fraction(1), self.time)
+        from robust.execute.chances import RunChances  # noqa: PLC0415 - where it is asked for
+
+        known = (
+            (self.plan.lasting[name], each) for name, each in self.distributions.items() if name in self.plan.lasting
+        )
+        followed = self._own if self._other is None else self._other
+        bounds = RunChances(dict(known), self._progress, self._now).bounds(followed, forecast, deadline)
+        if bounds is not None:
+            self._last_success = SuccessOutlook(bounds.lower, bounds.upper, self.time)
         return self._last_success
-
-    def _share_within(self, distribution: Distribution, step: str, lengths: Window) -> Fraction:
-        """The least probability that a step takes as long as is promised, given how long it has run."""
-        from robust.probability.measure import interval_probability  # noqa: PLC0415 - where it is asked for
-
-        start = self._progress[step].start
-        inside = interval_probability(Interval(*lengths), distribution)[0]
-        known = interval_probability(Interval(None if start is None else self.time - start, None), distribution)[1]
-        return Fraction(inside, known) if known else Fraction(0)
 
     def _look(self, step: str, ahead: StepAhead) -> StepOutlook:
         since, most, planned = self._progress[step].start, ahead.most, self.planned[step]

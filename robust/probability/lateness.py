@@ -121,12 +121,27 @@ def lateness_graph(slack: SlackPlan, durations: Durations) -> LatenessGraph:
         if len(using) != 2 or using[0] != using[1] or target in links or target == 0 or constant < 0:
             raise OutsideFragmentError(f"{parameters[number].name} is not the length of one distance of its own")
         links[target] = source, constant, parameters[number].name
-        paths.append(PathEdge(source, target, constant, (parameters[number].name,)))
+    return graph_of(paths, limits, links, due, durations)
+
+
+def graph_of(
+    distances: Iterable[PathEdge],
+    limits: Sequence[PathEdge],
+    links: Mapping[Node, tuple[Node, Fraction, str]],
+    due: Mapping[Node, tuple[Fraction, str]],
+    durations: Durations,
+) -> LatenessGraph:
+    """The graph of distances and durations; `due` says when points have to happen, and what demands it.
+
+    Raises:
+        OutsideFragmentError: if there is no deadline, or a limit, which is a distance below zero, is not implied.
+    """
     if not due:
         raise OutsideFragmentError("there is no deadline")
     latest = max(time for time, _ in due.values())
-    paths += [PathEdge(point, SINK, latest - time) for point, (time, _) in due.items()]
-    paths = necessary(paths, durations, limits)
+    lasting = (PathEdge(start, end, constant, (name,)) for end, (start, constant, name) in links.items())
+    ends = (PathEdge(point, SINK, latest - time) for point, (time, _) in due.items())
+    paths = necessary([*distances, *lasting, *ends], durations, limits)
     follows = {edge.source for edge in paths if not edge.names} | {
         edge.source for edge in paths if edge.names and links[edge.target][0] != edge.source
     }

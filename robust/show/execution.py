@@ -562,6 +562,7 @@ class Watch(JsonObject, tag_field="schema", tag="robust/watch/1"):
         startable: steps that may start now
         coming: the first of the other steps to come
         refused: why the message changed nothing
+        assumed: what the answer rests on although it does not fit what was said, such as ends of steps without starts
         replan: whether only another plan helps
         promise: as long as the durations of all steps that have not ended are within, the plan succeeds
         success: bounds of the probability of success, and for what time they were worked out
@@ -581,6 +582,7 @@ class Watch(JsonObject, tag_field="schema", tag="robust/watch/1"):
     startable: list[StepOutlook] | UnsetType = UNSET
     coming: list[StepOutlook] | UnsetType = UNSET
     refused: str | UnsetType | None = UNSET
+    assumed: list[str] | UnsetType = UNSET
     replan: bool | UnsetType = UNSET
     promise: Mapping[str, tuple[Fraction, Fraction | None]] | UnsetType | None = UNSET
     success: SuccessOutlook | UnsetType | None = UNSET

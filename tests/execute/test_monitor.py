@@ -15,7 +15,7 @@ from robust.execute.messages import MessageKind, MonitorMessage
 from robust.execute.monitor import Monitor, Outlook
 from robust.plan.model import Atom, TimePoint
 from robust.probability.distributions import Distribution
-from tests.execute.replays import EXAMPLES, OPEN, SolverOracle, bare
+from tests.execute.replays import EXAMPLES, OPEN, PathOracle, SolverOracle, bare
 from tests.irr.test_proposals import drawn_plan
 from tests.qe.test_lifted import job_shop
 from tests.sampling import often
@@ -236,6 +236,18 @@ def test_a_message_that_others_rest_on_is_not_taken_back_before_them():
     assert monitor.say("retract", "2").prospect is Prospect.ON_TRACK
 
 
+def test_an_end_without_a_start_is_said_to_wait_for_it():
+    monitor, other = workshop(), workshop()
+    waiting = monitor.say("end", "n0", at=12)
+    assert waiting.assumed == ("n0 has not started: its end at 12 was said, its start was not",)
+    assert monitor.say("tick", at=13).assumed == waiting.assumed
+    begun = monitor.say("start", "n0", at=0)
+    for kind, at in (("start", 0), ("end", 12)):
+        other.say(kind, "n0", at=at)
+    assert begun == other.say("tick", at=13)
+    assert begun.assumed == ()
+
+
 def test_an_observation_is_taken_back():
     monitor = workshop()
     monitor.say("start", "n0", at=0)
@@ -268,18 +280,57 @@ def test_a_step_that_failed_breaks_the_plan_until_it_is_attempted_again():
     assert outlook.prospect is Prospect.BROKEN, "it took the raw chair, and does so once"
 
 
-def test_the_probability_of_the_promise_is_a_lower_bound():
-    plan = workshop().plan
-    distributions = {
-        p.name: Distribution("uniform", {"lower": p.nominal, "upper": p.nominal * 2}) for p in plan.parameters
-    }
-    monitor = workshop(distributions=distributions)
-    lower = monitor.outlook().success.lower
-    assert 0 < lower < 1
-    monitor.say("start", "n0", at=0)
-    ended = monitor.say("end", "n0", at=12)
-    assert lower < ended.success.lower <= ended.success.upper == 1
+def random_durations(plan: ParametrizedPlan) -> dict[str, Distribution]:
+    laws = (
+        lambda nominal: Distribution("uniform", {"lower": nominal / 2, "upper": nominal * 2}),
+        lambda nominal: Distribution("normal", {"mean": nominal, "deviation": nominal / 4, "minimum": nominal / 3}),
+        lambda nominal: Distribution("exponential", {"mean": nominal, "minimum": nominal / 2}),
+    )
+    return {p.name: laws[number % 3](p.nominal) for number, p in enumerate(plan.parameters)}
+
+
+def success_in_draws(monitor: Monitor, random: Random, count: int) -> float:
+    """How often a schedule in the plan's order is left for durations that last on from where they are."""
+    oracle, times, wins = PathOracle(monitor.plan), happened(monitor.plan, list(monitor.taken.values())), 0
+    for _ in range(count):
+        lengths = {}
+        for name, law in monitor.distributions.items():
+            step = monitor.plan.lasting[name]
+            begun = times.get(monitor.plan.instance[step].start, monitor.time)
+            lengths[step] = law.draw(random)
+            while monitor.plan.instance[step].end not in times and lengths[step] < monitor.time - begun:
+                lengths[step] = law.draw(random)
+        wins += oracle.windows(times, monitor.time, lengths) is not None
+    return wins / count
+
+
+def test_bounds_of_the_probability_of_success_hold_in_draws():
+    plan, random, count = workshop().plan, Random(4), often(300, 3_000)  # noqa: S311 - reproducible
+    monitor = workshop(reorder=False, distributions=random_durations(plan))
+    told = [("tick", "", 0), ("start", "n0", 0), ("tick", "", 10), ("end", "n0", 14), ("start", "n1", 15)]
+    told += [("tick", "", 20), ("end", "n1", 27), ("tick", "", 40)]
+    seen = []
+    for kind, step, at in told:
+        outlook = monitor.say(kind, step, at=at)
+        if kind == "tick":
+            known, share = outlook.success, success_in_draws(monitor, random, count)
+            error = 4 * (share * (1 - share) / count) ** 0.5 + 0.001
+            assert known.lower - error <= share <= known.upper + error, (at, known, share)
+            assert known.upper - known.lower < 0.1
+            assert max(known.lower.denominator, known.upper.denominator) <= 10**6
+            seen.append(known)
+    assert any(0.05 < known.lower < known.upper < 0.95 for known in seen)
     assert monitor.say("tick", at=100).success.upper == 0
+
+
+def test_success_is_certain_from_above_only_of_durations_whose_distribution_is_known():
+    plan = workshop().plan
+    known = random_durations(plan)
+    every = workshop(distributions=known).outlook().success
+    known.popitem()
+    some = workshop(distributions=known).outlook().success
+    assert some.lower == 0
+    assert every.upper <= some.upper < 1
 
 
 def waking(monitor: Monitor) -> list[Outlook]:
