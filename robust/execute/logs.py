@@ -75,6 +75,10 @@ _COLUMNS: Final = {
 }
 _MESSAGE: Final = ("start_stamp_sec", "start_stamp_nanosec", "status_stamp_sec", "status_stamp_nanosec", "status")
 """The fields of a message that are numbers; `action_full_name` comes next."""
+_KINDS: Final = (
+    "a log: CSV with a header (action; duration, or start and end; status), ActionExecutionInfo as ros2 topic echo "
+    "prints it or as rosbag2 exports it, what robust execute --json prints, or a journal of robust pike run --stdio"
+)
 _ZERO: Final = Decimal(0)
 _HUGE: Final = Decimal("1e30")
 _CHECKED_WITHIN: Final = 2
@@ -91,7 +95,7 @@ def read_runs(path: str | PathLike[str]) -> list[ActionRun]:
     text = read_text(path, LARGEST)
     head = text.lstrip()[:4096]
     if not head:
-        raise _wrong("an empty file", "a log of actions", file)
+        raise _wrong("an empty file", _KINDS, file)
     if head[0] == "{":
         runs = _from_json(text, file)
     elif re.search(r"^(start_stamp|status_stamp|action_full_name):", head, re.MULTILINE):
@@ -124,6 +128,10 @@ def _note(message: str, file: str, line: int | None = None) -> None:
 def _from_csv(text: str, file: str) -> Iterator[ActionRun]:
     first = text.lstrip().partition("\n")[0]
     rows = csv.reader(text.split("\n"), delimiter=max(",;\t", key=first.count), strict=True)
+    words = {word for names in _COLUMNS.values() for word in names.split()} | {"action_full_name"}
+    if words.isdisjoint(re.sub(rf"_{_UNIT}$", "", name) for name in re.findall(r"\w+", first.lower())):
+        line = next(number for number, row in enumerate(text.split("\n"), start=1) if row.strip())
+        raise _wrong(shorten(first.strip()), _KINDS, file, line)
     try:
         header = next(row for row in rows if row)
         names = [re.sub(r"\W+", "_", name.strip().lower()).strip("_") for name in header]
@@ -394,8 +402,7 @@ def _from_json(text: str, file: str) -> Iterator[ActionRun]:
     if first.get("schema") == "robust/pike-journal/1":
         return _from_journal(lines, file)
     if "schema" in first:
-        expected = "messages, robust/execute/1 or robust/pike-journal/1"
-        raise _wrong(f"{shorten(str(first['schema']))}", f"{expected}", file, line)
+        raise _wrong(shorten(str(first["schema"])), _KINDS, file, line)
     return _from_messages(_exported(chain([(first, line)], lines)), file)
 
 

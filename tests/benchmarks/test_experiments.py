@@ -18,8 +18,8 @@ from benchmarks.engine.show import Table
 from benchmarks.irr.contenders import IRR, OPTIMAL, RECORDED_BOX, REGIONS, WIDEN
 from benchmarks.irr.growth import ALL_REFUELS, DELIVERIES, MORE_PARAMETERS, MORE_REFUELS, PARAMETERS, POINTS
 from benchmarks.pike.hesitation import STORIES
-from robust import InputError, Region
-from tests.benchmarks.conftest import checked, example, navigation, promised_region, rendered, run
+from robust import InputError, Region, RobustError
+from tests.benchmarks.conftest import EXAMPLES, checked, example, navigation, promised_region, rendered, run
 from tests.cli.running import command, environment
 from tests.val import BINARY
 
@@ -126,6 +126,29 @@ def test_a_small_run(name, make_suite, tmp_path):
         resumed = run(name, **given)
         assert resumed.rows == report.rows
         assert f"{count} of {count} results are from {tmp_path / 'store'}" in resumed.notes
+
+
+def test_risk_of_what_planners_printed(tmp_path):
+    """A log with all durations random: bounds, draws and their distance over time in the row and in the tables."""
+    workshop = EXAMPLES / "workshop"
+    files = {"domain": "domain.pddl", "problem": "problem.pddl", "log": "plan.log"}
+    entry = {"name": "workshop", "steps": 9} | {key: str(workshop / name) for key, name in files.items()}
+    (tmp_path / "plans.json").write_text(json.dumps([entry]), encoding="utf-8")
+    report = run("risk", plans=0, shops=0, logs=tmp_path, within="1/100", limit=120)
+    (row,) = report.rows
+    assert (report.agrees, row.kind, row.name, row.status) == (True, "planner", "workshop", "complete")
+    assert 0 < row.lower <= row.upper < 1
+    assert row.width <= 0.01
+    assert row.points_lower <= row.successes / row.draws <= row.points_upper
+    assert row.progress[-1][1] == pytest.approx(row.width)
+    assert "workshop" in rendered(report.tables)
+    assert checked(report)["agrees"] is True
+    absent = {**entry, "log": "absent.log"}
+    (tmp_path / "plans.json").write_text(json.dumps([absent]), encoding="utf-8")
+    with pytest.raises(RobustError, match=r"workshop: .*absent\.log: found no such file"):
+        run("risk", plans=0, shops=0, logs=tmp_path)
+    with pytest.raises(InputError, match=r"plans\.json"):
+        run("risk", plans=0, shops=0, logs=tmp_path / "absent")
 
 
 def test_every_experiment_is_tried():
