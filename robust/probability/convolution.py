@@ -116,7 +116,7 @@ class Increments:
         if end + self.first < size:
             total[:, end:] += (greatest - least) * self.law[:, : size - end]
         count = min(size - begin - self.first, end - begin + self._last - self.first - 1)
-        if end > begin and count > 0:
+        if end > begin and count > 0 and self._steps.size:
             product = self._times(whole[:, begin : min(end, begin + count)] - least, count)
             total[:, begin + self.first : begin + self.first + count] += product
         return total if law.ndim > 1 or len(total) > 1 else total[0]

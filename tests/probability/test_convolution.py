@@ -135,6 +135,12 @@ def test_rows_that_are_transformed_in_parts_are_as_by_themselves(monkeypatch):
     assert (convolution._restored(whole) == np.concatenate(apart)).all()
 
 
+def test_what_never_ends_in_time_leaves_nothing():
+    law = np.linspace(0, 1, 20)
+    assert not Increments(np.zeros(20)).convolved(law).any()
+    assert not Increments(law).convolved(np.zeros(20)).any()
+
+
 def test_what_is_fixed_moves_places():
     fixed = Increments(np.array([0.0, 0.0, 1.0, 1.0]))
     assert fixed.is_fixed
