@@ -5,6 +5,11 @@
 >>> robust.check(plan).answer                                             # doctest: +SKIP
 <Answer.PROVED: 'proved'>
 >>> robust.envelope(plan).box                                             # doctest: +SKIP
+
+Plans: load_plan, convert, validate, export, read_tree, make_tree, from_unified_planning, to_unified_planning.
+Questions about one: check, envelope, region, compare, repair, risk; about several: rank, batch.
+From runs, and while one goes on: learn, Monitor, replan.
+Plans with choices are in robust.pike, networks with uncertainty in robust.stnu.
 """
 
 from __future__ import annotations
@@ -175,6 +180,11 @@ def __getattr__(name: str) -> object:
     if name not in _HOME:
         raise AttributeError(f"module 'robust' has no attribute {name!r}")
     return getattr(import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    """What users call, for completion and `help`."""
+    return sorted(__all__)
 
 
 def presenter() -> Presenter:

@@ -6,6 +6,7 @@ What is not asked for is not imported.
 
 from __future__ import annotations
 
+import inspect
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -13,13 +14,13 @@ from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, ParamSpec, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, ParamSpec, Protocol, TypeVar, cast
 
 from robust.errors import InputError, UnsupportedError, did_you_mean
 from robust.numbers import Number
 from robust.options import declare, verbs
 from robust.options.batch import BATCHES, AnyBatchOptions, BatchOptions
-from robust.reading import Plan, plan_of
+from robust.reading import WHEN_READ, Plan, plan_of
 from robust.smt.limits import Deadline, OutOfTimeError, one_question
 
 if TYPE_CHECKING:
@@ -70,7 +71,11 @@ def _read(plan: Plan, options: declare.Options) -> ParametrizedPlan:
     return plan_of(plan, getattr(options, "separation", "1/1000"))
 
 
-verb = declare.Verb(_read, "what :func:`load_plan` returns, or the paths of a domain, a problem and a plan")
+verb = declare.Verb(
+    _read,
+    "what :func:`load_plan` or :func:`convert` returns, or the paths of a domain, a problem and a plan",
+    dict.fromkeys(WHEN_READ, "it is chosen when the plan is read: load_plan(domain, problem, plan, parameters=...)"),
+)
 
 
 class _Encoded(Generic[Judged]):
@@ -654,22 +659,30 @@ class Batching(Protocol[Given]):
     def __call__(self, verb: str, suite: str | os.PathLike[str], *args: Given.args, **given: Given.kwargs) -> Batch: ...
 
 
-def _batching(_options: Callable[Given, BatchOptions]) -> Callable[[Callable[..., Batch]], Batching[Given]]:
-    return lambda function: function
+def _batching(options: Callable[Given, BatchOptions]) -> Callable[[Callable[..., Batch]], Batching[Given]]:
+    """Say in signature and docstring what the options are."""
+
+    def decorate(function: Callable[..., Batch]) -> Batching[Given]:
+        taken = cast("type[BatchOptions]", options)
+        by_place = list(inspect.signature(function).parameters.values())[:2]
+        function.__signature__ = declare.signature(by_place, taken, function)  # type: ignore[attr-defined]
+        text = inspect.getdoc(function) or ""
+        function.__doc__ = text.replace("\n\nReturns:", f"\n{declare.arguments(taken)}\n\nReturns:")
+        return function
+
+    return decorate
 
 
 @_batching(AnyBatchOptions)
 def batch(verb: str, suite: str | os.PathLike[str], **given: Any) -> Batch:
     """Ask one question about many plans, each in its own process, as `robust batch` does.
 
+    Not every verb takes every option: methods are of envelopes, back ends of regions and comparisons.
+
     Args:
         verb: `check`, `envelope`, `region`, or `compare`: CCMMZ against IRR.
         suite: a folder of plans with their problems and domains, or a list of them: lines of DOMAIN PROBLEM PLAN,
             `.json` or `.csv`, see [docs/formats.md].
-        given: options by name, the fields of the classes in :mod:`robust.options.batch`: `jobs`, `cluster`, `store`,
-            `limit` (seconds for each plan), `timeout` (for all), `parameter`, `parameters`, `epsilon`, `encoding`,
-            `solver`, `tolerance`, `plan_number`, `on_result`; `method`, `beta` and `doubling` of an envelope,
-            `backend` of a region; `beta`, `doubling` and `region` of a comparison.
 
     Returns:
         A row for each plan; what is wrong with one is in its row. After Ctrl-C, or when time is out, what is there.
@@ -680,5 +693,6 @@ def batch(verb: str, suite: str | os.PathLike[str], **given: Any) -> Batch:
     """
     if verb not in BATCHES:
         raise InputError(f"unknown verb {verb!r}{did_you_mean(verb, BATCHES)}")
+    declare.require_known("batch", given, BATCHES[verb], {})
     with one_question():
         return run_batch(verb, suite, BATCHES[verb](**given))

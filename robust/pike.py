@@ -152,6 +152,12 @@ __all__ = [
     "write_tpnu",
 ]
 
+
+def __dir__() -> list[str]:
+    """What users call, for completion."""
+    return __all__
+
+
 Plan: TypeAlias = TeamPlan | Instance | str | os.PathLike[str]
 """A plan with choices, one of a builder or generator, or the path of a `.tpnu.json` file."""
 

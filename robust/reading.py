@@ -23,8 +23,10 @@ if TYPE_CHECKING:
     from robust.plan.pddl.syntax import Domain, Problem
     from robust.plan.timed import TimedPlan
 
-Plan: TypeAlias = "ParametrizedPlan | Sequence[File]"
-"""What :func:`load_plan` returns, or the paths of a domain, a problem and a plan."""
+Plan: TypeAlias = "ParametrizedPlan | Conversion | Sequence[File]"
+"""What :func:`load_plan` or :func:`convert` returns, or the paths of a domain, a problem and a plan."""
+WHEN_READ = ("parameters", "parameter_file", "deadline", "widths", "plan_number", "tolerance", "mode", "free_durations")
+"""Arguments of :func:`load_plan` that decide what is asked about."""
 
 
 def load_plan(
@@ -165,7 +167,7 @@ def _require_path(name: str, path: object) -> None:
 
 
 def plan_of(plan: Plan, epsilon: Number = "1/1000") -> ParametrizedPlan:
-    """A plan as it is, or the one in three files: domain, problem and plan.
+    """A plan as it is, that of a conversion, or the one in three files: domain, problem and plan.
 
     Raises:
         InputError: for anything else, or anything wrong in the files.
@@ -174,6 +176,11 @@ def plan_of(plan: Plan, epsilon: Number = "1/1000") -> ParametrizedPlan:
 
     if isinstance(plan, ParametrizedPlan):
         return plan
+    if not isinstance(plan, Sequence):
+        from robust.execute.convert import Conversion
+
+        if isinstance(plan, Conversion):
+            return plan.plan
     if isinstance(plan, str | bytes) or not isinstance(plan, Sequence) or len(plan) != 3:
         expected = "a plan of load_plan(), or the paths of a domain, a problem and a plan"
         raise InputError(f"found {shorten(repr(plan))}, expected {expected}", declare.place_of("plan"))

@@ -1,6 +1,7 @@
 """Options and arguments: what people have is taken, what is wrong is said of it, commands and Python agree."""
 
 import inspect
+from dataclasses import replace
 from decimal import Decimal
 from fractions import Fraction
 from functools import partial
@@ -377,3 +378,50 @@ def test_lengths_of_contingent_links_are_given_by_name():
     assert not late.checked.is_controllable
     with pytest.raises(robust.RefutedError, match="is not controllable"):
         late.execute()
+
+
+def test_boxes_are_mappings_and_points_are_in_them_with_all_their_values(plan):
+    box = robust.envelope(plan).box
+    assert dict(box) == box.intervals == {"to_ridge": robust.Interval(25, 36), "to_crater": robust.Interval(35, 46)}
+    assert (list(box), len(box), "to_ridge" in box, "to_moon" in box) == (["to_ridge", "to_crater"], 2, True, False)
+    assert {"to_ridge": 25, "to_crater": 46} in box
+    assert {"to_ridge": 25, "to_crater": 47} not in box
+    assert repr(box) == "Box(to_ridge ∈ [25, 36], to_crater ∈ [35, 46])"
+    assert bool(robust.Box({}))
+    for found in (box, robust.region(plan).region):
+        with pytest.raises(InputError, match="point without a value of to_crater, expected one of each parameter"):
+            _ = {"to_ridge": 30} in found
+
+
+def test_plans_are_said_in_a_line_and_on_a_screen(plan):
+    assert repr(plan) == "<plan 'plan': 2 parameters, 5 steps, 10 constraints>"
+    long = replace(plan, instances=plan.instances * 20)
+    assert "  drive_1: (drive scout base ridge)" in str(long).splitlines()
+    assert len(str(long).splitlines()) < 60
+    assert "  … and 85 more" in str(long)
+
+
+def test_what_is_chosen_when_a_plan_is_read_is_no_option_of_questions(plan):
+    with pytest.raises(
+        TypeError, match=r"envelope\(\) got .* 'parameters'; it is chosen when the plan is read: load_plan"
+    ):
+        robust.envelope(plan, parameters="duration:*")
+    with pytest.raises(TypeError, match="'metod'; did you mean 'method'"):
+        robust.envelope(plan, metod="irr")
+    with pytest.raises(TypeError, match=r"batch\(\) got .* 'limt'; did you mean 'limit'"):
+        robust.batch("check", "suite", limt=3)
+
+
+def test_conversions_are_plans():
+    made = robust.convert(*FILES[:2], EXAMPLES / "two_sample_navigation" / "steps.plan")
+    assert robust.check(made).answer is robust.Answer.PROVED
+
+
+@pytest.mark.parametrize("module", [robust, robust.pike, robust.stnu])
+def test_completion_and_help_show_what_users_call(module):
+    assert sorted(dir(module)) == sorted(module.__all__)
+    for name in module.__all__:
+        function = getattr(module, name)
+        if inspect.isfunction(function):
+            kinds = {parameter.kind for parameter in inspect.signature(function).parameters.values()}
+            assert inspect.Parameter.VAR_KEYWORD not in kinds, name

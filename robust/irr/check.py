@@ -315,7 +315,7 @@ def worst_point(facet: Facet, box: Box) -> dict[str, Fraction]:
             values[name] = end
     for name, factor in infinite[:1]:
         values[name] -= (max(_value(facet, values), Fraction(0)) + 1) / factor
-    if values not in box:
+    if not box.includes(values):
         outer, inner = _value(facet, values), _value(facet, inside)
         share = Fraction(1, 2) if inner < 0 else outer / (outer - inner) / 2
         values = {name: value + (inside[name] - value) * share for name, value in values.items()}

@@ -308,7 +308,8 @@ class Containment(Questions[Callable[[], Refutation]]):
             OutOfTimeError: if the deadline passes first.
         """
         return (
-            not any(known.values in box for known in reversed(self._refuted)) and self._look_in(box, deadline) is None
+            not any(box.includes(known.values) for known in reversed(self._refuted))
+            and self._look_in(box, deadline) is None
         )
 
     def keeps(self, box: Box, deadline: Deadline) -> bool:
@@ -326,7 +327,7 @@ class Containment(Questions[Callable[[], Refutation]]):
             OutOfTimeError: if the deadline passes first.
         """
         for known in reversed(self._refuted):
-            if known.values in box:
+            if box.includes(known.values):
                 return known
         obstacle = self._look_in(box, deadline)
         return None if obstacle is None else obstacle()
@@ -340,7 +341,7 @@ class Containment(Questions[Callable[[], Refutation]]):
     ) -> Fraction | None:
         """0 if it is met within the step."""
         beyond = _moved(box, {face: step})
-        met = obstacle.breaks_in(beyond.grid) if isinstance(obstacle, Facet) else obstacle().values in beyond
+        met = obstacle.breaks_in(beyond.grid) if isinstance(obstacle, Facet) else beyond.includes(obstacle().values)
         return Fraction(0) if met else None
 
     def _of_facet(self, facet: Facet, box: Box) -> Callable[[], Refutation]:

@@ -53,9 +53,8 @@ class Shape:
     def __contains__(self, point: Point) -> bool:
         """In time in proportion to the number of faces."""
         forms = self.directions.items()
-        return {
-            name: sum((factor * point[one] for one, factor in form), Fraction(0)) for name, form in forms
-        } in self.bounds
+        values = {name: sum((factor * point[one] for one, factor in form), Fraction(0)) for name, form in forms}
+        return self.bounds.includes(values)
 
     @property
     def bounded(self) -> dict[str, Interval]:

@@ -606,11 +606,15 @@ class Verb(Generic[Subject, Known]):
     Args:
         read: makes a plan of what a caller may give as one, with the options.
         plan: what that is, for people.
+        elsewhere: by names of arguments that belong to another function, which it is.
     """
 
-    def __init__(self, read: Callable[[Subject, Options], Known], plan: str) -> None:
+    def __init__(
+        self, read: Callable[[Subject, Options], Known], plan: str, elsewhere: Mapping[str, str] | None = None
+    ) -> None:
         self._read = read
         self._plan = plan
+        self._elsewhere = elsewhere or {}
 
     def __call__(
         self, options: Callable[Given, Taken]
@@ -635,36 +639,61 @@ class Verb(Generic[Subject, Known]):
     def _made(self, function: Callable[..., Any], options: Callable[..., Options], first: str | None) -> object:
         taken = cast("type[Options]", options)
         names = () if first is None else (first,)
+        parameters = (inspect.Parameter("plan", inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation="Plan"),)
 
         @wraps(function)
         def called(plan: Subject, *args: Any, **given: Any) -> Any:
             if len(args) > len(names) or given.keys() & set(names[: len(args)]):
                 raise TypeError(f"{function.__name__}() takes a plan and keyword arguments: see help(…)")
+            require_known(function.__name__, (*names, *given), taken, self._elsewhere)
             chosen = taken(**dict(zip(names, args, strict=False)), **given)
             with one_question():
                 return function(self._read(plan, chosen), chosen)
 
-        called.__signature__ = self._signature(function, taken, first)  # type: ignore[attr-defined]
+        called.__signature__ = signature(parameters, taken, function, first)  # type: ignore[attr-defined]
         called.__doc__ = self._documented(inspect.getdoc(function) or "", taken)
         return called
 
-    def _signature(self, function: Callable[..., Any], options: type[Options], first: str | None) -> inspect.Signature:
-        by_place, by_name = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY
-        types: dict[str, Any] = {}
-        for base in reversed(options.__mro__):
-            types |= inspect.get_annotations(base)
-        parameters = [inspect.Parameter("plan", by_place, annotation="Plan")]
-        for name, option in sorted(in_order(options), key=lambda item: item[0] != first):
-            kind = by_place if name == first else by_name
-            parameters.append(inspect.Parameter(name, kind, default=option.default, annotation=types[name]))
-        return inspect.Signature(parameters, return_annotation=function.__annotations__["return"])
-
     def _documented(self, text: str, options: type[Options]) -> str:
         """A docstring with the help of each option as the description of an argument."""
-        lines = [f"plan: {self._plan}.", *(f"{name}: {option.help}." for name, option in in_order(options))]
-        wrapped = [textwrap.fill(line, 110, initial_indent="    ", subsequent_indent="        ") for line in lines]
         summary, _, rest = text.partition("\n\n")
-        return "\n".join([summary, "", "Args:", *wrapped, "", rest])
+        return "\n".join([summary, "", "Args:", described("plan", self._plan), arguments(options), "", rest])
+
+
+def signature(
+    parameters: Iterable[inspect.Parameter],
+    options: type[Options],
+    function: Callable[..., Any],
+    first: str | None = None,
+) -> inspect.Signature:
+    """The signature of a function with these parameters, and options as keyword arguments, `first` also by place."""
+    by_place, by_name = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY
+    types: dict[str, Any] = {}
+    for base in reversed(options.__mro__):
+        types |= inspect.get_annotations(base)
+    every = list(parameters)
+    for name, option in sorted(in_order(options), key=lambda item: item[0] != first):
+        kind = by_place if name == first else by_name
+        every.append(inspect.Parameter(name, kind, default=option.default, annotation=types[name]))
+    return inspect.Signature(every, return_annotation=inspect.get_annotations(function)["return"])
+
+
+def require_known(function: str, given: Iterable[str], options: type[Options], elsewhere: Mapping[str, str]) -> None:
+    """TypeError if something is given that is no option; `elsewhere` tells where it belongs."""
+    for name in given:
+        if name not in options.declarations:
+            where = f"; {elsewhere[name]}" if name in elsewhere else did_you_mean(name, options.declarations)
+            raise TypeError(f"{function}() got an unexpected keyword argument {name!r}{where}")
+
+
+def arguments(options: type[Options]) -> str:
+    """The help of each option, as docstrings describe arguments."""
+    return "\n".join(described(name, option.help) for name, option in in_order(options))
+
+
+def described(name: str, text: str) -> str:
+    """A line about an argument, wrapped."""
+    return textwrap.fill(f"{name}: {text}.", 110, initial_indent="    ", subsequent_indent="        ")
 
 
 def in_order(options: type[Options]) -> list[tuple[str, Option]]:

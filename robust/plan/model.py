@@ -428,7 +428,11 @@ class GoalCondition:
         return f"goal: {self.text}"
 
 
-@dataclass(frozen=True)
+SHOWN = 15
+"""Parameters, steps and constraints of a plan that its text lists."""
+
+
+@dataclass(frozen=True, repr=False)
 class ParametrizedPlan:
     """⟨Γ, P⟩ with π_Γ: all that decides whether, and for which parameter values, the plan is valid.
 
@@ -478,6 +482,29 @@ class ParametrizedPlan:
     def has_nominal(self) -> bool:
         """Whether every parameter has a nominal value."""
         return all(parameter.has_nominal for parameter in self.parameters)
+
+    @property
+    def _parts(self) -> dict[str, list[str]]:
+        """A line for each parameter, step and constraint."""
+        values = (numbers.readable(each.nominal) if each.has_nominal else "?" for each in self.parameters)
+        return {
+            "parameter": [f"{each.name} = {value}" for each, value in zip(self.parameters, values, strict=True)],
+            "step": [f"{instance.identifier}: {instance}" for instance in self.instances],
+            "constraint": [str(constraint) for constraint in self.constraints],
+        }
+
+    def __repr__(self) -> str:
+        counts = ", ".join(numbers.plural(len(lines), noun) for noun, lines in self._parts.items())
+        return f"<plan {self.name!r}: {counts}>"
+
+    def __str__(self) -> str:
+        """On a screen: the first parameters, steps and constraints."""
+        text = [f"plan {self.name!r}"]
+        for noun, lines in self._parts.items():
+            text += ["", f"{numbers.plural(len(lines), noun)}:", *(f"  {line}" for line in lines[:SHOWN])]
+            if len(lines) > SHOWN:
+                text.append(f"  … and {len(lines) - SHOWN} more")
+        return "\n".join(text)
 
 
 def leaves(condition: Condition) -> Iterator[Leaf]:

@@ -262,7 +262,7 @@ class Points:
     def _succeeds(self, point: Mapping[str, Fraction], deadline: Deadline) -> bool:
         if self._region is not None:
             return point in self._region
-        if any(point in box for box in self._good):
+        if any(box.includes(point) for box in self._good):
             return True
         for index, piece in enumerate(self._pieces):
             if point in piece:

@@ -9,7 +9,7 @@ boxes run into is almost always of this kind; other conjunctions need the simple
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
@@ -133,9 +133,19 @@ def interval_text(interval: Interval) -> str:
     return f"{opening}{end(interval.lower, upper=False)}, {end(interval.upper, upper=True)}{closing}"
 
 
-@dataclass(frozen=True)
-class Box:
-    """An interval for each parameter, in the plan's order; no values are in one that `is_empty`: nothing was proved."""
+def require_complete(values: Collection[str], names: Collection[str]) -> None:
+    """InputError if the values of a point lack one of these parameters."""
+    if missing := [name for name in names if name not in values]:
+        raise InputError(f"found a point without a value of {', '.join(missing)}, expected one of each parameter")
+
+
+@dataclass(frozen=True, repr=False)
+class Box(Mapping[str, Interval]):
+    """An interval for each parameter, in the plan's order; no values are in one that `is_empty`: nothing was proved.
+
+    A mapping from names to intervals, of which also points are members: `"to_ridge" in box`, and
+    `{"to_ridge": 30, "to_crater": 40} in box`.
+    """
 
     intervals: Mapping[str, Interval]
     is_empty: bool = False
@@ -162,7 +172,27 @@ class Box:
     def __getitem__(self, name: str) -> Interval:
         return self.intervals[name]
 
-    def __contains__(self, values: Mapping[str, Fraction]) -> bool:
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.intervals)
+
+    def __len__(self) -> int:
+        return len(self.intervals)
+
+    def __bool__(self) -> bool:
+        """True, as of any object: also of a box without parameters."""
+        return True
+
+    def __contains__(self, values: object) -> bool:
+        """Of a name, whether it is that of a parameter; of a point, whether the box :meth:`includes` it."""
+        return self.includes(values) if isinstance(values, Mapping) else values in self.intervals
+
+    def includes(self, values: Mapping[str, Fraction]) -> bool:
+        """Whether a point is in the box, given by values of all its parameters.
+
+        Raises:
+            InputError: if the point has no value of some parameter.
+        """
+        require_complete(values, self.intervals)
         return not self.is_empty and all(values[name] in interval for name, interval in self.intervals.items())
 
     def is_within(self, other: Box) -> bool:
@@ -230,6 +260,9 @@ class Box:
 
     def __str__(self) -> str:
         return ", ".join(f"{name} ∈ {interval}" for name, interval in self.intervals.items()) or "(no parameters)"
+
+    def __repr__(self) -> str:
+        return f"Box({self}{', empty' if self.is_empty else ''})"
 
 
 @dataclass(frozen=True, slots=True)

@@ -326,7 +326,7 @@ class RegionResult(Presented, ask="status"):
         """Whether a point is known to be in the envelope."""
         if self.is_exact:
             return point in self.region
-        if self.box is not None and point in self.box:
+        if self.box is not None and self.box.includes(point):
             return True
         return bool(self.factors) and all(factor.is_proved(point) for factor in self.factors)
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from robust.errors import InputError, SolverError
 from robust.plan.model import ParameterReference
-from robust.qe.box import Box
+from robust.qe.box import Box, require_complete
 from robust.qe.constraint import LinearConstraint, Sense
 from robust.qe.estimate import VolumeBounds, sample, volume_bounds
 from robust.qe.polyhedron import Point, Polyhedron, check_known, check_names, check_same, union_volume
@@ -309,6 +309,11 @@ class Region:
         return Region(self.parameters, self.complement().as_union().pieces, Polyhedron.universe(self.parameters))
 
     def __contains__(self, point: Point) -> bool:
+        """
+        Raises:
+            InputError: if the point has no value of some parameter.
+        """
+        require_complete(point, self.parameters)
         return any(point in base and not any(point in piece for piece in removed) for base, removed in self.parts())
 
     @property

@@ -40,3 +40,8 @@ __all__ = [
     "with_quantile",
     "write",
 ]
+
+
+def __dir__() -> list[str]:
+    """What users call, for completion."""
+    return __all__
