@@ -335,6 +335,18 @@ class StepsOptions(LongOptions):
     limit: float | None = _limit("120", "seconds for each execution")
 
 
+class RatesOptions(LongOptions):
+    """Carry plans with choices out by PIKE, Kirk and Drake: how often each succeeds with the same people.
+
+    Success of executives with the same people.
+    """
+
+    plans: tuple[str, ...] = _many("only these plans; kitchen, wing, k-intents 3,3 and 2 blocks", "--plan", "NAME")
+    runs: int = _count(100, "how often each plan is carried out")
+    seed: int = _count(0, "of what people mean, and how long activities take")
+    limit: float | None = _limit("60", "seconds to compute an execution")
+
+
 class Figure17Options(LongOptions, Plot):
     """Execute plans with choices by PIKE, and by one who guesses intents: re-plans over the number of intents.
 
@@ -401,6 +413,7 @@ EXPERIMENTS = {
         Entry("figure20b", "pike.figure20b", Figure20bOptions),
         Entry("hesitation", "pike.hesitation", HesitationOptions),
         Entry("steps", "pike.steps", StepsOptions),
+        Entry("rates", "pike.rates", RatesOptions),
         Entry("figure21", "pike.figure20a_21", Figure21Options),
         Entry("figure17", "pike.figure17_18", Figure17Options),
         Entry("figure18", "pike.figure17_18", Figure18Options),

@@ -29,10 +29,11 @@ SPLITTINGS = ("monolithic", "partial", "full")
 KNOWLEDGE_BASES = ("pitms", "pitms-labels", "atms", "sat", "bdd")
 """Who reasons about choices, see :mod:`robust.pike_bridge.knowledge`."""
 
-SMT, WINDOWS, DRAKE = REASONERS = ("smt", "windows", "drake")
-"""Who decides for an executive, see :mod:`robust.pike_bridge.online.reasoners`."""
+SMT, WINDOWS, DRAKE, KIRK = REASONERS = ("smt", "windows", "drake", "kirk")
+"""Who decides for an executive, see :mod:`robust.pike_bridge.online.reasoners`, and of Kirk
+:mod:`robust.pike_bridge.online.kirk`."""
 
 
 def deciding(reasoner: str | None, backend: str | None) -> str:
     """The name of what decides: that of a knowledge base, or `smt`; of either what is given says which."""
-    return backend or (SMT if reasoner in {None, SMT} else KNOWLEDGE_BASES[0])
+    return backend or (SMT if reasoner in {None, SMT, KIRK} else KNOWLEDGE_BASES[0])

@@ -22,7 +22,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TypeAlias, TypeVar, cast
 
-from robust.backends import DRAKE
+from robust.backends import DRAKE, KIRK
 from robust.errors import InputError, UnsupportedError, did_you_mean
 from robust.execute.drive import WallClock, drive, run_in_world
 from robust.numbers import Number, exact, shorten
@@ -56,6 +56,7 @@ from robust.pike_bridge.model import EPSILON, Guard, Literal, TeamPlan, Tpnu, ch
 from robust.pike_bridge.online.executive import LatestMoments, Moment, Moments, PlanExecutive
 from robust.pike_bridge.online.field import FieldExecutive, FieldState
 from robust.pike_bridge.online.inquiry import why, why_failed, why_not
+from robust.pike_bridge.online.kirk import KirkRehearsal
 from robust.pike_bridge.online.progress import Chosen, Completion, Decision, Estimate, Message, Outcome, parse_atom
 from robust.pike_bridge.online.reasoners import make_reasoner, reasoner_names
 from robust.pike_bridge.online.service import Journal, JournalStep, read_journal, resume
@@ -344,6 +345,11 @@ def cross_check(plan: TeamPlan, options: asking.CrossOptions) -> Crossed:
 
 def searching_execution(plan: TeamPlan, options: asking.PikeRunOptions) -> Rehearsal:
     """The simulated execution behind :func:`run`."""
+    if options.reasoner == KIRK:
+        recovery = Fraction(options.recovery)
+        return _searching(
+            KirkRehearsal, plan, options, story=_story(plan, options), backend=options.deciding, recovery=recovery
+        )
     deciding = {
         "backend": options.deciding,
         "drake": options.reasoner == DRAKE,

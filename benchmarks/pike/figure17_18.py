@@ -22,6 +22,7 @@ from robust.execute.drive import run_in_world
 from robust.json_text import plain
 from robust.pike_bridge.builder import KIntents, k_intents
 from robust.pike_bridge.model import TeamPlan
+from robust.pike_bridge.online.kirk import execution_faults
 from robust.pike_bridge.online.progress import Succeeded
 from robust.pike_bridge.online.reasoners import make_reasoner
 from robust.smt.limits import Deadline, OutOfTimeError
@@ -30,7 +31,7 @@ from ..catalogue import Figure17Options, Figure18Options
 from ..engine.experiment import Experiment, Report, Task
 from ..engine.show import NOTHING, Columns, Panel, Series, Table, number
 from ..engine.stats import LineFit, Mean
-from .baselines import Mode, Script, ScriptedTeam, TeamExecutive, Timed, draw_script, execution_faults, make_executive
+from .baselines import Mode, Script, ScriptedTeam, TeamExecutive, Timed, draw_script, make_executive
 
 SMALLEST = 2
 REPEATED = ("seed", "problems", "largest", "reasoner", "limit", "jobs")

@@ -7,7 +7,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from robust.backends import DRAKE, KNOWLEDGE_BASES, REASONERS, SMT, deciding
+from robust.backends import DRAKE, KIRK, KNOWLEDGE_BASES, REASONERS, SMT, deciding
 from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import Number, shorten
 from robust.options.batch import ASSUMED
@@ -266,7 +266,9 @@ def _budget(value: Number, place: Location) -> Fraction | None:
 EAGER = "eager"
 BUDGET = "0.1"
 UNLIMITED = "none"
-_SIMULATED = ("human", "pace", "outcome", "disturb", "delay", "seed", "infer", "plot")
+_SIMULATED = ("human", "pace", "outcome", "disturb", "delay", "seed", "infer", "recovery", "plot")
+_COMPLETE = ("patience", "budget", "chance", "explain")
+"""What is for executives that keep all that is possible."""
 _SERVED = ("journal", "clock", "rate", "page", "early")
 
 
@@ -307,13 +309,14 @@ class PikeRunOptions(StoryOptions, Solving):
     reasoner: str | None = option(
         None,
         "what decides: smt, a solver, without compilation; windows, labeled execution windows and a knowledge base, as "
-        f"PIKE does; {DRAKE}, windows without conditions and effects of activities; if not given, smt, or windows with "
-        "--backend",
+        f"PIKE does; {DRAKE}, windows without conditions and effects of activities; {KIRK}, a guess of all choices, "
+        "made anew where it was wrong; if not given, smt, or windows with --backend",
         choices=REASONERS,
     )
     backend: str | None = option(
         None,
-        f"the knowledge base of windows and {DRAKE}: {', '.join(KNOWLEDGE_BASES)}; pitms if not given",
+        f"the knowledge base of windows, {DRAKE} and {KIRK}: {', '.join(KNOWLEDGE_BASES)}; pitms if not given, or smt "
+        f"for {KIRK}",
         metavar="NAME",
         read=_deciding_backend,
     )
@@ -343,12 +346,19 @@ class PikeRunOptions(StoryOptions, Solving):
         "find a strategy before the start, as pike check --controllable does, and follow it: for whatever people "
         "choose or, if there is none, for rational people; and for all durations and the delay",
     )
+    recovery: Number = option(
+        "0.5",
+        f"{KIRK}: how long it takes to undo an activity that was begun by mistake, as a share of its least duration",
+        metavar="SHARE",
+        read=not_negative,
+    )
     infer: bool = option(True, "infer which values open choices can still have")
     explain: bool = option(False, "give reasons below each decision and inference")
     on_step: Callable[[ExecutionStep], None] | None = option(None, "called after each step", shown=False)
 
     def check_combinations(self, given: Collection[str]) -> None:
-        if None not in (self.reasoner, self.backend) and (self.reasoner == SMT) != (self.backend == SMT):
+        both = None not in (self.reasoner, self.backend) and self.reasoner != KIRK
+        if both and (self.reasoner == SMT) != (self.backend == SMT):
             expected = SMT if self.reasoner == SMT else ", ".join(KNOWLEDGE_BASES)
             raise InputError(
                 f"found {self.backend} with {setting('reasoner', str(self.reasoner))}, expected {expected}",
@@ -357,6 +367,10 @@ class PikeRunOptions(StoryOptions, Solving):
         for name in ("reasoner", "backend", "patience", "chance") if self.strategy else ():
             if name in given:
                 raise InputError("cannot be combined with --strategy; choose one", place_of(name))
+        for name in _COMPLETE if self.reasoner == KIRK else ("recovery",):
+            if name in given:
+                reason = "cannot be combined with" if self.reasoner == KIRK else "needs"
+                raise InputError(f"{reason} {setting('reasoner', KIRK)}", place_of(name))
 
     @property
     def deciding(self) -> str:
@@ -405,6 +419,8 @@ class PikeRunCommand(PikeRunOptions, Paged, PikeCommand):
             if name in given:
                 reason = "found together with --stdio, expected without: nothing is simulated then"
                 raise InputError(reason if self.stdio else "expected only together with --stdio", place_of(name))
+        if self.stdio and self.reasoner == KIRK:
+            raise InputError(f"found {KIRK} together with --stdio, expected another one", place_of("reasoner"))
         if self.rate is not None and self.clock != "real":
             raise InputError("needs --clock real", place_of("rate"))
         super().check_combinations(given)

@@ -38,7 +38,7 @@ _SHOWN_BY: Mapping[str, tuple[str, str]] = {
     "pike_bridge.cross_check": ("pike", "pike"),
     "pike_bridge.likelihood": ("pike", "pike"),
     "pike_bridge.online.executive": ("pike", "pike"),
-    "pike_bridge.online.world": ("pike", "pike"),
+    "pike_bridge.online.world": ("pike_runs", "pike_runs"),
     "pike_bridge.game.controllability": ("pike_games", "pike_games"),
     "pike_bridge.envelopes.search": ("pike_envelopes", "pike_envelopes"),
 }

@@ -12,15 +12,14 @@ from functools import partial
 from heapq import heappop, heappush
 from math import ceil, floor
 from random import Random
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
 from robust import backends, errors
 from robust.execute.drive import run_in_world
 from robust.pike_bridge.likelihood import ChanceBounds, IntentChance, LikelyChoices, probabilities
-from robust.pike_bridge.model import ALWAYS, Assignment, Literal, TeamPlan
+from robust.pike_bridge.model import ALWAYS, Assignment, Choice, Guard, Literal, TeamPlan
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online import reasoners, semantic, service
-from robust.pike_bridge.online.divided import DividedReasoner
 from robust.pike_bridge.online.executive import PlanExecutive, Thrift
 from robust.pike_bridge.online.explain import Fact, conflict
 from robust.pike_bridge.online.inquiry import Inquiry, StepReasons
@@ -81,6 +80,33 @@ Planned: TypeAlias = said.Message | Callable[[Fraction], said.Message | None]
 """What is told at a time; it may depend on what has happened by then."""
 
 
+class Judge(Protocol):
+    """What advises rational people and cooperative agents; the methods are those of the semantic reasoner."""
+
+    def allows(self, moment: Fraction, environment: Guard, event: str | None, deadline: Deadline) -> bool: ...
+
+    def times_of(
+        self, event: str, moment: Fraction, deadline: Deadline, *, first: bool = False
+    ) -> tuple[Fraction, Fraction | None] | None: ...
+
+    def possible(self, deadline: Deadline) -> bool: ...
+
+    def quiet_until(self, deadline: Deadline) -> Fraction | None: ...
+
+
+class Watched(Protocol):
+    """What a team sees of an executive."""
+
+    @property
+    def progress(self) -> said.Progress: ...
+
+    @property
+    def wake(self) -> Fraction | None: ...
+
+    @property
+    def ended(self) -> bool: ...
+
+
 @dataclass(eq=False)
 class SimulatedTeam:
     """The world of one execution, a :class:`robust.execute.drive.World`.
@@ -90,8 +116,8 @@ class SimulatedTeam:
     """
 
     plan: TeamPlan
-    executive: PlanExecutive
-    judge: semantic.SemanticReasoner | DividedReasoner
+    executive: Watched
+    judge: Judge
     story: Story = Story()
     _: KW_ONLY
     seed: int = 0
@@ -124,15 +150,17 @@ class SimulatedTeam:
         for decision in decisions:
             if isinstance(decision, said.Dispatched):
                 self._begin(now, decision)
-        progress = self.executive.progress
         for choice in self.plan.network.choices:
-            if choice.controllable or choice.name in self._due or choice.event is None:
-                continue
-            if choice.event in progress.pending and not any(
-                earlier in progress.pending for earlier in progress.structure.not_before[choice.event]
-            ):
+            if not choice.controllable and choice.name not in self._due and self._is_due(choice):
                 self._due.add(choice.name)
                 self._plan_for(now + self._drawn(self.story.delay), partial(self._choose, choice.name))
+
+    def _is_due(self, choice: Choice) -> bool:
+        """Whether a choice can be made now."""
+        progress = self.executive.progress
+        return choice.event in progress.pending and not any(
+            earlier in progress.pending for earlier in progress.structure.not_before[choice.event]
+        )
 
     @property
     def next_time(self) -> Fraction | None:
@@ -249,6 +277,8 @@ class ExecutionStep(service.JournalStep):
     """How likely success is from here, where that has changed and was asked for."""
     intents: tuple[IntentChance, ...] = ()
     """What people may still choose, with how likely that is, beside `success`."""
+    guess: Mapping[str, str] = field(default_factory=dict)
+    """What Kirk takes all choices to be from now on, where it has guessed."""
 
 
 @dataclass(frozen=True)
@@ -273,6 +303,10 @@ class ExecutionRecord(Presented, ask="ending"):
     faults: tuple[str, ...] = ()
     thrift: Thrift = field(default_factory=Thrift)
     """What the budget of the steps gave away."""
+    replans: int | None = None
+    """How often Kirk guessed anew; None: another executive."""
+    recovered: Fraction = Fraction(0)
+    """The time of all of Kirk's recovery activities."""
 
     @property
     def cut_short(self) -> bool:
@@ -355,13 +389,17 @@ class Rehearsal(Searching[ExecutionRecord]):
     def _result(self, status: Status, reason: str | None = None) -> ExecutionRecord:
         if status not in DECIDED:
             return self._record(Ending(status.value))
-        outcome = self._executive.outcome
+        outcome = self._outcome
         wrong = self._faults() if isinstance(outcome, said.Succeeded) else ()
         if wrong and not self.drake:
             raise errors.SolverError(f"the execution is not correct: {wrong[0]}; please report this")
         if wrong:
             return replace(self._record(Ending.SUCCEEDED), ending=Ending.FAILED, faults=wrong)
         return self._record(Ending.WAITING if outcome is None else Ending(outcome.kind()))
+
+    @property
+    def _outcome(self) -> said.Failed | said.Succeeded | None:
+        return self._executive.outcome
 
     def _record(self, ending: Ending) -> ExecutionRecord:
         progress = self._executive.progress

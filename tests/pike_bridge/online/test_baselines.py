@@ -5,14 +5,18 @@ from fractions import Fraction
 import pytest
 
 from benchmarks.pike import baselines
-from benchmarks.pike.baselines import Kirk, Mode, Script, ScriptedTeam, draw_script, execution_faults
+from benchmarks.pike.baselines import Mode, Script, ScriptedTeam, draw_script
+from robust import pike
 from robust.pike import Oracle, act, build, choose, k_intents, make_reasoner, parallel, run_in_world, sequence, within
-from robust.pike_bridge.action_model import Instance, load_team_plan
+from robust.pike_bridge.action_model import Instance, load_team_plan, shipped
 from robust.pike_bridge.model import EPSILON, guard
+from robust.pike_bridge.online import kirk as guessing
 from robust.pike_bridge.online import progress as said
+from robust.pike_bridge.online.kirk import Kirk, execution_faults
 from robust.plan.model import Atom
 from robust.plan.pddl.write import ActionText, sketched_domain, sketched_problem
 from robust.smt.limits import Deadline, OutOfTimeError
+from tests.cli.running import answer_of, command
 from tests.pike_bridge.online.examples import KITCHEN, exists, joint_values
 
 SMT = make_reasoner("smt")
@@ -67,7 +71,7 @@ def test_draws_and_what_guesses_and_wrong_ones_do():
     kirk = run(plan, Mode.KIRK, Script({"y1": "2"}, least(plan)), recovery=recoveries)
     assert kirk.recovered == -(-recoveries["(h-1-1)"] // EPSILON) * EPSILON  # on the grid
     assert kirk.actions == ["(h-1-1)", "(recover h-1-1)", "(h-1-2)", "(r-1-2)"]
-    (replanned,) = kirk.of(baselines.Replanned)
+    (replanned,) = kirk.of(guessing.Replanned)
     wrong, recovery, right, _ = kirk.of(said.Dispatched)
     assert replanned.abandoned == (("(h-1-1)", wrong.end),)
     assert replanned.time == wrong.time == recovery.time
@@ -81,17 +85,17 @@ def test_draws_and_what_guesses_and_wrong_ones_do():
             assert each.lower <= duration <= (each.upper or each.lower + 5)
             assert duration % EPSILON == 0
     plan = load_team_plan(KITCHEN)
-    guess, oracle = baselines.Guesser(plan).guess(baselines.Facts(), {}, Deadline()), Oracle(plan)
+    guess, oracle = guessing.Guesser(plan).guess(guessing.Facts(), {}, Deadline()), Oracle(plan)
     assert exists(oracle.decide(guard(guess)))
     assert next(each for each in joint_values(plan) if exists(oracle.decide(guard(each)))).items() <= guess.items()
     # Those that are preferred stay if they may.
-    guesser = baselines.Guesser(intents([2, 3])[0])
-    facts = baselines.Facts(known=guard({"y1": "2"}))
+    guesser = guessing.Guesser(intents([2, 3])[0])
+    facts = guessing.Facts(known=guard({"y1": "2"}))
     guess = guesser.guess(facts, {"y1": "1", "x1": "1", "y2": "3", "x2": "3"}, Deadline())
     assert guess == {"y1": "2", "x1": "2", "y2": "3", "x2": "3"}
-    assert guesser.guess(baselines.Facts(known=guard({"y1": "2", "x1": "1"})), {}, Deadline()) is None
-    backwards = baselines.Guesser(k_intents([3]).instance.plan(), ranking=lambda values: list(reversed(values)))
-    assert backwards.guess(baselines.Facts(), {}, Deadline())["y1"] == "3"
+    assert guesser.guess(guessing.Facts(known=guard({"y1": "2", "x1": "1"})), {}, Deadline()) is None
+    backwards = guessing.Guesser(k_intents([3]).instance.plan(), ranking=lambda values: list(reversed(values)))
+    assert backwards.guess(guessing.Facts(), {}, Deadline())["y1"] == "3"
 
 
 @pytest.mark.parametrize("structure", [(2,), (3,), (2, 2), (3, 2)])
@@ -152,8 +156,8 @@ def test_what_runs_beside_a_wrong_activity_goes_on():
     assert execution_faults(plan, late) == ()
 
 
-def test_recovery_may_take_too_long_and_what_was_done_for_a_guess_commits():
-    """The robot has fetched for the guess before the human chooses: nothing undoes it, and Kirk fails. PIKE waits."""
+def test_recovery_may_take_too_long_and_what_was_done_for_a_guess_is_undone():
+    """The robot has fetched for the guess before the human chooses: it takes that back [PIKE, Example 6.1]."""
     plan = two_ways(limit=6)
     endings = {
         (Mode.KIRK, 1): (said.Succeeded, 1),
@@ -169,10 +173,16 @@ def test_recovery_may_take_too_long_and_what_was_done_for_a_guess_commits():
         *(ActionText(f"fetch-{item}", end_effects=(f"(have-{item})",)) for item in "ab"),
         *(ActionText(f"use-{item}", at_start=(f"(have-{item})",)) for item in "ab"),
     )
-    plan = plan_of("fetch", sequence(fetch, use), ("(have-a)", "(have-b)"), actions)
-    kirk = run(plan, Mode.KIRK, Script({"used": "b"}, least(plan)))
-    assert isinstance(kirk.outcome, said.Failed)
+    recovery = {"(fetch-a)": Fraction(2), "(use-a)": Fraction(1)}
+    for limit, ending in ((None, said.Succeeded), (6, said.Failed)):
+        plan = plan_of("fetch", within(sequence(fetch, use), upper=limit), ("(have-a)", "(have-b)"), actions)
+        kirk = run(plan, Mode.KIRK, Script({"used": "b"}, least(plan)), recovery=recovery)
+        assert isinstance(kirk.outcome, ending)
     assert kirk.outcome.reason == "no candidate is left that agrees with what has happened"
+    plan = plan_of("fetch", sequence(fetch, use), ("(have-a)", "(have-b)"), actions)
+    kirk = run(plan, Mode.KIRK, Script({"used": "b"}, least(plan)), recovery=recovery)
+    assert kirk.actions == ["(fetch-a)", "(use-a)", "(recover use-a)", "(recover fetch-a)", "(fetch-b)", "(use-b)"]
+    assert (kirk.replans, kirk.recovered, execution_faults(plan, kirk)) == (1, 3, ())
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -200,7 +210,7 @@ def test_a_choice_that_changes_during_recovery_does_not_end_it():
     world = ScriptedTeam(plan, kirk, Script({"ann": "b"}, least(plan)))
     world._plan_for(Fraction(1, 2), said.Outcome("bob", "b"))
     end = run_in_world(kirk, world)
-    first, second = kirk.of(baselines.Replanned)
+    first, second = kirk.of(guessing.Replanned)
     assert second.time == Fraction(1, 2)
     assert second.recovery == 1 + first.time + first.recovery - second.time
     assert kirk.recovered == 2
@@ -220,10 +230,10 @@ def test_no_correct_execution_events_that_come_too_early_and_messages_that_make_
     old = guard({"way": "a", "door": "a"})
     begun = [each for each in plan.network.activities if each.guard <= old]
     times = {name: Fraction(1) for name, label in plan.network.guards.items() if label <= old}
-    kept = baselines.kept_events(plan, times, begun, {"way": "b"})
+    kept = guessing.kept_events(plan, times, begun, {"way": "b"})
     ends = {(each.action, end in kept) for each in begun for end in (each.source, each.target)}
     assert ends == {("(drive)", True), ("(open-a)", False), ("(walk-a)", False)}
-    assert baselines.kept_events(plan, times, begun, {"way": "a"}) == times
+    assert guessing.kept_events(plan, times, begun, {"way": "a"}) == times
 
     def rejections(kirk, now, *messages):
         return [each.reason for each in kirk.step(Fraction(now), messages) if isinstance(each, said.Rejected)]
@@ -247,3 +257,64 @@ def test_no_correct_execution_events_that_come_too_early_and_messages_that_make_
     assert (rejections(kirk, 1, said.Outcome("way", "a")), kirk.wake) == (["the execution has ended"], None)
     with pytest.raises(OutOfTimeError):
         Kirk(plan, SMT, deadline=Deadline.after(0))
+
+
+@pytest.mark.parametrize("structure", [(2,), (3, 2)])
+def test_rehearsals_with_kirk_come_to_what_scripts_do(structure):
+    """People who choose the same, and activities of the same lengths, in both worlds: the same re-plans and times."""
+    plan, recovery = intents(structure)
+    for human in joint_values(plan):
+        scripted = run(plan, Mode.KIRK, Script(human, least(plan)), recovery=recovery)
+        record = pike.run(plan, reasoner="kirk", outcome=human, pace="least")
+        assert (record.ending, record.reasoner, record.backend) == (pike.Ending.SUCCEEDED, "kirk", "smt")
+        assert (record.time, record.replans) == (scripted.outcome.time, scripted.replans)
+        assert record.recovered == scripted.recovered
+        assert record.choices == dict(scripted.outcome.scenario)
+        guesses = [step.guess for step in record.steps if step.guess]
+        assert len(guesses) == 1 + record.replans
+        assert guesses[-1] == record.choices
+    free = pike.run(plan, reasoner="kirk", outcome=human, pace="least", recovery=0)
+    assert (free.replans, free.recovered) == (record.replans, 0)
+    assert free.time == record.time - record.recovered
+
+
+@pytest.mark.parametrize("pace", ["cooperative", "random"])
+@pytest.mark.parametrize("seed", range(3))
+def test_kirk_with_a_simulated_team(seed, pace):
+    """Whatever it takes for a success is one, which the run checks; rational people choose what is left."""
+    for instance in (k_intents((2, 3), seed).instance, shipped("wing")):
+        careless = pike.run(instance, reasoner="kirk", human="careless", pace=pace, seed=seed, delay=1)
+        assert careless.ending in {pike.Ending.SUCCEEDED, pike.Ending.FAILED}
+    kitchen = pike.run(KITCHEN, reasoner="kirk", pace="cooperative", seed=seed)
+    assert kitchen.ending is pike.Ending.SUCCEEDED
+    assert exists(Oracle(load_team_plan(KITCHEN)).decide(guard(kitchen.choices)))
+    juice = pike.run(KITCHEN, reasoner="kirk", outcome={"xA1": "glass"}, seed=seed)
+    assert (juice.ending, juice.choices["xR1"], juice.recovered > 0) == (pike.Ending.SUCCEEDED, "juice", True)
+    broken = pike.run(KITCHEN, reasoner="kirk", disturb="(not (in-place cereal))@1", seed=seed)
+    assert broken.replans + (broken.ending is pike.Ending.FAILED) > 0
+
+
+def test_what_stops_is_told_and_options_that_kirk_does_not_have(tmp_path):
+    file = k_intents((2,)).instance.write(tmp_path)
+    words = ("pike", "run", file, "--reasoner", "kirk", "--outcome", "y1=2", "--seed", "1")
+    text = command(*words).out.splitlines()
+    assert text[0].endswith("1 re-plan, recovery took 0.661")
+    told = [line.split()[1:3] for line in text[1:]]
+    assert told[:6] == [
+        ["guess", "y1"],
+        ["begin", "human:"],
+        ["observed", "y1"],
+        ["cancel", "human:"],
+        ["resumed", "another"],
+        ["begin", "human:"],
+    ]
+    answer = answer_of(command(*words, "--json"), "robust/pike-run/1")
+    assert (answer["replans"], answer["steps"][0]["guess"]) == (1, {"y1": "1", "x1": "1"})
+    for more, message in (
+        (("--explain",), "--explain: cannot be combined with --reasoner kirk"),
+        (("--budget", "1"), "--budget: cannot be combined with --reasoner kirk"),
+        (("--reasoner", "smt", "--recovery", "1"), "--recovery: needs --reasoner kirk"),
+        (("--stdio",), "expected without: nothing is simulated then"),
+    ):
+        assert message in command(*words, *more).err
+    assert "found kirk together with --stdio" in command("pike", "run", file, "--reasoner", "kirk", "--stdio").err
