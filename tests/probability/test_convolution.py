@@ -53,9 +53,12 @@ def test_roots_of_greater_orders_are_refused():
 def exact_sums(law: list[int], other: list[int]) -> list[int]:
     """Σ law[i] (other[k − i] − other[k − i − 1]), by one product of integers whose digits do not meet."""
     steps = [one - before for one, before in zip(other, [0, *other], strict=False)]
-    width = 2 * 64 + len(law).bit_length()
-    whole = sum(one << width * k for k, one in enumerate(law)) * sum(one << width * k for k, one in enumerate(steps))
-    return [(whole >> width * k) & ((1 << width) - 1) for k in range(len(law))]
+    width = 20  # bytes, of sums of up to 2³² products of numbers up to 2⁵⁰
+    whole, other_whole = (
+        int.from_bytes(b"".join(one.to_bytes(width, "little") for one in row), "little") for row in (law, steps)
+    )
+    digits = (whole * other_whole).to_bytes(2 * width * len(law), "little")
+    return [int.from_bytes(digits[at : at + width], "little") for at in range(0, width * len(law), width)]
 
 
 def drawn_law(random: Random, size: int) -> list[int]:
@@ -105,7 +108,7 @@ def test_long_convolutions_are_within_what_the_proof_says(size):
 
 @pytest.mark.slow
 def test_convolutions_are_within_what_the_proof_says_very_often():
-    for size in (*range(1, 300), 2048, 4095, 4097, 20_000, 70_000):
+    for size in (*range(1, 300), 2048, 4095, 4097, 20_000):
         for seed in range(20 if size < 300 else 2):
             assert hunt(seed, size) <= 1
 
