@@ -7,17 +7,15 @@ The page decides every point by itself, with fractions (`web/exact.js`); nothing
 The table of a batch is sorted by its headings, and readable without scripts. Names from files cannot break a page.
 """
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from html import escape
-from importlib.resources import files
 from math import ceil
 from string import Template
 from typing import Any
 
-from robust.draw.style import LIGHT, STRONG
+from robust.draw.style import LIGHT, STRONG, part, script_json
 from robust.irr.compare import Comparison
 from robust.plan.model import ZERO, Bound, Parameter, ParameterReference, ParametrizedPlan
 from robust.qe.box import Box
@@ -43,7 +41,7 @@ def self_contained(
         data: what the scripts read from the element `data`, as JSON.
         connects: whether the scripts ask the server that the page comes from.
     """
-    parts = [] if data is None else [f'<script type="application/json" id="data">{_json(data)}</script>']
+    parts = [] if data is None else [f'<script type="application/json" id="data">{script_json(data)}</script>']
     parts += [f"<script>\n{part(name)}</script>" for name in scripts]
     return Template(part("page.html")).substitute(
         title=escape(title),
@@ -52,16 +50,6 @@ def self_contained(
         scripts="\n".join(parts),
         connects="; connect-src 'self'" if connects else "",
     )
-
-
-def part(name: str) -> str:
-    """A file of `robust/draw/web`."""
-    return files("robust.draw").joinpath("web", name).read_text(encoding="utf-8")
-
-
-def _json(data: Mapping[str, Any]) -> str:
-    """JSON that ends no element and begins no comment, wherever the names in it come from."""
-    return json.dumps(data, ensure_ascii=True, separators=(",", ":")).replace("<", "\\u003c").replace("&", "\\u0026")
 
 
 def _palette() -> str:

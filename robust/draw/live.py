@@ -14,7 +14,8 @@ from fractions import Fraction
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from robust.draw.interactive import part, self_contained
+from robust.draw.interactive import self_contained
+from robust.draw.style import part
 
 if TYPE_CHECKING:
     from robust.execute.monitor import Outlook, StepOutlook

@@ -6,11 +6,13 @@ colour alone: lines differ in width and dashes, areas in hatching.
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -54,13 +56,20 @@ NOMINAL: Mapping[str, Any] = {
 """The mark of nominal values."""
 
 
-def save(draw: Callable[[], Figure], path: str | os.PathLike[str] | None, *, longest: float | None = None) -> Figure:
+def save(
+    draw: Callable[[], Figure],
+    path: str | os.PathLike[str] | None,
+    *,
+    longest: float | None = None,
+    script: Callable[[], str] | None = None,
+) -> Figure:
     """Draw a figure and write it; the suffix of the file names the format, and equal figures make equal files.
 
     Args:
         draw: makes the figure.
         path: the file; None: it is only returned.
         longest: pixels of a side, beyond which resolution is reduced.
+        script: makes what an SVG runs in a browser.
 
     Raises:
         InputError: if the file cannot be written, or its suffix names no format.
@@ -76,7 +85,15 @@ def save(draw: Callable[[], Figure], path: str | os.PathLike[str] | None, *, lon
             return figure
         dpi = 160.0 if longest is None else min(160.0, longest / max(figure.get_size_inches()))
         metadata = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(Path(path).suffix.lower())
-        atomic_write(path, lambda beside: figure.savefig(beside, dpi=dpi, metadata=metadata), place_of("plot"))
+
+        def write(beside: Path) -> None:
+            figure.savefig(beside, dpi=dpi, metadata=metadata)
+            if script is not None and beside.suffix.lower() == ".svg":
+                text = beside.read_text(encoding="utf-8")
+                running = f"<script><![CDATA[\n{script()}]]></script>\n</svg>"
+                beside.write_text(running.join(text.rsplit("</svg>", 1)), encoding="utf-8")
+
+        atomic_write(path, write, place_of("plot"))
     return figure
 
 
@@ -143,3 +160,16 @@ def hatch_outside(axes: Axes, label: str) -> None:
 
     looks: Any = {"facecolor": "white", "edgecolor": "0.6", "linewidth": 0, "hatch": "////", "zorder": 0}
     axes.add_patch(Rectangle((0, 0), 1, 1, transform=axes.transAxes, label=label, **looks))
+
+
+_ESCAPED = {ord(letter): f"\\u{ord(letter):04x}" for letter in "<>&"}
+
+
+def part(name: str) -> str:
+    """A file of `robust/draw/web`."""
+    return files("robust.draw").joinpath("web", name).read_text(encoding="utf-8")
+
+
+def script_json(data: Any) -> str:
+    """JSON that ends no element and begins no comment, wherever the names in it come from."""
+    return json.dumps(data, ensure_ascii=True, separators=(",", ":")).translate(_ESCAPED)

@@ -1,8 +1,11 @@
 """Pictures of boxes, regions, plans with choices and executions: all is named, and every text can be read."""
 
+import json
+import re
 from fractions import Fraction
 from itertools import combinations
 from random import Random
+from xml.etree import ElementTree
 
 import pytest
 from hypothesis import given
@@ -11,16 +14,18 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
+from benchmarks.generators.team_plans import blocks
 from robust import EnvelopeResult, InputError, Region, Status, Step, compare, load_plan, risk
-from robust.draw import gantt, pictures, plane, style, tpnu
+from robust.draw import gantt, layers, pictures, plane, style, tpnu
 from robust.draw.gantt import Bar, Chart, Lane, Mark
 from robust.pike_bridge import action_model, causal, distance_graph
-from robust.pike_bridge.model import Choice, Constraint, Event, Tpnu
+from robust.pike_bridge.model import EPSILON, Choice, Constraint, Event, Tpnu
 from robust.plan.model import Parameter
 from robust.qe.box import Box, Interval, Side
 from robust.qe.polyhedron import Polyhedron
 from robust.show.text import Words, named
 from tests.cli.running import EXAMPLES, command, example
+from tests.draw.browser import browser, press, settle
 from tests.draw.pictures import DAY
 from tests.pike_bridge.plans import kitchen
 from tests.qe.polyhedra import NAMES, cube, eq, le, lt, polygon, rectangle
@@ -398,7 +403,7 @@ sizes = st.tuples(st.floats(0.1, 2), st.floats(0.1, 2))
 def test_layouts_do_not_overlap(sizes, data):
     nodes = dict(enumerate(sizes))
     edges = data.draw(st.lists(st.tuples(st.sampled_from(sorted(nodes)), st.sampled_from(sorted(nodes))), max_size=12))
-    layout = tpnu.layered(nodes, edges, [0.5] * len(edges))
+    layout = layers.layered(nodes, edges, [0.5] * len(edges))
     assert set(layout.places) == set(nodes)
     for one, other in combinations(nodes, 2):
         (x, y), (x2, y2) = layout.places[one], layout.places[other]
@@ -419,23 +424,61 @@ def test_plans_with_their_links(name):
     drawing = tpnu._NetworkDrawing(plan.network, plan.separation, arrows)
     figure = drawing.figure()
     assert_readable(figure, "causal link", "choice of others", *{one.label for one in arrows})
-    # No wire is behind a node: they stay between the columns.
-    spans = {}
-    for node, (x, _) in drawing._layout.places.items():
-        half = drawing._sizes[node][0] / 2
-        low, high = spans.get(x, (x, x))
-        spans[x] = (min(low, x - half), max(high, x + half))
-    rises, falls = drawing._wiring.rises.values(), drawing._wiring.falls.values()
-    assert not any(low <= across <= high for across in (*rises, *falls) for low, high in spans.values())
-    assert len({*rises, *falls}) == len(rises) + len(falls)
-    # And everything is within the axes.
-    axes = figure.axes[0]
-    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-    for line in axes.get_lines():
-        for place in line.get_transform().transform(line.get_xydata()):
-            x, y = axes.transData.inverted().transform(place)
-            assert left <= x <= right
-            assert bottom <= y <= top
+    assert len(drawing.tiles) > 2
+    for tile in drawing.tiles:
+        # No wire is behind a node: they stay between the columns.
+        spans = {}
+        for node, (x, _) in tile.layout.places.items():
+            half = tile.sizes[node][0] / 2
+            low, high = spans.get(x, (x, x))
+            spans[x] = (min(low, x - half), max(high, x + half))
+        rises, falls = tile.wiring.rises.values(), tile.wiring.falls.values()
+        assert not any(low <= across <= high for across in (*rises, *falls) for low, high in spans.values())
+        assert len({*rises, *falls}) == len(rises) + len(falls)
+    # And everything is within the axes of its piece.
+    for axes in figure.axes:
+        (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+        for line in axes.get_lines():
+            for place in line.get_transform().transform(line.get_xydata()):
+                x, y = axes.transData.inverted().transform(place)
+                assert left - 1e-9 <= x <= right + 1e-9
+                assert bottom - 1e-9 <= y <= top + 1e-9
+
+
+def test_a_large_plan_fits_a_page_in_tiles_that_fold(tmp_path):
+    network = blocks(4).network
+    drawing = tpnu._NetworkDrawing(network, EPSILON)
+    figure = drawing.figure()
+    assert figure.get_size_inches()[0] <= 11
+    assert_readable(figure, *(activity.action.strip("()") for activity in network.activities), "to e144", "from e1")
+    told = json.loads(re.findall(r"pieces = (\[.*\]);$", drawing.script(), re.MULTILINE)[0])
+    assert any("choice of x1" in piece["folded"] for piece in told)
+    tpnu.plot_network(network, tmp_path / "plan.svg")
+    text = (tmp_path / "plan.svg").read_text(encoding="utf-8")
+    ids = {group.get("id") for group in ElementTree.fromstring(text).iter()}  # noqa: S314 - our own
+    assert {piece["name"] for piece in told} <= ids
+    assert "http" not in text.split("<script>")[1].replace("http://www.w3.org/2000/svg", "")
+
+
+@pytest.mark.parametrize(("width", "columns"), [(500, 1), (1600, 2)])
+def test_tiles_follow_the_window_and_fold(width, columns, tmp_path):
+    with browser(width=width) as window:
+        tpnu.plot_network(blocks(3).network, tmp_path / "plan.svg")
+        window.get((tmp_path / "plan.svg").as_uri())
+        settle(window)
+        right = "return document.documentElement.getBoundingClientRect().right"
+        assert window.execute_script(right) <= width + 1
+        lefts = "return [...document.querySelectorAll('.fold')].map(mark => mark.getBoundingClientRect().x)"
+        assert max(map(round, window.execute_script(lefts))) // 500 == columns - 1
+        high = "return document.documentElement.getBoundingClientRect().height"
+        before = window.execute_script(high)
+        window.execute_script("document.querySelector('.fold').focus()")
+        press(window, " ")
+        folded = "return [...document.querySelectorAll('.folded')].filter(box => box.style.display !== 'none').length"
+        assert window.execute_script(folded) == 1
+        assert window.execute_script(high) < before or columns > 1
+        press(window, " ")
+        assert (window.execute_script(folded), window.execute_script(high)) == (0, before)
 
 
 def test_choices_by_parameters(tmp_path, monkeypatch):
