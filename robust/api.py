@@ -8,63 +8,38 @@ from __future__ import annotations
 
 import inspect
 import os
-import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, ParamSpec, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Any, ParamSpec, Protocol, cast
 
-from robust.errors import InputError, UnsupportedError, did_you_mean
+from robust.errors import InputError, did_you_mean
 from robust.numbers import Number
 from robust.options import declare, verbs
 from robust.options.batch import BATCHES, AnyBatchOptions, BatchOptions
 from robust.reading import WHEN_READ, Plan, plan_of
-from robust.smt.limits import Deadline, OutOfTimeError, one_question
+from robust.smt.limits import Deadline, one_question
 
 if TYPE_CHECKING:
-    from robust.encode.interface import Encoding, Range
     from robust.execute.learned import Learned, Randomness
     from robust.irr.check import CheckResult
-    from robust.irr.compare import Comparison
+    from robust.irr.compare import Comparing, Comparison
+    from robust.irr.exact import BoxMethod, EnvelopeQuestion
+    from robust.irr.questions import CheckQuestion, Manner
     from robust.irr.repair import Repair, RepairSearch
     from robust.irr.search import EnvelopeResult
     from robust.plan.load import File
     from robust.plan.model import ParametrizedPlan
+    from robust.probability.distributions import Distribution
     from robust.probability.measure import Bounds
-    from robust.probability.risk import RiskResult
+    from robust.probability.risk import Risk, RiskResult
     from robust.qe.box import Box, Interval
     from robust.qe.compute import RegionResult, RegionSearch
-    from robust.smt.session import Exporter
     from robust.sweeps.batch import Batch
     from robust.sweeps.rank import Ranking, RankSearch
 
 Given = ParamSpec("Given")
-Result = TypeVar("Result")
-Judged = TypeVar("Judged", bound="CheckResult | EnvelopeResult")
-Found_co = TypeVar("Found_co", covariant=True)
-
-
-class SearchResult(Protocol):
-    """The result of a search."""
-
-    @property
-    def cut_short(self) -> bool:
-        """Whether something ended the search before it was done."""
-
-    def as_dict(self) -> dict[str, Any]:
-        """The document that is printed for programs."""
-
-
-class AnytimeSearch(Protocol[Found_co]):
-    """A computation that knows at any moment what it has found."""
-
-    def run(self) -> Found_co:
-        """The final result; out of time or interrupted, what is known by then."""
-
-    def so_far(self, *, timed_out: bool) -> Found_co | None:
-        """The result so far if the search is given up now, out of time or interrupted; None if there is none."""
 
 
 def _read(plan: Plan, options: declare.Options) -> ParametrizedPlan:
@@ -78,72 +53,18 @@ verb = declare.Verb(
 )
 
 
-class _Encoded(Generic[Judged]):
-    """A search for which the plan is encoded first; until then, `nothing` is what is known.
+def _manner(options: verbs.CheckOptions | verbs.EnvelopeOptions) -> Manner:
+    """How options ask about a plan."""
+    from robust.irr.questions import Manner
+    from robust.smt.session import Exporter
 
-    `bearable` says of a result whether the tolerance around nominal values is part of it, and the box that is proved
-    already, if any.
-    """
-
-    def __init__(
-        self,
-        plan: ParametrizedPlan,
-        options: verbs.EnvelopeOptions | verbs.CheckOptions,
-        make: Callable[[Encoding, Deadline, Exporter | None], AnytimeSearch[Judged]],
-        nothing: Callable[[bool, float], Judged],
-        *,
-        bearable: Callable[[Judged], tuple[bool, Box | None]],
-        shaped: Callable[[Judged, Deadline], Judged] = lambda result, _: result,
-        ranges: Mapping[str, Range] | None = None,
-        encode: Callable[[], Encoding] | None = None,
-    ) -> None:
-        self._encode = encode
-        self._plan = plan
-        self._options = options
-        self._make = make
-        self._nothing = nothing
-        self._bearable = bearable
-        self._shaped = shaped
-        self._ranges = ranges
-        self._search: AnytimeSearch[Judged] | None = None
-        self._started = time.perf_counter()
-        self._deadline = Deadline.after(options.limit)
-
-    def run(self) -> Judged:
-        from robust.encode import create_encoding
-        from robust.smt.session import Exporter
-
-        options = self._options
-        exporter = None if options.smt2 is None else Exporter(options.smt2)
-        try:
-            formulas = (
-                create_encoding(options.encoding, self._plan, options.separation, self._deadline, ranges=self._ranges)
-                if self._encode is None
-                else self._encode()
-            )
-            self._search = self._make(formulas, self._deadline, exporter)
-        except (OutOfTimeError, KeyboardInterrupt) as error:
-            return self._nothing(isinstance(error, OutOfTimeError), time.perf_counter() - self._started)
-        return self._shaped(self._with_tolerance(self._search.run()), self._deadline)
-
-    def _with_tolerance(self, result: Judged) -> Judged:
-        """The result with λ*, if it says that the nominal values are inside, and there is time for it."""
-        options = self._options
-        asked, proved = self._bearable(result)
-        if not asked or not self._plan.lasting:
-            return result
-        from robust.irr.proposals import tolerance
-
-        try:
-            bound = tolerance(self._plan, options.separation, self._deadline, options.solver, proved)
-        except (OutOfTimeError, KeyboardInterrupt):
-            return result
-        return result if bound is None else replace(result, tolerance=bound)
-
-    def so_far(self, *, timed_out: bool) -> Judged | None:
-        if self._search is None:
-            return self._nothing(timed_out, time.perf_counter() - self._started)
-        return self._search.so_far(timed_out=timed_out)
+    return Manner(
+        encoding=options.encoding,
+        solver=options.solver,
+        epsilon=options.separation,
+        deadline=Deadline.after(options.limit),
+        exporter=None if options.smt2 is None else Exporter(options.smt2),
+    )
 
 
 def _intervals(
@@ -163,75 +84,29 @@ def _intervals(
 # -- check -------------------------------------------------------------------------------------------------------------
 
 
-def searching_check(plan: ParametrizedPlan, options: verbs.CheckOptions) -> AnytimeSearch[CheckResult]:
+def searching_check(plan: ParametrizedPlan, options: verbs.CheckOptions) -> CheckQuestion:
     """The search behind :func:`check`."""
-    from robust.irr.check import Answer, Checker, CheckResult
+    from robust.irr.questions import CheckQuestion
     from robust.plan.load import require_nominal_values
     from robust.qe.box import Box
 
     require_nominal_values(plan.parameters)
     box = Box.nominal(plan.parameters).changed(_intervals(plan, options.at, "at"))
-
-    def make(formulas: Encoding, deadline: Deadline, exporter: Exporter | None) -> AnytimeSearch[CheckResult]:
-        return Checker(
-            formulas,
-            box,
-            solver=options.solver,
-            every=options.every,
-            deadline=deadline,
-            exporter=exporter,
-            on_obligation=options.on_obligation,
-        )
-
-    def nothing(timed_out: bool, seconds: float) -> CheckResult:
-        return CheckResult(
-            Answer.UNKNOWN,
-            box,
-            {},
-            {},
-            seconds,
-            interrupted=not timed_out,
-            timed_out=timed_out,
-            encoding=options.encoding,
-            solver=options.solver,
-            epsilon=options.separation,
-            every=options.every,
-            plan=plan,
-        )
-
-    def bearable(result: CheckResult) -> tuple[bool, Box | None]:
-        return result.answer is Answer.PROVED and box == Box.nominal(plan.parameters) and options.tree is None, None
-
     if options.tree is None:
-        return _Encoded(plan, options, make, nothing, bearable=bearable, ranges=box.ranges)
-    from robust.execute.trees import read_tree, stays_within
+        return CheckQuestion(plan, _manner(options), box, every=options.every, on_obligation=options.on_obligation)
+    from robust.execute.tree_check import TreeQuestion
+    from robust.execute.trees import read_tree
 
-    tree = read_tree(options.tree, plan)
-    if tree.faults:
-        refuted = replace(nothing(False, 0.0), answer=Answer.REFUTED, reason="; ".join(tree.faults), tree=tree.file)
-        return _Answered(replace(refuted, interrupted=False))
-    allowed = tree.network(plan, options.separation, options.latest)
-    formulas = tree.encoding(allowed, options.separation, options.latest, box.ranges)
-
-    def shaped(result: CheckResult, deadline: Deadline) -> CheckResult:
-        if options.within and not result.cut_short and (options.every or result.answer is Answer.PROVED):
-            result = stays_within(plan, formulas, result, deadline)
-        return replace(result, tree=tree.file)
-
-    return _Encoded(plan, options, make, nothing, bearable=bearable, shaped=shaped, encode=lambda: formulas)
-
-
-class _Answered(Generic[Judged]):
-    """A search that is over before it begins."""
-
-    def __init__(self, result: Judged) -> None:
-        self._result = result
-
-    def run(self) -> Judged:
-        return self._result
-
-    def so_far(self, *, timed_out: bool) -> Judged:
-        return self._result
+    return TreeQuestion(
+        plan,
+        _manner(options),
+        box,
+        tree=read_tree(options.tree, plan),
+        lag=options.latest,
+        within=options.within is not None,
+        every=options.every,
+        on_obligation=options.on_obligation,
+    )
 
 
 @verb(verbs.CheckOptions)
@@ -253,73 +128,37 @@ def check(plan: ParametrizedPlan, options: verbs.CheckOptions) -> CheckResult:
 # -- envelope ----------------------------------------------------------------------------------------------------------
 
 
-def searching_envelope(plan: ParametrizedPlan, options: verbs.EnvelopeOptions) -> AnytimeSearch[EnvelopeResult]:
+def searching_envelope(plan: ParametrizedPlan, options: verbs.EnvelopeOptions) -> EnvelopeQuestion:
     """The search behind :func:`envelope`."""
-    from robust.irr.search import Conduct, EnvelopeResult
-    from robust.irr.templates import template_of, widened
+    from robust.irr.exact import BoxMethod, EnvelopeQuestion
+    from robust.irr.templates import template_of
     from robust.plan.load import require_nominal_values
-    from robust.qe.box import Box
-    from robust.qe.region import Region
-    from robust.searching import Status
 
     if options.from_nominal:
         require_nominal_values(plan.parameters)
-    beta = options.precision
-    known = randomness_of(plan, options).distributions if options.method == "risk" else {}
+    if options.method == "risk":
+        from robust.probability.greatest import RandomBoxMethod
 
-    def make(formulas: Encoding, deadline: Deadline, exporter: Exporter | None) -> AnytimeSearch[EnvelopeResult]:
-        conduct: Conduct = {"deadline": deadline, "on_step": options.on_step}
-        if options.method == "risk":
-            from robust.probability.greatest import GreatestBox
-
-            return GreatestBox(
-                formulas, known, within=Fraction(options.within), solver=options.solver, exporter=exporter, **conduct
-            )
-        from robust.irr.exact import BoxMethod
-
-        asked = BoxMethod(
-            options.method, beta or Fraction(1), options.doubling, tuple(options.order or ()), options.contain_nominal
+        method: BoxMethod = RandomBoxMethod(
+            "risk", distributions=box_distributions(plan, options), within=Fraction(options.within)
         )
-        return asked.search(formulas, solver=options.solver, exporter=exporter, **conduct)
-
-    def nothing(timed_out: bool, seconds: float) -> EnvelopeResult:
-        return EnvelopeResult(
-            status=Status.TIMEOUT if timed_out else Status.INTERRUPTED,
-            method=options.method,
-            encoding=options.encoding,
-            solver=options.solver,
-            beta=beta,
-            parameters=plan.parameters,
-            box=Box.nothing(plan.parameters),
-            checks=0,
-            unbounded_checks=0,
-            first_widening_seconds=None,
-            seconds=seconds,
-            plan=plan,
-        )
-
+    else:
+        beta, order = options.precision or Fraction(1), tuple(options.order or ())
+        method = BoxMethod(options.method, beta, options.doubling, order, options.contain_nominal)
     names = [parameter.name for parameter in plan.parameters]
-    template = None if options.shape == "box" else template_of(options.shape, names)
+    shape = None if options.shape == "box" else (options.shape, template_of(options.shape, names))
+    return EnvelopeQuestion(plan, _manner(options), method, shape=shape, on_step=options.on_step)
 
-    def shaped(result: EnvelopeResult, deadline: Deadline) -> EnvelopeResult:
-        if template is None or not result.verified or result.cut_short:
-            return result
-        asked = verbs.RegionOptions(epsilon=options.epsilon, solver=options.solver, timeout=deadline.remaining)
-        region = searching_region(plan, asked).run()
-        if not region.is_exact:
-            return replace(result, status=Status(region.status.value), reason=region.reason)
-        if not isinstance(region.region, Region):
-            raise UnsupportedError("the envelope has too many inequalities for a shape; use --shape box")
-        try:
-            shape = widened(template, plan.parameters, region.region, result.box, name=options.shape, deadline=deadline)
-        except (OutOfTimeError, KeyboardInterrupt) as error:
-            return replace(result, status=Status.TIMEOUT if isinstance(error, OutOfTimeError) else Status.INTERRUPTED)
-        return replace(result, shape=shape)
 
-    def bearable(result: EnvelopeResult) -> tuple[bool, Box | None]:
-        return result.verified and not result.cut_short and result.contain_nominal, result.box
-
-    return _Encoded(plan, options, make, nothing, bearable=bearable, shaped=shaped)
+def box_distributions(plan: ParametrizedPlan, options: verbs.EnvelopeOptions) -> Mapping[str, Distribution]:
+    """The distributions for the most probable box; InputError if some parameter has none, or depends on another."""
+    random = randomness_of(plan, options.distribution, world=options.world)
+    if random.factors or random.joints:
+        place = declare.place_of("world")
+        raise InputError(
+            "found parameters that depend on each other, expected independent ones for --method risk", place
+        )
+    return random.distributions
 
 
 @verb(verbs.EnvelopeOptions)
@@ -375,7 +214,7 @@ def region(plan: ParametrizedPlan, options: verbs.RegionOptions) -> RegionResult
     return searching_region(plan, options).run()
 
 
-def searching_compare(plan: ParametrizedPlan, options: verbs.CompareOptions) -> AnytimeSearch[Comparison]:
+def searching_compare(plan: ParametrizedPlan, options: verbs.CompareOptions) -> Comparing:
     """The search behind :func:`compare`."""
     from robust.irr.compare import Comparing
     from robust.plan.load import require_nominal_values
@@ -407,33 +246,28 @@ def compare(plan: ParametrizedPlan, options: verbs.CompareOptions) -> Comparison
 # -- risk --------------------------------------------------------------------------------------------------------------
 
 
-def randomness_of(plan: ParametrizedPlan, options: verbs.RiskOptions | verbs.EnvelopeOptions) -> Randomness:
+def randomness_of(
+    plan: ParametrizedPlan,
+    given: Mapping[str, str | Distribution] | Sequence[str],
+    factor: Sequence[str] = (),
+    world: str | Path | None = None,
+) -> Randomness:
     """The distributions of the parameters, and what they share; InputError if one has none."""
     from robust.execute import learned
     from robust.execute.worlds import read_rules
 
-    rules = None if options.world is None else read_rules(options.world)
-    is_risk = isinstance(options, verbs.RiskOptions)
-    given = options.distributions if isinstance(options, verbs.RiskOptions) else options.distribution
+    rules = None if world is None else read_rules(world)
     known = given if isinstance(given, Mapping) else declare.texts(given, declare.place_of("distribution"))
-    factors = (
-        declare.texts(options.factor, declare.place_of("factor")) if isinstance(options, verbs.RiskOptions) else ()
-    )
-    random = learned.randomness_of(plan, known, factors, rules, declare.place_of)
-    if not is_risk and (random.factors or random.joints):
-        place = declare.place_of("world")
-        raise InputError(
-            "found parameters that depend on each other, expected independent ones for --method risk", place
-        )
-    return random
+    factors = declare.texts(factor, declare.place_of("factor"))
+    return learned.randomness_of(plan, known, factors, rules, declare.place_of)
 
 
-def searching_risk(plan: ParametrizedPlan, options: verbs.RiskOptions) -> AnytimeSearch[RiskResult]:
+def searching_risk(plan: ParametrizedPlan, options: verbs.RiskOptions) -> Risk:
     """The search behind :func:`risk`."""
     from robust.execute.controllability import served
     from robust.probability.risk import Risk
 
-    random = randomness_of(plan, options)
+    random = randomness_of(plan, options.distributions, options.factor, options.world)
     return Risk(
         plan,
         random.distributions,

@@ -3,12 +3,13 @@
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Generic, TypeAlias, TypeVar
+from typing import Any, Generic, Protocol, TypeAlias, TypeVar
 
 from robust.presented import Presented, VerdictEnum
 from robust.smt.limits import OutOfTimeError
 
 Result = TypeVar("Result")
+Result_co = TypeVar("Result_co", covariant=True)
 
 
 class Status(VerdictEnum):
@@ -29,6 +30,27 @@ Announce: TypeAlias = Callable[[str], None]
 
 def unheard(_stage: str) -> None:
     """An :data:`Announce` for nobody."""
+
+
+class SearchResult(Protocol):
+    """The result of a search."""
+
+    @property
+    def cut_short(self) -> bool:
+        """Whether something ended the search before it was done."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """The document that is printed for programs."""
+
+
+class AnytimeSearch(Protocol[Result_co]):
+    """A computation that knows at any moment what it has found."""
+
+    def run(self) -> Result_co:
+        """The final result; out of time or interrupted, what is known by then."""
+
+    def so_far(self, *, timed_out: bool) -> Result_co | None:
+        """The result so far if the search is given up now, out of time or interrupted; None if there is none."""
 
 
 class Stoppable(Presented):

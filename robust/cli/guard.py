@@ -30,7 +30,7 @@ from robust.options.declare import Options, as_typed
 from robust.smt.limits import OutOfTimeError
 
 if TYPE_CHECKING:
-    from robust.api import AnytimeSearch, SearchResult
+    from robust.searching import AnytimeSearch, SearchResult
     from robust.show.console import Console
 
 STOPS = frozenset({signal.SIGINT, signal.SIGTERM, signal.SIGHUP})

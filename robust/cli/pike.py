@@ -26,12 +26,12 @@ from robust.options import pike as asking
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 if TYPE_CHECKING:
-    from robust.api import AnytimeSearch
     from robust.pike_bridge.action_model import Instance
     from robust.pike_bridge.envelopes.parameters import ParametricPlan
     from robust.pike_bridge.envelopes.search import LabeledRegion
     from robust.pike_bridge.model import TeamPlan
     from robust.pike_bridge.online.world import ExecutionRecord
+    from robust.searching import AnytimeSearch
     from robust.show.pike import PikePlot
     from robust.show.pike_envelopes import Cells
 

@@ -13,7 +13,6 @@ from robust.options import declare, verbs
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from robust.api import AnytimeSearch
     from robust.cli.guard import Run
     from robust.execute.controllability import ControllabilityReport
     from robust.irr.check import CheckResult, Counterexample
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
     from robust.probability.measure import Bounds
     from robust.probability.risk import RiskResult
     from robust.qe.compute import RegionResult, RegionSearch
+    from robust.searching import AnytimeSearch
     from robust.show.console import Console
     from robust.sweeps.rank import Ranking
 
@@ -183,10 +183,10 @@ def _probability(options: verbs.EnvelopeCommand, plan: ParametrizedPlan, result:
     """How probable the box is, where parameters are random."""
     if options.method != "risk":
         return None
-    from robust.api import randomness_of
+    from robust.api import box_distributions
     from robust.probability.measure import box_probability
 
-    return box_probability(result.box, randomness_of(plan, options).distributions)
+    return box_probability(result.box, box_distributions(plan, options))
 
 
 def _counterexample(options: verbs.EnvelopeCommand, run: Run, plan: ParametrizedPlan) -> Counterexample | None:

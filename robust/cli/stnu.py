@@ -15,8 +15,8 @@ from robust.options import batch, declare
 from robust.records import atomic_write
 
 if TYPE_CHECKING:
-    from robust.api import AnytimeSearch
     from robust.probability.measure import Bounds
+    from robust.searching import AnytimeSearch
     from robust.show.console import Console
     from robust.show.stnu import JudgedNetwork
     from robust.stnu.network import ConditionalNetwork, Network

@@ -90,9 +90,8 @@ def distributions(options: WatchCommand, plan: ParametrizedPlan) -> Mapping[str,
     if not options.distribution and options.world is None:
         return {}
     from robust.api import randomness_of
-    from robust.options.verbs import RiskOptions
 
-    known = randomness_of(plan, RiskOptions(distributions=options.distribution, world=options.world))
+    known = randomness_of(plan, options.distribution, world=options.world)
     if known.factors or known.joints:
         raise InputError("found durations that depend on each other, expected independent ones", Location("--world"))
     return known.distributions

@@ -33,17 +33,14 @@ from xml.parsers import expat
 from robust.encode import interface
 from robust.encode.encoding import RelationalEncoding
 from robust.encode.network import TemporalNetwork, Writes, duration_rules
-from robust.errors import InputError, Location, RefutedError, SolverError, UnsupportedError, did_you_mean
-from robust.irr import check
+from robust.errors import InputError, Location, RefutedError, UnsupportedError, did_you_mean
 from robust.network.differences import Distances
 from robust.numbers import plural, shorten
 from robust.plan import model
 from robust.plan.pddl.forms import read_text
 from robust.plan.polynomial import Polynomial
-from robust.plan.simulate import Violation, simulate
 from robust.qe.box import Box
-from robust.smt.limits import NEVER, Deadline
-from robust.smt.session import Formula, Session, Statistics
+from robust.smt.session import Formula
 
 LARGEST_TREE = 2**24
 """Bytes of a tree."""
@@ -507,51 +504,3 @@ def unkept(
     same = set(allowed.constraints)
     broken = [(item, [side for side in sides_of(item) if not kept(*side)]) for item in plan.constraints]
     return [(item, sides) for item, sides in broken if sides and item not in same]
-
-
-def stays_within(
-    plan: model.ParametrizedPlan, encoding: interface.Encoding, result: check.CheckResult, deadline: Deadline = NEVER
-) -> check.CheckResult:
-    """The verdict about another network of a plan's steps, with those on whether its schedules are the plan's as well.
-
-    Each constraint of the plan is one more obligation. A counterexample is a schedule of the other network, as
-    simulation confirms, that the constraint forbids.
-    """
-    answers = {f"plan: {item}": check.Answer.PROVED for item in plan.constraints}
-    found: dict[str, check.Counterexample] = {}
-    session = Session(encoding.terms, solver=result.solver, statistics=Statistics())
-    session.add(*encoding.network_formulas(), *check.within(encoding, result.box.intervals))
-    places = encoding.places
-    for item, sides in unkept(plan, encoding.plan, result.box):
-        name = f"plan: {item}"
-        slacks = (places[target] - places[source] - weight for source, target, weight in sides)
-        with session.frame(encoding.terms.disjunction(encoding.terms.greater(-slack) for slack in slacks)):
-            verdict = check.ANSWERS[session.check(name, deadline)]
-            if verdict is check.Answer.REFUTED:
-                values = {known: Fraction(value) for known, value in session.values(encoding.unknowns()).items()}
-                found[name] = _outside(encoding, result, name, item, values)
-        answers[name] = verdict
-        if found and not result.every:
-            break
-    every = {**result.obligations, **answers}
-    open_ = result.answer is check.Answer.UNKNOWN or check.Answer.UNKNOWN in answers.values()
-    answer = check.Answer.REFUTED if found else check.Answer.UNKNOWN if open_ else result.answer
-    return replace(result, answer=answer, obligations=every, counterexamples={**result.counterexamples, **found})
-
-
-def _outside(
-    encoding: interface.Encoding,
-    result: check.CheckResult,
-    name: str,
-    item: model.TemporalConstraint,
-    values: Mapping[str, Fraction],
-) -> check.Counterexample:
-    """The schedule of a model, executed in both networks; SolverError if one of them disagrees."""
-    parameters = {known: values.get(known, interval.some_value()) for known, interval in result.box.intervals.items()}
-    schedule = encoding.schedule({**values, **parameters})
-    own = simulate(encoding.plan, parameters, schedule, epsilon=result.epsilon)
-    alone = simulate(replace(encoding.plan, constraints=(item,)), parameters, schedule, epsilon=result.epsilon)
-    if own.network_violations or not alone.network_violations:
-        raise SolverError(f"the simulator does not confirm that {name!r} breaks; please report this plan as a bug")
-    violation = Violation(name, max(schedule[item.source], schedule[item.target]), alone.network_violations[0])
-    return check.Counterexample(name, parameters, schedule, replace(own, violations=(*own.violations, violation)))

@@ -8,27 +8,39 @@ is inside it is optimal: no box that misses even the known polyhedra is better.
 :class:`BoxMethod` names the methods that find a box, IRR among them, and holds what each of them can be given.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import partial
 from itertools import product
 from typing import Unpack
 
 from robust.encode.interface import Encoding, Linear, variable
-from robust.irr import proposals, stops
+from robust.errors import UnsupportedError
+from robust.irr import proposals, stops, templates
 from robust.irr.check import require_some_schedule
 from robust.irr.conflicts import Candidate, Chosen, Clause, MasterProblem, Point
 from robust.irr.containment import Containment, Margins
-from robust.irr.search import BoxSearch, Conduct, IncrementalRobustification, OutsideError, ordered
+from robust.irr.questions import Manner, PlanQuestion
+from robust.irr.search import (
+    BoxSearch,
+    Conduct,
+    EnvelopeResult,
+    IncrementalRobustification,
+    OutsideError,
+    Step,
+    ordered,
+)
 from robust.irr.widen import BadSet, DiscoveredBadSet, Obstacle, Widening, faces_of
 from robust.network.slack import OutsideFragmentError
-from robust.plan.model import ParameterReference
+from robust.plan.model import ParameterReference, ParametrizedPlan
 from robust.plan.polynomial import Polynomial
 from robust.qe import compute, simplex
 from robust.qe.box import Box, Face, Interval, Side
 from robust.qe.constraint import LinearConstraint
 from robust.qe.polyhedron import Polyhedron
-from robust.searching import Status
+from robust.qe.region import Region
+from robust.searching import Searching, Status
 from robust.smt import limits, session
 
 ENUMERATION = 20.0
@@ -403,3 +415,85 @@ class BoxMethod:
             exporter=exporter,
             **conduct,
         )
+
+
+class EnvelopeQuestion(PlanQuestion[EnvelopeResult]):
+    """For which box of values is the plan valid?
+
+    Args:
+        plan: the plan.
+        manner: how it is asked about.
+        method: how the box is found.
+        shape: the name of a shape that is then widened around the box, and its directions, if one is.
+        on_step: called after each step with the best box so far.
+    """
+
+    def __init__(
+        self,
+        plan: ParametrizedPlan,
+        manner: Manner,
+        method: BoxMethod,
+        *,
+        shape: tuple[str, Sequence[templates.Direction]] | None = None,
+        on_step: Callable[[Step], None] | None = None,
+    ) -> None:
+        super().__init__(plan, manner)
+        self.method = method
+        self._shape = shape
+        self._on_step = on_step
+
+    def search(self, formulas: Encoding) -> Searching[EnvelopeResult]:
+        return self.method.search(
+            formulas,
+            solver=self.manner.solver,
+            exporter=self.manner.exporter,
+            deadline=self.manner.deadline,
+            on_step=self._on_step,
+        )
+
+    def nothing(self, *, timed_out: bool) -> EnvelopeResult:
+        return EnvelopeResult(
+            status=Status.TIMEOUT if timed_out else Status.INTERRUPTED,
+            method=self.method.name,
+            encoding=self.manner.encoding,
+            solver=self.manner.solver,
+            beta=self.method.beta if self.method.name == "irr" else None,
+            parameters=self.plan.parameters,
+            box=Box.nothing(self.plan.parameters),
+            checks=0,
+            unbounded_checks=0,
+            first_widening_seconds=None,
+            seconds=self.seconds,
+            plan=self.plan,
+        )
+
+    def completed(self, result: EnvelopeResult) -> EnvelopeResult:
+        if not result.verified or result.cut_short:
+            return result
+        if result.contain_nominal:
+            result = replace(result, tolerance=self.tolerance(result.box))
+        return result if self._shape is None else self._shaped(result, *self._shape)
+
+    def _shaped(self, result: EnvelopeResult, name: str, directions: Sequence[templates.Direction]) -> EnvelopeResult:
+        """The box with a shape around it, inside the envelope."""
+        manner = self.manner
+        region = compute.RegionSearch(
+            self.plan,
+            epsilon=manner.epsilon,
+            solver=manner.solver,
+            timeout=manner.deadline.remaining,
+            find_box=partial(proposals.known_box, self.plan, manner.epsilon, manner.solver),
+        ).run()
+        if not region.is_exact:
+            return replace(result, status=Status(region.status.value), reason=region.reason)
+        if not isinstance(region.region, Region):
+            raise UnsupportedError("the envelope has too many inequalities for a shape; use --shape box")
+        try:
+            shape = templates.widened(
+                directions, self.plan.parameters, region.region, result.box, name=name, deadline=manner.deadline
+            )
+        except (limits.OutOfTimeError, KeyboardInterrupt) as error:
+            return replace(
+                result, status=Status.TIMEOUT if isinstance(error, limits.OutOfTimeError) else Status.INTERRUPTED
+            )
+        return replace(result, shape=shape)

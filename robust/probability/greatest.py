@@ -9,7 +9,7 @@ goes, so that no valid box contains the result.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from heapq import heappop, heappush
 from math import ceil, floor, lcm
@@ -17,7 +17,7 @@ from typing import Unpack
 
 from robust.encode.interface import Encoding
 from robust.irr import search, widen
-from robust.irr.exact import ExactSearch, end_of, missing
+from robust.irr.exact import BoxMethod, ExactSearch, end_of, missing
 from robust.plan.model import Parameter
 from robust.probability import measure, packing
 from robust.probability.distributions import ONE, UNIT, Distribution, Enclosure, product
@@ -440,3 +440,23 @@ class GreatestBox(ExactSearch):
         if least is None:
             return self.box.moved(face, None)
         return self.box.moved(face, end + side.sign * least.value, closed=not least.attained)
+
+
+@dataclass(frozen=True)
+class RandomBoxMethod(BoxMethod):
+    """How the most probable box is found.
+
+    Attributes:
+        distributions: of the parameters.
+        within: how much more probable another box may be.
+    """
+
+    distributions: Mapping[str, Distribution] = field(default_factory=dict)
+    within: Fraction = Fraction(1, 200)
+
+    def search(
+        self, formulas: Encoding, *, solver: str, exporter: Exporter | None = None, **conduct: Unpack[search.Conduct]
+    ) -> GreatestBox:
+        return GreatestBox(
+            formulas, self.distributions, within=self.within, solver=solver, exporter=exporter, **conduct
+        )

@@ -324,9 +324,7 @@ def _facets(
             del unknown[index]
             continue
         beyond = _homogeneous(_beyond(optimum, form, constant))
-        crossed = min(
-            (i for i in unknown if _distance(forms[i], beyond) < 0), key=lambda i: _crossing(forms[i], centre, beyond)
-        )
+        crossed = _first_crossed({i: forms[i] for i in unknown}, centre, beyond)
         facets.add(crossed)
         del unknown[crossed]
         known.add(forms[crossed][0], Sense.AT_MOST, forms[crossed][1])
@@ -355,11 +353,18 @@ def _distance(form: IntegerForm, point: tuple[list[int], int]) -> int:
     return form[1] * point[1] - sum(c * x for c, x in zip(form[0], point[0], strict=True))
 
 
-def _crossing(form: IntegerForm, centre: tuple[list[int], int], beyond: tuple[list[int], int]) -> list[Fraction]:
-    """How soon the segment from the centre crosses the hyperplane, as a key.
+def _first_crossed(
+    forms: Mapping[int, IntegerForm], centre: tuple[list[int], int], beyond: tuple[list[int], int]
+) -> int:
+    """Which hyperplane the segment from the centre crosses first, of those that the other end is beyond.
 
     The centre is moved by a symbolic (ε, ε², …), so that no two hyperplanes are crossed together: what is crossed first
     is a facet, never a hyperplane that only touches.
     """
-    weight = -_distance(form, beyond)
-    return [Fraction(_distance(form, centre), weight), *(Fraction(-factor, weight) for factor in form[0])]
+    weights = {index: -distance for index, form in forms.items() if (distance := _distance(form, beyond)) < 0}
+    times = {index: Fraction(_distance(forms[index], centre), weight) for index, weight in weights.items()}
+    soonest = min(times.values())
+    together = [index for index, time in times.items() if time == soonest]
+    if len(together) == 1:
+        return together[0]
+    return min(together, key=lambda index: [Fraction(-factor, weights[index]) for factor in forms[index][0]])
