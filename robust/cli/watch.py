@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import queue
 import sys
 import threading
@@ -61,6 +62,7 @@ def watch(options: WatchCommand, run: Run) -> int:
         return monitor, Replanning(given, plan), plan
 
     monitor, replanning, plan = run.only(prepare)
+    gc.freeze()  # garbage collection looks at nothing of this again, so that its pauses are short
     if sys.stdin is None:  # closed by the caller
         raise InputError("found no standard input, expected lines of JSON", Location("stdin"))
     path = options.journal

@@ -25,13 +25,14 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from fractions import Fraction
 from functools import cached_property
+from math import lcm
 from typing import TypeVar
 
 from robust.encode.interface import EPSILON
 from robust.errors import InputError, Location, did_you_mean
 from robust.execute import controllable_boxes as boxes
 from robust.execute.slices import Slices
-from robust.network import dispatchable, uncertain
+from robust.network import differences, dispatchable, uncertain
 from robust.numbers import is_number, parse_number, shorten
 from robust.plan import model, timeline
 from robust.plan.polynomial import Polynomial
@@ -146,15 +147,45 @@ def dispatch_network(network: boxes.ParametricStnu, box: Box, executor: Executor
     """
     links = [_natural(link, box, executor) for link in network.links if link.is_contingent]
     looks_ahead = not isinstance(executor, Blex)
-    stnu = None
-    with suppress(InputError):  # if a face is infinitely far out, or a link may end before it starts: none is certain
-        stnu = network.at(boxes.ends_of(box)) if looks_ahead else None
-    if stnu is not None and (answer := uncertain.dynamic(stnu)).is_controllable:
+    answer = _controllable(network, box) if looks_ahead else None
+    if answer is not None:
         return dispatchable.strategy(answer, links), Guarantee.DYNAMIC
     tables = dispatchable.DispatchNetwork(
         network.points, links, _possible_edges(network, box, links), (), closed=looks_ahead
     )
     return tables, Guarantee.WEAK if looks_ahead else Guarantee.NONE
+
+
+def first_windows(
+    network: boxes.ParametricStnu, box: Box
+) -> Mapping[model.TimePoint, tuple[Fraction, Fraction | None]]:
+    """The windows of the tables of a plan under a box when nothing has happened; far quicker than all tables.
+
+    Raises:
+        InputError: if there is no schedule, whatever nature chooses.
+    """
+    answer = _controllable(network, box)
+    if answer is None:
+        links = [_natural(link, box, Dreex()) for link in network.links if link.is_contingent]
+        edges = list(_possible_edges(network, box, links))
+    else:
+        edges, _ = dispatchable.strategy_edges(answer)
+    scale = lcm(*(weight.denominator for _, _, weight in edges))
+    bounds = [(y, x, -int(weight * scale)) for x, y, weight in edges]
+    found = differences.windows(range(len(network.points)), bounds, {}, 0)
+    if found is None:
+        raise InputError("the network has no schedule; expected one for every value in the box")
+    times = ((Fraction(low, scale), None if high is None else Fraction(high, scale)) for low, high in found)
+    return dict(zip(network.points, times, strict=True))
+
+
+def _controllable(network: boxes.ParametricStnu, box: Box) -> uncertain.DynamicAnswer | None:
+    """How a plan is dispatched under a box; None if that is not certain to succeed."""
+    with suppress(InputError):  # if a face is infinitely far out, or a link may end before it starts: none is certain
+        stnu = network.at(boxes.ends_of(box))
+        if stnu is not None and (answer := uncertain.dynamic(stnu)).is_controllable:
+            return answer
+    return None
 
 
 def _natural(link: boxes.ParametricLink, box: Box, executor: Executor) -> NaturalLink:

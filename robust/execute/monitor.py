@@ -162,7 +162,9 @@ class Monitor:
         self._said: dict[str, list[MonitorMessage]] = {step.identifier: [] for step in self.plan.instances}
         self._progress = {step: StepProgress() for step in self._said}
         self._other: Forecaster | None = None
-        self._seen_by_other: tuple[int, ...] = ()
+        self._seen_by_other = frozenset[tuple[object, ...]]()
+        self._lost: PlanForecast | None = None
+        self._lost_since = Fraction(0)
         self._in_order = True
         self._last_success: SuccessOutlook | None = None
         self._lock = asyncio.Lock()
@@ -253,6 +255,9 @@ class Monitor:
         self._count += 1
         refused = self._take(message)
         if refused is None:
+            is_later = message.kind in {MessageKind.START, MessageKind.END} and (message.at or 0) >= self._lost_since
+            if not is_later and message.kind is not MessageKind.TICK:
+                self._lost = None
             self._own.pass_time(self._now)
             if self._other is not None:
                 self._other.pass_time(self._now)
@@ -451,8 +456,10 @@ class Monitor:
         return [text for variable, text in self._history_until(self.time).surprises if variable in read]
 
     @property
-    def _observed(self) -> tuple[int, ...]:
-        return tuple(number for number, message in self.taken.items() if message.kind in OBSERVED)
+    def _observed(self) -> frozenset[tuple[object, ...]]:
+        """What was observed, however often that was said."""
+        observed = (message for message in self.taken.values() if message.kind in OBSERVED)
+        return frozenset((variable_called(self.plan, each.step), each.at, each.observed) for each in observed)
 
     def _forecast(self, deadline: Deadline) -> PlanForecast:
         """The forecast: in the plan's own order if that is left, else as the rest of the plan is judged."""
@@ -460,13 +467,15 @@ class Monitor:
         if failed:
             return PlanForecast(Prospect.BROKEN, tuple(failed))
         again = [f"{step} was attempted before" for step, known in self._progress.items() if known.attempts]
+        if self._lost is not None:
+            return self._lost
         causes = (*again, *self._surprises)
         in_order = bool(causes)
         if not causes:
             own = self._own.look(self.time, deadline)
             if own.prospect in OPEN or not self.reorder:
                 self._other = None
-                return own
+                return own if own.prospect in OPEN else self._lose(own, self._now)
             causes = own.reasons
         if self._other is None or self._seen_by_other != self._observed or not self._is_open(self._other, deadline):
             from robust.execute.reorder import reordered  # noqa: PLC0415 - loads solvers, which few plans need
@@ -483,10 +492,16 @@ class Monitor:
                     judged.prospect is Prospect.BROKEN and moment > self._now
                 )  # what happened before may be heard yet
                 prospect = Prospect.UNDECIDED if is_late else judged.prospect
-                return PlanForecast(prospect, (*judged.reasons, *causes))
+                return self._lose(PlanForecast(prospect, (*judged.reasons, *causes)), moment)
             self._other.pass_time(self._now)
         other = self._other.look(self.time, deadline)
         return replace(other, reasons=(*causes, *other.reasons))
+
+    def _lose(self, forecast: PlanForecast, moment: Fraction) -> PlanForecast:
+        """Keep that nothing was left at a moment: what happens later cannot change it."""
+        if forecast.prospect is Prospect.BROKEN:
+            self._lost, self._lost_since = forecast, moment
+        return forecast
 
     def _is_open(self, other: Forecaster, deadline: Deadline) -> bool:
         return other.look(self.time, deadline).prospect in OPEN

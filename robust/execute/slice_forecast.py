@@ -8,6 +8,7 @@ as planned. What is promised is a box in the slice of the envelope at what was o
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from fractions import Fraction
 from functools import cached_property
 
@@ -15,12 +16,11 @@ from robust.encode.encoding import RelationalEncoding
 from robust.encode.interface import constant, variable
 from robust.errors import InputError
 from robust.execute import controllable_boxes as boxes
-from robust.execute.dispatchable import Dreex, Tables, dispatch_network
+from robust.execute.dispatchable import Dreex, dispatch_network, first_windows
 from robust.execute.forecast import PlanForecast, Prospect, StepAhead, Window
 from robust.execute.messages import StepProgress
 from robust.execute.slices import Observations, SliceAnswer, Slices, continued
 from robust.irr.stops import NO_SCHEDULE
-from robust.network.dispatchable import Windows
 from robust.plan import model
 from robust.qe.box import Box, Interval
 from robust.qe.compute import RegionSearch
@@ -36,6 +36,8 @@ LATER_SECONDS = 0.5
 """For the envelope of the rest of a plan."""
 SLICE_SECONDS = 0.2
 """For a promise."""
+GROWTH_SECONDS = 0.01
+"""For making it wider, once it is found; the next answer goes on from there."""
 
 
 class SliceForecaster:
@@ -59,14 +61,17 @@ class SliceForecaster:
         self._begun = frozenset(self._progress)
         self._now = Fraction(0)
         self._encoding = RelationalEncoding(plan, epsilon)
-        self._session = Session(self._encoding.terms)
-        self._session.add(*self._encoding.valid_formulas(self._encoding.obligations))
+        terms, places = self._encoding.terms, self._encoding.places
+        forward = [terms.at_least(places[step.end] - places[step.start]) for step in plan.instances if step.durative]
+        self._valid = [*self._encoding.valid_formulas(self._encoding.obligations), *forward]
+        self._open_session({})
         self._box = Box.nominal(plan.parameters)
         self._stnu = boxes.parametric_stnu(plan, self._box)
         self._tables, _ = dispatch_network(self._stnu, self._box, Dreex())
-        self._order = {point: low for point, (low, _) in _windows_of(self._tables).items()}
+        self._order = {point: low for point, (low, _) in first_windows(self._stnu, self._box).items()}
         self._planned_else = planned or {}
         self._last: PlanForecast | None = None
+        self._last_asked: tuple[Mapping[model.TimePoint, Fraction], Fraction, Fraction] | None = None
         self._seconds = REGION_SECONDS if running is None else LATER_SECONDS
         if running is None:
             self._slices  # noqa: B018 - worked out before the execution begins
@@ -83,11 +88,11 @@ class SliceForecaster:
         """The envelope; the part of it that was found, if finding all of it takes too long."""
         search = RegionSearch(self._plan, epsilon=self._epsilon, timeout=self._seconds).run()
         if search.is_exact and not isinstance(search.region, LiftedRegion):
-            return Slices(self._plan.parameters, search.region, True, self._stnu, SLICE_SECONDS)
+            return Slices(self._plan.parameters, search.region, True, self._stnu, SLICE_SECONDS, GROWTH_SECONDS)
         names = tuple(parameter.name for parameter in self._plan.parameters)
         pieces = () if search.is_exact else search.inner().as_union().pieces
         region = Region.union_of(names, (Polyhedron.of_box(names, self._box), *pieces))
-        return Slices(self._plan.parameters, region, False, self._stnu, SLICE_SECONDS)
+        return Slices(self._plan.parameters, region, False, self._stnu, SLICE_SECONDS, GROWTH_SECONDS)
 
     @cached_property
     def _behind(self) -> Mapping[model.TimePoint, Fraction]:
@@ -135,16 +140,19 @@ class SliceForecaster:
     def look(self, time: Fraction, deadline: Deadline) -> PlanForecast:
         """The forecast at a time; what is not found by the deadline is as it was promised last."""
         times = self._times
-        expected = [
-            self._encoding.terms.at_least(variable(model.ParameterReference(name)) - constant(self.planned[step]))
-            for name, step in self._lasting.items()
-            if name in self._plan.nominal and self._known(step).end is None
-        ]
-        facts = self._facts(times)
+        asked = times, self._now, time
+        if self._last is not None and self._last_asked == asked:
+            return self._last
+        expected = [formula for step, formula in self._as_planned.items() if self._known(step).end is None]
         try:
-            if not self._is_possible(facts, deadline):
-                return PlanForecast(Prospect.BROKEN, self._reasons(facts, deadline))
-            prospect = Prospect.ON_TRACK if self._is_possible([*facts, *expected], deadline) else Prospect.AT_RISK
+            self._state(times)
+            still = self._not_before_now(times)
+            if self._is_possible([*still, *expected], deadline):
+                prospect = Prospect.ON_TRACK
+            elif self._is_possible(still, deadline):
+                prospect = Prospect.AT_RISK
+            else:
+                return PlanForecast(Prospect.BROKEN, self._reasons([*self._facts(times), *still], deadline))
         except OutOfTimeError:
             return self._last or PlanForecast(Prospect.UNDECIDED)
         promised = self._promise(times)
@@ -156,6 +164,7 @@ class SliceForecaster:
         free = frozenset(s for s in steps if self._known(s).start is None and not self._waits(s, times))
         ready = frozenset(step for step in free if steps[step].start[0] <= time)
         self._last = PlanForecast(prospect, reasons, steps, ready, free, promise, exact=False)
+        self._last_asked = asked
         return self._last
 
     def _waits(self, step: str, times: Mapping[model.TimePoint, Fraction]) -> bool:
@@ -173,15 +182,50 @@ class SliceForecaster:
         names = self._plan.nominal
         return [name for name, step in self._lasting.items() if name in names and self._known(step).end is None]
 
+    def _open_session(self, times: Mapping[model.TimePoint, Fraction]) -> None:
+        """A session that holds the plan, and what has happened."""
+        self._session = Session(self._encoding.terms)
+        self._session.add(*self._valid, *self._facts(times))
+        self._stated = dict(times)
+
+    def _state(self, times: Mapping[model.TimePoint, Fraction]) -> None:
+        """Tell the solver what has happened since; all of it, if something that it was told was wrong."""
+        if any(times.get(point) != time for point, time in self._stated.items()):
+            self._open_session(times)
+            return
+        new = {point: time for point, time in times.items() if point not in self._stated}
+        self._session.add(*self._facts(new))
+        self._stated |= new
+
     def _facts(self, times: Mapping[model.TimePoint, Fraction]) -> list[Formula]:
         terms, places = self._encoding.terms, self._encoding.places
-        facts = []
-        for point in self._plan.time_points:
-            if point in times:
-                facts.append(terms.equal(places[point] - constant(times[point])))
-            elif point != model.ZERO and point.time is None:
-                facts.append(terms.at_least(places[point] - constant(self._now)))
-        return facts
+        return [terms.equal(places[point] - constant(time)) for point, time in times.items()]
+
+    def _not_before_now(self, times: Mapping[model.TimePoint, Fraction]) -> list[Formula]:
+        """That points still happen, where the plan does not already have them after others of these."""
+        terms, places = self._encoding.terms, self._encoding.places
+        still = {p for p in self._plan.time_points if p not in times and p != model.ZERO and p.time is None}
+        later = {second for first, second in self._orders if first in still and second in still}
+        return [terms.at_least(places[point] - constant(self._now)) for point in still - later]
+
+    @cached_property
+    def _orders(self) -> Sequence[tuple[model.TimePoint, model.TimePoint]]:
+        """Pairs of points of which the second is never before the first; no circles."""
+        order = self._order
+        found = [(step.start, step.end) for step in self._plan.instances if step.durative]
+        for item in self._plan.constraints:
+            ways = (item.source, item.target, item.lower, 1), (item.target, item.source, item.upper, -1)
+            for first, second, bound, sign in ways:
+                if bound is not None and bound.is_constant and sign * bound.constant_term >= 0:
+                    found.append((first, second))
+        return [(a, b) for a, b in found if (order[a], a) < (order[b], b)]
+
+    @cached_property
+    def _as_planned(self) -> Mapping[str, Formula]:
+        """That steps take as long as planned, or longer."""
+        terms, names = self._encoding.terms, [name for name in self._lasting if name in self._plan.nominal]
+        steps = ((self._lasting[name], variable(model.ParameterReference(name))) for name in names)
+        return {step: terms.at_least(length - constant(self.planned[step])) for step, length in steps}
 
     def _is_possible(self, facts: Sequence[Formula], deadline: Deadline) -> bool:
         with self._session.frame(*facts):
@@ -194,15 +238,14 @@ class SliceForecaster:
         """The first obligation that cannot be kept together with those before it."""
         encoding = self._encoding
         known = [each for each in encoding.obligations if each.violation is not None]
+        session = Session(encoding.terms)
+        session.add(*facts)
         low, high = 0, len(known)
         while low < high and not deadline.passed:
             middle = (low + high) // 2
-            session = Session(encoding.terms)
-            session.add(*encoding.valid_formulas(known[:middle]), *facts)
-            if session.check("possible", deadline) is Satisfiability.UNSATISFIABLE:
-                high = middle
-            else:
-                low = middle + 1
+            with session.frame(*encoding.valid_formulas(known[:middle])):
+                is_kept = session.check("possible", deadline) is not Satisfiability.UNSATISFIABLE
+            low, high = (middle + 1, high) if is_kept else (low, middle)
         return (known[high - 1].name,) if 0 < high <= len(known) and low == high else (NO_SCHEDULE,)
 
     # -- promises and windows ------------------------------------------------------------------------------------------
@@ -225,14 +268,10 @@ class SliceForecaster:
 
     def _windows(self, times: Mapping[model.TimePoint, Fraction], box: Box) -> dict[str, StepAhead]:
         """Windows of a dispatcher under a box; only lower bounds where no schedule is left for some of its values."""
-        lower: dict[model.TimePoint, Window] = {}
+        lower: Mapping[model.TimePoint, Window] = {}
         facts = Observations(self._now, times={model.ZERO: Fraction(0), **times})
-        try:
-            tables, _ = dispatch_network(continued(self._stnu, facts), box, Dreex())
-        except InputError:
-            pass
-        else:
-            lower = dict(_windows_of(tables))
+        with suppress(InputError):
+            lower = first_windows(continued(self._stnu, facts), box)
         most = {self._lasting[name]: box[name].upper for name in self._open}
         found = {}
         for instance in self._plan.instances:
@@ -241,13 +280,6 @@ class SliceForecaster:
                 start, end = (lower.get(p, (times.get(p, self._now), None)) for p in (instance.start, instance.end))
                 found[instance.identifier] = StepAhead(start, end, most.get(instance.identifier))
         return found
-
-
-def _windows_of(tables: Tables) -> Mapping[model.TimePoint, Window]:
-    """The windows of a network in which nothing but zero is to be told."""
-    windows = Windows(tables)
-    windows.happened(tables.index[model.ZERO], Fraction(0))
-    return {point: (windows.lower[number], windows.upper[number]) for point, number in tables.index.items()}
 
 
 def _window(interval: Interval) -> Window:

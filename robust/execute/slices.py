@@ -99,6 +99,8 @@ class Slices:
         stnu: the network of the plan.
         seconds: wall time for each answer, of which half is for looking, and half for making what is found ready for
             dispatch; None is without limit.
+        growth: wall time for making a promise wider that was kept; None: all that is left of the time for looking, as
+            for one that is new.
     """
 
     parameters: tuple[Parameter, ...]
@@ -106,6 +108,7 @@ class Slices:
     exact: bool
     stnu: boxes.ParametricStnu
     seconds: float | None
+    growth: float | None = None
 
     def __post_init__(self) -> None:
         self.parts  # noqa: B018 - worked out before the execution begins
@@ -196,7 +199,7 @@ class _Promising:
         for candidate, kept in ((self._remainder(promised), True), (self._planned(), False)):
             for _, _, bad in self.slices.parts if candidate is not None else ():
                 if candidate is not None and self._holds(candidate, bad):
-                    return self._grown(candidate, bad), kept
+                    return self._grown(candidate, bad, kept=kept), kept
         for base, removed, bad in self.slices.parts:
             centre = self._centre(base, removed)
             if centre is not None:
@@ -291,13 +294,16 @@ class _Promising:
 
     # -- growing -------------------------------------------------------------------------------------------------------
 
-    def _grown(self, start: Box, bad: Sequence[Polyhedron]) -> Box:
+    def _grown(self, start: Box, bad: Sequence[Polyhedron], *, kept: bool = False) -> Box:
         possible = Box(self.facts.possible).constraints()
         impossible = (Polyhedron(self._names, (beyond,)) for bound in possible for beyond in bound.negation())
         inside = boxes.KnownSet((*bad, *impossible))
         parameters = [self._in_haste(parameter) for parameter in self.slices.parameters]
         wanted = boxes.Controllable(inside, self.wanted, parameters, start)
-        fixed, deadline, grown = self.facts.settled, self.wanted.deadline, [start]
+        fixed, grown = self.facts.settled, [start]
+        deadline = (
+            Deadline.after(self.slices.growth) if kept and self.slices.growth is not None else self.wanted.deadline
+        )
         with suppress(OutOfTimeError):  # a promise was found; time decides how wide it becomes
             boxes.grow(wanted, inside.pieces, grown, parameters=parameters, fixed=fixed, deadline=deadline)
         return grown[-1]

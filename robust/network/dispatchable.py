@@ -195,8 +195,17 @@ def edges_between(
         yield target, source, -lower
 
 
+Wait = tuple[int, int, int, Fraction | None]
+"""A time point, an activation, an end and a delay, as :class:`DispatchNetwork` has them."""
+
+
 def strategy(answer: uncertain.DynamicAnswer, links: Iterable[Natural]) -> DispatchNetwork[Natural]:
-    """The tables of a dynamically controllable network, in terms of its time points: starts A′ = A + x become A."""
+    """The tables of a dynamically controllable network, in terms of its time points."""
+    return DispatchNetwork(answer.form.stnu.points, links, *strategy_edges(answer), closed=True)
+
+
+def strategy_edges(answer: uncertain.DynamicAnswer) -> tuple[list[tuple[int, int, Fraction]], list[Wait]]:
+    """The edges and waits of a dynamically controllable network; starts A′ = A + x become A."""
     form, stnu = answer.form, answer.form.stnu
     index = {point: number for number, point in enumerate(stnu.points)}
     place = {number: (number, Fraction(0)) for number in index.values()}
@@ -208,7 +217,7 @@ def strategy(answer: uncertain.DynamicAnswer, links: Iterable[Natural]) -> Dispa
         for span in stnu.contingents
         for bound in edges_between(index[span.source], index[span.target], span.lower, span.upper)
     ]
-    waits: list[tuple[int, int, int, Fraction | None]] = []
+    waits: list[Wait] = []
     executed = {index[point] for point in stnu.executable}
     for edge in (*form.edges, *answer.derived):
         length = form.length(edge.weight)
@@ -221,7 +230,7 @@ def strategy(answer: uncertain.DynamicAnswer, links: Iterable[Natural]) -> Dispa
         ):
             end = index[stnu.links[edge.label].target]
             waits.append((source, target, end, None if length is None else after - length))
-    return DispatchNetwork(stnu.points, links, edges, waits, closed=True)
+    return edges, waits
 
 
 # -- the minimal network -----------------------------------------------------------------------------------------------

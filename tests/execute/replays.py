@@ -11,11 +11,12 @@ import json
 import sys
 from argparse import ArgumentParser
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache, partial
 from heapq import heappop, heappush
+from itertools import count, islice
 from math import lcm
 from pathlib import Path
 from random import Random
@@ -354,15 +355,15 @@ def replay_in_order(case: Case, seed: int, *, solver: bool = False) -> Replay:
     kind = kind if isinstance(monitor._own, PathForecaster) else "conditions on numbers"
     paths = PathOracle(monitor.plan) if is_by_paths else None
     asked = SolverOracle(monitor.plan) if solver or paths is None else None
-    outlook, count, differences = monitor.outlook(), 0, list[str]()
+    outlook, messages, differences = monitor.outlook(), 0, list[str]()
     for message, outlook in replayed(monitor, random, random.choice([Fraction(1, 4), Fraction(1)])):
-        count += 1
+        messages += 1
         found = [] if outlook.refused is None else [outlook.refused]
         found += [] if paths is None else path_differences(monitor, paths, outlook, random)
         found += [] if asked is None else solver_differences(monitor, asked, outlook)
         differences += [f"{case.name} {seed}, {message.as_dict()}: {text}" for text in found]
     kind = kind if paths is None or asked is None else f"{kind}, and a solver"
-    return Replay(kind, count, outlook.prospect, tuple(differences))
+    return Replay(kind, messages, outlook.prospect, tuple(differences))
 
 
 def replay_in_any_order(case: Case, seed: int) -> Replay:
@@ -371,49 +372,52 @@ def replay_in_any_order(case: Case, seed: int) -> Replay:
     lateness = Fraction(random.choice([0, 0, 1, 5, 20]))
     monitor = case.monitor(random.choice(DEADLINES), seconds=None, lateness=lateness)
     solver = SolverOracle(replace(monitor.plan, constraints=bare(monitor.plan)))
-    outlook, count, differences = monitor.outlook(), 0, list[str]()
+    outlook, messages, differences = monitor.outlook(), 0, list[str]()
     for message, outlook in disordered(monitor, solver, random, random.choice([Fraction(1, 4), Fraction(1)])):
-        count += 1
+        messages += 1
         found = [] if outlook.refused is None else [outlook.refused]
         found += reordered_differences(monitor, solver, outlook)
         differences += [f"{case.name} {seed} in any order, {message.as_dict()}: {text}" for text in found]
-    return Replay("any order, late" if lateness else "any order", count, outlook.prospect, tuple(differences))
+    return Replay("any order, late" if lateness else "any order", messages, outlook.prospect, tuple(differences))
 
 
 LARGE = 60
-"""Steps from which on a plan is replayed less often, and without a solver."""
+"""Steps from which on a plan is replayed without a solver."""
 SMALL = 20
 """Steps up to which other orders are looked for."""
+STEPS = 30
+"""A plan of more steps is replayed less often, as if all plans had this many."""
+NUMBERS = 40
+"""How much less often plans are replayed of which only a solver knows whether anything is left."""
 
 
-def replays(count: int, known: Iterable[Case]) -> Iterator[Replay]:
-    """Replays of all plans, in turn: of larger ones, and of those that need a solver, fewer."""
-    seed, done = 0, 0
-    slow = {case.name for case in known if not isinstance(case.monitor("+20%")._own, PathForecaster)}
-    while True:
-        for case in known:
-            every = max(1, case.steps // LARGE) * (8 if case.name in slow else 1)
-            chosen = []
-            if seed % every == 0:
-                chosen.append(partial(replay_in_order, case, seed, solver=case.steps < LARGE and seed % 10 == 0))
+def replays(known: Iterable[Case]) -> Iterator[Callable[[], Replay]]:
+    """Replays of all plans in turn, without an end, each to be called."""
+    often = {case: max(1, case.steps // STEPS) for case in known}
+    for case in often:
+        if not isinstance(case.monitor("+20%")._own, PathForecaster):
+            often[case] *= NUMBERS
+    for seed in count():
+        for case, rounds in often.items():
+            if seed % rounds == 0:
+                asks = case.steps < LARGE and seed // rounds % 10 == 0
+                yield partial(replay_in_order, case, seed, solver=asks)
             if case.steps <= SMALL and case.is_converted:
-                chosen.append(partial(replay_in_any_order, case, seed))
-            for replay in chosen:
-                if done == count:
-                    return
-                done += 1
-                yield replay()
-        seed += 1
+                yield partial(replay_in_any_order, case, seed)
 
 
 def main(arguments: list[str] | None = None) -> int:
     parser = ArgumentParser(prog="python -m tests.execute.replays", description=__doc__.splitlines()[0])
     parser.add_argument("count", type=int, nargs="?", default=10_000, help="how many replays")
-    parser.add_argument("--largest", type=int, default=10**6, help="steps of the largest plan")
+    parser.add_argument("--part", default="1/1", metavar="K/N", help="every Nth of them, from the Kth on")
+    parser.add_argument("--plans", metavar="WORD", default="", help="only of plans whose name has this in it")
     options = parser.parse_args(arguments)
+    part, parts = map(int, options.part.split("/"))
     started = process_time()
     counts: dict[str, Counter[str]] = defaultdict(Counter)
-    for done, replay in enumerate(replays(options.count, [c for c in cases() if c.steps <= options.largest]), start=1):
+    every = replays(case for case in cases() if options.plans in case.name)
+    for done, run in enumerate(islice(every, part - 1, options.count, parts), start=1):
+        replay = run()
         counted = counts[replay.kind]
         counted.update({"replays": 1, "messages": replay.messages, replay.ended.value: 1})
         counted["differences"] += len(replay.differences)
@@ -422,7 +426,7 @@ def main(arguments: list[str] | None = None) -> int:
         if done % 100 == 0:
             print(f"{done} replays, {process_time() - started:.0f} s", file=sys.stderr, flush=True)
     for kind, counted in sorted(counts.items()):
-        print(f"{kind}: {', '.join(f'{number} {what}' for what, number in counted.items())}")
+        print(f"{kind}: {', '.join(f'{number} {what}' for what, number in sorted(counted.items()))}")
     print(f"{process_time() - started:.0f} s of processor time")
     return int(any(counted["differences"] for counted in counts.values()))
 

@@ -10,6 +10,7 @@ from random import Random
 import pytest
 
 from robust import ParametrizedPlan, load_plan
+from robust.execute import reorder
 from robust.execute.forecast import PathForecaster, Prospect
 from robust.execute.messages import MessageKind, MonitorMessage
 from robust.execute.monitor import Monitor, Outlook
@@ -236,6 +237,47 @@ def test_a_message_that_others_rest_on_is_not_taken_back_before_them():
     assert monitor.say("retract", "2").prospect is Prospect.ON_TRACK
 
 
+def test_what_is_said_again_is_not_judged_again(monkeypatch):
+    judged, real = [], reorder.reordered
+    monkeypatch.setattr(reorder, "reordered", lambda *known, **options: judged.append(1) or real(*known, **options))
+    monitor = workshop()
+    monitor.say("start", "n0", at=0)
+    monitor.say("fact", "cut table", at=1, observed=True)
+    count = len(judged)
+    assert count > 0
+    monitor.say("fact", "(cut table)", at=1, observed=True)
+    monitor.say("start", "n0", at=0)
+    assert len(judged) == count
+    outlook = monitor.say("tick", at=100)
+    assert outlook.prospect is Prospect.BROKEN
+    count = len(judged)
+    again = [monitor.say("tick", at=101), monitor.say("end", "n0", at=101), monitor.say("end", "n0", at=101)]
+    assert [each.reasons for each in again] == [outlook.reasons] * 3
+    assert len(judged) == count
+    assert monitor.say("retract", str(outlook.message)).prospect is Prospect.BROKEN
+    assert len(judged) > count, "what is taken back may have been the reason"
+
+
+def test_slices_ask_a_solver_only_what_is_new():
+    files = (EXAMPLES / "generator" / name for name in ("domain.pddl", "problem.pddl", "plan.stn"))
+    monitor = Monitor(load_plan(*files, parameters=["duration:*"]), reorder=False, seconds=None)
+    monitor.say("start", "shift", at=0)
+    before = monitor.say("start", "pour_1", at=20)
+    session = monitor._own._session
+    checks = session.statistics.queries
+    assert replace(monitor.say("start", "pour_1", at=20), message=before.message) == before
+    assert session.statistics.queries == checks
+    monitor.say("tick", at=21)
+    assert monitor._own._session is session
+    assert session.statistics.queries > checks
+    for number in "23":
+        monitor.say("retract", number)
+    assert monitor._own._session is not session, "what it was told is wrong"
+    same_again = Monitor(monitor.plan, reorder=False, seconds=None)
+    same_again.say("start", "shift", at=0)
+    assert same_again.say("tick", at=21).prospect is monitor.outlook().prospect
+
+
 def test_an_end_without_a_start_is_said_to_wait_for_it():
     monitor, other = workshop(), workshop()
     waiting = monitor.say("end", "n0", at=12)
@@ -306,7 +348,7 @@ def success_in_draws(monitor: Monitor, random: Random, count: int) -> float:
 
 def test_bounds_of_the_probability_of_success_hold_in_draws():
     plan, random, count = workshop().plan, Random(4), often(300, 3_000)  # noqa: S311 - reproducible
-    monitor = workshop(reorder=False, distributions=random_durations(plan))
+    monitor = workshop(reorder=False, seconds=None, distributions=random_durations(plan))
     told = [("tick", "", 0), ("start", "n0", 0), ("tick", "", 10), ("end", "n0", 14), ("start", "n1", 15)]
     told += [("tick", "", 20), ("end", "n1", 27), ("tick", "", 40)]
     seen = []
@@ -326,9 +368,9 @@ def test_bounds_of_the_probability_of_success_hold_in_draws():
 def test_success_is_certain_from_above_only_of_durations_whose_distribution_is_known():
     plan = workshop().plan
     known = random_durations(plan)
-    every = workshop(distributions=known).outlook().success
+    every = workshop(seconds=None, distributions=known).outlook().success
     known.popitem()
-    some = workshop(distributions=known).outlook().success
+    some = workshop(seconds=None, distributions=known).outlook().success
     assert some.lower == 0
     assert every.upper <= some.upper < 1
 
