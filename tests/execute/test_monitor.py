@@ -116,7 +116,7 @@ def test_whatever_is_said_in_whatever_order_the_answer_is_that_of_what_was_taken
         said += [replace(m, at=m.at + random.choice([Fraction(-1, 3), Fraction(1, 7)])) for m in random.sample(said, 5)]
         said += [MonitorMessage(MessageKind.FAILED, random.choice(said).step or "n1", Fraction(20)) for _ in range(2)]
         said += [MonitorMessage(MessageKind.FACT, "raw shelf", Fraction(at, 3), observed=at < 9) for at in (1, 2, 30)]
-        monitor = workshop(seconds=None)
+        monitor = workshop()
         while monitor.count < often(60, 250):
             retracted = str(random.randint(1, monitor.count + 1))
             message = random.choice([*said, *said, MonitorMessage(MessageKind.RETRACT, retracted)])
@@ -128,7 +128,7 @@ def test_whatever_is_said_in_whatever_order_the_answer_is_that_of_what_was_taken
                 assert same(before, monitor.outlook())
             if random.random() < 0.1:
                 kept = sorted(monitor.taken.values(), key=lambda message: (message.at, message.kind is END))
-                again = workshop(seconds=None)
+                again = workshop()
                 assert [again.take(message) for message in kept if message.kind is not TICK] == [None] * sum(
                     message.kind is not TICK for message in kept
                 )
@@ -150,7 +150,7 @@ def same(one: Outlook, other: Outlook) -> bool:
 
 def workshop(**options) -> Monitor:
     files = (EXAMPLES / "workshop" / name for name in ("domain.pddl", "problem.pddl", "plan.log"))
-    return Monitor(load_plan(*files, parameters=["duration:*"], deadline="90"), **options)
+    return Monitor(load_plan(*files, parameters=["duration:*"], deadline="90"), **{"seconds": None, **options})
 
 
 def test_another_order_of_the_steps_is_followed_and_orders_that_are_statements_are_not_left():
@@ -348,7 +348,7 @@ def success_in_draws(monitor: Monitor, random: Random, count: int) -> float:
 
 def test_bounds_of_the_probability_of_success_hold_in_draws():
     plan, random, count = workshop().plan, Random(4), often(300, 3_000)  # noqa: S311 - reproducible
-    monitor = workshop(reorder=False, seconds=None, distributions=random_durations(plan))
+    monitor = workshop(reorder=False, distributions=random_durations(plan))
     told = [("tick", "", 0), ("start", "n0", 0), ("tick", "", 10), ("end", "n0", 14), ("start", "n1", 15)]
     told += [("tick", "", 20), ("end", "n1", 27), ("tick", "", 40)]
     seen = []
@@ -368,9 +368,9 @@ def test_bounds_of_the_probability_of_success_hold_in_draws():
 def test_success_is_certain_from_above_only_of_durations_whose_distribution_is_known():
     plan = workshop().plan
     known = random_durations(plan)
-    every = workshop(seconds=None, distributions=known).outlook().success
+    every = workshop(distributions=known).outlook().success
     known.popitem()
-    some = workshop(seconds=None, distributions=known).outlook().success
+    some = workshop(distributions=known).outlook().success
     assert some.lower == 0
     assert every.upper <= some.upper < 1
 
