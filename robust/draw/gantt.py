@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import groupby
-from math import ceil
+from math import ceil, inf
 from operator import itemgetter
 from pathlib import Path
 from typing import Any, Final
@@ -40,6 +40,12 @@ _SMALLEST = 0.04
 """Inches that a bar is drawn wide at least: actions of ε must not vanish."""
 _PARAMETERS = 12
 """Parameters that a chart has lanes for; it has none if there are more."""
+_WAITING: Final[Mapping[str, Any]] = {"color": style.GREY, "linewidth": 1.2, "linestyle": ":"}
+_LATEST: Final[Mapping[str, Any]] = {
+    "color": DARK_GREY, "linewidth": 0.9, "marker": "|", "markersize": 7, "markevery": [-1]
+}  # fmt: skip
+_BEGINNING, _CHOICES = Fraction(0), "choices"
+"""When executions begin, and the lane of choices."""
 _PROMISES = {
     dispatchable.Guarantee.DYNAMIC: "values with which the plan succeeds",
     dispatchable.Guarantee.WEAK: "values with which the plan may succeed",
@@ -58,7 +64,8 @@ class Lane:
 class Bar:
     """Something that lasts from `start` to `end` in a lane; None if it had not ended when the chart does.
 
-    Bars of one `kind` have one colour, which the legend explains.
+    Bars of one `kind` have one colour, which the legend explains. A dotted line leads to the bar from `since`, as long
+    as its lane waited for it, and a line with an end from the bar to the `latest` moment at which it may have ended.
     """
 
     lane: str
@@ -66,6 +73,8 @@ class Bar:
     end: Fraction | None
     label: str
     kind: str
+    since: Fraction | None = None
+    latest: Fraction | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,13 +89,14 @@ class Mark:
 
 @dataclass(frozen=True, slots=True)
 class Chart:
-    """Lanes from top to bottom, what is in them, and what the axis of time is called."""
+    """Lanes from top to bottom, what is in them, what the axis of time is called, and where it begins at the latest."""
 
     title: str
     lanes: tuple[Lane, ...]
     bars: tuple[Bar, ...]
     marks: tuple[Mark, ...] = ()
     axis: str = "time"
+    begins: Fraction | None = None
 
 
 def draw_chart(chart: Chart, path: str | os.PathLike[str] | None) -> Figure:
@@ -121,7 +131,8 @@ class _ChartDrawing:
         self._bar_kinds, self._mark_kinds = _numbered(chart.bars), _numbered(chart.marks)
         times = [float(mark.time) for mark in chart.marks]
         times += [float(bar.start) for bar in chart.bars]
-        times += [float(bar.end) for bar in chart.bars if bar.end is not None]
+        times += [float(time) for bar in chart.bars for time in (bar.end, bar.since, bar.latest) if time is not None]
+        times += [] if chart.begins is None else [float(chart.begins)]
         self._first, self._last = min(times, default=0.0), max(times, default=1.0)
         self._margin = 0.35 + _LETTER * max((len(cut(lane.label or lane.name)) for lane in chart.lanes), default=0)
         self._room = _WIDTH - self._margin - 0.2
@@ -135,18 +146,23 @@ class _ChartDrawing:
 
     def _scale(self) -> float:
         """Inches of a unit of time: as many as leave room for the labels beside what comes last."""
-        fits = [self._room / ((self._last - self._first) or 1.0)]
         things: tuple[Bar | Mark, ...] = (*self._chart.bars, *self._chart.marks)
-        for thing in things:
-            end = thing.end if isinstance(thing, Bar) else thing.time
-            reach = (self._last if end is None else float(end)) - self._first
-            inside = (
-                isinstance(thing, Bar)
-                and _width(thing.label) < float(reach - float(thing.start) + self._first) * fits[0]
-            )
-            if reach > 0 and not inside and thing.lane is not None:
-                fits.append((self._room - _width(thing.label) - 0.1) / reach)
-        return min(fits)
+        scale, before = self._room / ((self._last - self._first) or 1.0), inf
+        while scale < before:  # bars that are shorter hold fewer labels
+            before = scale
+            scale = min([before, *(self._fits(thing, before) for thing in things if thing.lane is not None)])
+        return scale
+
+    def _fits(self, thing: Bar | Mark, scale: float) -> float:
+        """The scale at which a thing fits with its label, which is beside it if it is not inside it at this scale."""
+        if isinstance(thing, Mark):
+            last = float(thing.time)
+        else:
+            end = self._last if thing.end is None else float(thing.end)
+            if not thing.label or _width(thing.label) <= (end - float(thing.start)) * scale:
+                return inf
+            last = end if thing.latest is None else max(end, float(thing.latest))
+        return (self._room - _width(thing.label) - 0.1) / (last - self._first) if last > self._first else inf
 
     def _at(self, time: Fraction | float) -> float:
         """Inches from the left end of the axis."""
@@ -155,6 +171,12 @@ class _ChartDrawing:
     def _ends(self, bar: Bar) -> tuple[float, float]:
         left = self._at(bar.start)
         return left, max(self._at(self._last if bar.end is None else bar.end), left + _SMALLEST)
+
+    def _reach(self, bar: Bar) -> tuple[float, float]:
+        """From where to where a bar with its lines reaches."""
+        left, right = self._ends(bar)
+        first = left if bar.since is None else min(left, self._at(bar.since))
+        return first, right if bar.latest is None else max(right, self._at(bar.latest) + _SMALLEST)
 
     def _pack_header(self) -> list[tuple[Mark, int]]:
         """Marks without a lane and the line of the header that each label is on."""
@@ -198,9 +220,9 @@ class _ChartDrawing:
             left = self._at(item.time)
             return left, left + _SMALLEST + _width(item.label), True
         left, right = self._ends(item)
-        if not item.label or _width(item.label) <= right - left:
-            return left, right, False
-        return left, right + _width(item.label), True
+        outside = bool(item.label) and _width(item.label) > right - left
+        first, last = self._reach(item)
+        return first, last + _width(item.label) * outside, outside
 
     # -- drawing -----------------------------------------------------------------------------------------------------
 
@@ -208,7 +230,8 @@ class _ChartDrawing:
         title = style.wrapped(self._chart.title, 130)
         header = 0.3 + 0.17 * (title.count("\n") + 1) + 0.2 * self._header_rows
         body = _ROW * self._count + 0.15 * len(self._chart.lanes)
-        footer = 0.65 + 0.2 * ceil((len(self._bar_kinds) + len(self._mark_kinds)) / self._legend_columns)
+        entries = len(self._bar_kinds) + len(self._mark_kinds) + 2  # and lines
+        footer = 0.65 + 0.2 * ceil(entries / self._legend_columns)
         height = header + body + footer
         figure = Figure(figsize=(_WIDTH, height))
         place = (self._margin / _WIDTH, footer / height, self._room / _WIDTH, body / height)
@@ -249,7 +272,12 @@ class _ChartDrawing:
         kind = self._bar_kinds[bar.kind]
         dashes = "--" if bar.end is None else "-"
         axes.barh(middle, right - left, _ROW * 0.78, left, linestyle=dashes, zorder=2, **_bar_look(kind))
-        place = right + 0.04 if placed.outside else (left + right) / 2
+        first, last = self._reach(bar)
+        if first < left:
+            axes.plot([first, left], [middle, middle], zorder=1.5, **_WAITING)
+        if bar.latest is not None and last > right:
+            axes.plot([right, self._at(bar.latest)], [middle, middle], zorder=1.5, **_LATEST)
+        place = last + 0.04 if placed.outside else (left + right) / 2
         side = "left" if placed.outside else "center"
         ground = {"facecolor": LIGHT[kind % len(LIGHT)], "edgecolor": "none", "pad": 0.8}
         behind = None if placed.outside or kind % len(HATCHES) == 0 else ground
@@ -287,6 +315,10 @@ class _ChartDrawing:
             if kind in in_lanes:
                 look |= {"marker": _SHAPES[number % len(_SHAPES)], "linestyle": ""}
             handles.append(Line2D([], [], label=kind, **{"linestyle": "--", **look}))
+        if any(bar.since is not None for bar in self._chart.bars):
+            handles.append(Line2D([], [], label="waiting", **_WAITING))
+        if any(bar.latest is not None for bar in self._chart.bars):
+            handles.append(Line2D([], [], label="latest end", **_LATEST))
         figure.legend(handles=handles, loc="lower left", ncols=self._legend_columns, fontsize=7.5, frameon=False)
 
     @property
@@ -382,19 +414,25 @@ def _marks(run: replan.ReplanningRun) -> Iterator[Mark]:
 
 
 def plot_team_run(record: world.ExecutionRecord, path: Path | None) -> Figure:
-    """Draw which agent did what when, with choices, inferences and violations."""
+    """Draw which agent did what when, and when it had to; with choices, inferences, deadlines and violations."""
     bars: list[Bar] = []
-    marks: list[Mark] = []
+    marks = [*_deadlines(record)]
+    idle: dict[str, Fraction] = {}
     for step in record.steps:
         for decision in step.decisions:
             match decision:
-                case progress.Dispatched(action, agent, time, end, _, _):
-                    bars.append(Bar(agent or "no agent", time, record.schedule.get(end), action, "activity"))
+                case progress.Dispatched(action, agent, time, end, _, upper):
+                    lane, until = agent or "no agent", record.schedule.get(end)
+                    latest = None if upper is None else time + upper
+                    bars.append(
+                        Bar(lane, time, until, action, f"activity of {lane}", idle.get(lane, _BEGINNING), latest)
+                    )
+                    idle[lane] = max(idle.get(lane, _BEGINNING), time if until is None else until)
                 case progress.Chosen(choice, value, time, observed):
                     kind = "observed choice" if observed else "choice of the executive"
-                    marks.append(Mark(time, "choices", f"{choice} = {value}", kind))
+                    marks.append(Mark(time, _CHOICES, f"{choice} = {value}", kind))
                 case progress.Excluded(_, time, lost, _, _):
-                    marks.append(Mark(time, "choices", f"not {' or '.join(lost)}", "exclusion"))
+                    marks.append(Mark(time, _CHOICES, f"not {' or '.join(lost)}", "exclusion"))
                 case progress.Violated(atom, _, _, _, time):
                     marks.append(Mark(time, None, f"{atom} broken", "violation"))
                 case progress.Failed(time, _):
@@ -403,9 +441,20 @@ def plot_team_run(record: world.ExecutionRecord, path: Path | None) -> Figure:
                     pass  # events and messages are in the timeline
         for choice, values in step.inferred.items():
             if len(values) == 1:
-                marks.append(Mark(step.time, "choices", f"{choice} must be {values[0]}", "inference"))
+                marks.append(Mark(step.time, _CHOICES, f"{choice} must be {values[0]}", "inference"))
     names = {bar.lane for bar in bars} | {mark.lane for mark in marks if mark.lane is not None}
-    lanes = [Lane(name) for name in sorted(names, key=lambda name: (name == "choices", name))]
-    return draw_chart(
-        Chart(f"{record.plan.name}: {record.ending.value}", tuple(lanes), tuple(bars), tuple(marks)), path
-    )
+    lanes = [Lane(name) for name in sorted(names, key=lambda name: (name == _CHOICES, name))]
+    title = f"{record.plan.name}: {record.ending.value}"
+    return draw_chart(Chart(title, tuple(lanes), tuple(bars), tuple(marks), begins=_BEGINNING), path)
+
+
+def _deadlines(record: world.ExecutionRecord) -> Iterator[Mark]:
+    """The last moment of each event that is limited from an executed one on, for what was chosen."""
+    latest: dict[str, Fraction] = {}
+    for bound in record.plan.network.constraints:
+        kept = all(record.choices.get(variable) == value for variable, value in bound.guard)
+        if kept and bound.upper is not None and bound.source in record.schedule:
+            moment = record.schedule[bound.source] + bound.upper
+            latest[bound.target] = min(moment, latest.get(bound.target, moment))
+    for event, moment in latest.items():
+        yield Mark(moment, None, f"{event} by {format_number(moment)}", "deadline")

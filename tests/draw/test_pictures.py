@@ -20,6 +20,7 @@ from robust.draw import gantt, layers, pictures, plane, style, tpnu
 from robust.draw.gantt import Bar, Chart, Lane, Mark
 from robust.pike_bridge import action_model, causal, distance_graph
 from robust.pike_bridge.model import EPSILON, Choice, Constraint, Event, Tpnu
+from robust.pike_bridge.online.world import Rehearsal
 from robust.plan.model import Parameter
 from robust.qe.box import Box, Interval, Side
 from robust.qe.polyhedron import Polyhedron
@@ -333,6 +334,20 @@ def test_charts(label):
     marks = [Mark(Fraction(at), where, f"{label} {at}", f"mark {at}") for at in range(3) for where in ("a", None)]
     chart = Chart(f"{label}: succeeded", (Lane("a"), Lane("b", LONG)), tuple(bars), tuple(marks))
     assert_readable(gantt._ChartDrawing(chart).figure(), "kind 8", "mark 2")
+
+
+@pytest.mark.parametrize("name", ["kitchen", "wing"])
+def test_runs_begin_at_0_and_show_what_waits_and_until_when(name, tmp_path):
+    plan = action_model.load_team_plan(EXAMPLES / name / f"{name}.tpnu.json")
+    record = Rehearsal(plan, seed=1, infer=False).run()
+    figure = gantt.plot_team_run(record, tmp_path / "run.svg")
+    agents = {activity.agent for activity in plan.network.activities}
+    assert_readable(figure, "deadline", "waiting", "latest end", *(f"activity of {agent}" for agent in agents))
+    axes = figure.axes[0]
+    assert axes.get_xticklabels()[0].get_text() == "0"
+    assert axes.get_xticks()[0] == 0
+    colours = {patch.get_facecolor() for patch in axes.patches if patch.get_linewidth()}
+    assert len(colours) == len(agents)
 
 
 def test_empty_charts_are_drawn_and_impossible_ones_refused(tmp_path):
