@@ -10,7 +10,7 @@ from random import Random
 import pytest
 
 from robust import ParametrizedPlan, load_plan
-from robust.execute import reorder
+from robust.execute import reorder, slice_forecast
 from robust.execute.forecast import PathForecaster, Prospect
 from robust.execute.messages import MessageKind, MonitorMessage
 from robust.execute.monitor import Monitor, Outlook
@@ -410,9 +410,11 @@ def test_a_clock_wakes_where_a_start_waits_for_time_alone():
     assert answer.time < Fraction(1201, 100), "after the separation from what has just happened"
 
 
-def test_promises_by_slices_wake_a_clock_a_few_times():
+def test_promises_by_slices_wake_a_clock_a_few_times(monkeypatch):
+    monkeypatch.setattr(slice_forecast, "SLICE_SECONDS", None)  # whatever else this machine does
+    monkeypatch.setattr(slice_forecast, "REGION_SECONDS", None)
     files = (EXAMPLES / "generator" / name for name in ("domain.pddl", "problem.pddl", "plan.stn"))
-    monitor = Monitor(load_plan(*files, parameters=["duration:*"]), reorder=False)
+    monitor = Monitor(load_plan(*files, parameters=["duration:*"]), reorder=False, seconds=None)
     monitor.say("start", "shift", at=0)
     monitor.say("start", "pour_1", at=20)
     answers = waking(monitor)
