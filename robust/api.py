@@ -254,7 +254,7 @@ def randomness_of(
 ) -> Randomness:
     """The distributions of the parameters, and what they share; InputError if one has none."""
     from robust.execute import learned
-    from robust.execute.worlds import read_rules
+    from robust.execute.rules import read_rules
 
     rules = None if world is None else read_rules(world)
     known = given if isinstance(given, Mapping) else declare.texts(given, declare.place_of("distribution"))
@@ -348,7 +348,7 @@ def repair(plan: ParametrizedPlan, options: verbs.RepairOptions) -> Repair:
 
 def searching_rank(domain: File, problem: File, plans: Sequence[File], options: verbs.RankOptions) -> RankSearch:
     """The search behind :func:`rank`."""
-    from robust.execute.worlds import read_rules
+    from robust.execute.rules import read_rules
     from robust.plan.parameters import specifications
     from robust.plan.pddl.reader import read_domain, read_problem
     from robust.sweeps.rank import RankSearch

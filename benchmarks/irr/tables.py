@@ -35,8 +35,8 @@ from robust.execute.replan import (
     execute,
     prepare_timed,
 )
+from robust.execute.rules import Rules, parse_rules
 from robust.execute.slices import SliceAnswer
-from robust.execute.worlds import Rules, parse_rules
 from robust.json_text import plain
 from robust.plan.parameters import ParameterSpec, parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem

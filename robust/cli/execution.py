@@ -357,7 +357,7 @@ def _mission(options: ExecuteCommand, run: Run) -> replan.Mission:
     from robust.execute.dispatchable import parse_executor
     from robust.execute.planners import create_planner
     from robust.execute.replan import Mission, ReplanningOptions
-    from robust.execute.worlds import Rules, read_rules
+    from robust.execute.rules import Rules, read_rules
     from robust.irr.exact import BoxMethod
     from robust.plan.parameters import specifications
     from robust.plan.pddl.reader import read_domain, read_problem

@@ -29,7 +29,7 @@ from typing import Any, Final, NamedTuple
 
 from robust.errors import InputError, InputWarning, Location, did_you_mean
 from robust.execute.logs import ActionRun, Amount, RunEnding, read_runs
-from robust.execute.worlds import CovarianceRule, FactorRule, Rule, Rules, factor_rule, normal_name
+from robust.execute.rules import CovarianceRule, FactorRule, Rule, Rules, factor_rule, normal_name
 from robust.numbers import format_number, plural, shorten
 from robust.plan.model import Parameter, ParametrizedPlan
 from robust.plan.parameters import names_of

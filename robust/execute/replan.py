@@ -23,8 +23,9 @@ from robust.execute.convert import ConversionEnd, Mode, convert
 from robust.execute.dispatchable import Blex, Dispatchable, Dreex, Executor, Guarantee, Slice, make_dispatchable
 from robust.execute.dispatcher import Dispatcher, Ending, LeftBox, MessageRejected, Observation
 from robust.execute.planners.interface import Planner
+from robust.execute.rules import Rules
 from robust.execute.situation import NoPlanError, fitting, origin_after, plans_for, remaining_problem
-from robust.execute.worlds import ExecutedInstance, InstanceOutcome, Luck, Rules, SimulatedWorld
+from robust.execute.worlds import ExecutedInstance, InstanceOutcome, Luck, SimulatedWorld
 from robust.irr.exact import BoxMethod
 from robust.numbers import Number, format_number
 from robust.plan import model, parameters, timeline

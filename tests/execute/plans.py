@@ -14,7 +14,7 @@ from robust import Box, Interval, ParametrizedPlan, envelope
 from robust.errors import Location
 from robust.execute.convert import Conversion, Mode, convert
 from robust.execute.dispatchable import Dispatchable, make_dispatchable
-from robust.execute.worlds import Rule, Rules, Subject
+from robust.execute.rules import Rule, Rules, Subject
 from robust.plan import load, parameters, stn, timed
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.probability.distributions import parse_form

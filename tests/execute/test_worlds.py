@@ -14,14 +14,15 @@ from robust.execute.dispatchable import Blex
 from robust.execute.dispatcher import Completed, Dispatch, Dispatcher, DispatchFailed, LeftBox, Observed
 from robust.execute.drive import WallClock, drive, run_in_world
 from robust.execute.planners.interface import PlannerAnswer, PlannerStatus
-from robust.execute.worlds import Below, InstanceOutcome, Luck, Rule, Rules, SimulatedWorld, Subject, parse_rules
+from robust.execute.rules import Rule, Rules, Subject, parse_rules
+from robust.execute.worlds import InstanceOutcome, Luck, SimulatedWorld
 from robust.plan.model import Atom, Fluent, TimedLiteral
 from robust.plan.parameters import parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.polynomial import Polynomial
 from robust.plan.timed import parse_timed_plan
 from robust.plan.timeline import State
-from robust.probability.distributions import Amount, DistributionForm
+from robust.probability.distributions import Amount, Below, DistributionForm
 from tests.execute import plans
 from tests.execute.plans import EPSILON, box_of, constant, tasks, tasks_dispatchable, text_of, working
 

@@ -11,7 +11,7 @@ import robust
 from robust import Box, InputError, Interval, Status
 from robust.encode.encoding import RelationalEncoding
 from robust.execute.learned import distributions_of
-from robust.execute.worlds import parse_rules
+from robust.execute.rules import parse_rules
 from robust.irr.containment import Containment
 from robust.irr.widen import DiscoveredBadSet
 from robust.plan.model import ZERO, Parameter

@@ -11,7 +11,8 @@ import pytest
 
 import robust
 from robust import InputError, Location
-from robust.execute.worlds import Luck, parse_rules
+from robust.execute.rules import parse_rules
+from robust.execute.worlds import Luck
 from robust.probability.averages import Conditional, FactorAverage
 from robust.probability.distributions import parse_distribution
 from robust.probability.risk import RiskStatus
