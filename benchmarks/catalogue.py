@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from robust.errors import InputError, Location
 from robust.numbers import Number, exact
 from robust.options.declare import not_negative, option, positive
-from robust.options.verbs import Output, Plot
+from robust.options.shared import Output, Plot
 
 if TYPE_CHECKING:
     from .engine.experiment import Experiment

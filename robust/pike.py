@@ -28,7 +28,7 @@ from robust.execute.drive import WallClock, drive, run_in_world
 from robust.numbers import Number, exact, shorten
 from robust.options import pike as asking
 from robust.options.declare import Options, Verb, named_values, not_negative, place_of, setting, spelled, texts
-from robust.options.verbs import Solving
+from robust.options.shared import Solving
 from robust.pike_bridge.action_model import Instance
 from robust.pike_bridge.builder import act, build, choose, k_intents, parallel, sequence, within
 from robust.pike_bridge.compile import (

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from robust.errors import InputError
 from robust.numbers import Number, exact, shorten
-from robust.options import declare, verbs
+from robust.options import declare, shared, verbs
 
 if TYPE_CHECKING:
     from robust.execute.convert import Conversion, Mode, Settings
@@ -130,7 +130,7 @@ def load_plan(
     return conversion.plan
 
 
-class _Reading(verbs.Demands, verbs.FromSteps, verbs.Separation, verbs.Solving):
+class _Reading(shared.Demands, shared.FromSteps, shared.Separation, shared.Solving):
     """Options for reading a plan."""
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from robust import errors, records
 from robust.cli.guard import action
-from robust.options import declare, verbs
+from robust.options import declare, shared, verbs
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -35,7 +35,7 @@ HINT_PATIENCE = 10.0
 """Seconds on the clock for the same, where other processes take turns."""
 
 
-def load(options: verbs.AskCommand | ConvertCommand, run: Run, *, nominal_needed: bool = True) -> ParametrizedPlan:
+def load(options: shared.AskCommand | ConvertCommand, run: Run, *, nominal_needed: bool = True) -> ParametrizedPlan:
     """The plan that a command is about; making a network of steps may take half of the time."""
     from robust.reading import load_plan
 

@@ -163,6 +163,7 @@ class Rules:
 
 
 def named(instance: model.ActionInstance) -> set[str]:
+    """What rules may call an instance."""
     return {*parameters.names_of(instance), "*"}
 
 

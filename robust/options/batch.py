@@ -8,7 +8,7 @@ from typing import Any
 from robust.backends import OFFERED
 from robust.errors import InputError, Location
 from robust.numbers import Number, shorten
-from robust.options import declare, verbs
+from robust.options import declare, shared, verbs
 
 
 def stnu_file(path: Path, place: Location) -> Path:
@@ -19,7 +19,13 @@ def stnu_file(path: Path, place: Location) -> Path:
 
 
 class ConvertCommand(
-    verbs.PlanFiles, verbs.FromSteps, verbs.PlanParameters, verbs.Separation, verbs.Solving, verbs.Force, verbs.Output
+    shared.PlanFiles,
+    shared.FromSteps,
+    shared.PlanParameters,
+    shared.Separation,
+    shared.Solving,
+    shared.Force,
+    shared.Output,
 ):
     """Options of `robust convert`."""
 
@@ -66,14 +72,14 @@ class Planners(declare.Options):
 
 class ExecuteCommand(
     Planners,
-    verbs.FromSteps,
-    verbs.PlanParameters,
-    verbs.Separation,
-    verbs.Solving,
-    verbs.BoxOptions,
-    verbs.Plot,
-    verbs.Planning,
-    verbs.Output,
+    shared.FromSteps,
+    shared.PlanParameters,
+    shared.Separation,
+    shared.Solving,
+    shared.BoxOptions,
+    shared.Plot,
+    shared.Planning,
+    shared.Output,
 ):
     """Options of `robust execute`."""
 
@@ -112,7 +118,7 @@ class ExecuteCommand(
             raise InputError("give PLAN or --planner: without either there is no plan to execute")
 
 
-class WatchCommand(Planners, verbs.Paged, verbs.AskCommand):
+class WatchCommand(Planners, shared.Paged, shared.AskCommand):
     """Options of `robust watch`."""
 
     clock: str = declare.option(
@@ -139,8 +145,8 @@ class WatchCommand(Planners, verbs.Paged, verbs.AskCommand):
         "exact: texts such as 1/3; decimal: JSON numbers, rounded such that what they promise holds",
         choices=("exact", "decimal"),
     )
-    distribution: Sequence[str] = verbs.distributions_option()
-    world: str | Path | None = verbs.world_file()
+    distribution: Sequence[str] = shared.distributions_option()
+    world: str | Path | None = shared.world_file()
     answer_limit: Number = declare.option(
         "1",
         "time limit of each answer, in seconds: what is not found by then is as it was promised last, or undecided",
@@ -162,7 +168,7 @@ CERTIFICATES = ("plan", "box", "maximal", "shape", "region", *WITH_CHOICES)
 ASSUMED = "a choice that has already been made; may be repeated"
 
 
-class CertifyCommand(verbs.FromSteps, verbs.PlanParameters, verbs.SearchOptions, verbs.Force, verbs.Output):
+class CertifyCommand(shared.FromSteps, shared.PlanParameters, shared.SearchOptions, shared.Force, shared.Output):
     """Options of `robust certify`; one file is a plan with choices, three are a domain, a problem and a plan."""
 
     files: tuple[Path, ...] = declare.argument(..., "DOMAIN PROBLEM PLAN, or NETWORK (.tpnu.json)", "FILES", many=True)
@@ -176,7 +182,7 @@ class CertifyCommand(verbs.FromSteps, verbs.PlanParameters, verbs.SearchOptions,
         "execution: one that is correct; knowledge: none is correct; default: whichever holds",
         choices=CERTIFICATES,
     )
-    shape: str = verbs.shape_option("octagon", needs=("kind", ("shape",)))
+    shape: str = shared.shape_option("octagon", needs=("kind", ("shape",)))
     box: Path | None = declare.path_option("the box, as printed by robust envelope --json; default: widening finds one")
     assume: tuple[str, ...] = declare.option((), ASSUMED, metavar="NAME=VALUE", many=True)
     alethe: Path | None = declare.path_option(
@@ -202,7 +208,7 @@ class CertifyCommand(verbs.FromSteps, verbs.PlanParameters, verbs.SearchOptions,
             raise InputError(f"--alethe needs --kind plan, box or maximal, not {kind}")
 
 
-class VerifyCommand(verbs.Separation, verbs.Limited, verbs.Json):
+class VerifyCommand(shared.Separation, shared.Limited, shared.Json):
     """Options of `robust verify`."""
 
     certificate: Path = declare.argument(..., "a certificate", "CERT")
@@ -226,14 +232,14 @@ class VerifyCommand(verbs.Separation, verbs.Limited, verbs.Json):
         "time limit in seconds; default: 4 seconds of processor time, and 1 for every 10 kB of the files beyond 120 kB",
         metavar="S",
         read=declare.seconds,
-        rank=verbs.LIMIT,
+        rank=shared.LIMIT,
     )
 
 
 # -- networks with uncertainty -----------------------------------------------------------------------------------------
 
 
-class StnuFiles(verbs.Limited, verbs.Output):
+class StnuFiles(shared.Limited, shared.Output):
     """Options of all of `robust stnu`."""
 
     files: tuple[Path, ...] = declare.argument(
@@ -276,7 +282,7 @@ def _link_weights(values: Sequence[str], place: Location) -> tuple[tuple[str, Fr
     return tuple(weights)
 
 
-class StnuRiskCommand(verbs.Limited, verbs.Output):
+class StnuRiskCommand(shared.Limited, shared.Output):
     """Options of `robust stnu risk`."""
 
     file: Path = declare.argument(..., "a network all of whose contingent links have distributions", "FILE")
@@ -305,17 +311,17 @@ class StnuRepairCommand(StnuFiles):
             raise InputError("needs exactly one network", declare.place_of("output"))
 
 
-class DemoCommand(verbs.Colored):
+class DemoCommand(shared.Colored):
     """Options of `robust demo`."""
 
 
 Question = tuple[str, str, tuple[str, ...]]
 """Its name, and what is typed: the verb, and options."""
-PLACES = verbs.SOLVING
+PLACES = shared.SOLVING
 """Rank of where and how many at a time."""
 
 
-class BatchOptions(verbs.Separation, verbs.FromSteps, verbs.PlanParameters, verbs.Encoded, verbs.Solver):
+class BatchOptions(shared.Separation, shared.FromSteps, shared.PlanParameters, shared.Encoded, shared.Solver):
     """Options of all questions about many plans; options of single plans keep their meaning."""
 
     jobs: int = declare.option(
@@ -341,14 +347,14 @@ class BatchOptions(verbs.Separation, verbs.FromSteps, verbs.PlanParameters, verb
         "time limit of each plan in seconds; its result so far is its answer then",
         metavar="S",
         read=declare.seconds,
-        rank=verbs.LIMIT,
+        rank=shared.LIMIT,
     )
     timeout: Number | None = declare.option(
         None,
         "time limit of all plans in seconds; the plans answered by then are shown",
         metavar="S",
         read=declare.seconds,
-        rank=verbs.LIMIT,
+        rank=shared.LIMIT,
     )
     on_result: Callable[[int, int, str], None] | None = declare.option(
         None, "called after each answer with their number, the total and a line about it", shown=False
@@ -371,7 +377,7 @@ class BatchOptions(verbs.Separation, verbs.FromSteps, verbs.PlanParameters, verb
             verb,
             (
                 *declare.typed(
-                    self, verbs.Separation, verbs.Solver, verbs.Encoded, verbs.FromSteps, verbs.PlanParameters
+                    self, shared.Separation, shared.Solver, shared.Encoded, shared.FromSteps, shared.PlanParameters
                 ),
                 *words,
             ),
@@ -382,12 +388,12 @@ class BatchCheckOptions(BatchOptions):
     """Options of `robust.batch("check", ...)`."""
 
 
-class BatchEnvelopeOptions(BatchOptions, verbs.AnyBoxOptions):
+class BatchEnvelopeOptions(BatchOptions, shared.AnyBoxOptions):
     """Options of `robust.batch("envelope", ...)`."""
 
     @property
     def asked(self) -> tuple[Question, ...]:
-        return (self._ask("envelope", *declare.typed(self, verbs.AnyBoxOptions)),)
+        return (self._ask("envelope", *declare.typed(self, shared.AnyBoxOptions)),)
 
 
 class BatchRegionOptions(BatchOptions, verbs.EliminationOptions):
@@ -411,9 +417,9 @@ class BatchCompareOptions(BatchOptions):
 
     @property
     def asked(self) -> tuple[Question, ...]:
-        irr = verbs.BoxOptions(method="irr", beta=self.beta, doubling=self.doubling)
+        irr = shared.BoxOptions(method="irr", beta=self.beta, doubling=self.doubling)
         questions = (
-            self._ask("envelope", *declare.typed(irr, verbs.BoxOptions), name="irr"),
+            self._ask("envelope", *declare.typed(irr, shared.BoxOptions), name="irr"),
             self._ask("envelope", "--method=optimal", name="ccmmz"),
         )
         return questions if self.region is None else (*questions, self._ask("region", f"--backend={self.region}"))
@@ -432,17 +438,17 @@ BATCHES: dict[str, type[BatchOptions]] = {
 """Options by verb."""
 
 
-class BatchCommand(BatchOptions, verbs.Output):
+class BatchCommand(BatchOptions, shared.Output):
     """Options of all commands of `robust batch`."""
 
     suite: Path = declare.argument(
         ..., "folder of plans with their problems and domains, or a list of them (lines, .json, .csv)", "SUITE"
     )
     csv: Path | None = declare.path_option(
-        "write a CSV file with a line for each plan", read=declare.written_to("the table"), rank=verbs.DRAWING
+        "write a CSV file with a line for each plan", read=declare.written_to("the table"), rank=shared.DRAWING
     )
     html: Path | None = declare.path_option(
-        "write the table as a self-contained HTML page", read=declare.written_to("the table"), rank=verbs.DRAWING
+        "write the table as a self-contained HTML page", read=declare.written_to("the table"), rank=shared.DRAWING
     )
 
 

@@ -23,7 +23,7 @@ from robust.options.declare import (
     setting,
     share,
 )
-from robust.options.verbs import Force, Output, Paged, Separation, SliceOptions, Solving
+from robust.options.shared import Force, Output, Paged, Separation, SliceOptions, Solving
 
 if TYPE_CHECKING:
     from robust.pike_bridge.online.world import Disturbance, ExecutionStep
