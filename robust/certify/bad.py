@@ -212,13 +212,13 @@ def _about(name: str) -> tuple[str, ...]:
 
 
 def _none_broken(formulas: Formulas, numbers: Sequence[int]) -> int:
-    """That none of these obligations is broken."""
+    """The formula that none of these obligations is broken."""
     obligations = formulas.obligations()
     return formulas.circuit.all([-obligations[number][1]() for number in numbers])
 
 
 def _pins(point: tape.Point) -> list[LinearSide]:
-    """That unknowns have these values."""
+    """The formula that unknowns have these values."""
     signs = (Fraction(1), Fraction(-1))
     return [LinearSide.of({name: sign, "": -sign * value}, False) for name, value in point.items() for sign in signs]
 

@@ -459,7 +459,7 @@ class _Search:
         return seen
 
     def _orders(self, nodes: Iterable[int]) -> Iterator[_Lemma]:
-        """Of comparisons of one linear form the tighter implies the looser; stated before the search needs it."""
+        """Tighter comparisons of one linear form imply looser ones; stated before the search needs it."""
         forms: dict[tuple[tuple[str, int], ...], list[tuple[int, bool, int]]] = defaultdict(list)
         for number in nodes:
             if not self._circuit.is_gate(number):

@@ -280,7 +280,7 @@ def _lines(options: CertifyCommand, deadline: Deadline, run: Run) -> tuple[list[
 
 
 def _of_choices(options: CertifyCommand, deadline: Deadline) -> list[Any]:
-    """That a correct execution of a plan with choices is one, or that there is none: what is asked for, or true."""
+    """The certificate that a plan with choices has a correct execution, or that it has none: as asked for, or true."""
     from robust.certify.produce import execution, knowledge
     from robust.pike import assumed
     from robust.pike_bridge.action_model import load_team_plan

@@ -306,7 +306,7 @@ def _write_page(options: verbs.CompareCommand, run: Run, result: Comparison) -> 
 
 
 def _page_seconds(run: Run, result: Comparison) -> float:
-    """As long as everything before took, or a minute, if that is more."""
+    """The seconds for the page: as long as everything before took, but at least a minute."""
     most = max(60.0, result.seconds)
     return most if run.remaining is None else min(most, run.remaining)
 

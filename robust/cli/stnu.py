@@ -196,7 +196,7 @@ def _code(judged: list[JudgedNetwork[Any]], cause: Cause | None) -> int:
 def _weights(
     options: batch.StnuRepairCommand, network: Network
 ) -> tuple[Fraction | None, Fraction | None, dict[tuple[str, str], Fraction | None]]:
-    """Of requirements, of contingent links, and of single links."""
+    """The weights of requirements, of contingent links, and of single links."""
     kinds: dict[str, Fraction | None] = {"requirement": Fraction(1), "contingent": Fraction(1)}
     ends = {f"{link.source}:{link.target}": (link.source, link.target) for link in network.links}
     single = {}

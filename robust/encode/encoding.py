@@ -522,7 +522,7 @@ class RelationalEncoding(Encoding):
         return [*self._slices(obligation.stage).touching(formulas), *formulas]
 
     def full_query(self, obligation: Obligation) -> list[Formula]:
-        """As :meth:`query` over the whole network: a model gives a time to every time point."""
+        """The formulas of :meth:`query` over the whole network: a model gives a time to every time point."""
         assumed = map(self.terms.at_least, self._assumed[obligation.stage])
         return [*self.network_formulas(), *assumed, *self._about_states(obligation)]
 
@@ -605,7 +605,7 @@ class RelationalEncoding(Encoding):
         instance: model.ActionInstance | None = None,
         stage: Stage = Stage.CONDITION,
     ) -> Obligation:
-        """That a condition holds at a moment, or throughout an instance."""
+        """The formula that a condition holds at a moment, or throughout an instance."""
         if name in self._proved:
             return Obligation(name, stage, None)
         if moment is None and instance is not None:

@@ -116,7 +116,7 @@ class Encoding(ABC):
 
     @abstractmethod
     def full_query(self, obligation: Obligation) -> list[Formula]:
-        """As :meth:`query` over the whole network: a model gives a time to every time point."""
+        """The formulas of :meth:`query` over the whole network: a model gives a time to every time point."""
 
     @abstractmethod
     def network_formulas(self) -> list[Formula]:

@@ -198,7 +198,7 @@ class Reader:
 
 
 def relevant_fluents(plan: model.ParametrizedPlan, writes: Writes) -> tuple[model.Fluent, ...]:
-    """Those that are both written and read anywhere: nothing depends on the values of others."""
+    """The fluents that are both written and read: nothing depends on the values of others."""
     read = set(_fluents_read(plan))
     return tuple(f for f in dict.fromkeys((*writes.of_fluent, *writes.flows)) if f in read)
 

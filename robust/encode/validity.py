@@ -238,7 +238,7 @@ class Validity:
 
     @cached_property
     def _forward_cycles(self) -> Cycles:
-        """Those of all time points that turn back on no distance: no simple cycle does."""
+        """The cycles of all time points that turn back on no distance: no simple cycle does."""
         return Cycles(self._network.differences, forward=True)
 
     def _broken_by_some_circulation(

@@ -59,7 +59,7 @@ class MonitorMessage:
     observed: Fraction | bool | None = None
 
     def as_dict(self) -> dict[str, Any]:
-        """As a line of JSON says it."""
+        """The message as a line of JSON says it."""
         if self.kind is MessageKind.TICK:
             return {"tick": str(self.at)}
         rest = {"is": self.observed, "at": self.at, "arrived": self.arrived}

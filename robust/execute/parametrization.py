@@ -373,7 +373,7 @@ def with_relative_widths(plan: model.ParametrizedPlan) -> model.ParametrizedPlan
 
 
 def with_relative_weights(plan: stn.STNPlan) -> stn.STNPlan:
-    """As :func:`with_relative_widths`, of a plan as it is written."""
+    """Relative widths as by :func:`with_relative_widths`, of a plan as it is written."""
     weighted = (replace(known, weight=_relative(known.weight, known.default)) for known in plan.parameters)
     return replace(plan, parameters=tuple(weighted))
 

@@ -128,7 +128,7 @@ class MasterProblem(ABC, Generic[CostT]):
         return candidate
 
     def _chosen(self, point: Point) -> Chosen:
-        """Of each clause an inequality that holds at a point."""
+        """An inequality of each clause that holds at a point."""
         return {
             number: next(choice for choice in clause.choices if self.holds(choice, point))
             for number, clause in enumerate(self.clauses)

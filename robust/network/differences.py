@@ -198,7 +198,7 @@ class DifferenceNetwork:
 
     @cached_property
     def _searches(self) -> dict[int, tuple[list[int | None], list[tuple[int, int]]]]:
-        """Of each component that was asked about the least slacks of paths that are known, and where to go on."""
+        """The least slacks of paths that are known of each component that was asked about, and where to go on."""
         return {}
 
     def _slack_to(self, start: int, goal: int, most: int | None = None) -> int | None:

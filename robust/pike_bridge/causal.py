@@ -137,7 +137,7 @@ def prune(question: OpenCondition, contexts: Contexts) -> OpenCondition:
         return in_time and contexts.precedes(one.event, other.event, *guards)
 
     def replaces(other: LabeledHappening, one: LabeledHappening, among: tuple[LabeledHappening, ...]) -> bool:
-        """Of two at one event: whether the other is activated more often, or else comes first in the list."""
+        """Whether the other of two at one event is activated more often, or else comes first in the list."""
         return not contexts.entails(other.guard, one.guard) or among.index(other) < among.index(one)
 
     def dominated_producer(one: LabeledHappening) -> bool:

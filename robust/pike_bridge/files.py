@@ -41,7 +41,7 @@ class Places:
 
 
 NOWHERE: Final = Places()
-"""Of plans that were built in memory."""
+"""The name of plans that were built in memory."""
 
 
 def validate(network: model.Tpnu, places: Places = NOWHERE) -> None:

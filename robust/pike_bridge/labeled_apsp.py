@@ -345,7 +345,7 @@ def temporal_conflicts(
 
 
 def circulation(terms: Terms, propositions: Propositions, graph: DistanceGraph) -> Iterable[Formula]:
-    """That the edges whose label holds carry a circulation of weight −1 (Farkas' lemma)."""
+    """The formula that the edges whose label holds carry a circulation of weight −1 (Farkas' lemma)."""
     flows = [Polynomial.variable(f"flow {number}") for number in range(len(graph.edges))]
     balance: dict[int, Polynomial[str]] = defaultdict(lambda: Polynomial({}))
     for edge, flow in zip(graph.edges, flows, strict=True):
@@ -421,7 +421,7 @@ class _ConflictSearch:
         return None if cycle is None else self._generalised(_label(cycle, edges), edges)
 
     def _generalised(self, conflict: Environment, edges: list[LabeledEdge]) -> Environment:
-        """As few of a conflict's assignments as one negative cycle needs, leaving out one after the other."""
+        """The conflict with only the assignments that one negative cycle needs, leaving out one after the other."""
         vocabulary, count = self.graph.vocabulary, len(self.graph.events)
         for variable in vocabulary.assigned(conflict):
             self._deadline.enforce()

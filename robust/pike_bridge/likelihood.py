@@ -99,7 +99,7 @@ class ScenarioLeaves(ABC, Generic[State]):
 
     @abstractmethod
     def chance(self, state: State) -> ChanceBounds:
-        """Of a correct execution, where all choices are made."""
+        """The probability of a correct execution, where all choices are made."""
 
 
 class DiagramLeaves(ScenarioLeaves[tuple[int, ...]]):

@@ -57,7 +57,7 @@ class Semantics(Propositions):
         return self.terms.equal(self.time_of(event) - time)
 
     def not_earlier(self, event: str, moment: Time, environment: model.Guard = model.ALWAYS) -> Formula:
-        """That the event, if it is activated in the environment, is at a moment or later."""
+        """The formula that the event, if it is activated in the environment, is at a moment or later."""
         return self.unless(self._events[event] | environment, self.terms.at_least(self.time_of(event) - moment))
 
     def times(self, events: Iterable[str]) -> list[Formula]:
@@ -102,7 +102,7 @@ class Semantics(Propositions):
         return self.terms.conjunction((self.guard(producer.guard), in_time, *away))
 
     def _before(self, earlier: str, later: str) -> Formula:
-        """That an event is at least ε before another; if ε is 0, that it is strictly before."""
+        """The formula that an event is at least ε before another; if ε is 0, that it is strictly before."""
         order = (earlier, later)
         if order not in self._orders:
             difference = self.difference(earlier, later)
@@ -435,7 +435,7 @@ def restrict(plan: model.TeamPlan, environment: model.Guard) -> model.TeamPlan:
         raise InputError(f"found two values of one choice in {{{model.guard_text(environment)}}}, expected one")
 
     def left(parts: Iterable[Guarded]) -> tuple[Guarded, ...]:
-        """Those that can still be activated, with what is left of their guards."""
+        """The constraints that can still be activated, with what is left of their guards."""
         kept = (part for part in parts if not model.contradicts(environment, part.guard))
         return tuple(replace(part, guard=part.guard - environment) for part in kept)
 

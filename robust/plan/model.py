@@ -207,7 +207,7 @@ class TimedCondition:
 
 @dataclass(frozen=True, slots=True)
 class Agreement(TimedCondition):
-    """That no fluent gets two values at a time point: no assignment of it takes place together with another change.
+    """The rule that no fluent gets two values at a time point: no assignment takes place together with another change.
 
     It follows from the effects of an action, and `text` says which fluents it is about.
     """
@@ -402,7 +402,7 @@ class TemporalConstraint:
     name: str | None = field(default=None, compare=False)
 
     def __str__(self) -> str:
-        """As plan files write it, with its line; or its name, and the time point."""
+        """The constraint as plan files write it, with its line; or its name, and the time point."""
         if self.name is not None:
             return f"{self.name}: {self.target} at most {'inf' if self.upper is None else as_written(self.upper)}"
         lower = "-inf" if self.lower is None else as_written(self.lower)

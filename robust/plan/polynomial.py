@@ -31,7 +31,7 @@ class Polynomial(Generic[V_co]):
 
     @staticmethod
     def _of(terms: dict[Monomial[W], Fraction]) -> Polynomial[W]:
-        """Of terms that nobody else has, none of which is zero."""
+        """The polynomial of terms that nobody else has, none of which is zero."""
         made = Polynomial[W].__new__(Polynomial)
         made.terms, made._hash, made._variables = terms, None, None
         return made

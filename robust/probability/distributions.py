@@ -283,7 +283,7 @@ class Distribution:
         return self.numbers["deviation"]
 
     def moved(self, factor: Fraction, shift: Fraction) -> Distribution:
-        """That of `factor` times a value plus `shift`; the factor is above 0."""
+        """The distribution of `factor` times a value plus `shift`; the factor is above 0."""
         numbers = {key: value * factor + (0 if key == "deviation" else shift) for key, value in self.numbers.items()}
         if self.kind == "exponential":
             numbers["minimum"] = self._start * factor + shift

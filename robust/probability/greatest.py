@@ -301,7 +301,7 @@ def _is_emptiness(side: constraint.LinearConstraint) -> bool:
 
 
 def _throughout(half: constraint.LinearConstraint) -> constraint.LinearConstraint:
-    """Of the ends of a box: that the constraint holds in all of it."""
+    """The constraint on the ends of a box that holds if it holds in all of the box."""
     factors = {end_of((name, Side.UPPER if factor > 0 else Side.LOWER)): factor for name, factor in half.coefficients}
     return constraint.LinearConstraint.of(factors, half.relation, half.constant)
 

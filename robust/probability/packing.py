@@ -177,7 +177,7 @@ def _around(part: Box, box: Box) -> list[Box]:
 
 @dataclass(frozen=True, slots=True)
 class SampledEstimate:
-    """Of `draws` random points the plan succeeded at `successes`; the probability of success is between `lower` and
+    """The plan succeeded at `successes` of `draws` random points; the probability of success is between `lower` and
     `upper` with `confidence` [Clopper and Pearson 1934]: this is statistics, no proof."""
 
     draws: int

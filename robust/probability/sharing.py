@@ -135,7 +135,7 @@ def one_factor(matrix: Matrix) -> list[tuple[Loadings, Fraction]] | None:
 
 
 def _loadings(matrix: Matrix, group: Sequence[int]) -> tuple[Loadings, Fraction]:
-    """Those that the covariances with one quantity, and of two others, demand."""
+    """The loadings that the covariances with one quantity, and of two others, demand."""
     first, second, *others = group
     variance = abs(matrix[first][second])
     if others and matrix[second][others[0]]:

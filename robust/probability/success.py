@@ -149,7 +149,7 @@ class Lateness:
         return least.get(order.target, Fraction(1))
 
     def _prove(self, box: Box, orders: Sequence[SlackRequirement], epsilon: Fraction, solver: str) -> None:
-        """That every schedule with these orders is valid wherever durations are in the box."""
+        """Prove that every schedule with these orders is valid wherever durations are in the box."""
         points = self._plan.time_points
         ordered = [
             model.TemporalConstraint(

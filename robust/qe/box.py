@@ -183,7 +183,7 @@ class Box(Mapping[str, Interval]):
         return True
 
     def __contains__(self, values: object) -> bool:
-        """Of a name, whether it is that of a parameter; of a point, whether the box :meth:`includes` it."""
+        """Whether a name is that of a parameter, or the box :meth:`includes` a point."""
         return self.includes(values) if isinstance(values, Mapping) else values in self.intervals
 
     def includes(self, values: Mapping[str, Fraction]) -> bool:

@@ -141,7 +141,7 @@ class Samples:
 
 
 Judged = tuple[set[int], set[int]]
-"""Of the random points of a group: which are not known to be bad, and which are known to be good."""
+"""Which random points of a group are not known to be bad, and which are known to be good."""
 
 
 def open_points(groups: Sequence[Judged]) -> int:

@@ -235,7 +235,7 @@ def _parts(file: Path) -> tuple[str, ...]:
 
 
 def _defined(directory: Path) -> Mapping[str, Sequence[Path]]:
-    """Those that cannot be read define nothing."""
+    """Files of a directory by what they define; those that cannot be read define nothing."""
     files: dict[str, tuple[Path, ...]] = {}
     for file in sorted(directory.glob("*.[pP][dD][dD][lL]")):
         try:
@@ -382,7 +382,7 @@ class BatchRow(NoTruthValue, ask="exit_code"):
 
     @property
     def _boxes(self) -> tuple[Box, Box] | None:
-        """Those of IRR and CCMMZ, if both are complete."""
+        """The boxes of IRR and CCMMZ, if both are complete."""
         runs = (self.runs.get(name) for name in (IRR, CCMMZ))
         boxes = [box_of(run.box) for run in runs if run is not None and run.exit_code == 0 and run.box is not None]
         return (boxes[0], boxes[1]) if len(boxes) == 2 else None

@@ -161,7 +161,7 @@ def attempt_here(folder: str) -> None:
 
 
 def _some_done(running: Iterable[Future[TaskOutcome]], deadline: Deadline) -> Iterable[Future[TaskOutcome]]:
-    """Those that are done, once one is.
+    """The tasks that are done, once one is.
 
     Raises:
         OutOfTimeError: if the deadline passes before.

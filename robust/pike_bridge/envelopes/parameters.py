@@ -219,7 +219,7 @@ def _checked(spec: TeamParameterSpec) -> TeamParameterSpec:
 def specifications(
     texts: Sequence[str], file: str | PathLike[str] | None, own: Sequence[TeamParameterSpec] = ()
 ) -> tuple[TeamParameterSpec, ...]:
-    """Those of the plan's file, of a TOML file and of options; the later ones replace earlier ones of the same bound.
+    """Parameters of the plan's file, of a TOML file and of options; later ones replace earlier ones of the same bound.
 
     Raises:
         InputError: if a file cannot be read, a specification is wrong, or one source has two of the same bound.

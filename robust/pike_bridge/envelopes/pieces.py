@@ -225,7 +225,7 @@ class BoundStatement:
 
 @dataclass(frozen=True, slots=True)
 class OrderStatement:
-    """That an event is before another, so that what one activity needs is there."""
+    """The statement that an event is before another, so that what one activity needs is there."""
 
     earlier: str
     later: str
@@ -233,7 +233,7 @@ class OrderStatement:
 
 @dataclass(frozen=True, slots=True)
 class WaitingStatement:
-    """That nothing is done differently before it is known what is different: all that joins copies of a plan."""
+    """The statement that nothing is done differently before a difference is known: all that joins copies of a plan."""
 
 
 Statement: TypeAlias = BoundStatement | OrderStatement | WaitingStatement
@@ -314,7 +314,7 @@ class ParametricSemantics(Semantics):
             self.statements.setdefault(leaf, statement)
 
     def active(self, event: str) -> Formula:
-        """That an event is activated."""
+        """The formula that an event is activated."""
         return self.guard(self._events[event])
 
     def time_of(self, event: str) -> Polynomial[str]:
@@ -443,7 +443,7 @@ class Combination:
 
     @property
     def polyhedra(self) -> tuple[Polyhedron, ...]:
-        """Of the pieces."""
+        """The polyhedra of the pieces."""
         return tuple(piece.polyhedron for piece in self.pieces)
 
     def allows(self, values: Point) -> bool:
@@ -634,7 +634,7 @@ class _Waiting:
     def _after(
         self, copy: ParametricSemantics, event: Event, telling: Sequence[Choice], active_in_other: Formula
     ) -> Formula:
-        """That in one copy the event comes after a choice that tells both copies apart, if it comes at all."""
+        """The formula that the event, if it comes in one copy, comes after a choice that tells both copies apart."""
         terms, epsilon = self._terms, self._plan.epsilon
         if copy.active(event.name) is terms.false:
             return terms.true

@@ -55,7 +55,7 @@ class GameSituation:
 
 @dataclass(frozen=True, slots=True)
 class MovableBound:
-    """To which value a bound must, or may, be moved, if all else stays as it is.
+    """The value to which a bound must, or may, be moved, if all else stays as it is.
 
     Attributes:
         least: whether it is a least value: smaller ones make it harder.
@@ -84,7 +84,7 @@ class TeamControllability(Stoppable, ask="verdict"):
     cases: int = 0
     """Joint values of people's choices, each with the lengths that the strategy tells apart."""
     policies: int = 0
-    """That were tried."""
+    """How many strategies were tried."""
     seconds: float = 0.0
     limits: list[MovableBound] = field(default_factory=list)
     """How far bounds can move, where that was asked for."""

@@ -229,7 +229,7 @@ class StrategyRehearsal(Rehearsal):
     on_stage: Announce = unheard
 
     def run(self) -> ExecutionRecord:
-        """As of :class:`Rehearsal`.
+        """The record of the run, as of :class:`Rehearsal`.
 
         Raises:
             RefutedError: if there is no strategy.

@@ -46,7 +46,7 @@ class _Play(Semantics):
         return [(*pair, order) for pair, order in self._orders.items() if order.is_symbol()]
 
     def activated(self, guard: model.Guard) -> Formula:
-        """That a guard of the whole plan holds."""
+        """The formula that a guard of the whole plan holds."""
         return self.terms.false if model.contradicts(guard, self.case.values) else self.guard(guard - self.case.values)
 
     def _before(self, earlier: str, later: str) -> Formula:
@@ -234,7 +234,7 @@ class Plays:
                 yield terms.implication(waits, terms.conjunction(after))
 
     def _after(self, here: tuple[int, int], event: str, sign: Sign) -> Formula:
-        """That the sign comes up, and shows before the event or at its time."""
+        """The formula that the sign comes up, and shows before the event or at its time."""
         shown, delay = self._signal(self.cases[here[0]], sign)
         activated = self._play(here).activated(self.game.guards[self._shown_at(sign)])
         return self._terms.conjunction((activated, self._bounded(here, shown, event, delay, None)))
@@ -255,7 +255,7 @@ class Plays:
                     yield self._terms.greater(later - Polynomial.variable(f"rank of {self._shown_at(sign)} in {key}"))
 
     def _alike(self, one: tuple[int, int], other: tuple[int, int]) -> Iterator[Formula]:
-        """That the executive does the same in two situations until it has seen a difference."""
+        """The formula that the executive does the same in two situations until it has seen a difference."""
         differing = [sign for sign in self._signs if self._differ(one, other, sign)]
         lengths = (
             []

@@ -471,7 +471,7 @@ class Goal:
     def _model(
         self, parts: Iterable[Part], begin: Mapping[int, int], forbidden: frozenset[Choice], deadline: Deadline
     ) -> dict[int, int] | None:
-        """Of the parts, with what no part says as in the beginning, if that is not forbidden."""
+        """A model of the parts; what no part says is as in the beginning, if that is not forbidden."""
         functions, model = self.diagrams.functions, dict(begin)
         for variable in {variable for variable, _ in forbidden}:
             values = [number for number in range(functions.sizes[variable]) if (variable, number) not in forbidden]

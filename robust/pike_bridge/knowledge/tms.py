@@ -366,7 +366,7 @@ class Atms(LabelKnowledgeBase):
         return could_hold(self._factors, self._partial(asked.required), conflicts, deadline)
 
     def _count(self, deadline: Deadline) -> int:
-        """As decision diagrams of what the labels and conflicts of all factors say."""
+        """The number of solutions, by decision diagrams of what the labels and conflicts of all factors say."""
         labels = [list(self._decoded(factor.label)) for factor in self._factors]
         environments = (conflict.environment for factor in self._factors for conflict in factor.conflicts)
         conflicts = list(map(self._vocabulary.decode, environments))

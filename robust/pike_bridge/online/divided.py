@@ -176,19 +176,19 @@ class DividedReasoner(Reasoner):
         return self.view.next_time(deadline)
 
     def allows(self, moment: Fraction, environment: Guard, event: str | None, deadline: Deadline) -> bool:
-        """As of :class:`~robust.pike_bridge.online.semantic.SemanticReasoner`, about what is under way."""
+        """The answer of :class:`~robust.pike_bridge.online.semantic.SemanticReasoner`, about what is under way."""
         self.catch_up()
         return self.view.allows(moment, environment, event, deadline)
 
     def times_of(
         self, event: str, moment: Fraction, deadline: Deadline, *, first: bool = False
     ) -> tuple[Fraction, Fraction | None] | None:
-        """As of :class:`~robust.pike_bridge.online.semantic.SemanticReasoner`, about what is under way."""
+        """The answer of :class:`~robust.pike_bridge.online.semantic.SemanticReasoner`, about what is under way."""
         self.catch_up()
         return self.view.times_of(event, moment, deadline, first=first)
 
     def quiet_until(self, deadline: Deadline) -> Fraction | None:
-        """As of :class:`~robust.pike_bridge.online.semantic.SemanticReasoner`."""
+        """The answer of :class:`~robust.pike_bridge.online.semantic.SemanticReasoner`."""
         self.catch_up()
         return self.view.quiet_until(deadline)
 

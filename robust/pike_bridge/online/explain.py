@@ -212,7 +212,7 @@ class Fact:
     """Of an upper bound of the plan that is not a duration: how much."""
 
     def as_dict(self) -> dict[str, str]:
-        """As in `robust/pike-run/1`."""
+        """The explanation as in `robust/pike-run/1`."""
         return {"about": self.kind.value, "fact": self.text}
 
 
@@ -248,19 +248,19 @@ class Situation:
     # -- hypotheses --------------------------------------------------------------------------------------------------
 
     def assignments(self, kind: About, assignments: Iterable[model.Assignment]) -> list[Fact]:
-        """That choices are so."""
+        """The statement that choices are so."""
         suffix = ", if it were so" if kind is About.ASSUMPTION else ""
         return [Fact(kind, f"{assignment}{suffix}", self.semantics.guard([assignment])) for assignment in assignments]
 
     def executed_now(self, event: str) -> Fact:
-        """That the executive executes a pending event now."""
+        """The statement that the executive executes a pending event now."""
         now = self.progress.now
         formula = self._terms.conjunction((self.semantics.ours(event), self.semantics.at(event, now)))
         text = f"{self.wording.event(event)} at {format_number(now)}, if it were so"
         return Fact(About.ASSUMPTION, text, formula)
 
     def unreported(self) -> list[Fact]:
-        """That what is for others to report comes later than now."""
+        """The statement that what is for others to report comes later than now."""
         later = self.progress.now + self._plan.separation
         return [
             Fact(About.REPORT, f"{self.wording.event(event)} is not reported yet", self._terms.conjunction(formulas))
@@ -300,7 +300,7 @@ class Situation:
         return tuple(by_durations if len(by_durations) < len(by_conditions) else by_conditions)
 
     def facts(self, hypotheses: Sequence[Fact] = ()) -> tuple[Fact, ...] | None:
-        """As few of what has happened as contradict the plan, which is not in question; in the order of time.
+        """The fewest facts that contradict the plan, which is not in question; in the order of time.
 
         Raises:
             OutOfTimeError: if the deadline passes.
@@ -325,7 +325,7 @@ class Situation:
         return None if span is None else span[1]
 
     def _minimal(self, facts: Sequence[Fact]) -> list[Fact] | None:
-        """As few of the facts as contradict each other, earlier ones rather than later ones; None if they do not."""
+        """A minimal set of contradictory facts, earlier ones rather than later ones; None if they are none."""
         with self._given(facts):
             if not self._contradictory():
                 return None
@@ -382,7 +382,7 @@ class Situation:
         return 0 <= lower <= self._plan.separation
 
     def _apart(self, constraint: model.Constraint, bound: Fraction, *, least: bool) -> session.Formula:
-        """That the events are at least, or at most, so far apart."""
+        """The statement that the events are at least, or at most, so far apart."""
         semantics = self.semantics
         difference = semantics.difference(constraint.source, constraint.target) - bound
         return semantics.unless(constraint.guard, self._terms.at_least(difference if least else -difference))

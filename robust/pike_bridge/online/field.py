@@ -181,7 +181,7 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
 
     @property
     def withheld(self) -> frozenset[str]:
-        """As of :class:`PlanExecutive`."""
+        """The decisions withheld, as of :class:`PlanExecutive`."""
         return self._executive.withheld
 
     @property
@@ -193,11 +193,11 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         return min((moment for moment in moments if moment is not None), default=None)
 
     def prepare(self) -> bool:
-        """As of :meth:`PlanExecutive.prepare`."""
+        """Prepare as by :meth:`PlanExecutive.prepare`."""
         return self._executive.prepare()
 
     def possible_values(self, choice: str) -> tuple[str, ...]:
-        """As of :meth:`PlanExecutive.possible_values`."""
+        """The values that :meth:`PlanExecutive.possible_values` gives."""
         return self._executive.possible_values(choice)
 
     @classmethod

@@ -420,7 +420,7 @@ class Inquiry(Situation):
         return answers
 
     def _simplest(self, assignment: Assignment, conflict: Clash, known: Sequence[Assignment]) -> Clash:
-        """Of conflicts that rest on one of the known choices, or on none, that with the fewest facts."""
+        """The conflict with the fewest facts, of those that rest on one of the known choices, or on none."""
         others = (self.conflict_with(assignment, [each]) for each in known[:_FEW])
         return min([conflict, *(each for each in others if each is not None)], key=lambda each: len(each.facts))
 
@@ -473,7 +473,7 @@ class Inquiry(Situation):
         return WhyExcluded(event, excluded.reason, _contradicted(clashes))
 
     def meaning(self, values: str) -> list[Fact]:
-        """That open choices have values, `x = 1, y = 2`, and come up."""
+        """The statement that open choices have values, `x = 1, y = 2`, and come up."""
         named = [Assignment(*each.split(" = ", 1)) for each in values.split(", ")]
         events = {choice.name: choice.event for choice in self._plan.network.choices}
         guards = (self.progress.structure.guards[events[assignment.variable] or ""] for assignment in named)

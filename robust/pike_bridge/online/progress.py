@@ -315,7 +315,7 @@ class Progress:
         return copied
 
     def rewound(self, now: Fraction, times: Mapping[str, Fraction], chosen: Mapping[str, str]) -> Progress:
-        """As if only some of it had happened by now; broken links stay broken."""
+        """The progress as if only some of it had happened by now; broken links stay broken."""
         return Progress(self.plan, now, dict(times), dict(chosen), set(self.void), set(self.reported))
 
     def settled(self, earlier: str, later: str) -> bool:
@@ -344,7 +344,7 @@ class Progress:
         return all(self.chosen.get(each.variable) == each.value or each in given for each in guard)
 
     def external(self, event: str) -> list[model.Guard]:
-        """In which environments that are left the event is not ours to execute [PIKE §3, constraint 2].
+        """The remaining environments in which the event is not ours to execute [PIKE §3, constraint 2].
 
         It is not at the end of an activity, which the world reports; and as long as an uncontrollable choice that is
         made there, or that its guard mentions, has not been observed.

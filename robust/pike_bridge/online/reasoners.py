@@ -240,7 +240,7 @@ class WindowReasoner(Reasoner):
             yield from self._windows.missed(event, moment)
 
     def _external(self, event: str) -> list[model.Environment]:
-        """In which environments an event is not the executive's to execute."""
+        """The environments in which an event is not the executive's to execute."""
         return [self._vocabulary.encode(label) for label in self.progress.external(event)]
 
     def _ask(

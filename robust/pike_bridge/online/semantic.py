@@ -134,17 +134,17 @@ class OnlineSemantics(Semantics):
         super().__init__(progress.plan, terms, epsilon=progress.plan.separation)
 
     def ours(self, event: str) -> Formula:
-        """That the event is activated, and the executive's to execute."""
+        """The formula that the event is activated, and the executive's to execute."""
         theirs = (self.terms.negation(self.guard(label)) for label in self._progress.external(event))
         return self.terms.conjunction((self.guard(self._progress.structure.guards[event]), *theirs))
 
     def later(self, event: str, moment: Time) -> Formula:
-        """That the event, if it is activated, is after a moment."""
+        """The formula that the event, if it is activated, is after a moment."""
         guard = self._progress.structure.guards[event]
         return self.unless(guard, self.terms.greater(self.time_of(event) - moment))
 
     def not_ours_before(self, event: str, moment: Time) -> list[Formula]:
-        """That the event, wherever it is not the executive's to execute, is at a moment or later."""
+        """The formula that the event, wherever it is not the executive's to execute, is at a moment or later."""
         return [self.not_earlier(event, moment, label) for label in self._progress.external(event)]
 
     def execution(self, session: Session) -> Execution:
@@ -189,7 +189,7 @@ class OnlineSemantics(Semantics):
                 yield later, earlier, self._epsilon
 
     def void(self, effect: Effect, condition: Condition) -> Formula:
-        """That the effect does not support the condition."""
+        """The formula that the effect does not support the condition."""
         return self._void.get((effect, condition), self.terms.true)
 
     def _support(self, producer: Effect, threats: list[Effect], condition: Condition) -> Formula:
@@ -356,7 +356,7 @@ class SemanticReasoner(Reasoner):
         return self._witness if self._ask(asked, deadline) else None
 
     def coming_before(self, events: Iterable[str], others: Collection[str], deadline: Deadline) -> set[str]:
-        """Those of the events that may happen before each of the others: in some continuation they do, or they do now.
+        """The events that may happen before each of the others: in some continuation they do, or they do now.
 
         Now they may happen before what happens at the same moment, unless the plan puts that first.
         """
@@ -431,7 +431,7 @@ class SemanticReasoner(Reasoner):
         return satisfiable(self._session, "a continuation", deadline)
 
     def _unreported(self) -> list[Formula]:
-        """That what is not the executive's to execute is later than now; the same for many questions."""
+        """The formula that what is not the executive's to execute is later than now; the same for many questions."""
         progress = self.progress
         moment = (progress.now, len(progress.times), len(progress.chosen))
         if self._later[0] != moment:
@@ -439,7 +439,7 @@ class SemanticReasoner(Reasoner):
         return self._later[1]
 
     def _externals_after(self, moment: Time) -> Iterator[Formula]:
-        """That what is not the executive's to execute is later than a moment before which nothing pending is."""
+        """Formulas: what is not the executive's to execute is later than a moment before which nothing pending is."""
         pending, before = self.progress.pending, self.progress.structure.before
         for event in pending:
             if not any(earlier in pending for earlier in before[event]):
