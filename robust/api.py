@@ -94,8 +94,7 @@ def searching_check(plan: ParametrizedPlan, options: verbs.CheckOptions) -> Chec
     box = Box.nominal(plan.parameters).changed(_intervals(plan, options.at, "at"))
     if options.tree is None:
         return CheckQuestion(plan, _manner(options), box, every=options.every, on_obligation=options.on_obligation)
-    from robust.execute.tree_check import TreeQuestion
-    from robust.execute.trees import read_tree
+    from robust.execute.trees import TreeQuestion, read_tree
 
     return TreeQuestion(
         plan,
