@@ -17,7 +17,7 @@ from typing import Unpack
 
 from robust.encode.interface import Encoding, Linear, variable
 from robust.errors import UnsupportedError
-from robust.irr import proposals, stops, templates
+from robust.irr import proposals, rates, stops, templates
 from robust.irr.check import require_some_schedule
 from robust.irr.conflicts import Candidate, Chosen, Clause, MasterProblem, Point
 from robust.irr.containment import Containment, Margins
@@ -441,8 +441,23 @@ class EnvelopeQuestion(PlanQuestion[EnvelopeResult]):
         self.method = method
         self._shape = shape
         self._on_step = on_step
+        self._corners: rates.CornerContainment | None = None
 
     def search(self, formulas: Encoding) -> Searching[EnvelopeResult]:
+        known = self.method
+        found = rates.searching_corners(
+            formulas,
+            known.name,
+            beta=known.beta,
+            doubling=known.doubling,
+            order=known.order,
+            solver=self.manner.solver,
+            deadline=self.manner.deadline,
+            on_step=self._on_step,
+        )
+        if found is not None:
+            search, self._corners = found
+            return search
         return self.method.search(
             formulas,
             solver=self.manner.solver,
@@ -468,6 +483,8 @@ class EnvelopeQuestion(PlanQuestion[EnvelopeResult]):
         )
 
     def completed(self, result: EnvelopeResult) -> EnvelopeResult:
+        if self._corners is not None and result.verified:
+            return replace(result, inner=rates.inner_box(self._corners, result, self.manner.deadline))
         if not result.verified or result.cut_short:
             return result
         if result.contain_nominal:

@@ -18,7 +18,7 @@ from typing import Any, TypedDict, Unpack
 
 from robust.errors import InputError, did_you_mean
 from robust.irr import containment, templates
-from robust.irr.check import require_some_schedule
+from robust.irr.check import Counterexample, require_some_schedule
 from robust.irr.containment import Containment, Margins
 from robust.irr.stops import (
     APPROACHED,
@@ -57,6 +57,28 @@ class Step:
     """The best box after the step."""
 
 
+@dataclass(frozen=True, slots=True)
+class OuterPoint:
+    """A point that breaks the plan, beyond one side of a box and within it in all other parameters.
+
+    `gap` is how far beyond; `counterexample` an execution, which the simulator confirms. None: the point leaves no
+    schedule, or there was no time to execute it.
+    """
+
+    parameter: str
+    side: Side
+    gap: Fraction
+    counterexample: Counterexample | None
+
+
+@dataclass(frozen=True, slots=True)
+class InnerBox:
+    """Of a box that is sound, but not the widest: the `rates` whose ends it was decided at, and what is just beyond."""
+
+    rates: tuple[str, ...]
+    outer: tuple[OuterPoint, ...]
+
+
 @dataclass(frozen=True)
 class EnvelopeResult(Presented, ask="verified"):
     """A decoupled robustness envelope and how it was found.
@@ -71,7 +93,8 @@ class EnvelopeResult(Presented, ask="verified"):
     they were asked for; methods that know no other boxes always contain the nominal point. `plan` is what it is about.
     `fallback` says why shortest paths did not find the box, where that was tried and solvers had to. `tolerance` is how
     much all durations that are parameters may differ at once, where shortest paths decide it. `shape` is what else was
-    asked for: around the box, and inside the envelope.
+    asked for: around the box, and inside the envelope. `inner` says how far a box may be from the widest one where
+    rates and times vary together.
     """
 
     status: Status
@@ -98,6 +121,7 @@ class EnvelopeResult(Presented, ask="verified"):
     fallback: str | None = None
     tolerance: Tolerance | None = None
     shape: templates.Shape | None = None
+    inner: InnerBox | None = None
 
     @property
     def cut_short(self) -> bool:

@@ -269,6 +269,33 @@ def _shape(shape: templates.Shape) -> ShapeRecord:
     return ShapeRecord(name=shape.name, faces=faces)
 
 
+class OuterRecord(JsonObject):
+    """a point that breaks the plan, beyond one side of a box and within it in all other parameters
+
+    Attributes:
+        gap: how far beyond that side
+        counterexample: an execution that the simulator confirms; null if the point leaves no schedule, or there was no
+            time for it
+    """
+
+    parameter: str
+    side: Annotated[str, one_of("lower", "upper")]
+    gap: Rational
+    counterexample: CounterexampleRecord | None
+
+
+class InnerRecord(JsonObject):
+    """a sound box that is not the widest
+
+    Attributes:
+        rates: the parameters that multiply times that vary, at whose ends the box was decided
+        outer: what is just beyond sides
+    """
+
+    rates: list[str]
+    outer: list[OuterRecord]
+
+
 class Envelope(documents.Noted, tag_field="schema", tag="robust/envelope/1"):
     """robust envelope --json: a box of parameter values for which a plan is valid
 
@@ -295,6 +322,7 @@ class Envelope(documents.Noted, tag_field="schema", tag="robust/envelope/1"):
             were not asked
         convergence: total width of the box after each check as a share of the final one; empty if that is zero or
             infinite
+        inner: where rates and times vary together: how far the box, which is sound, may be from the widest; else null
         shape: only with --shape: bounds on linear forms, a set around the box
         controllability: only with --controllability: what a dispatcher need not know of the values in the box; null if
             the box is not verified, or this was interrupted
@@ -320,6 +348,7 @@ class Envelope(documents.Noted, tag_field="schema", tag="robust/envelope/1"):
     fallback: str | None
     convergence: list[Convergence]
     statistics: Statistics
+    inner: InnerRecord | None
     shape: ShapeRecord | UnsetType = UNSET
     controllability: ControllabilityRecord | UnsetType | None = UNSET
     probability: documents.Range | UnsetType = UNSET
@@ -344,10 +373,26 @@ def envelope(
                 Convergence(check=number, seconds=round(seconds[number], 6), share=round(float(share), 6))
                 for number, share in result.convergence()
             ],
+            inner=None if result.inner is None else _inner(result.inner),
             shape=UNSET if result.shape is None else _shape(result.shape),
             controllability=_controllability(report) if report is not None else None if controllability else UNSET,
             probability=UNSET if beside.probability is None else documents.range_of(beside.probability),
         )
+    )
+
+
+def _inner(inner: search.InnerBox) -> InnerRecord:
+    return InnerRecord(
+        rates=list(inner.rates),
+        outer=[
+            like(
+                OuterRecord,
+                point,
+                side=point.side.value,
+                counterexample=None if point.counterexample is None else _counterexample(point.counterexample),
+            )
+            for point in inner.outer
+        ],
     )
 
 

@@ -461,6 +461,8 @@ def _greatest_text(result: EnvelopeResult, probability: Bounds) -> str:
 
 def _promise(result: EnvelopeResult) -> str:
     """The property that a complete box has."""
+    if result.inner is not None:
+        return _nearness(result)
     if result.beta is not None:
         gap = result.beta * 2 if result.doubling else result.beta
         return f"no end can move outwards by {readable(gap)} or more"
@@ -468,6 +470,19 @@ def _promise(result: EnvelopeResult) -> str:
         where = "around the nominal values" if result.contain_nominal else "in the envelope"
         return f"no box {where} is wider"
     return "no valid box contains this one"
+
+
+def _nearness(result: EnvelopeResult) -> str:
+    """That a box is an inner one, and how far counterexamples are from its sides."""
+    inner = "a sound inner box"
+    points = () if result.inner is None else result.inner.outer
+    if not points:
+        return inner
+    sizes = {parameter.name: abs(parameter.nominal) or Fraction(1) for parameter in result.parameters}
+    share = max(point.gap / sizes[point.parameter] for point in points)
+    confirmed = sum(point.counterexample is not None for point in points)
+    counted = f"{plural(len(points), 'side')}, {confirmed} confirmed by execution"
+    return f"{inner}: at most {readable(share * 100)} % of nominal values farther are counterexamples ({counted})"
 
 
 def _print_box(out: Console, result: EnvelopeResult, counterexample: Counterexample | None, quiet: bool) -> None:
