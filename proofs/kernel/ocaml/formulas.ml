@@ -4,12 +4,15 @@ open Kernel
 
 let out = Buffer.create 65536
 let add = Buffer.add_string out
+let moment = function Now -> "" | Before p -> Printf.sprintf "@%d" p
 let variable = function
   | VPar i -> Printf.sprintf "#%d" i
   | VTime p -> Printf.sprintf "@%d" p
   | VNow -> "now"
-  | VJump (w, before) -> Printf.sprintf "j%d%s" w (if before then "b" else "a")
-  | VFlow k -> Printf.sprintf "k%d" k
+  | VJump (w, before, m) -> Printf.sprintf "j%d%s%s" w (if before then "b" else "a") (moment m)
+  | VFlow (k, m) -> Printf.sprintf "k%d%s" k (moment m)
+  | VFired w -> Printf.sprintf "f%d" w
+  | VAmount w -> Printf.sprintf "a%d" w
 
 let rec form = function
   | FTrue -> add "1 "
@@ -74,7 +77,7 @@ let asked (file : Text.file) = function
 
 (* The pairs of time points that have to be apart: obligations are numbered from 1, these first. *)
 let print (file : Text.file) =
-  if not (supported file.plan file.epsilon) then Text.fail "unsupported: conditional effects, assignments, or amounts that read fluents";
+  if not (supported file.plan file.epsilon) then Text.fail "unsupported: a separation below 0, or two timed initial literals that may change a fluent at one time";
   List.iter (fun (p, q) -> add (Printf.sprintf "%d %d " p q)) (pairs file.plan);
   add "\n";
   List.iter (fun question -> asked file question; add ".\n") file.rest;

@@ -126,15 +126,23 @@ let duty = function
 
 let lit tree = match integer (word tree) with Zpos p -> (true, p) | Zneg p -> (false, p) | Z0 -> bad "a literal" tree
 
+(* `#i`, `@p`, `now`, `f3` and `a3` (whether effect 3 fires, and its amount); and by now or, with `@7`, just before time point 7,
+   `k3` (what the continuous effect 3 has done), `j3b` and `j3a` (what effect 3 has contributed, before and after effects at that time). *)
 let variable tree =
   let w = word tree in
-  let number last = name (Word (String.sub w 1 (String.length w - 1 - last))) in
+  let from, length = if w = "" then bad "a variable" tree else 1, String.length w in
+  let number last = name (Word (String.sub w from (last - from))) in
+  let until, moment = match String.rindex_opt w '@' with
+    | Some i when i > 0 -> (i, Before (name (Word (String.sub w (i + 1) (length - i - 1)))))
+    | _ -> (length, Now) in
   match w.[0] with
-  | '#' -> VPar (number 0)
-  | '@' -> VTime (number 0)
   | 'n' when w = "now" -> VNow
-  | 'j' -> VJump (number 1, w.[String.length w - 1] = 'b')
-  | 'k' -> VFlow (number 0)
+  | 'j' -> VJump (number (until - 1), w.[until - 1] = 'b', moment)
+  | 'k' -> VFlow (number until, moment)
+  | '#' when moment = Now -> VPar (number length)
+  | '@' when moment = Now -> VTime (number length)
+  | 'f' when moment = Now -> VFired (number length)
+  | 'a' when moment = Now -> VAmount (number length)
   | _ -> bad "a variable" tree
 
 let node = function
