@@ -354,6 +354,7 @@ def searching_execution(plan: TeamPlan, options: asking.PikeRunOptions) -> Rehea
         "backend": options.deciding,
         "drake": options.reasoner == DRAKE,
         "patience": options.margin,
+        "flexible": options.rank == "flexible",
         "budget": options.thinking,
     }
     rehearsal = StrategyRehearsal if options.strategy else Rehearsal

@@ -362,6 +362,7 @@ class _Server:
                 early=options.early,
                 preference=likely,
                 patience=options.margin,
+                flexible=options.rank == "flexible",
                 solver=solver,
                 budget=options.thinking,
                 deadline=deadline,

@@ -267,7 +267,7 @@ EAGER = "eager"
 BUDGET = "0.1"
 UNLIMITED = "none"
 _SIMULATED = ("human", "pace", "outcome", "disturb", "delay", "seed", "infer", "recovery", "plot")
-_COMPLETE = ("patience", "budget", "chance", "explain")
+_COMPLETE = ("patience", "budget", "chance", "explain", "rank")
 """What is for executives that keep all that is possible."""
 _SERVED = ("journal", "clock", "rate", "page", "early")
 
@@ -327,6 +327,12 @@ class PikeRunOptions(StoryOptions, Solving):
         metavar=f"{EAGER}|MARGIN",
         read=_margin,
     )
+    rank: str = option(
+        "written",
+        "which of several events and values comes first: written, as in the plan; flexible, what leaves most values of "
+        "people's open choices possible, then of the team's",
+        choices=("written", "flexible"),
+    )
     budget: Number | None = option(
         BUDGET,
         "seconds of processor time to decide a step; only what is proved safe is done, and what could not be decided "
@@ -364,7 +370,7 @@ class PikeRunOptions(StoryOptions, Solving):
                 f"found {self.backend} with {setting('reasoner', str(self.reasoner))}, expected {expected}",
                 place_of("backend"),
             )
-        for name in ("reasoner", "backend", "patience", "chance") if self.strategy else ():
+        for name in ("reasoner", "backend", "patience", "chance", "rank") if self.strategy else ():
             if name in given:
                 raise InputError("cannot be combined with --strategy; choose one", place_of(name))
         for name in _COMPLETE if self.reasoner == KIRK else ("recovery",):

@@ -13,6 +13,7 @@ from typing import NamedTuple, assert_never
 from robust.pike_bridge import model, semantics
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online import semantic
+from robust.pike_bridge.online.flexibility import ranked_events, ranked_values
 from robust.pike_bridge.online.patience import Patience, openings, values_of
 from robust.searching import Searching, Status, Stoppable
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
@@ -23,8 +24,10 @@ Ranking = Callable[[Sequence[str]], Sequence[str]]
 
 PAUSES = 20
 """Steps in a row that go on deciding at one time; then time goes on as well."""
-_ACTING, _LOOKING = 0.75, 0.1
-"""Of the budget, at most for what is done, and at least for when to take the next step; the rest is for all else."""
+_ACTING, _LOOKING, _RANKING = 0.75, 0.1, 0.25
+"""Of the budget, at most for what is done, and at least for when to take the next step; the rest is for all else. What
+is ranked gets at most this of it at a time."""
+FlexibleRanking = Callable[[Sequence[str], semantic.SemanticReasoner, Deadline], Sequence[str]]
 Preference = Callable[[str, Sequence[str], Mapping[str, str]], Sequence[str]]
 """Puts the values of a choice in the order in which they are tried, by the choices that are made."""
 
@@ -77,6 +80,8 @@ class PlanExecutive:
         reasoner: makes the reasoning for the progress that it is given.
         ranking: in which order events are tried, and values of choices; the first that may be is taken.
         preference: in which order values of choices are tried instead, by what is known.
+        flexible: whether events that can be executed, and values without a preference, are tried in the order of how
+            much they leave open, as :mod:`~robust.pike_bridge.online.flexibility` counts it.
         progress: what has happened so far; nothing, if not given.
         monitor: whether state estimates are compared with what later activities need.
         patience: how long before the last moment the executive ceases to keep all that people may still decide, as
@@ -96,6 +101,7 @@ class PlanExecutive:
         *,
         ranking: Ranking = as_written,
         preference: Preference | None = None,
+        flexible: bool = False,
         progress: said.Progress | None = None,
         monitor: bool = True,
         patience: Fraction | None = Fraction(0),
@@ -113,7 +119,7 @@ class PlanExecutive:
         """When each activity that runs was dispatched, by its place in the plan."""
         self.outcome: said.Failed | said.Succeeded | None = None
         self._monitor = said.ExecutionMonitor(self.progress) if monitor else None
-        self._ranking, self._preference = ranking, preference
+        self._ranking, self._preference, self._flexible = ranking, preference, flexible
         shared = None if self.reasoner.view is None else self.reasoner
         self._patience = Patience(self.progress, patience, reasoner=shared, solver=solver, deadline=deadline)
         self._values: Mapping[str, str] = {}
@@ -354,7 +360,7 @@ class PlanExecutive:
         refused = self._refused[1] if self._refused[0] == moment else set()
         self._refused = moment, refused
         while True:
-            act = self._patience.decide(self._executable(refused), self._ranked)
+            act = self._patience.decide(self._by_flexibility(self._executable(refused), ranked_events), self._ranked)
             if act is None:
                 return
             if act.excluded is not None:
@@ -421,12 +427,27 @@ class PlanExecutive:
             return known.scenario[choice]
         return next(self._possible(choice, self._ranked(choice), self._deadline), None)
 
+    def _by_flexibility(self, alternatives: Iterable[str], rank: FlexibleRanking) -> Iterable[str]:
+        """Alternatives by what they leave open, if that is wanted, and if it can be found out in time."""
+        if not self._flexible:
+            return alternatives
+        known = list(alternatives)
+        try:
+            return (
+                known if len(known) < 2 else rank(known, self._patience.view, self._limit.within(self._share(_RANKING)))
+            )
+        except OutOfTimeError as stopped:
+            self._only_budget(stopped)
+            return known
+
     def _ranked(self, choice: str) -> Sequence[str]:
         """The values of a choice in the order in which they are tried."""
         values, known = self.plan.network.domains[choice], self.progress.chosen
-        if self._preference is None or choice in known or choice not in self._own:
+        if choice in known or choice not in self._own:
             return self._ranking(values)
-        return self._preference(choice, values, known)
+        if self._preference is not None:
+            return self._preference(choice, values, known)
+        return list(self._by_flexibility(self._ranking(values), partial(ranked_values, choice)))
 
     def _choose(self, choice: str, value: str) -> None:
         self.progress.chosen[choice] = value

@@ -115,10 +115,10 @@ class Patience:
         first = next(candidates, None)
         if first is None:
             return None
-        waiting = [] if self.patience is None else openings(self._asked.progress)
+        waiting = [] if self.patience is None else openings(self.view.progress)
         if not waiting:
             return DueAct(first)
-        progress = self._asked.progress
+        progress = self.view.progress
         moment = progress.now, len(progress.times), len(progress.chosen), len(progress.void), id(progress)
         if moment != self._moment:
             self._moment, self._refused = moment, set()
@@ -133,7 +133,7 @@ class Patience:
         while True:
             shown = {opening.event for opening in waiting if self._seen_before(opening.event, acts)}
             others = [opening.event for opening in waiting if opening.event not in shown]
-            events = shown | self._asked.coming_before(others, acts.keys(), self.deadline)
+            events = shown | self.view.coming_before(others, acts.keys(), self.deadline)
             reached = [opening for opening in waiting if opening.event in events]
             if len(reached) == len(waiting):
                 return self._at_last(acts, kept, everything)
@@ -150,14 +150,14 @@ class Patience:
         Raises:
             OutOfTimeError: if the deadline passes.
         """
-        return self._asked.next_execution(self.withheld, self.deadline)
+        return self.view.next_execution(self.withheld, self.deadline)
 
     # -- intents -----------------------------------------------------------------------------------------------------
 
     def _kept(self, choices: Sequence[Opening]) -> list[Intent]:
         """Joint intents that are kept, and single values that are in none of them but are kept by themselves."""
         kept: list[Intent] = []
-        progress = self._asked.progress
+        progress = self.view.progress
         for intent in chain(intents(choices, progress), values_of(choices, progress)):
             if not any(intent.values <= other.values for other in kept) and self._continues_in(intent.guard, None):
                 kept.append(intent)
@@ -187,7 +187,7 @@ class Patience:
 
     def _continues_in(self, environment: Guard, event: str | None) -> bool:
         """Whether a continuation in an environment does an event, if given, now; known ones are looked at first."""
-        asked = self._asked
+        asked = self.view
         progress = asked.progress
         fitting = (known for known in self._found if holds(environment, known.scenario))
         if any(
@@ -215,7 +215,7 @@ class Patience:
             self.withheld, self.alarm = withheld, None if least is None else least - self.margin
             return None
         due = {
-            intent: self._asked.latest(intent.guard, intent.events | withheld, self.deadline) or now
+            intent: self.view.latest(intent.guard, intent.events | withheld, self.deadline) or now
             for intent in kept
             if intent not in staying
         }
@@ -240,7 +240,7 @@ class Patience:
         best = max(((event, values) for event, several in acts.items() for values in several), key=worth)
         if worth(best)[1] > staying:
             return best
-        if staying or self._asked.all_later(ALWAYS, acts.keys(), self.progress.now, self.deadline) is not None:
+        if staying or self.view.all_later(ALWAYS, acts.keys(), self.progress.now, self.deadline) is not None:
             return None
         return best
 
@@ -256,12 +256,12 @@ class Patience:
     def _wait(self, intent: Intent, others: frozenset[str], moment: Fraction) -> Fraction | None:
         """A time until which an intent and other events can wait: after a moment, if they can wait that long."""
         events = intent.events | others
-        continuation = self._asked.all_later(intent.guard, events, moment, self.deadline)
-        return moment if continuation is None else self._asked.semantics.latest(continuation, events)
+        continuation = self.view.all_later(intent.guard, events, moment, self.deadline)
+        return moment if continuation is None else self.view.semantics.latest(continuation, events)
 
     def _seen_before(self, event: str, withheld: Collection[str]) -> bool:
         """Whether an event happens before each of those that are withheld in a known continuation."""
-        guard = self._asked.progress.structure.guards[event]
+        guard = self.view.progress.structure.guards[event]
         schedules = (each.schedule for each in self._found if holds(guard, each.scenario))
         return any(
             all(schedule[other] > schedule[event] for other in withheld if other in schedule) for schedule in schedules
@@ -293,7 +293,7 @@ class Patience:
     ) -> DueAct:
         """An act with what it excludes, and what is spared by it."""
         event, values = act
-        progress = self._asked.progress
+        progress = self.view.progress
         lost = [intent.values for intent in everything if not self._keeps(intent.guard, event, values)]
         named = frozenset[Assignment]().union(*lost)
         single = [
@@ -324,7 +324,8 @@ class Patience:
     # -- helpers -----------------------------------------------------------------------------------------------------
 
     @property
-    def _asked(self) -> SemanticReasoner:
+    def view(self) -> SemanticReasoner:
+        """The reasoning about what is under way, which knows all that has happened."""
         if self.reasoner is None:
             self.reasoner = SemanticReasoner(self.progress, solver=self.solver)
         self.reasoner.catch_up()
@@ -334,7 +335,7 @@ class Patience:
         return self._view
 
     def _continues(self, execution: Execution) -> bool:
-        progress = self._asked.progress
+        progress = self.view.progress
         later = progress.now + progress.plan.separation
         return (
             not progress.void

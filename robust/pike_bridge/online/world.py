@@ -328,6 +328,7 @@ class Rehearsal(Searching[ExecutionRecord]):
         on_step: called after each step.
         explain: whether the reasons of each step are found out, after it was taken.
         patience: as of :class:`~robust.pike_bridge.online.executive.PlanExecutive`.
+        flexible: as of :class:`~robust.pike_bridge.online.executive.PlanExecutive`.
         budget: of each step, as of :class:`~robust.pike_bridge.online.executive.PlanExecutive`.
         chance: how likely success is to stay, by :class:`~robust.pike_bridge.likelihood.LikelyChoices`; None: the
             executive knows of no probabilities.
@@ -346,6 +347,7 @@ class Rehearsal(Searching[ExecutionRecord]):
     on_step: Callable[[ExecutionStep], None] = lambda _step: None
     explain: bool = False
     patience: Fraction | None = Fraction(0)
+    flexible: bool = False
     budget: float | None = None
     chance: Fraction | None = None
     drake: bool = False
@@ -372,6 +374,7 @@ class Rehearsal(Searching[ExecutionRecord]):
             partial(self._reasoner, deciding),
             preference=self._likely,
             patience=self.patience,
+            flexible=self.flexible,
             solver=self.solver,
             budget=self.budget,
             deadline=self.deadline,
