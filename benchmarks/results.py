@@ -46,7 +46,8 @@ PACKAGES = ("z3-solver", "cvc5", "pysmt")
 FILES = {
     "figure20a": "1-team-plans.md",
     **dict.fromkeys(("figure20b", "hesitation", "steps"), "3-latency.md"),
-    **dict.fromkeys(("figure18", "rates"), "4-k-intents.md"),
+    "figure18": "4-k-intents.md",
+    "rates": "4-rates.md",
     **dict.fromkeys(("table1", "table2", "conversions", "figure4"), "5-execution.md"),
     "certificates": "6-certificates.md",
     "logs": "7-logs.md",

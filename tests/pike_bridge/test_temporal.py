@@ -244,6 +244,24 @@ def test_no_pair_dominates_another_and_nothing_is_lost_in_any_scenario(pairs, en
         assert variable not in VOCABULARY.assigned(label)
 
 
+def test_examples_of_labeled_value_sets():
+    """The sum of [PIKE §2.1.1]; the completions of [PIKE §C.1], with y = 2 and without."""
+    small = AssignmentVocabulary({"x": ("1", "2"), "y": ("1", "2")})
+
+    def of(*pairs):
+        return LabeledValueSet(small, [(value, small.encode(guard(label))) for value, label in pairs])
+
+    total = of((2, {"x": "1"}), (3, {"y": "2"}), (4, {})).combine(of((1, {"x": "2"}), (3, {})), add)
+    assert set(total) == set(of((4, {"x": "2", "y": "2"}), (5, {"x": "1"}), (5, {"x": "2"}), (6, {"y": "2"}), (7, {})))
+    either = of((3, {"x": "1"}), (4, {"x": "2"}))
+    assert either.query(0) is None
+    either.complete()
+    assert set(either) == set(of((3, {"x": "1"}), (4, {})))
+    known = of((-1, {"x": "1", "y": "2"}), (-2, {"x": "2", "y": "2"}))
+    known.complete()
+    assert known.query(small.encode(guard({"y": "2"}))) == -1
+
+
 @given(st.lists(drawn_pairs, min_size=1, max_size=3), environments)
 def test_queries_with_completions_are_tightest_for_every_environment(batches, environment):
     everything = [pair for batch in batches for pair in batch]

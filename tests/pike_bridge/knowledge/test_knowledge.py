@@ -253,6 +253,10 @@ def test_labels_of_figure_14_and_of_the_consensus_example():
     assert both in derived
     assert set(knowledge.prime_implicants()) == n4
     assert set(tms.PiTms(Theory(EXAMPLE.domains, (Some((P2, All((P1, Y1)))),))).prime_implicants()) == n3
+    for kind in (tms.PiTms, PropagatedLabels):  # a link is broken [PIKE §5.5]
+        without = kind(EXAMPLE)
+        without.commit([Exclude(guard({"s": "eP2"}))])
+        assert set(without.prime_implicants()) == both | guards({"z": "2", "s": "eP1"}, {"z": "2", "s": "none"})
     statistics, sizes = knowledge.statistics, knowledge.statistics.sizes
     assert (sizes["nodes"], sizes["justifications"]) == (len(kinds), 1 + 3)  # one for all conjuncts, one each disjunct
     assert (sizes["variables"], sizes["conflicts"], sizes["factors"]) == (3, 0, 1)
