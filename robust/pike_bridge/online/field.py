@@ -349,7 +349,8 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
                 return self._beginning(message)
             case said.Completion():
                 for choice, value in message.outcomes.items():
-                    self._object(choice, value, said.Outcome(choice, value))
+                    if self._course.chosen.get(choice) != value or self._is_ours(choice):
+                        self._object(choice, value, said.Outcome(choice, value))
                 return self._ending(message, at)
             case said.NotAchieved():
                 return self._ending(message, at)
@@ -369,6 +370,9 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
                 return not note.report.outcomes and all(self._is_usual_end(place, note.at) for place in note.places)
             case _:
                 return False
+
+    def _is_ours(self, choice: str) -> bool:
+        return any(each.name == choice and each.controllable for each in self.plan.network.choices)
 
     def _object(self, choice: str, value: str, message: said.Outcome) -> None:
         known = {name: each for name, each in self._course.chosen.items() if name not in self._course.inferred}

@@ -222,6 +222,19 @@ def test_choices_show_in_effects_and_completions():
     assert chosen.progress.chosen == {"colour": "blue"}
 
 
+def test_an_end_counts_that_shows_a_choice_which_is_known_already():
+    for known in (said.Outcome("x", "a"), said.Began("(do a)")):
+        chosen = executive(waiting_for_people())
+        chosen.step(Fraction(0))
+        chosen.step(Fraction(1), [known])
+        advance(chosen, Fraction(2))
+        ended = said.Completion("(do a)", outcomes={"x": "a"})
+        assert "rejected" not in kinds(chosen.step(Fraction(3), [ended]))
+        assert chosen.progress.times["gone a"] == 3
+        (rejected,) = chosen.step(Fraction(3), [said.Completion("(do a)", outcomes={"x": "b"})])
+        assert "observed before" in rejected.reason
+
+
 def test_a_choice_recognised_late_was_made_when_it_was_made():
     plan = waiting_for_people()
     limit = Constraint("e", "decide", Fraction(0), Fraction(1))

@@ -1,0 +1,4 @@
+(define (problem beside)
+(:domain beside)
+(:init )
+(:goal (and)))

@@ -1,0 +1,4 @@
+(define (problem fetch-within)
+(:domain fetch-within)
+(:init )
+(:goal (and)))

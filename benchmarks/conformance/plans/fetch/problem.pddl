@@ -1,0 +1,4 @@
+(define (problem fetch)
+(:domain fetch)
+(:init )
+(:goal (and)))

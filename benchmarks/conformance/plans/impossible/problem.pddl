@@ -1,0 +1,4 @@
+(define (problem impossible)
+(:domain impossible)
+(:init )
+(:goal (and)))

@@ -1,0 +1,4 @@
+(define (problem not-needed)
+(:domain not-needed)
+(:init )
+(:goal (and)))

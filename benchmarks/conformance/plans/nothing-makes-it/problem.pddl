@@ -1,0 +1,4 @@
+(define (problem nothing-makes-it)
+(:domain nothing-makes-it)
+(:init )
+(:goal (and)))

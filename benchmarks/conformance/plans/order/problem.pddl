@@ -1,0 +1,4 @@
+(define (problem order)
+(:domain order)
+(:init )
+(:goal (and)))

@@ -1,0 +1,4 @@
+(define (problem wish-beside)
+(:domain wish-beside)
+(:init )
+(:goal (and)))

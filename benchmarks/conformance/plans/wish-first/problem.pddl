@@ -1,0 +1,4 @@
+(define (problem wish-first)
+(:domain wish-first)
+(:init )
+(:goal (and)))

@@ -1,0 +1,95 @@
+"""The suite for executives of plans with choices: the executive passes it, and wrong ones do not."""
+
+import ast
+import shlex
+import sys
+
+import pytest
+
+from benchmarks.conformance import __main__ as suite
+from benchmarks.conformance import mutants
+
+EXECUTIVE = shlex.join([sys.executable, "-m", "robust", "pike", "run", "{plan}", "--stdio", "-q"])
+CASES = {case["name"]: case for case in suite.cases("patient", None)}
+QUICK = ("order", "retract", "too-late", "completion-with-outcome", "outcome-patient")
+CAUGHT = {
+    "deaf-to-outcomes": "outcome-first",
+    "deaf-to-completions": "completion",
+    "deaf-to-failures": "aborted",
+    "deaf-to-beginnings": "started",
+    "deaf-to-observations": "estimate-broken",
+    "deaf-to-retractions": "retract",
+    "deaf-to-several": "together",
+    "timeless": "outcome-late",
+    "confused": "outcome-first",
+    "hasty": "completion",
+    "sleepy": "completion",
+    "never-dispatches": "completion",
+    "never-cancels": "failed",
+    "never-says-what-broke": "estimate-broken",
+    "dispatches-twice": "completion",
+    "glad": "impossible",
+    "stubborn": "impossible",
+    "credulous": "malformed",
+}
+"""Of each mutant, a case that it fails."""
+
+
+def examined(command, case):
+    return suite.examine(command, CASES[case], 60)
+
+
+@pytest.mark.parametrize(
+    "case", [pytest.param(name, marks=[] if name in QUICK else pytest.mark.slow) for name in CASES]
+)
+def test_the_executive_does_what_it_must(case):
+    assert examined(EXECUTIVE, case) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("reasoner", ["windows", "drake"])
+def test_other_reasoners(reasoner):
+    """Drake knows nothing of what activities need: it takes for possible what is not."""
+    failed = {
+        case
+        for case in CASES
+        if CASES[case]["level"] == "core" and examined(f"{EXECUTIVE} --reasoner {reasoner}", case)
+    }
+    assert ("nothing-makes-it" in failed) == (reasoner == "drake")
+    assert reasoner == "drake" or not failed
+
+
+@pytest.mark.parametrize(
+    "mutant",
+    [pytest.param(name, marks=[] if name in {"hasty", "never-cancels"} else pytest.mark.slow) for name in CAUGHT],
+)
+def test_wrong_executives_are_caught(mutant):
+    through = shlex.join([sys.executable, mutants.__file__, mutant])
+    assert examined(f"{through} {EXECUTIVE}", CAUGHT[mutant])
+
+
+def test_all_mutants_and_all_kinds_of_messages_occur():
+    assert set(CAUGHT) == set(mutants.MUTANTS)
+    said = {
+        message["kind"] for case in CASES.values() for event in case["world"] for message in event.get("messages", ())
+    }
+    assert {"started", "completion", "failed", "aborted", "cancelled", "estimate", "retract", "outcome"} <= said
+
+
+@pytest.mark.parametrize("module", [suite, mutants])
+def test_the_runner_needs_the_standard_library_only(module):
+    with open(module.__file__, encoding="utf-8") as file:
+        tree = ast.parse(file.read())
+    names = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+    names |= {node.module or "." for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)}
+    assert {name.split(".")[0] for name in names} <= sys.stdlib_module_names
+
+
+def test_an_executive_that_breaks_the_protocol_is_told_so():
+    for command, fault in (
+        ("true {plan}", "it has exited"),
+        ("echo {plan}", "expected one JSON object"),
+        ("""echo '{"kind": "wake", "time": null}' '{plan}'""", "expected one JSON object"),
+    ):
+        (found,) = examined(command, "completion")
+        assert fault in found
