@@ -29,6 +29,12 @@ def exit_code_of(word: str) -> int:
     return 0 if word in _GOOD else 1 if word in _BAD else UNDECIDED
 
 
+def worst(codes: Iterable[int]) -> int:
+    """The exit code of several answers: refuted, else unreadable, else unsupported, else undecided."""
+    present = set(codes)
+    return next((code for code in (1, RobustError.exit_code, UNSUPPORTED, UNDECIDED) if code in present), 0)
+
+
 @dataclass(frozen=True, slots=True)
 class Location:
     """A place in an input file, as text one line, whatever the file is called; lines and columns count from one."""

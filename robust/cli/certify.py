@@ -105,6 +105,7 @@ def verify(options: VerifyCommand, run: Run) -> int:
         raise InputError(f"found a file that is not compressed by gzip, expected {CERTIFICATE}", place)
     for file in _files(options):
         run.only(partial(read_text, file))
+    run.only(partial(_require_network, options))
     run.only(partial(specifications, (), None, options.files[-1]))  # reads what is beside it
     box = run.only(lambda: demanded_box(options.box))
 
@@ -158,6 +159,18 @@ def _files(options: CertifyCommand | VerifyCommand) -> tuple[Path, ...]:
     if len(options.files) not in (1, 3):
         raise InputError(f"found {len(options.files)} files, expected DOMAIN PROBLEM PLAN or one NETWORK")
     return options.files
+
+
+def _require_network(options: VerifyCommand) -> None:
+    """InputError if the plan is one of steps: a certificate is about the network that is made of them."""
+    from robust.plan.stn import is_network
+
+    plan = options.files[-1]
+    if len(options.files) == 3 and not is_network(read_text(plan), str(plan)):
+        beside = options.certificate.with_suffix(".stn")
+        written = str(beside) if beside.is_file() else "the .stn file that `robust certify` wrote"
+        place = Location(str(plan))
+        raise InputError(f"found a plan of steps, expected the network of the certificate: {written}", place)
 
 
 def _network(options: CertifyCommand, run: Run) -> dict[Path, str]:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from robust.cli import build, plans
 from robust.cli.guard import Action, Cause, GivenUpError, Run, action, carry_out
 from robust.cli.output import answering, print_json
-from robust.errors import UNDECIDED, InputError, RefutedError, RobustError
+from robust.errors import UNDECIDED, InputError, RefutedError, RobustError, worst
 from robust.numbers import plural
 from robust.options import declare, verbs
 from robust.options.batch import ConvertCommand, DemoCommand, ExecuteCommand
@@ -63,7 +63,7 @@ def validate(options: verbs.ValidateCommand, run: Run) -> int:
     )
     if cause is not None:
         print(f"robust: {cause.message} after {plural(len(judged), 'plan')}", file=sys.stderr)
-    return max([*(plan.exit_code for plan in judged), 0 if cause is None else UNDECIDED])
+    return worst([*(plan.exit_code for plan in judged), 0 if cause is None else UNDECIDED])
 
 
 def _judge_all(options: verbs.ValidateCommand, run: Run, judged: list[JudgedPlan]) -> None:

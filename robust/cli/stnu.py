@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from robust.cli.guard import Cause, GivenUpError, Run, action
-from robust.errors import UNDECIDED, UNSUPPORTED, InputError, RobustError, did_you_mean
+from robust.errors import UNDECIDED, InputError, RobustError, did_you_mean, worst
 from robust.numbers import plural, shorten
 from robust.options import batch, declare
 from robust.records import atomic_write
@@ -188,9 +188,7 @@ def _status(judged: list[JudgedNetwork[Any]], cause: Cause | None) -> str:
 
 
 def _code(judged: list[JudgedNetwork[Any]], cause: Cause | None) -> int:
-    """Bad input first, then what is refuted, then what is unknown."""
-    codes = {row.code for row in judged} | ({UNDECIDED} if cause is not None else set())
-    return next((code for code in (2, UNSUPPORTED, 1, UNDECIDED) if code in codes), 0)
+    return worst([*(row.code for row in judged), 0 if cause is None else UNDECIDED])
 
 
 def _weights(

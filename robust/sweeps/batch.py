@@ -26,7 +26,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from robust.errors import UNDECIDED, UNSUPPORTED, InputError, Location, RobustError
+from robust.errors import UNDECIDED, InputError, Location, RobustError, worst
 from robust.json_text import Array, JsonText, Object, describe, parse_json
 from robust.numbers import parse_end, plural, shorten
 from robust.plan.pddl.forms import read_plan_text, read_text
@@ -42,6 +42,10 @@ NAMES = ("instance", "name")
 """Keys of JSON and columns of CSV that name a plan; the first that is there counts."""
 PLANS = ("plan", "log")
 """Keys of JSON and columns of CSV that name the file of a plan."""
+BESIDE = (".pddl", ".toml")
+"""Of what belongs to plans."""
+NAMED = 5
+"""Files that were passed over, of which the names are said."""
 _WORDS = frozenset(
     ["domain", "problem", "prob", "pfile", "p", "plan", "instance", "task", "solution", "sol", "log", "output"]
 )
@@ -67,10 +71,20 @@ class SuitePlan:
 
 @dataclass(frozen=True, slots=True)
 class Suite:
-    """Plans, and the folder that their files are relative to."""
+    """Plans, the folder that their files are relative to, and the files there that are neither plans nor of plans."""
 
     folder: Path
     instances: tuple[SuitePlan, ...]
+    passed_over: tuple[str, ...] = ()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was passed over."""
+        if not self.passed_over:
+            return ()
+        more = len(self.passed_over) - NAMED
+        names = ", ".join(self.passed_over[:NAMED]) + (f" and {more} more" if more > 0 else "")
+        return (f"passed over {names}: names of plans end in {', '.join(PLAN_SUFFIXES)}",)
 
 
 def read_suite(path: Path) -> Suite:
@@ -80,11 +94,13 @@ def read_suite(path: Path) -> Suite:
         InputError: if there is none, or the list is malformed; the message has the line.
     """
     if path.is_dir():
-        plans = list(_in_folder(path))
+        files, defined = list(_files(path)), cache(_defined)
+        plans = [_found(path, file, defined) for file in files if file.name.lower().endswith(PLAN_SUFFIXES)]
         if not plans:
             expected = f"files that end in {', '.join(PLAN_SUFFIXES)}, or a file with a list"
             raise InputError(f"found no plan, expected {expected}", Location(str(path)))
-        return Suite(path, _distinct(plans))
+        others = (file for file in files if not file.name.lower().endswith((*PLAN_SUFFIXES, *BESIDE)))
+        return Suite(path, _distinct(plans), tuple(os.path.relpath(file, path) for file in others))
     if not path.exists():
         raise InputError("found no such file or folder, expected a folder of plans or a list", Location(str(path)))
     readers = {".json": _from_json, ".csv": _from_csv}
@@ -188,13 +204,10 @@ Defined = Callable[[Path], Mapping[str, Sequence[Path]]]
 """The PDDL files of a folder by what they define."""
 
 
-def _in_folder(folder: Path) -> Iterator[SuitePlan]:
-    defined = cache(_defined)
+def _files(folder: Path) -> Iterator[Path]:
     for directory, inner, files in os.walk(folder):
         inner[:] = sorted(name for name in inner if not name.startswith("."))
-        for file in sorted(files):
-            if file.lower().endswith(PLAN_SUFFIXES) and not file.startswith("."):
-                yield _found(folder, Path(directory, file), defined)
+        yield from (Path(directory, file) for file in sorted(files) if not file.startswith("."))
 
 
 def _found(folder: Path, plan: Path, defined: Defined) -> SuitePlan:
@@ -409,7 +422,7 @@ class Batch(Presented, ask="exit_code"):
         plans: those about which something is known, in the order of the suite.
         total: how many plans there are.
         status: `complete`, or `timeout`, `interrupted` or `lost` (the cluster) if something ended it before.
-        notes: what was resumed, and what is missing and how to get it.
+        notes: what was passed over and resumed, and what is missing and how to get it.
         seconds: wall time of all.
     """
 
@@ -438,12 +451,6 @@ class Batch(Presented, ask="exit_code"):
         seconds = [row.runs[name].seconds for row in answered]
         alone = [row for row in answered if not any(run.solved for other, run in row.runs.items() if other != name)]
         return Solved(len(answered), sum(seconds), median(seconds) if seconds else None, len(alone))
-
-
-def worst(codes: Iterable[int]) -> int:
-    """The exit code of several answers: refuted, else unreadable, else unsupported, else unknown."""
-    present = set(codes)
-    return next((code for code in (1, RobustError.exit_code, UNSUPPORTED, UNDECIDED) if code in present), 0)
 
 
 def volume_ratio(box: Box, other: Box) -> Fraction | None:
@@ -530,7 +537,8 @@ def run_batch(
         if runs:
             rows.append(BatchRow(instance, runs))
     seconds = time.perf_counter() - began
-    return Batch(verb, str(path), asked, tuple(rows), len(suite.instances), _ended(sweep), sweep.notes, seconds)
+    notes = (*suite.notes, *sweep.notes)
+    return Batch(verb, str(path), asked, tuple(rows), len(suite.instances), _ended(sweep), notes, seconds)
 
 
 def _label(instance: SuitePlan, question: Asked, asked: Sequence[Asked]) -> str:

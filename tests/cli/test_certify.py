@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from tests.cli.running import EXAMPLES, answer_of, command, example, process
+from tests.cli.running import EXAMPLES, answer_of, assert_one_line, command, example, process
 from tests.pike_bridge.stories import sat_plan
 
 KITCHEN = EXAMPLES / "kitchen" / "kitchen.tpnu.json"
@@ -201,3 +201,14 @@ def test_a_maximal_box_is_demanded_with_all_its_values(path, box, tmp_path):
     assert code_of(*words, "--box", "to_ridge=25:36", "--box", " to_crater = 35:46") == 0
     named_like_a_value = box.rename(tmp_path / "to_ridge=1.json")
     assert code_of(*words, "--box", named_like_a_value) == 0
+
+
+def test_a_certificate_of_steps_is_about_their_network(path, tmp_path):
+    workshop = [EXAMPLES / "workshop" / name for name in ("domain.pddl", "problem.pddl", "plan.log")]
+    steps = tmp_path / "plan.txt"
+    steps.write_text(workshop[2].read_text(encoding="utf-8"), encoding="utf-8")
+    assert command("certify", *workshop, "-o", path).code == 0
+    assert command("verify", path, *workshop[:2], path.with_suffix(".stn")).code == 0
+    ended = command("verify", path, *workshop[:2], steps)
+    assert_one_line(ended, 2)
+    assert f"found a plan of steps, expected the network of the certificate: {path.with_suffix('.stn')}" in ended.err

@@ -33,7 +33,9 @@ def test_files_that_belong_together(tmp_path, files, domain, problem):
 
 def test_plans_in_hidden_folders_and_other_files_are_none(tmp_path):
     path = folder(tmp_path, "domain.pddl problem.pddl .git/plan.stn .hidden.stn notes.txt b.stn a.stn")
-    assert [(one.name, one.trouble) for one in read_suite(path).instances] == [("a.stn", None), ("b.stn", None)]
+    suite = read_suite(path)
+    assert [(one.name, one.trouble) for one in suite.instances] == [("a.stn", None), ("b.stn", None)]
+    assert suite.notes == ("passed over notes.txt: names of plans end in .stn, .plan, .log, .sol, .soln, .solution",)
 
 
 @pytest.mark.parametrize(("files", "trouble"), TABLES["what is not clear is said of that plan"])

@@ -406,7 +406,9 @@ def _schema(domain: syntax.Domain, action: str, durative: bool, location: Locati
     if schema.durative != durative:
         kinds = {True: "a durative action", False: "an instantaneous action"}
         defined = f"{kinds[schema.durative]} as defined at {schema.location}"
-        raise InputError(f"found '{schema.name}' used as {kinds[durative]}, expected {defined}", location)
+        steps = schema.durative and location is not None and not location.file.endswith(".stn")
+        lacking = "; does its line lack a duration, such as [12]?" if steps else ""
+        raise InputError(f"found '{schema.name}' used as {kinds[durative]}, expected {defined}{lacking}", location)
     return schema
 
 
