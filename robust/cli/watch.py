@@ -337,6 +337,9 @@ class _WatchPage:
 
         if outlook.refused is not None:
             self._words.add(outlook.time, f"refused: {outlook.refused}", "open")
+        for text in outlook.assumed:
+            if before is None or text not in before.assumed:
+                self._words.add(outlook.time, f"assumed: {text}", "open")
         if before is not None and outlook.prospect is not before.prospect:
             self._words.add(outlook.time, outlook.prospect.value, KINDS[outlook.prospect.value])
         if news is not None:

@@ -1,6 +1,7 @@
 """Replays of plans with durations of a real robot: a monitor against what is worked out from scratch at each message.
 
-`python -m tests.execute.replays 10000` draws as many, of all plans, and prints what became of them and each difference.
+`python -m tests.execute.replays 10000` draws as many, of all plans, and prints what became of them, each difference and
+the processor time of answers by plan; Ctrl-C ends it with what is known.
 There are two oracles. `PathOracle` reads nothing but the constraints of the plan's network, all schedules of which are
 known to be valid, and what has been said; it relaxes all of them until nothing changes. `SolverOracle` asks a solver
 for times that keep the network, all obligations, and what has been said.
@@ -11,7 +12,8 @@ import json
 import sys
 from argparse import ArgumentParser
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache, partial
@@ -338,12 +340,22 @@ def reordered_differences(monitor: Monitor, oracle: SolverOracle, outlook: Outlo
 
 @dataclass(frozen=True)
 class Replay:
-    """What became of a replay: by what it was judged, how it ended, and what was different at which message."""
+    """What became of a replay: by what it was judged, processor times of answers, how it ended, and differences."""
 
     kind: str
-    messages: int
+    seconds: Sequence[float]
     ended: Prospect
     differences: tuple[str, ...]
+
+
+def timed(answers: Answers, seconds: list[float]) -> Answers:
+    """The answers, with the processor time of each after the first, in which the robot's own is contained."""
+    started = process_time()
+    for number, each in enumerate(answers):
+        if number:
+            seconds.append(process_time() - started)
+        yield each
+        started = process_time()
 
 
 def replay_in_order(case: Case, seed: int, *, solver: bool = False) -> Replay:
@@ -355,15 +367,15 @@ def replay_in_order(case: Case, seed: int, *, solver: bool = False) -> Replay:
     kind = kind if isinstance(monitor._own, PathForecaster) else "conditions on numbers"
     paths = PathOracle(monitor.plan) if is_by_paths else None
     asked = SolverOracle(monitor.plan) if solver or paths is None else None
-    outlook, messages, differences = monitor.outlook(), 0, list[str]()
-    for message, outlook in replayed(monitor, random, random.choice([Fraction(1, 4), Fraction(1)])):
-        messages += 1
+    outlook, seconds, differences = monitor.outlook(), list[float](), list[str]()
+    told = replayed(monitor, random, random.choice([Fraction(1, 4), Fraction(1)]))
+    for message, outlook in timed(told, seconds):
         found = [] if outlook.refused is None else [outlook.refused]
         found += [] if paths is None else path_differences(monitor, paths, outlook, random)
         found += [] if asked is None else solver_differences(monitor, asked, outlook)
         differences += [f"{case.name} {seed}, {message.as_dict()}: {text}" for text in found]
     kind = kind if paths is None or asked is None else f"{kind}, and a solver"
-    return Replay(kind, messages, outlook.prospect, tuple(differences))
+    return Replay(kind, seconds, outlook.prospect, tuple(differences))
 
 
 def replay_in_any_order(case: Case, seed: int) -> Replay:
@@ -372,13 +384,13 @@ def replay_in_any_order(case: Case, seed: int) -> Replay:
     lateness = Fraction(random.choice([0, 0, 1, 5, 20]))
     monitor = case.monitor(random.choice(DEADLINES), seconds=None, lateness=lateness)
     solver = SolverOracle(replace(monitor.plan, constraints=bare(monitor.plan)))
-    outlook, messages, differences = monitor.outlook(), 0, list[str]()
-    for message, outlook in disordered(monitor, solver, random, random.choice([Fraction(1, 4), Fraction(1)])):
-        messages += 1
+    outlook, seconds, differences = monitor.outlook(), list[float](), list[str]()
+    told = disordered(monitor, solver, random, random.choice([Fraction(1, 4), Fraction(1)]))
+    for message, outlook in timed(told, seconds):
         found = [] if outlook.refused is None else [outlook.refused]
         found += reordered_differences(monitor, solver, outlook)
         differences += [f"{case.name} {seed} in any order, {message.as_dict()}: {text}" for text in found]
-    return Replay("any order, late" if lateness else "any order", messages, outlook.prospect, tuple(differences))
+    return Replay("any order, late" if lateness else "any order", seconds, outlook.prospect, tuple(differences))
 
 
 LARGE = 60
@@ -391,7 +403,7 @@ NUMBERS = 40
 """How much less often plans are replayed of which only a solver knows whether anything is left."""
 
 
-def replays(known: Iterable[Case]) -> Iterator[Callable[[], Replay]]:
+def replays(known: Iterable[Case]) -> Iterator[partial[Replay]]:
     """Replays of all plans in turn, without an end, each to be called."""
     often = {case: max(1, case.steps // STEPS) for case in known}
     for case in often:
@@ -415,16 +427,25 @@ def main(arguments: list[str] | None = None) -> int:
     part, parts = map(int, options.part.split("/"))
     started = process_time()
     counts: dict[str, Counter[str]] = defaultdict(Counter)
+    seconds: dict[str, list[float]] = defaultdict(list)
     every = replays(case for case in cases() if options.plans in case.name)
-    for done, run in enumerate(islice(every, part - 1, options.count, parts), start=1):
-        replay = run()
-        counted = counts[replay.kind]
-        counted.update({"replays": 1, "messages": replay.messages, replay.ended.value: 1})
-        counted["differences"] += len(replay.differences)
-        for text in replay.differences[:1]:
-            print(text, flush=True)
-        if done % 100 == 0:
-            print(f"{done} replays, {process_time() - started:.0f} s", file=sys.stderr, flush=True)
+    with suppress(KeyboardInterrupt):
+        for done, run in enumerate(islice(every, part - 1, options.count, parts), start=1):
+            replay = run()
+            counted = counts[replay.kind]
+            counted.update({"replays": 1, "messages": len(replay.seconds) + 1, replay.ended.value: 1})
+            counted["differences"] += len(replay.differences)
+            case = run.args[0]
+            seconds[f"{case.name}, {case.steps} steps, {replay.kind}"] += replay.seconds
+            for text in replay.differences[:1]:
+                print(text, flush=True)
+            if done % 100 == 0:
+                print(f"{done} replays, {process_time() - started:.0f} s", file=sys.stderr, flush=True)
+    for name, known in seconds.items():
+        known.sort()
+        if known:
+            middle, last = (1000 * known[int(len(known) * share)] for share in (0.5, 0.99))
+            print(f"{name}: {len(known)} answers, median {middle:.1f} ms, 99 % {last:.1f} ms")
     for kind, counted in sorted(counts.items()):
         print(f"{kind}: {', '.join(f'{number} {what}' for what, number in sorted(counted.items()))}")
     print(f"{process_time() - started:.0f} s of processor time")

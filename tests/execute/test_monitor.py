@@ -1,6 +1,7 @@
 """A monitor says the same as a solver that is told all facts anew, whatever order messages come in."""
 
 import asyncio
+import threading
 from dataclasses import replace
 from fractions import Fraction
 from heapq import heappop, heappush
@@ -422,10 +423,19 @@ def test_promises_by_slices_wake_a_clock_a_few_times(monkeypatch):
     assert answers[-1].prospect is Prospect.BROKEN
 
 
-def test_an_event_loop_goes_on_while_answers_are_worked_out():
+def test_an_event_loop_goes_on_while_answers_are_worked_out(monkeypatch):
+    """An answer that is only worked out once the loop has turned: if it waited, nobody would say so."""
+    turned, real = threading.Event(), Monitor.outlook
+    monkeypatch.setattr(Monitor, "outlook", lambda *known: turned.wait(60) and real(*known))
+
     async def run() -> list[int]:
         monitor = workshop()
         messages = [MonitorMessage(TICK, at=Fraction(number)) for number in range(5)]
-        return [outlook.message for outlook in await asyncio.gather(*map(monitor.told, messages))]
+        answers = asyncio.gather(*map(monitor.told, messages))
+        for _ in range(100):
+            await asyncio.sleep(0)
+        assert not answers.done()
+        turned.set()
+        return [outlook.message for outlook in await answers]
 
     assert asyncio.run(run()) == [1, 2, 3, 4, 5]
