@@ -6,15 +6,20 @@ import time
 from contextlib import suppress
 from fractions import Fraction
 from functools import cache
+from random import Random
 
 import jsonschema
 import pytest
 
 from robust.pike_bridge.action_model import load_team_plan
+from robust.pike_bridge.cross_check import propositional
+from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.online.service import CLOSING, read_journal
-from tests.cli.running import COMMAND, LOAD, process, ran, started
+from tests.cli.running import COMMAND, EXAMPLES, LOAD, process, ran, started
+from tests.pike_bridge.game.test_controllability import depending
 from tests.pike_bridge.online.examples import KITCHEN
 from tests.recordings.recordings import INPUTS
+from tests.sampling import often
 from tests.schemas import schema
 
 OUTPUT = jsonschema.Draft202012Validator(schema("robust/pike-stdio/1"))
@@ -23,6 +28,9 @@ TOLD = map(json.loads, (INPUTS / "kitchen-story.jsonl").read_text(encoding="utf-
 STORY = [line for line in TOLD if line["kind"] != "possible"]
 """What a team says that does everything in the least time, and chooses as soon as it can, beginning with the mug."""
 OUTCOMES = [{name: line[name] for name in ("kind", "choice", "value")} for line in STORY if line["kind"] == "outcome"]
+
+
+WING = EXAMPLES / "wing" / "wing.tpnu.json"
 
 
 class Process:
@@ -277,3 +285,69 @@ def test_real_time_goes_on_where_the_journal_ends(journal):
         while (line := run.line())["kind"] != "chosen" or line["choice"] != "xA1":
             assert line["kind"] in {"executed", "wake", "chosen", "dispatched"}
         assert last <= Fraction(line["time"]) <= last + 2
+
+
+# -- strategies --------------------------------------------------------------------------------------------------------
+
+
+def followed(run, plan, random):
+    """All that is decided when people choose at random as soon as they can, and activities take random times."""
+    progress = Progress(plan)
+    open_choices = {each.name: each for each in plan.network.choices if not each.controllable}
+    due, lines = [], list(run.greeting)
+    executed = {line["event"] for line in lines if line["kind"] == "executed"}
+    new = lines
+    while new[-1]["kind"] != "end":
+        for line in new:
+            if line["kind"] == "executed":
+                executed.add(line["event"])
+            elif line["kind"] == "dispatched":
+                low, high = Fraction(line["lower"]), Fraction(line["upper"])
+                end = Fraction(line["time"]) + low + (high - low) * random.randint(0, 10) / 10
+                due.append((end, {"kind": "completion", "action": line["action"], "event": line["end"]}))
+        wake = new[-1]["time"]
+        for name, choice in list(open_choices.items()):
+            if executed.issuperset(progress.structure.not_before[choice.event]):
+                del open_choices[name]
+                value = random.choice(choice.domain)
+                due.append((Fraction(wake or 0), {"kind": "outcome", "choice": name, "value": value}))
+        due.sort(key=lambda each: each[0])
+        if due and (wake is None or due[0][0] <= Fraction(wake)):
+            time, message = due.pop(0)
+        else:
+            time, message = Fraction(wake), {"kind": "tick"}
+        new = run.ask({**message, "time": str(time)})
+        lines += new
+    return lines
+
+
+@pytest.mark.parametrize("length", ["3/2", "3"])
+def test_a_strategy_is_followed_and_goes_on_after_a_kill(length, tmp_path, journal):
+    """What is right depends on how long the work takes, which shows when it ends."""
+    file = propositional(depending(2, 4)).write(tmp_path)
+    arguments = ("--strategy", "--epsilon", "0", "--journal", journal)
+    with Process(*arguments, plan=file) as run:
+        assert run.greeting[0]["backend"] == "strategy"
+        lines = run.ask({"kind": "tick", "time": "0"})
+        assert [line["action"] for line in lines if line["kind"] == "dispatched"] == ["(act-0)"]
+    with Process(*arguments, plan=file) as run:
+        assert run.greeting[0]["resumed"]
+        lines = run.ask({"kind": "completion", "action": "(act-0)", "time": length})
+        [chosen] = [line for line in lines if line["kind"] == "chosen"]
+        assert chosen["value"] == ("a" if Fraction(length) <= 2 else "b")
+        assert (lines[-1]["kind"], lines[-1]["outcome"]) == ("end", "succeeded")
+        assert run.finish() == ([], "", 0)
+
+
+@pytest.mark.parametrize("seed", range(often(1, 10)))
+def test_the_wing_succeeds_by_its_strategy_whatever_people_do(seed):
+    with Process("--strategy", plan=WING) as run:
+        lines = followed(run, load_team_plan(WING), Random(seed))  # noqa: S311 - reproducible
+        assert (lines[-1]["kind"], lines[-1]["outcome"]) == ("end", "succeeded")
+        assert run.finish() == ([], "", 0)
+
+
+def test_without_a_strategy_nothing_is_served():
+    ended = process("pike", "run", KITCHEN, "--stdio", "--strategy", stdin=-3)
+    assert (ended.code, ended.out) == (1, "")
+    assert ended.err.startswith("robust: error: --strategy: the plan is not controllable")
