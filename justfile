@@ -55,6 +55,10 @@ pictures:
 links:
     {{python}} -m sphinx -W -c docs -b linkcheck . build/links
 
+# the verified checker: proofs, and robust-kernel, which goes into PREFIX/bin (Coq 8.16)
+kernel PREFIX="build":
+    make -C proofs/kernel install PREFIX="$(realpath -m {{PREFIX}})"
+
 # what CI runs, in an environment of its own
 ci:
     .ci/run

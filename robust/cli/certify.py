@@ -23,6 +23,7 @@ from robust.smt.limits import Deadline, OutOfTimeError
 
 if TYPE_CHECKING:
     from robust.certify import Verification
+    from robust.certify.kernel.run import Opinion
     from robust.cli.guard import Run
     from robust.execute.convert import Conversion
     from robust.irr.search import EnvelopeResult
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from robust.plan.parameters import ParameterSpec
     from robust.qe.region import Region
     from robust.show.console import Console
+    from robust.show.documents import CheckedBy
 
 CERTIFICATE = "a certificate as `robust certify` writes it"
 GZIP = b"\x1f\x8b"
@@ -109,11 +111,11 @@ def verify(options: VerifyCommand, run: Run) -> int:
     run.only(partial(specifications, (), None, options.files[-1]))  # reads what is beside it
     box = run.only(lambda: demanded_box(options.box))
 
-    def work() -> tuple[Verification, float]:
-        from robust.certify import verify
+    def work() -> list[Opinion]:
+        from robust.certify.kernel.run import opinions
 
-        started = time.perf_counter()
-        report = verify(
+        return opinions(
+            options.checker,
             options.certificate,
             options.files,
             epsilon=options.separation,
@@ -122,27 +124,50 @@ def verify(options: VerifyCommand, run: Run) -> int:
             assume=options.assume,
             deadline=Deadline.after(run.remaining),
         )
-        return report, time.perf_counter() - started
 
-    report, seconds = run.only(work)
+    opinions = run.only(work)
 
     from robust.certify import CheckerOutcome
+    from robust.certify.kernel.run import TRUSTED
     from robust.show import documents
 
-    if report.outcome is CheckerOutcome.UNREADABLE:
-        raise InputError(f"cannot read ({report.answer['reason']}), expected {CERTIFICATE}", place)
-    if report.outcome is CheckerOutcome.UNSUPPORTED:
-        names = ", ".join(map(quoted, options.files))
-        raise UnsupportedError(f"the checker of certificates does not read one of {names}: {report.answer['reason']}")
+    for opinion in opinions:
+        answer, outcome = opinion.verification.answer, opinion.verification.outcome
+        if outcome is CheckerOutcome.UNREADABLE:
+            raise InputError(f"cannot read ({answer['reason']}), expected {CERTIFICATE}", place)
+        if outcome is CheckerOutcome.UNSUPPORTED and (opinion.checker != "kernel" or options.checker is not None):
+            names = ", ".join(map(quoted, options.files))
+            raise UnsupportedError(f"the checker of certificates does not read one of {names}: {answer['reason']}")
+    rejecting = [each for each in opinions if each.verification.outcome is CheckerOutcome.REJECTED]
+    report = (rejecting or opinions)[0].verification
+    checkers = [
+        documents.CheckedBy(
+            checker=each.checker,
+            verdict=each.verification.answer["verdict"],
+            reason=each.verification.answer.get("reason"),
+            trusts=TRUSTED[each.checker],
+            seconds=round(each.seconds, 6),
+        )
+        for each in opinions
+    ]
     said = ("kind", "claim", "epsilon", "box", "obligations", "refuted", "reason")
-    answer = documents.Verify(
+    document = documents.Verify(
         verdict=report.answer["verdict"],
         files=report.answer["files"],
-        seconds=round(seconds, 6),
+        checkers=checkers,
+        seconds=round(sum(each.seconds for each in opinions), 6),
         **{key: report.answer.get(key) for key in said},
     )
-    run.answer(lambda: documents.document(answer), lambda out: out.print("\n".join(_shown(report)), soft_wrap=True))
+    lines = [*_shown(report), *(map(_spoken, checkers) if len(opinions) > 1 or not rejecting else ())]
+    run.answer(lambda: documents.document(document), lambda out: out.print("\n".join(lines), soft_wrap=True))
     return int(report.outcome.value)
+
+
+def _spoken(by: CheckedBy) -> str:
+    """Who has checked it, and what has to be trusted."""
+    if by.verdict == "established":
+        return f"by {by.checker}, trusting {by.trusts}"
+    return f"by {by.checker}: {by.verdict}, {by.reason}"
 
 
 def _shown(report: Verification) -> list[str]:
@@ -151,7 +176,9 @@ def _shown(report: Verification) -> list[str]:
     if report.outcome.value:
         return [f"{answer['verdict']}: {answer['reason']}"]
     digests = [f"of {kind}: sha256 {digest}" for kind, digest in answer["files"].items()]
-    counts = f"checked: {answer['obligations']} obligations, {answer['refuted']} of them not constant"
+    refuted = answer.get("refuted")
+    counts = f"checked: {answer['obligations']} obligations"
+    counts += "" if refuted is None else f", {refuted} of them not constant"
     return [f"{answer['verdict']}: {answer['claim']}", *digests, counts]
 
 

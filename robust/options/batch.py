@@ -227,6 +227,12 @@ class VerifyCommand(shared.Separation, shared.Limited, shared.Json):
         metavar="NAME=VALUE",
         many=True,
     )
+    checker: str | None = declare.option(
+        None,
+        "who checks: python; kernel: robust-kernel, which is proved right in Coq; both; default: both where "
+        "robust-kernel is on the PATH and knows what the plan says, otherwise python",
+        choices=("python", "kernel", "both"),
+    )
     timeout: Number | None = declare.option(
         None,
         "time limit in seconds; default: 4 seconds of processor time, and 1 for every 10 kB of the files beyond 120 kB",

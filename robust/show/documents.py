@@ -262,6 +262,16 @@ class Proved(JsonObject):
     upper_closed: bool
 
 
+class CheckedBy(JsonObject):
+    """What one checker says of a certificate, and what has to be trusted if it establishes something."""
+
+    checker: Annotated[str, one_of("python", "kernel")]
+    verdict: Annotated[str, one_of("established", "rejected", "unsupported")]
+    reason: str | None
+    trusts: str
+    seconds: Seconds
+
+
 class Verify(JsonObject, tag_field="schema", tag="robust/verify/1"):
     """robust verify --json: what a certificate establishes of files with these digests."""
 
@@ -274,4 +284,5 @@ class Verify(JsonObject, tag_field="schema", tag="robust/verify/1"):
     obligations: Count | None
     refuted: Count | None
     reason: str | None
+    checkers: list[CheckedBy]
     seconds: Seconds

@@ -16,7 +16,7 @@ Record envelope_certificate := {
 
 (** What is known of values in no removed polyhedron: the negation of those with one side, and of all as formulas. *)
 Definition beyond_sides (declared : region) (removed : list region) : region :=
-  declared ++ flat_map (fun piece => match piece with [(e, s)] => [(Minus (Num 0) e, negb s)] | _ => [] end) removed.
+  declared ++ flat_map (fun piece => match piece with [side] => [other_side side] | _ => [] end) removed.
 
 Definition inside_form (piece : region) : form := fall (map (fun side => FCmp (snd side) (fixed (fst side))) piece).
 Definition outside (l : list region) : list form := map (fun piece => FNot (inside_form piece)) l.
@@ -56,14 +56,11 @@ Proof.
   intros G O f I. apply in_map_iff in I as [piece [<- I]]. cbn [fval]. rewrite (inside_form_true v g) by auto. now apply O.
 Qed.
 
-Lemma beyond_inside g declared l : inside g declared -> (forall piece, In piece l -> ~ inside g piece) ->
+Lemma beyond_all_inside g declared l : inside g declared -> (forall piece, In piece l -> ~ inside g piece) ->
   inside g (beyond_sides declared l).
 Proof.
   intros D O. apply inside_app. split; auto. intros e s I. apply in_flat_map in I as [piece [I J]].
-  destruct piece as [|[e' s'] [|? ?]]; try easy. destruct J as [J|[]]. inversion J. subst. apply O in I.
-  cbn [ev]. rewrite zero_R. destruct s'; simpl.
-  - apply Rnot_lt_le. intros L. apply I. intros e s [E|[]]. inversion E. subst. simpl. lra.
-  - apply Rnot_le_lt. intros L. apply I. intros e s [E|[]]. inversion E. subst. simpl. lra.
+  destruct piece as [|side [|? ?]]; try easy. revert e s J. now apply other_side_inside, O.
 Qed.
 
 Theorem check_envelope_sound P epsilon declared c : check_envelope P epsilon declared c = true ->
@@ -73,7 +70,7 @@ Proof.
   - intros V piece I G. apply in_map_iff in I as [[piece' r] [E I]]. cbn [fst] in E. subst piece'.
     rewrite forallb_forall in B. apply B in I. cbn [fst snd] in I.
     apply (check_bad_sound P epsilon _ g) in I; auto. apply inside_app. auto.
-  - intros O. pose proof (beyond_inside g declared _ D O) as G. split.
+  - intros O. pose proof (beyond_all_inside g declared _ D O) as G. split.
     + unfold if_scheduled in K. destruct (cover c) as [r|]; [|auto]. apply andb_true_iff in S as [S R].
       apply NNPP. intros X. refine (refuted_false P g (fun _ => 0) 0 _ _ _ _ _ _ R _ _ _ _ _).
       * apply table_holds. intros f. now apply (region_facts_hold _ g).

@@ -204,10 +204,11 @@ let ends tree = match tree with
       { lower = read low low_closed; upper = read high high_closed }
   | tree -> bad "a range" tree
 
-let reason = function
+let rec reason = function
   | List [ Word "none"; ms ] -> NoSchedule (multiples ms)
   | List [ Word "breaks"; s; instant; which; proof ] -> Breaks (placement s, expr instant, pos which, refutation proof)
   | List [ Word "each"; which; lemmas; proof ] -> EachBreaks (list pos which, list lemma lemmas, refutation proof)
+  | List [ Word "split"; one; r; other ] -> Split (side one, reason r, reason other)
   | tree -> bad "a reason" tree
 
 let face = function

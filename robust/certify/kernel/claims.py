@@ -6,14 +6,16 @@ found anew. Nothing of that is trusted.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
+from itertools import combinations
 from typing import Any
 
 from robust.certify.checker.claims import SEGMENT, Box, Range, box_of, declared, nominal
 from robust.certify.checker.formulas import Formulas as TheirFormulas
 from robust.certify.checker.formulas import mutex, names_in, plus, replaced
-from robust.certify.checker.proofs import Tape, linear, sides
+from robust.certify.checker.proofs import Tape, demand, linear, sides
 from robust.certify.checker.reader import Fact, Ground, Linear, constant
 from robust.certify.hints import KnownFacts, NotRefutedError
 from robust.certify.kernel.questions import OpenFormulas, facts_of, multiples
@@ -148,7 +150,9 @@ class Translation:
         for name in box:
             for form, _ in declared(self._ground, name).facts(name):
                 alike = (number for number, (side, _) in enumerate(facts) if _same_direction(side, form))
-                yield next(alike), 1
+                found = next(alike, None)
+                demand(found is not None, f"the box leaves the declared bounds of {name}")
+                yield found or 0, 1
 
     def _lemmas(self, tape: Tape, region: Sides) -> str:
         found = []
@@ -157,7 +161,15 @@ class Translation:
             self._theirs.known[a, b] = Fraction(bound)
             steps = [(first + step, 1) for step in path]
             found.append(listed((a, b, bound, multiples([*steps, *_sums(more)]))))
-        return listed(found)
+        return listed((*found, *self._durations(first)))
+
+    def _durations(self, first: int) -> Iterator[str]:
+        """Constant bounds of durations, which the other checker does not need to be told."""
+        owners = {duty.owner for duty in self._ground.duties}
+        for number, (a, b, w) in enumerate(self._ground.edges):
+            new = (a, b) not in self._theirs.known and ((a, b) in owners or (b, a) in owners)
+            if new and w.keys() <= {""}:
+                yield listed((a, b, w.get("", 0), multiples([(first + number, 1)])))
 
     def _schedule(self, tape: Tape, region: Sides) -> str:
         free, ties = self._theirs.free(), self._theirs.ties
@@ -233,15 +245,25 @@ class Translation:
         placed = [(form, f"@{point}") for point, form in enumerate(times)]
         looked_at = len(name) == 2 or self._ground.duties[number].first is not None
 
-        def answered(lines: Sequence[Sequence[str]]) -> str:
+        def at_one(lines: Sequence[Sequence[str]], more: Sequence[Fact]) -> str | None:
+            """One of the instants will do, all over the region and some more sides."""
             for tried in at:
                 now = [(tried, "now")] if looked_at else []
-                facts = [*region.facts, *(fact for form, each in (*now, *placed) for fact in _equal(each, form))]
-                try:
+                facts = [*region.facts, *more, *(fact for form, each in (*now, *placed) for fact in _equal(each, form))]
+                with suppress(NotRefutedError):
                     proof = self._refuted(lines, facts)
-                except NotRefutedError:
-                    continue
-                return listed(("breaks", place, self._terms.expression(tried), self._number(name), proof))
+                    return listed(("breaks", place, self._terms.expression(tried), self._number(name), proof))
+            return None
+
+        def answered(lines: Sequence[Sequence[str]]) -> str:
+            if (found := at_one(lines, [])) is not None:
+                return found
+            for one, other in combinations(at, 2):
+                gap = plus(one, other, -1)
+                first = at_one(lines, [(gap, False)])
+                second = first and at_one(lines, [(plus({}, gap, -1), True)])
+                if first and second:
+                    return listed(("split", listed((self._terms.expression(gap), "f")), first, second))
             raise NotRefutedError("found no instant at which a schedule of the certificate breaks what it is to break")
 
         return self._asked(listed(("breaks", listed(name))), answered)

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from robust.certify.checker.formulas import TRUE, Circuit
+from robust.certify.checker.formulas import TRUE, Circuit, add
 from robust.certify.hints import Fact, KnownFacts, Line, NotRefutedError, refutation
 from robust.certify.kernel.terms import listed, truth
 from robust.smt.limits import Deadline
@@ -48,9 +48,47 @@ class OpenFormulas:
         """
         if -TRUE in self.literals:
             raise NotRefutedError("found a formula that is constant, expected one that has to be refuted")
-        line = refutation(self, known, TRUE, deadline)  # type: ignore[arg-type]
+        line = self._added_up() or refutation(self, known, TRUE, deadline)  # type: ignore[arg-type]
         roots = (f"({number} {literal})" for number, literal in enumerate(self.literals, start=1))
         return listed((listed(map(self._node, self.circuit.nodes[1:])), listed(roots), listed(_steps(line))))
+
+    def _added_up(self) -> Line | None:
+        """The refutation of a comparison whose unknowns all have bounds of their own among the other formulas: one sum.
+
+        That is how it is where orders decide which effects have taken place.
+        """
+        first, *others = self.literals
+        if self.circuit.is_gate(abs(first)):
+            return None
+        bounds: dict[tuple[str, bool], tuple[int, int, int]] = {}  # by unknown and sign: comparison, root, input or 0
+        for root, literal in enumerate(others, start=1):
+            whole = literal > 0 and self.circuit.is_gate(literal)
+            for place, each in enumerate(self.circuit.nodes[literal] if whole else (literal,), start=1):
+                if not self.circuit.is_gate(abs(each)):
+                    names = [(name, value) for name, value in self.circuit.said(each)[0].items() if name]
+                    if len(names) == 1:
+                        bounds[names[0][0], names[0][1] > 0] = (each, root, place if whole else 0)
+        form, strict = self.circuit.said(first)
+        total, used = {name: Fraction(value) for name, value in form.items()}, {first: Fraction(1)}
+        line: Line = ["refute"]
+        hints = [0]
+        for name in [name for name in total if name]:
+            bound = bounds.get((name, total[name] < 0))
+            if bound is None:
+                return None
+            literal, root, place = bound
+            side, more = self.circuit.said(literal)
+            factor = abs(total[name] / side[name])
+            add(total, {each: Fraction(value) for each, value in side.items()}, factor)
+            used[literal], strict = factor, strict or more
+            if place:
+                line.append([[literal], [root, [abs(self.literals[root]), place]]])
+            hints.append(len(self.literals) + len(line) - 2 if place else root)
+        value = total.pop("", Fraction(0))
+        if total or value > 0 or (value == 0 and not strict):
+            return None
+        line.append([[-literal for literal in used], [*used.values()], []])
+        return [*line, [[], [*hints, len(self.literals) + len(line) - 2]]]
 
     @staticmethod
     def _node(node: tuple[object, ...]) -> str:
