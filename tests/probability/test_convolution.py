@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 
 from robust.probability import convolution
 from robust.probability.convolution import LONGEST, ROUNDED, Increments
+from robust.probability.distributions import UNIT, exp_minus, normal
+from robust.probability.random_durations import decay, normal_cdf
 
 F = Fraction
 U = 2.0**-53
@@ -150,3 +152,13 @@ def test_what_is_fixed_moves_places():
     assert fixed.convolved(np.array([0.25, 0.5, 1.0, 1.0])).tolist() == [0.0, 0.0, 0.25, 0.5]
     assert not Increments(np.array([0.0, 0.5, 1.0])).is_fixed
     assert not Increments(np.array([0.0, 0.5, 0.5])).is_fixed
+
+
+def test_functions_of_laws_are_as_exact_as_they_say():
+    random = Random("functions")  # noqa: S311 - reproducible
+    places = [0.0, 1 / 128, 1 / 64, 39.999, 45.0, *(random.uniform(0, 42) for _ in range(300))]
+    for place, value in zip(places, decay(np.array(places)), strict=True):
+        assert abs(Fraction(float(value)) - Fraction(exp_minus(Fraction(place))[0], UNIT)) < Fraction(1, 2**48)
+    places = [0.0, -1 / 128, 8.9, -8.9, *(random.uniform(-8.9, 8.9) for _ in range(300))]
+    for place, value in zip(places, normal_cdf(np.array(places)), strict=True):
+        assert abs(Fraction(float(value)) - Fraction(normal(Fraction(place))[0], UNIT)) < Fraction(1, 2**48)
