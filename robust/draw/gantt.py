@@ -418,11 +418,13 @@ def plot_team_run(record: world.ExecutionRecord, path: Path | None) -> Figure:
     bars: list[Bar] = []
     marks = [*_deadlines(record)]
     idle: dict[str, Fraction] = {}
+    over = _ends(record)
     for step in record.steps:
         for decision in step.decisions:
             match decision:
                 case progress.Dispatched(action, agent, time, end, _, upper):
-                    lane, until = agent or "no agent", record.schedule.get(end)
+                    lane, ends = agent or "no agent", (*over.get(end, ()), *over.get(action, ()))
+                    until = min((each for each in ends if each >= time), default=None)
                     latest = None if upper is None else time + upper
                     bars.append(
                         Bar(lane, time, until, action, f"activity of {lane}", idle.get(lane, _BEGINNING), latest)
@@ -446,6 +448,21 @@ def plot_team_run(record: world.ExecutionRecord, path: Path | None) -> Figure:
     lanes = [Lane(name) for name in sorted(names, key=lambda name: (name == _CHOICES, name))]
     title = f"{record.plan.name}: {record.ending.value}"
     return draw_chart(Chart(title, tuple(lanes), tuple(bars), tuple(marks), begins=_BEGINNING), path)
+
+
+def _ends(record: world.ExecutionRecord) -> dict[str, list[Fraction]]:
+    """When events were executed, and actions cancelled; Kirk executes an event again if it was undone."""
+    ends: dict[str, list[Fraction]] = {}
+    for step in record.steps:
+        for decision in step.decisions:
+            match decision:
+                case progress.Executed(event, time):
+                    ends.setdefault(event, []).append(time)
+                case progress.Cancel(action, _, time):
+                    ends.setdefault(action, []).append(time)
+                case _:
+                    pass
+    return ends
 
 
 def _deadlines(record: world.ExecutionRecord) -> Iterator[Mark]:

@@ -15,10 +15,11 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from benchmarks.generators.team_plans import blocks
-from robust import EnvelopeResult, InputError, Region, Status, Step, compare, load_plan, risk
+from robust import EnvelopeResult, InputError, Region, Status, Step, compare, load_plan, pike, risk
 from robust.draw import gantt, layers, pictures, plane, style, tpnu
 from robust.draw.gantt import Bar, Chart, Lane, Mark
 from robust.pike_bridge import action_model, causal, distance_graph
+from robust.pike_bridge.builder import k_intents
 from robust.pike_bridge.model import EPSILON, Choice, Constraint, Event, Tpnu
 from robust.pike_bridge.online.world import Rehearsal
 from robust.plan.model import Parameter
@@ -334,6 +335,24 @@ def test_charts(label):
     marks = [Mark(Fraction(at), where, f"{label} {at}", f"mark {at}") for at in range(3) for where in ("a", None)]
     chart = Chart(f"{label}: succeeded", (Lane("a"), Lane("b", LONG)), tuple(bars), tuple(marks))
     assert_readable(gantt._ChartDrawing(chart).figure(), "kind 8", "mark 2")
+
+
+def test_what_is_cancelled_ends_then(monkeypatch):
+    """Kirk stops what was begun by mistake; everything else ends at the events of its schedule."""
+    charts = []
+    monkeypatch.setattr(gantt, "draw_chart", lambda chart, _path: charts.append(chart))
+    record = pike.run(k_intents((2,)).instance, reasoner="kirk", outcome={"y1": "2"}, pace="random")
+    gantt.plot_team_run(record, None)
+    wrong, recovery, *right = charts[0].bars
+    assert (wrong.label, recovery.label, [bar.label for bar in right]) == (
+        "(h-1-1)",
+        "(recover h-1-1)",
+        ["(h-1-2)", "(r-1-2)"],
+    )
+    assert wrong.start == wrong.end == recovery.start
+    assert recovery.end - recovery.start == record.recovered
+    ends = {each.action: record.schedule.get(each.target) for each in record.plan.network.activities}
+    assert [bar.end for bar in right] == [ends[bar.label] for bar in right]
 
 
 @pytest.mark.parametrize("name", ["kitchen", "wing"])
