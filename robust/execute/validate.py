@@ -80,7 +80,7 @@ class Remedies:
     """Options that make a schedule valid, each by itself; None where no value in the printed order does.
 
     Attributes:
-        tolerance: with exact times so far from the printed ones.
+        tolerance: with exact times so far from the printed ones: at most a fifth of the shortest duration, or ten ε.
         epsilon: the greatest separation, of at most three significant digits, that happenings keep.
     """
 
@@ -396,10 +396,15 @@ _WHEN = {Timing.AT_START: "at its start", Timing.OVER_ALL: "throughout", Timing.
 
 
 def _tolerance(judge: _Judge, outcome: _Outcome, epsilon: Fraction) -> Fraction | None:
-    """A tolerance with which the plan is valid; with a smaller one of three digits, times cannot be exact."""
+    """A tolerance with which the plan is valid; with a smaller one of three digits, times cannot be exact.
+
+    None above a fifth of the shortest duration, or ten ε: what would have to move farther was not rounded.
+    """
     tried = Fraction(0)
+    lasting = [step.duration for step in judge.timed.steps if step.duration is not None and step.duration > epsilon]
+    largest = max(10 * epsilon, min(lasting, default=Fraction(0)) / 5)
     shift = outcome.shift if any(outcome.rounding.values()) else judge.shift(epsilon)
-    while shift is not None and shift > tried:
+    while shift is not None and tried < shift <= largest:
         tried = round_up(shift)
         again = judge.outcome(epsilon, tried)
         if again.valid:

@@ -48,6 +48,12 @@ def test_verdicts_in_words(options, steps, expected):
     assert str(robust.validate(*texts, parse_timed_plan(steps), **chosen)) == expected
 
 
+@pytest.mark.parametrize(("duration", "tolerance"), [("1.7", Fraction(3, 10)), ("1.6", None)])
+def test_tolerances_are_suggested_up_to_a_fifth_of_the_shortest_duration(duration, tolerance):
+    verdict = robust.validate(ERRANDS, ERRAND, GOING + f"8: (shop market) [{duration}]")
+    assert (verdict.valid, verdict.remedies.tolerance) == (False, tolerance)
+
+
 def test_obligations_and_amounts_are_exact():
     domain, steps = ERRANDS.replace("(over all (open))", "(at start (open))"), GOING + "19.9995: (shop market) [2]"
     (breach,) = robust.validate(domain, ERRAND, steps, tolerance=0).violations
