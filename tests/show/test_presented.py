@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
-import pandas
+import numpy
 import pytest
 
 import robust
@@ -233,7 +233,8 @@ def test_texts_of_files_are_escaped():
 
 def test_tables_have_numbers_and_are_data_frames_in_one_call():
     rows = result("envelope").rows()
-    assert pandas.DataFrame(rows).lower.dtype == float
+    assert numpy.array([row["lower"] for row in rows]).dtype == float
+    assert len({tuple(row) for row in rows}) == 1, "a data frame has one set of columns"
     assert [(row["parameter"], row["nominal"], row["lower"], row["upper"]) for row in rows] == [
         ("to_ridge", 30.0, 25.0, 36.0),
         ("to_crater", 40.0, 35.0, 46.0),
