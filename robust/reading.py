@@ -73,6 +73,9 @@ def load_plan(
         on_note: called with what was picked, skipped, moved and made on the way.
         on_progress: called with what is being done.
 
+    Returns:
+        The ground plan with its parameters, in its own unit of time. `repr` of it is a line, `str` a screen.
+
     Raises:
         InputError: for anything wrong in the files.
         InvalidPlanError: if steps break an obligation as they stand.

@@ -203,6 +203,19 @@ def test_public_names_exist_and_are_documented(module):
             assert not (value.__doc__ or "").startswith(f"{name}("), f"{name} has no words of its own"
 
 
+def test_public_functions_say_what_they_take_return_and_raise():
+    functions = [getattr(robust, name) for name in robust.__all__ if inspect.isfunction(getattr(robust, name))]
+    assert len(functions) > 15
+    for function in functions:
+        sections = re.findall(r"^(Args|Returns|Raises):$", inspect.getdoc(function), re.MULTILINE)
+        assert sections == ["Args", "Returns", "Raises"], function.__name__
+        parameters = inspect.signature(function).parameters
+        lacking = [
+            name for name in parameters if not re.search(rf"^    {name}: ", inspect.getdoc(function), re.MULTILINE)
+        ]
+        assert lacking == [], function.__name__
+
+
 def test_scripts_of_users_are_checked_by_types(tmp_path):
     """mypy, strictly, reads a script that uses all of the package, and finds what is wrong in another."""
     script, wrong = Path(__file__).with_name("typed_script.py"), tmp_path / "wrong.py"

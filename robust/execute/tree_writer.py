@@ -68,6 +68,9 @@ def make_tree(
         solver: `z3` or `cvc5`.
         deadline: when to give up.
 
+    Returns:
+        The tree as a text, its proof, and what constraints of the network it cannot keep.
+
     Raises:
         RefutedError: if no tree was found all of whose executions are valid; the message says what breaks.
         SolverError: if that could not be decided.

@@ -191,6 +191,13 @@ def _durations(plan: model.ParametrizedPlan) -> Iterator[model.TemporalConstrain
 def read_tree(path: str | PathLike[str], plan: model.ParametrizedPlan) -> BehaviorTree:
     """The tree in a file, as one of a plan.
 
+    Args:
+        path: an XML file of PlanSys2's executor.
+        plan: the plan whose steps it executes.
+
+    Returns:
+        What waits for what, by the steps of the plan; `faults` say why it is no tree of this plan, where it is none.
+
     Raises:
         InputError: with file and line, if it cannot be read or is no tree.
         UnsupportedError: with file and line, for a node with another meaning than those of PlanSys2's own trees.

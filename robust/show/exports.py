@@ -247,6 +247,9 @@ def export(plan: ParametrizedPlan, result: EnvelopeResult, form: str, *, control
             planned duration; `csv`: a line for each parameter; `yaml`: both as one document.
         controllable: `dynamic` or `strong` if the box is known to be so controllable; the file for PlanSys2 says it.
 
+    Returns:
+        The text of the file. Percentages are of planned durations; all else is in the units of the plan.
+
     Raises:
         InputError: for another form, or an envelope that is not verified: nothing is proved then; for PlanSys2, if it
             does not hold the planned durations, of which percentages are, or if no action needs a limit: the executor

@@ -347,6 +347,13 @@ def from_unified_planning(
     :func:`robust.plan.load.assemble` takes: a schedule of its actions is allowed if some time for the end of the plan
     goes with it.
 
+    Args:
+        problem: a problem of unified-planning.
+        plan: one of its plans for it, of any kind but a hierarchical one.
+
+    Returns:
+        The three, as :mod:`robust.plan` reads them from files; times are in the unit of the plan.
+
     Raises:
         UnsupportedError: if unified-planning is not installed, and for what PDDL 2.1 with timed initial literals cannot
             say.
@@ -465,6 +472,14 @@ def to_unified_planning(
 
     A plan with a network becomes an STNPlan, one with times a TimeTriggeredPlan, or a SequentialPlan if the problem
     knows no time. unified-planning has no parameters: each stands for its value in `values`, or for its nominal one.
+
+    Args:
+        plan: a plan as read from a file, such as `stn` of a :class:`robust.Conversion`.
+        problem: the problem whose actions and objects it names.
+        values: of parameters, by name.
+
+    Returns:
+        The plan of unified-planning, with times in the unit of the plan.
 
     Raises:
         UnsupportedError: if unified-planning is not installed.
