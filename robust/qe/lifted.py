@@ -27,7 +27,7 @@ from robust.plan.model import TimePoint
 from robust.qe.box import Box, Interval
 from robust.qe.conjunctions import Conjunction
 from robust.qe.constraint import LinearConstraint
-from robust.qe.nnf import FALSE, TRUE, FormulaReader, Junction, Nnf, names_in
+from robust.qe.nnf import FormulaReader, alternatives_of, names_in
 from robust.qe.polyhedron import Point, Polyhedron, check_known, check_names
 from robust.qe.region import SCHEMA, Region
 from robust.qe.simplex import Supremum, extend, tableau
@@ -652,26 +652,10 @@ def lifted_envelope(encoding: RelationalEncoding, reader: FormulaReader, deadlin
         violation = reader.read(obligation.violation)
         if not names_in(violation) <= set(names) or len(encoding.query(obligation)) > 1:
             return None
-        alternatives = _alternatives(violation)
-        if alternatives is None:
+        if (alternatives := alternatives_of(violation)) is None:
             return None
         demands += [(alternative, obligation.name) for alternative in alternatives]
     return _of_network(encoding, names, demands)
-
-
-def _alternatives(node: Nnf) -> list[Conjunction] | None:
-    """The conjunctions of which one holds; None if it is not simply that."""
-    if node in (TRUE, FALSE):
-        return [()] if node is TRUE else []
-    parts = node.operands if isinstance(node, Junction) and not node.conjunctive else (node,)
-    alternatives: list[Conjunction] = []
-    for part in parts:
-        operands = part.operands if isinstance(part, Junction) and part.conjunctive else (part,)
-        constraints = tuple(operand for operand in operands if isinstance(operand, LinearConstraint))
-        if len(constraints) < len(operands):
-            return None
-        alternatives.append(constraints)
-    return alternatives
 
 
 def _of_network(

@@ -456,3 +456,18 @@ class FormulaReader(ExpressionReader):
             halves = (half for constraint in piece for half in constraint.negation())
             self._outside[id(piece)] = (piece, self.write(disjunction(halves)))
         return self._outside[id(piece)][1]
+
+
+def alternatives_of(node: Nnf) -> list[tuple[LinearConstraint, ...]] | None:
+    """The conjunctions of which one holds; None if it is not simply that."""
+    if node in (TRUE, FALSE):
+        return [()] if node is TRUE else []
+    parts = node.operands if isinstance(node, Junction) and not node.conjunctive else (node,)
+    alternatives: list[tuple[LinearConstraint, ...]] = []
+    for part in parts:
+        operands = part.operands if isinstance(part, Junction) and part.conjunctive else (part,)
+        constraints = tuple(operand for operand in operands if isinstance(operand, LinearConstraint))
+        if len(constraints) < len(operands):
+            return None
+        alternatives.append(constraints)
+    return alternatives
