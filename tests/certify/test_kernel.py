@@ -21,7 +21,7 @@ from robust.certify.tape import write
 from robust.errors import InputError, RefutedError, UnsupportedError
 from robust.smt.limits import Deadline
 from tests.certify import adversary, tools
-from tests.certify.texts import Texts
+from tests.certify.texts import Texts, random_texts, tangled_texts
 
 KERNEL = Path(__file__).parents[2] / "proofs" / "kernel" / "robust-kernel"
 built = pytest.mark.skipif(not KERNEL.exists(), reason="make -C proofs/kernel has not built it")
@@ -125,6 +125,25 @@ def test_recorded_plans_of_divers(every, dataset, tmp_path):
         for kind in ("plan", "box"):
             answer = said(tools.grounded(files), tools.made(files, kind), tmp_path / "auv.kernel")
             assert (answer or "").startswith("established: "), (files, kind)
+
+
+CONFLICT = """(define (domain d) (:predicates (p)) (:functions (f))
+ (:durative-action a :parameters () :duration (>= ?duration 1) :condition (over all (>= (f) 2))
+  :effect (and (when (at start (p)) (at start (assign (f) 2)))
+   (when (at start (>= ?duration 3)) (at start (increase (f) 1))))))"""
+OF_ONE = "(define (problem x) (:domain d) (:init (= (f) 1) (p)) (:goal (and)))"
+LASTING_K = "parameter k default 2 lb 0 ub 9; durative-action instance i : (a); c: i.end - i.start in [k, k];"
+ODD = [tangled_texts(5), Texts(CONFLICT, OF_ONE, LASTING_K)]
+"""One lists an effect twice; values of the other are bad because an assignment and an increase meet."""
+
+
+@built
+@pytest.mark.parametrize("texts", [*ODD, *(random_texts(seed, easy=True) for seed in (6, 10, 13, 19))])
+def test_envelopes_of_small_plans(texts, tmp_path):
+    files = tools.written(texts, tmp_path / "plan")
+    answer = said(tools.grounded(files), tools.made(files, "region"), tmp_path / "small.kernel")
+    assert answer is not None
+    assert answer.startswith("established: the robustness envelope is exactly ")
 
 
 def claimed(ground, lines):

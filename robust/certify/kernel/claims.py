@@ -19,7 +19,7 @@ from robust.certify.checker.proofs import Tape, demand, linear, sides
 from robust.certify.checker.reader import Fact, Ground, Linear, constant
 from robust.certify.hints import KnownFacts, NotRefutedError
 from robust.certify.kernel.questions import OpenFormulas, facts_of, multiples
-from robust.certify.kernel.terms import GroundTerms, listed, truth, unsupported
+from robust.certify.kernel.terms import GroundTerms, listed, truth
 from robust.smt.limits import Deadline
 
 Ask = Callable[[str], str]
@@ -243,7 +243,9 @@ class Translation:
         name = self._name(number)
         at = [linear(instant, names)] if instant is not None else [*self._instants(number, times)]
         placed = [(form, f"@{point}") for point, form in enumerate(times)]
-        looked_at = len(name) == 2 or self._ground.duties[number].first is not None
+        looked_at = (
+            len(name) == 2 or number >= len(self._ground.duties) or self._ground.duties[number].first is not None
+        )
 
         def at_one(lines: Sequence[Sequence[str]], more: Sequence[Fact]) -> str | None:
             """One of the instants will do, all over the region and some more sides."""
@@ -269,13 +271,13 @@ class Translation:
         return self._asked(listed(("breaks", listed(name))), answered)
 
     def _name(self, number: int) -> tuple[int, ...]:
-        """An obligation of the checker in Python: the number of a duty, or two time points."""
+        """An obligation of the checker in Python: the number of a duty, or after these of a conflict; or two points."""
         duties, apart = len(self._ground.duties), mutex(self._ground)
         if number < duties:
             return (number,)
         if number - duties < len(apart):
             return apart[number - duties]
-        raise unsupported("simultaneous assignments")
+        return (number - len(apart),)
 
     def _number(self, name: tuple[int, ...]) -> int:
         """The kernel's number of an obligation."""
