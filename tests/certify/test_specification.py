@@ -142,6 +142,31 @@ def test_it_means_what_the_simulator_does(make, seeds, least, tmp_path):
         assert all(total[kind] > 1 for kind in {*kinds, "valid", "not allowed"}), total
 
 
+RISING = """(define (domain d) (:predicates (p)) (:functions (f))
+ (:durative-action a :parameters () :duration (= ?duration 4) :condition (over all CONDITION)
+  :effect (increase (f) (* #t 1))))"""
+FROM_0 = "(define (problem x) (:domain d) (:init (= (f) 0)) (:goal (and)))"
+STEP = "durative-action instance i : (a); c: i.start - .zero in [0, 0]; c: i.end - i.start in [4, 4];"
+
+
+@pytest.mark.parametrize(
+    ("condition", "verdict"),
+    [
+        ("(or (< (f) 3) (> (f) 3))", "broken"),
+        ("(or (< (f) 1) (> (f) 1.5))", "broken"),
+        ("(or (<= (f) 3) (>= (f) 3))", "valid"),
+        ("(and (> (f) 0) (< (f) 4))", "valid"),
+        ("(<= (f) 3.9)", "broken"),
+    ],
+)
+def test_every_instant_inside_counts(condition, verdict, tmp_path):
+    """The fluent rises from 0 to 4: what is false at one instant, or between two zeros of comparisons, is broken."""
+    texts = (RISING.replace("CONDITION", condition), FROM_0, STEP)
+    plan = tools.assembled(texts)
+    schedule = sample_schedule(plan, {}, Random(0))
+    assert compare(texts, plan, Random(0), tmp_path, {}, [schedule], tools.EPSILON)[verdict] == 1
+
+
 @drawn(5, 200)
 @given(plans(linear=True, dyadic=True), st.randoms(use_true_random=False))
 def test_plans_without_texts(tmp_path_factory, plan, random):
