@@ -173,7 +173,9 @@ class Converting:
         original, _, _ = self._original
         try:
             if self.mode is Mode.ESTEREL:
-                network = _Network(esterel_edges(original), check=verdict_of(original.plan, Answer.UNKNOWN))
+                network = _Network(
+                    (*esterel_edges(original), *self._ties), check=verdict_of(original.plan, Answer.UNKNOWN)
+                )
                 self._proved = network
             else:
                 network = self._causal()
@@ -207,7 +209,7 @@ class Converting:
             return chosen, load.assemble(self.domain, self.problem, chosen.bare, chosen.fluents)
 
         chosen, bare = ground(times)
-        reach = distances.tolerances(timed, instances, epsilon, self.tolerance)
+        reach = distances.tolerances(timed, instances, epsilon, Fraction(0) if timed.ties else self.tolerance)
         snapped = distances.snapped(bare, times, reach, epsilon, timed.file)
         if str(snapped):
             times = dict(snapped.times)
@@ -223,7 +225,7 @@ class Converting:
         has_parameters = bool(chosen.parameters or chosen.beside)
         tightener = Tightener(original, self.solver, self._deadline, self._say)
         causal = causal_network(original, self._pinned, chosen.pinned_durations)
-        fixed = (*causal.durations, *chosen.pinned_starts(original.times))
+        fixed = (*causal.durations, *chosen.pinned_starts(original.times), *self._ties)
         network = distances.EdgeNetwork(causal.points, (*causal.certain, *causal.edges))
         irredundant = network.needed(causal.edges, causal.certain)
         needed = (*fixed, *irredundant)
@@ -251,6 +253,16 @@ class Converting:
         redundant = len(every) - len(edges)
         needed_bounds = tuple(bound for bound in tightened if bound.edge in edges)
         return _Network((*fixed, *edges), needed_bounds, redundant)
+
+    @property
+    def _ties(self) -> tuple[distances.DistanceEdge, ...]:
+        """What keeps time points as far apart as they are."""
+        pairs = (
+            (first, second, apart)
+            for one, other, size in self.timed.ties
+            for first, second, apart in ((one, other, size), (other, one, -size))
+        )
+        return tuple(distances.DistanceEdge(*pair) for pair in pairs)
 
     @property
     def _pinned(self) -> Collection[str]:

@@ -23,6 +23,7 @@ from os import PathLike
 
 from robust.errors import InputError, Location
 from robust.numbers import format_number, is_number, parse_number, plural, shorten
+from robust.plan.model import TimePoint
 from robust.plan.pddl.forms import read_plan_text
 from robust.plan.stn import is_network
 
@@ -79,13 +80,15 @@ class TimedStep:
 class TimedPlan:
     """The steps in the order of the file; `note` says what of the file was picked and skipped, if not all was read.
 
-    `names` are the identifiers of steps where they have some already.
+    `names` are the identifiers of steps where they have some already. `ties` are time points that stay as far apart as
+    they are in every network of the plan: the second one happens so much after the first.
     """
 
     steps: tuple[TimedStep, ...]
     file: str = field(default="<plan>", compare=False)
     note: str = field(default="", compare=False)
     names: tuple[str, ...] = ()
+    ties: tuple[tuple[TimePoint, TimePoint, Fraction], ...] = ()
 
     @property
     def identifiers(self) -> tuple[str, ...]:

@@ -7,18 +7,23 @@ Everything but numbers goes through PDDL text of our own, so that the reader's c
 and the times and values of timed effects are handed over as fractions: PDDL has no way to write 1/3.
 
 Quality metrics are not read: they do not bear on validity.
+
+What PDDL has no words for becomes *parts*: what an action does or needs at its start + k, or over an interval that ends
+there, is an action of its own, whose time points are tied to those of the action; so is a goal at a time, tied to the
+beginning. Bounds of types become conditions of the actions that change a fluent.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from robust.encode.interface import EPSILON
 from robust.errors import InputError, UnsupportedError, did_you_mean, missing
 from robust.numbers import format_number
 from robust.plan.model import Atom, Fluent, ParameterReference, TimedLiteral, TimePoint, TimePointKind
@@ -93,9 +98,7 @@ def _text(node: up.FNode, parts: list[str]) -> str:
 
 
 def _number(node: up.FNode, _parts: list[str]) -> str:
-    value = number_of(node)
-    text = format_number(value)
-    return f"(/ {value.numerator} {value.denominator})" if "/" in text else text
+    return _rational(number_of(node))
 
 
 def _quantified(node: up.FNode, parts: list[str]) -> str:
@@ -132,8 +135,8 @@ _WRITERS: dict[str, str | Callable[[Any, list[str]], str]] = {
 _NEEDS = ":typing :fluents :adl :durative-actions :duration-inequalities :timed-initial-literals"
 
 
-def problem_of(problem: up.Problem) -> tuple[syntax.Domain, syntax.Problem]:
-    """Domain and problem of a unified-planning problem.
+def problem_of(problem: up.Problem, *, bounded: bool = False) -> tuple[syntax.Domain, syntax.Problem]:
+    """Domain and problem of a unified-planning problem; if `bounded`, bounds of types are conditions.
 
     Raises:
         InputError: for names that PDDL cannot tell apart, and fluents without initial value.
@@ -142,7 +145,7 @@ def problem_of(problem: up.Problem) -> tuple[syntax.Domain, syntax.Problem]:
     _check_supported(problem)
     name = name_of(problem.name or "problem")
     file = f"<unified-planning problem {name}>"
-    domain = reader.parse_domain(_domain_text(problem, name), file)
+    domain = reader.parse_domain(_domain_text(problem, name, bounded=bounded), file)
     read = reader.parse_problem(_problem_text(problem, name), domain, file)
     atoms, fluents = _initial_state(problem)
     literals = sorted(_timed_literals(problem), key=lambda literal: literal.time)
@@ -170,7 +173,6 @@ def _check_supported(problem: up.Problem) -> None:
         raise UnsupportedError(f"found a {type(problem).__name__}, expected a problem without tasks and unknown facts")
     simulated = ("simulated_effect", "simulated_effects")
     present = {
-        "timed goals": problem.timed_goals,
         "trajectory constraints": problem.trajectory_constraints,
         "processes": problem.processes,
         "events": problem.events,
@@ -196,7 +198,7 @@ def _check_supported(problem: up.Problem) -> None:
 # -- the domain --------------------------------------------------------------------------------------------------------
 
 
-def _domain_text(problem: up.Problem, name: str) -> str:
+def _domain_text(problem: up.Problem, name: str, *, bounded: bool) -> str:
     types = " ".join(
         f"{name_of(kind.name)} - {name_of(kind.father.name) if kind.father is not None else 'object'}"
         for kind in problem.user_types
@@ -205,6 +207,7 @@ def _domain_text(problem: up.Problem, name: str) -> str:
     constants = " ".join(f"{name_of(thing.name)} - {name_of(thing.type.name)}" for thing in problem.all_objects)
     predicates = [fluent for fluent in problem.fluents if fluent.type.is_bool_type()]
     functions = [fluent for fluent in problem.fluents if fluent.type.is_int_type() or fluent.type.is_real_type()]
+    bounds = type_bounds(problem) if bounded else {}
     other = next((fluent for fluent in problem.fluents if fluent not in predicates and fluent not in functions), None)
     if other is not None:
         raise UnsupportedError(f"found fluent {other.name!r} of type {other.type}, expected a Boolean or a number")
@@ -215,7 +218,8 @@ def _domain_text(problem: up.Problem, name: str) -> str:
         f"(:constants {constants})",  # since actions may name any object
         f"(:predicates {' '.join(map(_signature, predicates))})",
         f"(:functions {' '.join(map(_signature, functions))})",
-        *map(_action, problem.actions),
+        *(text for action in problem.actions for text in _actions(action, bounds)),
+        *(text for part in _timed_goals(problem) for text in [part.text("")]),
     )
     return "\n".join((*lines, ")"))
 
@@ -224,26 +228,158 @@ def _signature(fluent: up.Fluent) -> str:
     return f"({name_of(fluent.name)} {typed(fluent.signature)})"
 
 
-def _action(action: up.Action) -> str:
-    head = f"{name_of(action.name)} :parameters ({typed(action.parameters)})"
+_Bounds = Mapping[str, tuple[Fraction | None, Fraction | None]]
+
+
+@dataclass(frozen=True)
+class ActionPart:
+    """What an action does or needs at other times than its start and its end, as an action of its own.
+
+    `begin` and `end` are timings of the action or of the plan; without an end it is a point in time.
+    """
+
+    name: str
+    begin: up.Timing
+    end: up.Timing | None
+    conditions: str
+    effects: str
+
+    def text(self, parameters: str) -> str:
+        head = f"{self.name} :parameters ({parameters})"
+        if self.end is None:
+            return f"(:action {head} :precondition (and {self.conditions}) :effect (and {self.effects}))"
+        return (
+            f"(:durative-action {head} :duration (>= ?duration 0) "
+            f":condition (and {self.conditions}) :effect (and {self.effects}))"
+        )
+
+
+def _actions(action: up.Action, bounds: _Bounds) -> Iterator[str]:
+    """An action, and its parts."""
+    parameters = typed(action.parameters)
+    head = f"{name_of(action.name)} :parameters ({parameters})"
     if not hasattr(action, "duration"):
-        conditions = " ".join(map(expression, action.preconditions))
-        effects = " ".join(_effect(effect) for effect in action.effects)
-        return f"(:action {head} :precondition (and {conditions}) :effect (and {effects}))"
-    conditions = " ".join(
+        needed = " ".join((*map(expression, action.preconditions), *_kept_within(action.effects, bounds)))
+        done = " ".join(_effect(effect) for effect in action.effects)
+        yield f"(:action {head} :precondition (and {needed}) :effect (and {done}))"
+        return
+    conditions = [
         f"({when} {expression(item)})"
         for interval, all_of in action.conditions.items()
+        if not _is_apart(interval.lower, interval.upper)
         for when in _whens(interval)
         for item in all_of
-    )
-    timed = ((effect, timing) for timing, effects in action.effects.items() for effect in effects)
-    effects = " ".join(_effect(effect, f"({_when(timing)} {{}})") for effect, timing in timed)
-    flows = ((flow, interval) for interval, flows in action.continuous_effects.items() for flow in flows)
-    continuous = " ".join(_continuous(*flow) for flow in flows)
-    return (
+    ]
+    effects = []
+    for timing, changes in action.effects.items():
+        if not _is_apart(timing):
+            conditions += [f"({_when(timing)} {kept})" for kept in _kept_within(changes, bounds)]
+            effects += [_effect(effect, f"({_when(timing)} {{}})") for effect in changes]
+    for interval, flows in action.continuous_effects.items():
+        if not _is_apart(interval.lower, interval.upper):
+            effects += [_continuous(flow, interval) for flow in flows]
+            conditions += [f"(over all {kept})" for flow in flows for kept in _within(flow.fluent, bounds)]
+    yield (
         f"(:durative-action {head} :duration {_duration(action.duration)} "
-        f":condition (and {conditions}) :effect (and {effects} {continuous}))"
+        f":condition (and {' '.join(conditions)}) :effect (and {' '.join(effects)}))"
     )
+    for part in _parts(action, bounds):
+        yield part.text(parameters)
+
+
+def _is_apart(*timings: up.Timing) -> bool:
+    """Whether one of them is neither the start nor the end of its action."""
+    return any(timing.delay != 0 for timing in timings)
+
+
+def _parts(action: up.Action, bounds: _Bounds) -> list[ActionPart]:
+    """What the action does or needs at other times than its start and its end."""
+    if not hasattr(action, "duration"):
+        return []
+    points: dict[up.Timing, tuple[list[str], list[str]]] = {}
+    spans: dict[tuple[up.Timing, up.Timing], tuple[list[str], list[str]]] = {}
+    for timing, changes in action.effects.items():
+        if _is_apart(timing):
+            conditions, effects = points.setdefault(timing, ([], []))
+            conditions += _kept_within(changes, bounds)
+            effects += [_effect(effect) for effect in changes]
+    for interval, needed in action.conditions.items():
+        if not _is_apart(interval.lower, interval.upper):
+            continue
+        if interval.lower == interval.upper:
+            points.setdefault(interval.lower, ([], []))[0].extend(map(expression, needed))
+        else:
+            conditions, _ = spans.setdefault((interval.lower, interval.upper), ([], []))
+            conditions += [f"({when} {expression(item)})" for when in _open_whens(interval) for item in needed]
+    for interval, flows in action.continuous_effects.items():
+        if _is_apart(interval.lower, interval.upper):
+            conditions, effects = spans.setdefault((interval.lower, interval.upper), ([], []))
+            effects += [_flow(flow) for flow in flows]
+            conditions += [f"(over all {kept})" for flow in flows for kept in _within(flow.fluent, bounds)]
+    places = [*((timing, None, *said) for timing, said in points.items())]
+    places += [(*span, *said) for span, said in spans.items()]
+    for timing in (timing for begin, end, *_ in places for timing in (begin, end) if timing is not None):
+        if timing.is_global():
+            raise UnsupportedError(f"found '{timing}' in action {action.name!r}, expected times from its start or end")
+    return [
+        ActionPart(f"{name_of(action.name)}--part{number}", begin, end, " ".join(needed), " ".join(done))
+        for number, (begin, end, needed, done) in enumerate(places)
+    ]
+
+
+def _timed_goals(problem: up.Problem) -> list[ActionPart]:
+    """Goals at times from the beginning of the plan on."""
+    parts = []
+    for number, (interval, goals) in enumerate(problem.timed_goals.items()):
+        for timing in (interval.lower, interval.upper):
+            if not (timing.is_global() and timing.is_from_start()):
+                raise UnsupportedError(f"found a timed goal over '{interval}', expected times after the plan's start")
+        name = f"timed-goal--part{number}"
+        if interval.lower == interval.upper:
+            parts.append(ActionPart(name, interval.lower, None, " ".join(map(expression, goals)), ""))
+        else:
+            needed = " ".join(f"({when} {expression(item)})" for when in _open_whens(interval) for item in goals)
+            parts.append(ActionPart(name, interval.lower, interval.upper, needed, ""))
+    return parts
+
+
+def _open_whens(interval: up.TimeInterval) -> list[str]:
+    first = [] if interval.is_left_open() else ["at start"]
+    last = [] if interval.is_right_open() else ["at end"]
+    return [*first, "over all", *last]
+
+
+def _within(fluent: up.FNode, bounds: _Bounds, change: str = "{}") -> list[str]:
+    """That a fluent is within the bounds of its type, or will be after a change."""
+    lower, upper = bounds.get(fluent.fluent().name, (None, None))
+    value = change.format(expression(fluent))
+    parts = [] if lower is None else [f"(>= {value} {_rational(lower)})"]
+    return parts if upper is None else [*parts, f"(<= {value} {_rational(upper)})"]
+
+
+def _kept_within(effects: Iterable[up.Effect], bounds: _Bounds) -> list[str]:
+    """Conditions just before the effects of a time point, by which bounds of types hold after them."""
+    kept, changed = [], set[str]()
+    for effect in effects:
+        name = effect.fluent.fluent().name
+        if name not in bounds:
+            continue
+        if name in changed:
+            raise UnsupportedError(f"found two effects at once on fluent {name!r}, whose type is bounded, expected one")
+        changed.add(name)
+        value = expression(effect.value)
+        word = "" if effect.is_assignment() else "+" if effect.is_increase() else "-"
+        change = value if effect.is_assignment() else f"({word} {{}} {value})"
+        text = f"(and {' '.join(_within(effect.fluent, bounds, change))})"
+        if effect.is_conditional():
+            text = f"(imply {expression(effect.condition)} {text})"
+        kept.append(f"(forall ({typed(effect.forall)}) {text})" if effect.is_forall() else text)
+    return kept
+
+
+def _rational(value: Fraction) -> str:
+    text = format_number(value)
+    return f"(/ {value.numerator} {value.denominator})" if "/" in text else text
 
 
 def _duration(interval: up.DurationInterval) -> str:
@@ -295,6 +431,10 @@ def _continuous(effect: up.Effect, interval: up.TimeInterval) -> str:
     if "over all" not in _whens(interval) or effect.is_conditional() or effect.is_forall():
         message = f"found continuous effect '{effect}', expected an unconditional one from start to end"
         raise UnsupportedError(message)
+    return _flow(effect)
+
+
+def _flow(effect: up.Effect) -> str:
     word = "increase" if effect.is_continuous_increase() else "decrease"
     return f"({word} {expression(effect.fluent)} (* #t {expression(effect.value)}))"
 
@@ -359,27 +499,92 @@ def from_unified_planning(
             say.
         InputError: for another kind of plan, and for names that PDDL cannot tell apart.
     """
-    triple = converted(problem, plan)
-    if bounded := next(iter(type_bounds(problem)), None):
-        raise UnsupportedError(f"found bounds of the type of fluent {bounded!r}, expected conditions that say them")
-    return triple
+    return converted(problem, plan, bounded=True)
 
 
-def converted(problem: up.Problem, plan: up_plans.Plan) -> tuple[syntax.Domain, syntax.Problem, TimedPlan | STNPlan]:
-    """Domain, problem and plan from unified-planning's; bounds of types are ignored."""
+def converted(
+    problem: up.Problem, plan: up_plans.Plan, *, bounded: bool = False
+) -> tuple[syntax.Domain, syntax.Problem, TimedPlan | STNPlan]:
+    """Domain, problem and plan from unified-planning's; bounds of types are ignored unless `bounded`."""
     plans = module_of("unified_planning.plans")
+    read = problem_of(problem, bounded=bounded)
     if isinstance(plan, plans.STNPlan):
-        return (*problem_of(problem), _network(plan))
+        return (*read, _network(plan, problem))
     if isinstance(plan, plans.SequentialPlan):
-        if getattr(problem, "timed_effects", None):
-            raise UnsupportedError("found timed effects beside a plan without times, expected one with times")
+        for what, items in (("timed effects", problem.timed_effects), ("timed goals", problem.timed_goals)):
+            if items:
+                raise UnsupportedError(f"found {what} beside a plan without times, expected one with times")
         steps = tuple(_step(Fraction(number), action, None) for number, action in enumerate(plan.actions, start=1))
-    elif isinstance(plan, plans.TimeTriggeredPlan):
-        steps = tuple(_step(*action) for action in plan.timed_actions)
-    else:
-        kinds = "a sequential, a time-triggered or an STN plan"
-        raise InputError(f"found a {type(plan).__name__}, expected {kinds} of unified-planning")
-    return (*problem_of(problem), TimedPlan(steps, _PLAN))
+        return (*read, TimedPlan(steps, _PLAN))
+    if isinstance(plan, plans.TimeTriggeredPlan):
+        return (*read, _timed(plan, problem))
+    if isinstance(plan, plans.PartialOrderPlan):
+        return (*read, _ordered(plan))
+    kinds = "a sequential, a time-triggered, a partial-order or an STN plan"
+    raise InputError(f"found a {type(plan).__name__}, expected {kinds} of unified-planning")
+
+
+def _timed(plan: up_plans.TimeTriggeredPlan, problem: up.Problem) -> TimedPlan:
+    """The steps, and those of their parts, at the times where these are tied to."""
+    steps = [_step(*action) for action in plan.timed_actions]
+    names = [f"n{number}" for number in range(len(steps))]
+    ties: list[tuple[TimePoint, TimePoint, Fraction]] = []
+    for name, arguments, part, owner in _part_instances(plan, problem):
+        times = {_ZERO: Fraction(0)}
+        if owner is not None:
+            step = steps[owner]
+            times = {_point(f"n{owner}", "start", step.duration): step.time}
+            times[_point(f"n{owner}", "end", step.duration)] = step.time + (step.duration or 0)
+        bound = _bound_to(name, part, list(times))
+        begin, end = (times[source] + apart for source, _, apart in (bound[0], bound[-1]))
+        if (part.end is not None and end <= begin) or begin < 0:
+            raise UnsupportedError(f"found {part.name} from {begin} to {end}, expected a time after the beginning")
+        steps.append(TimedStep(begin, part.name, arguments, None if part.end is None else end - begin))
+        names.append(name)
+        ties += bound
+    return TimedPlan(tuple(steps), _PLAN, names=tuple(names) if ties else (), ties=tuple(ties))
+
+
+def _part_instances(
+    plan: up_plans.Plan, problem: up.Problem
+) -> Iterator[tuple[str, tuple[str, ...], ActionPart, int | None]]:
+    """Identifier, arguments and part of what is tied to steps, by the number of the step, or to the beginning."""
+    for number, instance in enumerate(instances_of(plan)):
+        for index, part in enumerate(_parts(instance.action, {})):
+            yield f"n{number}p{index}", _arguments(instance), part, number
+    for index, part in enumerate(_timed_goals(problem)):
+        yield f"goal{index}", (), part, None
+
+
+def _point(name: str, which: str, duration: object) -> TimePoint:
+    kind = TimePointKind.INSTANT if duration is None else TimePointKind(which)
+    return TimePoint(kind, name)
+
+
+def _bound_to(name: str, part: ActionPart, owner: Sequence[TimePoint]) -> list[tuple[TimePoint, TimePoint, Fraction]]:
+    """How the time points of a part are tied to the first and the last of its owner's."""
+    timings = [part.begin] if part.end is None else [part.begin, part.end]
+    kinds = [TimePointKind.INSTANT] if part.end is None else [TimePointKind.START, TimePointKind.END]
+    return [
+        (owner[0] if timing.is_from_start() else owner[-1], TimePoint(kind, name), Fraction(timing.delay))
+        for kind, timing in zip(kinds, timings, strict=True)
+    ]
+
+
+def _ordered(plan: up_plans.PartialOrderPlan) -> STNPlan:
+    """A network in which each action follows those that the plan has before it."""
+    names = {instance: f"n{number}" for number, instance in enumerate(instances_of(plan))}
+    declared = tuple(
+        InstanceDeclaration(name, name_of(instance.action.name), _arguments(instance), durative=False)
+        for instance, name in names.items()
+    )
+    points = {instance: declaration.start for instance, declaration in zip(names, declared, strict=True)}
+    after = (
+        STNConstraint(points[later], points[earlier], EPSILON, None)
+        for earlier, others in plan.get_adjacency_list.items()
+        for later in others
+    )
+    return STNPlan((), declared, tuple(after), _PLAN)
 
 
 _PLAN = "<unified-planning plan>"
@@ -403,12 +608,14 @@ def instances_of(plan: up_plans.Plan) -> list[up_plans.ActionInstance]:
         return [instance for _, instance, _ in plan.timed_actions]
     if hasattr(plan, "actions"):
         return list(plan.actions)
+    if hasattr(plan, "get_adjacency_list"):
+        return list(plan.get_adjacency_list)
     constraints = plan.get_constraints()
     nodes = (node for source in constraints for node in (source, *(target for _, _, target in constraints[source])))
     return list(dict.fromkeys(node.action_instance for node in nodes if node.action_instance is not None))
 
 
-def _network(plan: up_plans.STNPlan) -> STNPlan:
+def _network(plan: up_plans.STNPlan, problem: up.Problem) -> STNPlan:
     kinds = module_of("unified_planning.model").TimepointKind
     declared = {
         instance: InstanceDeclaration(
@@ -428,12 +635,17 @@ def _network(plan: up_plans.STNPlan) -> STNPlan:
         for source, others in plan.get_constraints().items()
         for lower, upper, target in others
     ]
-    constraints = (
+    constraints = [
         STNConstraint(target, source, lower, upper)
         for source, target, lower, upper in _without_end(edges)
         if source != target
-    )
-    return STNPlan((), tuple(declared.values()), tuple(constraints), _PLAN)
+    ]
+    known, parts = list(declared.values()), []
+    for name, arguments, part, number in _part_instances(plan, problem):
+        parts.append(InstanceDeclaration(name, part.name, arguments, part.end is not None))
+        owner = [_ZERO] if number is None else [known[number].start, known[number].end]
+        constraints += [STNConstraint(point, source, k, k) for source, point, k in _bound_to(name, part, owner)]
+    return STNPlan((), (*known, *parts), tuple(constraints), _PLAN)
 
 
 _Edge = tuple[TimePoint | None, TimePoint | None, Fraction | None, Fraction | None]
@@ -488,6 +700,7 @@ def to_unified_planning(
     plans = module_of("unified_planning.plans")
     if not isinstance(plan, STNPlan | TimedPlan):
         raise InputError(f"found a {type(plan).__name__}, expected a plan with a network, or with times")
+    plan = _without_parts(plan, problem)
     if isinstance(plan, TimedPlan):
         steps = [(step.time, _instance(step, problem, plans), step.duration) for step in plan.steps]
         if problem.kind.has_continuous_time() or problem.kind.has_discrete_time():
@@ -512,6 +725,53 @@ def to_unified_planning(
 
 
 _ZERO = TimePoint(TimePointKind.ZERO)
+
+
+def _without_parts(plan: STNPlan | TimedPlan, problem: up.Problem) -> STNPlan | TimedPlan:
+    """The plan with the actions of the problem alone: what is said of their parts is said of what these are tied to."""
+    parts = {part.name for action in problem.actions for part in _parts(action, {})}
+    parts |= {part.name for part in _timed_goals(problem)}
+    if isinstance(plan, TimedPlan):
+        return replace(plan, steps=tuple(step for step in plan.steps if step.action not in parts), names=(), ties=())
+    gone = {point for each in plan.instances if each.action in parts for point in (each.start, each.end)}
+    tied = {
+        bound.target: (bound.source, bound.lower)
+        for each in plan.constraints
+        for bound in (each, _turned(each))
+        if bound.target in gone and bound.source not in gone and bound.lower == bound.upper
+        if isinstance(bound.lower, Fraction)
+    }
+
+    def owner(point: TimePoint) -> tuple[TimePoint, Fraction]:
+        if point not in gone:
+            return point, Fraction(0)
+        if point not in tied:
+            raise InputError(f"found {point}, a part of an action, expected it as far from the action as it has to be")
+        return tied[point]
+
+    constraints = []
+    for each in plan.constraints:
+        (target, late), (source, early) = owner(each.target), owner(each.source)
+        if target != source:
+            lower, upper = (_moved(bound, early - late) for bound in (each.lower, each.upper))
+            constraints.append(STNConstraint(target, source, lower, upper, each.location))
+    kept = tuple(each for each in plan.instances if each.action not in parts)
+    return replace(plan, instances=kept, constraints=tuple(constraints))
+
+
+def _turned(bound: STNConstraint) -> STNConstraint:
+    """The same said of the two time points the other way round; with a parameter it is left as it is."""
+    if isinstance(bound.lower, ParameterReference) or isinstance(bound.upper, ParameterReference):
+        return bound
+    return STNConstraint(bound.source, bound.target, _minus(bound.upper), _minus(bound.lower))
+
+
+def _moved(bound: STNBound, distance: Fraction) -> STNBound:
+    if not distance or bound is None:
+        return bound
+    if isinstance(bound, ParameterReference):
+        raise UnsupportedError(f"found parameter {bound.name!r} as a distance from a part of an action, expected none")
+    return bound + distance
 
 
 def _nodes(stn: STNPlan, problem: up.Problem, plans: ModuleType) -> dict[TimePoint, up_plans.STNPlanNode]:

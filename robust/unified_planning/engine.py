@@ -20,7 +20,7 @@ from robust.encode.interface import EPSILON
 from robust.errors import InputError, Location, RobustError
 from robust.execute import causal, distances
 from robust.irr.check import Answer
-from robust.numbers import parse_number, readable, readable_values
+from robust.numbers import parse_number, plural, readable, readable_values
 from robust.plan import load, model
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.simulate import Simulation, Violation, simulate
@@ -33,13 +33,16 @@ if TYPE_CHECKING:
     import unified_planning.model as up
     import unified_planning.plans as up_plans
 
+MOST_ORDERS = 1000
+"""Sequences of a partial-order plan that are tried."""
 INITIALLY = Fraction(-1)
 """What unified-planning calls the time of the initial state in a trace."""
 
 KIND = {
     "problem_class": "ACTION_BASED",
     "problem_type": "SIMPLE_NUMERIC_PLANNING GENERAL_NUMERIC_PLANNING",
-    "time": "CONTINUOUS_TIME TIMED_EFFECTS DURATION_INEQUALITIES SELF_OVERLAPPING",
+    "time": "CONTINUOUS_TIME TIMED_EFFECTS TIMED_GOALS INTERMEDIATE_CONDITIONS_AND_EFFECTS DURATION_INEQUALITIES "
+    "SELF_OVERLAPPING",
     "expression_duration": "STATIC_FLUENTS_IN_DURATIONS FLUENTS_IN_DURATIONS INT_TYPE_DURATIONS REAL_TYPE_DURATIONS",
     "numbers": "CONTINUOUS_NUMBERS DISCRETE_NUMBERS BOUNDED_TYPES",
     "conditions_kind": "NEGATIVE_CONDITIONS DISJUNCTIVE_CONDITIONS EQUALITIES EXISTENTIAL_CONDITIONS "
@@ -106,7 +109,12 @@ class RobustValidator(Engine, PlanValidatorMixin):  # type: ignore[misc]
 
     @staticmethod
     def supports_plan(plan_kind: PlanKind) -> bool:
-        return plan_kind in {PlanKind.SEQUENTIAL_PLAN, PlanKind.TIME_TRIGGERED_PLAN, PlanKind.STN_PLAN}
+        return plan_kind in {
+            PlanKind.SEQUENTIAL_PLAN,
+            PlanKind.TIME_TRIGGERED_PLAN,
+            PlanKind.STN_PLAN,
+            PlanKind.PARTIAL_ORDER_PLAN,
+        }
 
     @staticmethod
     def get_credits(**_: Any) -> Credits:
@@ -139,6 +147,8 @@ class _PlanJudge:
     def result(self, timeout: float | None) -> results.ValidationResult:
         if self.plan.kind is PlanKind.STN_PLAN and not self.plan.is_consistent():
             return _result(results.ValidationResultStatus.INVALID, "the plan's network has no schedule")
+        if self.plan.kind is PlanKind.PARTIAL_ORDER_PLAN:
+            return self._of_orders(timeout)
         domain, problem, plan = converted(self.problem, self.plan)
         if isinstance(plan, STNPlan):
             return self._of_network(domain, problem, plan, timeout)
@@ -164,9 +174,7 @@ class _PlanJudge:
         with one_question():
             checked = causal.check_plan(plan, self.epsilon, "z3", Deadline.after(timeout))
         if checked.answer is Answer.PROVED and type_bounds(self.problem):
-            return _result(
-                results.ValidationResultStatus.UNKNOWN, "found bounds of types, expected a plan with times for them"
-            )
+            return self._within_bounds(timeout)
         if checked.answer is Answer.PROVED:
             return _result(results.ValidationResultStatus.VALID)
         if checked.answer is Answer.UNKNOWN:
@@ -182,6 +190,35 @@ class _PlanJudge:
             violation for violation in example.simulation.violations if violation.obligation == example.obligation
         )
         return self._refuted(example.simulation, broken, f"; the plan allows this schedule: {times}")
+
+    def _within_bounds(self, timeout: float | None) -> results.ValidationResult:
+        """A network that is valid but for bounds of types, which are now conditions of what changes a fluent."""
+        domain, problem, stn = converted(self.problem, self.plan, bounded=True)
+        if not isinstance(stn, STNPlan):
+            raise TypeError(f"a network became {type(stn).__name__}")
+        plan = load.assemble(domain, problem, stn, may_be_empty=True)
+        with one_question():
+            checked = causal.check_plan(plan, self.epsilon, "z3", Deadline.after(timeout))
+        if checked.answer is Answer.PROVED:
+            return _result(results.ValidationResultStatus.VALID)
+        for example in checked.counterexamples.values():
+            if (outside := self._outside(example.simulation)) is not None:
+                return _result(results.ValidationResultStatus.INVALID, outside)
+        what = next(iter(checked.counterexamples), checked.reason or "not decided")
+        found = f"found bounds of types that are not decided ({what})"
+        return _result(results.ValidationResultStatus.UNKNOWN, f"{found}, expected a plan with times for them")
+
+    def _of_orders(self, timeout: float | None) -> results.ValidationResult:
+        """A partial-order plan, by all sequences that it allows."""
+        deadline, count = Deadline.after(timeout), 0
+        for count, sequence in enumerate(self.plan.all_sequential_plans(), start=1):
+            if count > MOST_ORDERS or deadline.passed:
+                message = f"found a partial-order plan with more than {count - 1} orders, expected fewer"
+                return _result(results.ValidationResultStatus.UNKNOWN, message)
+            judged = _PlanJudge(self.problem, sequence, self.epsilon).result(timeout)
+            if judged.status is not results.ValidationResultStatus.VALID:
+                return judged
+        return _result(results.ValidationResultStatus.VALID, f"valid in each of {plural(count, 'order')}")
 
     def _outside(self, simulation: Simulation) -> str | None:
         """The first value that leaves the bounds of its fluent's type; between happenings, values are in between."""
@@ -202,7 +239,7 @@ class _PlanJudge:
         known: dict[str, Any] = {"reason": reason, "trace": self._trace(simulation, broken)}
         if reason is results.FailedValidationReason.INAPPLICABLE_ACTION:
             number = model.concerned(broken.obligation)[0].removeprefix("n")
-            known["inapplicable_action"] = instances_of(self.plan)[int(number)]
+            known["inapplicable_action"] = instances_of(self.plan)[int(number.partition("p")[0])]
         return _result(results.ValidationResultStatus.INVALID, message, **known)
 
     # -- states --------------------------------------------------------------------------------------------------------

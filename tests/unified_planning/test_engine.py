@@ -1,14 +1,18 @@
 """Problems and plans of unified-planning in and out, with exact numbers, and its engine beside built-in validators."""
 
+import ast
+import re
 import sys
 from fractions import Fraction
 from importlib import import_module
+from pathlib import Path
 
 import pytest
 
 import robust
 from robust import Answer, InputError, InvalidPlanError, UnsupportedError, validate
 from robust.execute.convert import convert
+from robust.plan.load import assemble
 from robust.plan.model import Atom, Fluent, TimedLiteral
 from robust.plan.parameters import parse_specs
 from robust.plan.stn import STNPlan
@@ -138,14 +142,16 @@ def test_what_cannot_be_converted_is_refused(monkeypatch):
     # Which unified-planning finds valid.
     with pytest.raises(InvalidPlanError, match=r"invalid plan: found 'n0 drive: over all \(lit\)' broken at time 2"):
         converted(deliveries(deadline=Fraction(2)))
-    with pytest.raises(InputError, match="found a PartialOrderPlan, expected a sequential, "):
-        from_unified_planning(problem, plans.PartialOrderPlan({}, environment))
+    with pytest.raises(InputError, match="found a ContingentPlan, expected a sequential, "):
+        from_unified_planning(problem, plans.ContingentPlan(None, environment))
     with pytest.raises(InputError, match="empty plan: found no step"):
         convert(*from_unified_planning(problem, plans.TimeTriggeredPlan([], environment)))
     with pytest.raises(InputError, match="found action 'drive', expected one of the problem"):
         to_unified_planning(converted(problem).stn, up.Problem("empty"))
-    problem.add_timed_goal(up.GlobalStartTiming(5), problem.fluent("lit")())
-    with pytest.raises(UnsupportedError, match="found timed goals"):
+    problem.add_timed_goal(up.GlobalEndTiming(), problem.fluent("lit")())
+    with pytest.raises(
+        UnsupportedError, match=r"found a timed goal over '\[end\]', expected times after the plan's st"
+    ):
         from_unified_planning(problem, plan_of(problem))
     monkeypatch.setitem(sys.modules, "unified_planning.plans", None)
     with pytest.raises(UnsupportedError, match=r"pip install 'robust-plans\[up\]'"):
@@ -192,11 +198,115 @@ def test_values_stay_in_the_bounds_of_their_types(steps):
     if steps > 2:
         said = [each.message for each in verdict.log_messages]
         assert said == ["(count) = 3 at 3, expected a value in [0, 2], its type"]
-    with pytest.raises(UnsupportedError, match="found bounds of the type of fluent 'count'"):
-        from_unified_planning(problem, plan)
-    node = plans.stn_plan.STNPlanNode
-    ends = node(up.TimepointKind.GLOBAL_START), Fraction(1), Fraction(2), node(up.TimepointKind.START, tick)
-    assert judged(problem, plans.STNPlan([ends])).status is Status.UNKNOWN
+    if steps < 3:
+        assert robust.convert(*from_unified_planning(problem, plan)).check.answer is Answer.PROVED
+    else:
+        with pytest.raises(InvalidPlanError, match=r"\(<= \(\+ \(count\) 1\) 2\)"):
+            robust.convert(*from_unified_planning(problem, plan))
+    node, zero = plans.stn_plan.STNPlanNode, plans.stn_plan.STNPlanNode(up.TimepointKind.GLOBAL_START)
+    ticks = [node(up.TimepointKind.START, plans.ActionInstance(tick.action)) for _ in range(steps)]
+    apart = plans.STNPlan(
+        [(zero, Fraction(n), Fraction(n) + Fraction(1, 2), one) for n, one in enumerate(ticks, start=1)]
+    )
+    assert judged(problem, apart).status is (Status.VALID if steps < 3 else Status.INVALID)
+    if steps == 2:  # at once they are as good, which conditions do not say
+        close = plans.STNPlan([(zero, Fraction(1), Fraction(2), one) for one in ticks])
+        assert "bounds of types that are not decided" in judged(problem, close).log_messages[0].message
+
+
+TIMED = [
+    name
+    for name, one in examples.get_example_problems().items()
+    if any(plan.kind is plans.PlanKind.TIME_TRIGGERED_PLAN for plan in one.valid_plans)
+]
+
+
+@pytest.mark.parametrize("name", TIMED)
+def test_round_trips_of_examples(name):
+    """Plan, network, STN plan, verdict: the simultaneous happenings of two examples are moved apart by ε."""
+    one = examples.get_example_problems()[name]
+    epsilon = one.problem.epsilon or Fraction(1, 1000)
+    plan = one.valid_plans[0]
+    if name == "robot_non_linear_continuous_1":
+        with pytest.raises(
+            UnsupportedError, match=r"n0 \(move l1 l2\): the rate of its continuous effect on \(battery_ch"
+        ):
+            robust.convert(*from_unified_planning(one.problem, plan))
+        return
+    conversion = robust.convert(*from_unified_planning(one.problem, plan), epsilon=epsilon, tolerance=epsilon)
+    network = to_unified_planning(conversion.stn, one.problem)
+    actions = {node.action_instance.action for node in network.get_constraints() if node.action_instance is not None}
+    assert actions <= set(one.problem.actions)
+    assert judged(one.problem, network).status is Status.VALID
+
+
+def relay(needed, deadline=None):
+    """An action of 6 gives up what it holds after 1.5, has it again 2 before its end, and needs light on the way."""
+    held, lit, warm = up.Fluent("held"), up.Fluent("lit"), up.Fluent("warm")
+    pass_on = up.DurativeAction("pass_on")
+    pass_on.set_fixed_duration(6)
+    pass_on.add_condition(up.StartTiming(), held)
+    pass_on.add_condition(needed, lit)
+    pass_on.add_effect(up.StartTiming() + Fraction(3, 2), held, False)
+    pass_on.add_effect(up.EndTiming() - 2, held, True)
+    pass_on.add_effect(up.EndTiming(), warm, True)
+    problem = up.Problem("relay", initial_defaults={up.BoolType(): False})
+    problem.add_fluents([held, lit, warm])
+    problem.set_initial_value(held, True)
+    problem.set_initial_value(lit, True)
+    problem.add_action(pass_on)
+    problem.add_timed_effect(up.GlobalStartTiming(Fraction(17, 2)), lit, False)
+    problem.add_goal(warm)
+    if deadline is not None:
+        problem.add_timed_goal(up.GlobalStartTiming(deadline), warm)
+    return problem, pass_on
+
+
+@pytest.mark.parametrize("begin", [Fraction(half, 2) + THIRD for half in range(1, 18)])
+def test_what_happens_in_the_middle_of_actions(begin):
+    """Against the built-in validator: the second action begins anywhere in or after the first one."""
+    needed = up.LeftOpenTimeInterval(up.StartTiming() + 1, up.EndTiming() - 1)
+    for deadline in (None, Fraction(13, 2), Fraction(11, 2)):
+        problem, pass_on = relay(needed, deadline)
+        steps = [(start, plans.ActionInstance(pass_on), Fraction(6)) for start in (Fraction(1, 4), begin)]
+        plan = plans.TimeTriggeredPlan(steps)
+        verdict = judged(problem, plan, epsilon="1/100")
+        with up.PlanValidator(problem_kind=problem.kind, plan_kind=plan.kind) as other:
+            assert verdict.status is other.validate(problem, plan).status, (begin, deadline)
+        if verdict.status is not Status.VALID:
+            assert verdict.reason in {Reason.INAPPLICABLE_ACTION, Reason.UNSATISFIED_GOALS}
+            continue
+        network = to_unified_planning(robust.convert(*from_unified_planning(problem, plan)).stn, problem)
+        assert judged(problem, network).status is Status.VALID
+
+
+def test_partial_orders_are_judged_by_their_sequences():
+    """Loading needs an open door, which closing ends."""
+    opened, loaded = up.Fluent("opened"), up.Fluent("loaded")
+    problem = up.Problem("door", initial_defaults={up.BoolType(): False})
+    problem.add_fluents([opened, loaded])
+    made = {}
+    for name, before, effect, value in (
+        ("open", None, opened, True),
+        ("load", opened, loaded, True),
+        ("close", None, opened, False),
+    ):
+        action = up.InstantaneousAction(name)
+        if before is not None:
+            action.add_precondition(before)
+        action.add_effect(effect, value)
+        problem.add_action(action)
+        made[name] = plans.ActionInstance(action)
+    problem.add_goal(loaded)
+    problem.add_goal(up.Not(opened))
+    ordered = plans.PartialOrderPlan({made["open"]: [made["load"]], made["load"]: [made["close"]], made["close"]: []})
+    assert judged(problem, ordered).log_messages[0].message == "valid in each of 1 order"
+    loose = plans.PartialOrderPlan({made["open"]: [made["load"], made["close"]]})
+    verdict = judged(problem, loose)
+    assert (verdict.status, verdict.inapplicable_action) == (Status.INVALID, made["load"])
+    domain, read, network = from_unified_planning(problem, ordered)
+    assert robust.check(assemble(domain, read, network)).answer is Answer.PROVED
+    assert robust.check(assemble(*from_unified_planning(problem, loose))).answer is Answer.REFUTED
 
 
 def test_other_problems_are_unknown():
@@ -307,3 +417,21 @@ def test_the_end_of_the_plan_bounds_its_actions(end):
     ]
     # In the dark there is no driving; only an end of the plan by 4 keeps the drive in the light.
     assert bool(judged(problem, plans.STNPlan(loose))) is (end is not None)
+
+
+def test_the_documented_way_from_a_problem_to_an_envelope():
+    """Each line `expression  # value` of the page is so."""
+    page = (Path(robust.__file__).parents[1] / "docs/unified-planning.md").read_text(encoding="utf-8")
+    (block,) = (
+        each for each in re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL) if "UserType" in each
+    )
+    names, compared = {}, 0
+    for statement in ast.parse(block).body:
+        after = block.splitlines()[statement.end_lineno - 1][statement.end_col_offset :]
+        code, (_, said, claimed) = ast.get_source_segment(block, statement), after.partition("  # ")
+        if said:
+            assert str(eval(code, names)) == claimed, code  # noqa: S307 - our own documentation
+            compared += 1
+        else:
+            exec(code, names)  # noqa: S102 - likewise
+    assert compared == 3
