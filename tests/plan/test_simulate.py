@@ -8,6 +8,7 @@ from random import Random
 import pytest
 from hypothesis import given
 
+import robust
 from robust.errors import InputError, UnsupportedError
 from robust.plan import model
 from robust.plan.model import ZERO, Holds, ParametrizedPlan
@@ -192,3 +193,31 @@ def test_drawn_plans_and_schedules(count):
     assert kinds["valid"] >= 0.4 * count
     assert kinds["invalid"] >= 0.1 * count
     assert kinds["infeasible"] + kinds["infeasible elsewhere"] >= 1
+
+
+REMEMBERING = """(define (domain d) (:requirements :durative-actions :conditional-effects)
+  (:predicates (ready) (calm) (done) (was) (done))
+  (:durative-action go :duration (= ?duration 5) :effect (and {effects}))
+  (:durative-action drop :duration (= ?duration 2) :effect (at end (not (ready))))
+  (:action stir :effect (not (calm))))"""
+MIXED = "(when (and (at start (ready)) (at end (calm))) (at end (done)))"
+BY_HAND = "(when (at start (ready)) (at start (was))) (when (at end (and (was) (calm))) (at end (done)))"
+
+
+@pytest.mark.parametrize("drop", range(-3, 5))
+def test_conditional_effects_remember_what_held_at_the_start(drop):
+    """As with a predicate that remembers it, executed, and proved in both encodings."""
+    problem = "(define (problem p) (:domain d) (:init (ready) (calm)) (:goal (done)))"
+    for stir in (Fraction(5), Fraction(11)):
+        steps = sorted(
+            [(Fraction(4), "(go) [5]"), (4 + Fraction(drop) + Fraction(1, 3), "(drop) [2]"), (stir, "(stir)")]
+        )
+        plan = "\n".join(f"{float(time):.4f}: {step}" for time, step in steps)
+        verdicts = [robust.validate(REMEMBERING.format(effects=each), problem, plan).valid for each in (MIXED, BY_HAND)]
+        # `ready` is lost two units after the drop has begun, and `calm` when the pot is stirred.
+        assert verdicts == [drop + 2 >= 0 and stir > 9] * 2
+        if verdicts[0]:
+            network = robust.convert(REMEMBERING.format(effects=MIXED), problem, plan).plan
+            assert {robust.check(network, encoding=name).answer.value for name in ("relational", "positions")} == {
+                "proved"
+            }

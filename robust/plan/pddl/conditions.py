@@ -344,21 +344,28 @@ def _conditional(form: Form, scope: Scope, when: Timing | None) -> syntax.WhenEf
         if isinstance(effect, syntax.ContinuousUpdate):
             remedy = "split the action in two, each with its own continuous effect"
             raise declarations.unsupported(form, "a conditional continuous effect", remedy)
-    guard = _condition_at(form, inside, scope) if when is None else condition(form.items[1], scope)
-    return syntax.WhenEffect(guard, tuple(inside), form.location)
+    if when is not None:
+        return syntax.WhenEffect(condition(form.items[1], scope), tuple(inside), form.location)
+    now, before = _conditions_at(form, inside, scope)
+    return syntax.WhenEffect(now, tuple(inside), form.location, before)
 
 
-def _condition_at(form: Form, inside: list[syntax.LiftedEffect], scope: Scope) -> syntax.LiftedCondition:
-    """The timed condition of a `when`, which must have the timing of the effects."""
+def _conditions_at(
+    form: Form, inside: list[syntax.LiftedEffect], scope: Scope
+) -> tuple[syntax.LiftedCondition, syntax.LiftedCondition | None]:
+    """The condition of a `when` at the time of its effects; and of effects at the end, what must hold at the start."""
     timed = timed_conditions(form.items[1], scope)
-    timings = {part.timing for part in timed}
-    timings |= {effect.timing for effect in syntax.primitive(inside) if not isinstance(effect, syntax.ContinuousUpdate)}
-    if len(timings) > 1 or Timing.OVER_ALL in timings:
-        names = " and ".join(sorted(quote(part.value) for part in timings))
-        remedy = "give condition and effects one timing, and remember an earlier condition in a predicate of its own"
+    times = {effect.timing for effect in syntax.primitive(inside) if not isinstance(effect, syntax.ContinuousUpdate)}
+    needed = {part.timing for part in timed}
+    later = times == {Timing.AT_END} and needed <= {Timing.AT_START, Timing.AT_END}
+    if Timing.OVER_ALL in needed or not (later or len(times | needed) <= 1):
+        names = " and ".join(sorted(quote(part.value) for part in times | needed))
+        remedy = "give effects one timing, and let their condition be at the same time or, for effects at end, at start"
         raise declarations.unsupported(form, f"a conditional effect that mixes {names}", remedy)
-    return (
-        timed[0].condition
-        if len(timed) == 1
-        else syntax.Conjunction(tuple(part.condition for part in timed), form.location)
-    )
+
+    def every(parts: list[syntax.LiftedCondition]) -> syntax.LiftedCondition:
+        return parts[0] if len(parts) == 1 else syntax.Conjunction(tuple(parts), form.location)
+
+    early = [part.condition for part in timed if later and part.timing is Timing.AT_START]
+    rest = [part.condition for part in timed if not (later and part.timing is Timing.AT_START)]
+    return every(rest), every(early) if early else None

@@ -362,11 +362,11 @@ def functions(
 
 
 def signatures(items: Sequence[Item], what: str, hierarchy: Mapping[str, frozenset[str]]) -> dict[str, Signature]:
-    """The declarations of a kind of name, `what`, each name once."""
+    """The declarations of a kind of name, `what`, each name once, or twice alike."""
     known: dict[str, Signature] = {}
     for signature in (_signature(item, what, hierarchy) for item in items):
         other = known.setdefault(signature.name, signature)
-        if other is not signature:
+        if [variable.types for variable in other.parameters] != [variable.types for variable in signature.parameters]:
             expected = f"one declaration; the first is at {other.location}"
             raise fault(signature.location, expected, found=f"a second {what} '{signature.name}'")
     return known

@@ -351,7 +351,9 @@ def _texts_of_effects(
             case syntax.ForallEffect(variables, inside):
                 for inner in context.instances(variables):
                     yield from _texts_of_effects(inside, inner, guard)
-            case syntax.WhenEffect(condition_, inside):
+            case syntax.WhenEffect(condition_, inside, _, remembered):
+                if remembered is not None:
+                    yield model.Timing.AT_START, _text(remembered, context)
                 both = _joined([guard, _text(condition_, context)], every=True)
                 if both.decided is not False:
                     yield from _texts_of_effects(inside, context, both)
@@ -463,6 +465,10 @@ def _duration(bound: syntax.DurationBound, context: Context) -> model.DurationCo
     )
 
 
+REMEMBERED = "remembered-at-start"
+"""The predicate of atoms that keep what held at the start of an instance for its effects at the end."""
+
+
 @dataclass(slots=True)
 class _Effects:
     """Collects the ground effects of one instance."""
@@ -486,12 +492,23 @@ class _Effects:
                 case syntax.ForallEffect(variables, inside):
                     for inner in context.instances(variables):
                         self.add(inside, inner, when)
-                case syntax.WhenEffect(guard, inside):
-                    both = model.junction([when, condition(guard, context)], every=True)
+                case syntax.WhenEffect(guard, inside, _, remembered):
+                    memory = model.Truth(True) if remembered is None else self._memory(remembered, context)
+                    both = model.junction([when, memory, condition(guard, context)], every=True)
                     if both != model.Truth(False):
                         self.add(inside, context, both)
                 case _:
                     assert_never(effect)
+
+    def _memory(self, remembered: syntax.LiftedCondition, context: Context) -> model.Condition:
+        """That a condition held at the start: an atom of the instance's own keeps it."""
+        held = condition(remembered, context)
+        if isinstance(held, model.Truth):
+            return held
+        known = sum(effect.atom.predicate == REMEMBERED for effect in self.atoms)
+        kept = model.Atom(REMEMBERED, (context.identifier, str(known)))
+        self.atoms.append(model.AtomEffect(model.Timing.AT_START, kept, True, held))
+        return model.Holds(kept)
 
     def _add_numeric(self, effect: model.NumericEffect, location: Location) -> None:
         """Equal increases add up; unconditional changes that cannot take place together are refused."""

@@ -281,11 +281,15 @@ class ForallEffect:
 
 @dataclass(frozen=True, slots=True)
 class WhenEffect:
-    """Effects that happen only if `condition` holds just before; all have the timing of the condition."""
+    """Effects that happen only if `condition` holds just before; all have the timing of the condition.
+
+    If there is something `remembered`, they are effects at the end, and that must have held just before the start.
+    """
 
     condition: LiftedCondition
     effects: tuple[LiftedEffect, ...]
     location: Location = field(compare=False)
+    remembered: LiftedCondition | None = None
 
 
 LiftedEffect = LiteralEffect | NumericUpdate | ContinuousUpdate | ForallEffect | WhenEffect

@@ -238,10 +238,14 @@ def _effect(effect: syntax.LiftedEffect, durative: bool) -> str:
             return _form(update.value, expression_text(target), f"(* #t {expression_text(rate)})")
         case syntax.ForallEffect(variables, effects):
             return f"(forall ({_typed(variables, '?')}) {_all(effects, durative)})"
-        case syntax.WhenEffect(condition, effects):
+        case syntax.WhenEffect(condition, effects, _, remembered):
             simple = syntax.primitive(effects)
             timings = (part.timing for part in simple if not isinstance(part, syntax.ContinuousUpdate))
             guard = _when(next(timings, Timing.AT_START), condition_text(condition), durative)
+            if remembered is not None:
+                early = _when(Timing.AT_START, condition_text(remembered), durative)
+                empty = isinstance(condition, syntax.Conjunction) and not condition.operands
+                guard = early if empty else f"(and {early} {guard})"
             return f"(when {guard} {_all(effects, durative)})"
         case _:
             assert_never(effect)
