@@ -39,6 +39,8 @@ _CONSTRAINT = {
 }
 _NESTED = ("duration_bound", "intervals", "interval", "bounds", "bound", "duration")
 """Objects, or pairs, which may hold the bounds of a constraint."""
+_GREATEST = "1.7976931348623157e+308"
+"""The greatest float, which stands for infinity where there is none."""
 _MEANINGLESS = ("name", "label", "owner_id", "local_id", "num_agents", "controllable", "executed", "description")
 """Keys that say nothing about times."""
 _KINDS = {
@@ -82,7 +84,7 @@ class _Reader:
         nodes, constraints = (_list(value) for value in parts.values() if value is not None)
         bounds = [bound for value in nodes for bound in self._node(value)]
         links = [link for value in constraints for link in self._constraint(value)]
-        if not constraints:
+        if not (constraints or bounds):
             place = top.location if parts["constraints"] is None else parts["constraints"].location
             raise InputError("found no constraints, expected at least one", place)
         note_unused(self._file, self._unused)
@@ -195,7 +197,7 @@ def _bound(value: Json, sign: int) -> Fraction | None:
     if isinstance(value, Constant) and value.value is None:
         return None
     text = _text(value)
-    if INFINITE.get(text.lower()) == sign:
+    if INFINITE.get(text.lower()) == sign or text.lower() == ("" if sign > 0 else "-") + _GREATEST:
         return None
     if not is_number(text):
         infinite = "inf" if sign > 0 else "-inf"

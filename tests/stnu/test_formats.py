@@ -139,6 +139,17 @@ def test_spellings_of_distributions(distribution, kind, tmp_path):
     assert list(found.distribution.numbers.values())[:2] == ([10, 2] if kind == "normal" else [10, 12])
 
 
+def test_ends_that_are_infinite_and_domains_alone(tmp_path):
+    greatest = "1.7976931348623157e+308"
+    ends = [('"-inf"', '"inf"'), ("-Infinity", "Infinity"), ("null", "null"), (f"-{greatest}", greatest)]
+    for low, high in ends:
+        first = f'{{"node_id": 1, "min_domain": {low}, "max_domain": 9}}'
+        second = f'{{"node_id": 2, "min_domain": 3, "max_domain": {high}}}'
+        found = read_text(tmp_path, f'{{"nodes": [{first}, {second}], "constraints": []}}')
+        assert [(link.target, link.lower, link.upper) for link in found.links] == [("1", None, 9), ("2", 3, None)]
+        assert found.origin == "0"
+
+
 def test_observations_in_either_command(tmp_path):
     """X is at most 5 if p is true, and at least 8 if not: p has to be observed by 5."""
     label = {"p": True}
