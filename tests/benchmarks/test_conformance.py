@@ -20,7 +20,7 @@ CAUGHT = {
     "deaf-to-observations": "estimate-broken",
     "deaf-to-retractions": "retract",
     "deaf-to-several": "together",
-    "timeless": "outcome-late",
+    "timeless": "completion-late",
     "confused": "outcome-first",
     "hasty": "completion",
     "sleepy": "completion",

@@ -96,6 +96,8 @@ class Patience:
         """What is asked; another one when other parts of the plan are under way."""
         self._found: list[Execution] = []
         """Continuations in which everything that is not the executive's is later than now."""
+        self._stale: list[Execution] = []
+        """Those at other times, which may be such continuations at later ones."""
         self._refused: set[tuple[Guard, str | None]] = set()
         """Where no such continuation is, as long as nothing happens, not even time."""
         self._moment: object = None
@@ -122,7 +124,10 @@ class Patience:
         moment = progress.now, len(progress.times), len(progress.chosen), len(progress.void), id(progress)
         if moment != self._moment:
             self._moment, self._refused = moment, set()
-        self._found = [continuation for continuation in self._found[-_REMEMBERED:] if self._continues(continuation)]
+        known, self._found = [*self._stale, *self._found][-_REMEMBERED:], []
+        self._stale = []
+        for continuation in known:
+            (self._found if self._continues(continuation) else self._stale).append(continuation)
         everything = kept = self._kept(waiting)
         acts: dict[str, list[Guard]] = {}
         for event in chain((first,), candidates):
@@ -189,14 +194,30 @@ class Patience:
         """Whether a continuation in an environment does an event, if given, now; known ones are looked at first."""
         asked = self.view
         progress = asked.progress
-        fitting = (known for known in self._found if holds(environment, known.scenario))
-        if any(
-            event is None or (known.schedule.get(event) == progress.now and not progress.theirs(event, known.scenario))
-            for known in fitting
-        ):
+
+        def shows(known: Execution) -> bool:
+            return holds(environment, known.scenario) and (
+                event is None
+                or (known.schedule.get(event) == progress.now and not progress.theirs(event, known.scenario))
+            )
+
+        if any(map(shows, self._found)):
             return True
         if (environment, event) in self._refused:
             return False
+        stale = next((known for known in reversed(self._stale) if holds(environment, known.scenario)), None)
+        if stale is not None:
+            self._stale.remove(stale)
+            again = (
+                None
+                if progress.void
+                or not all(stale.scenario.get(name) == value for name, value in progress.chosen.items())
+                else asked.semantics.retimed(stale, late=True)
+            )
+            if again is not None and self._continues(again):
+                self._found.append(again)
+                if shows(again):
+                    return True
         continuation = asked.continuation(environment, event, self.deadline)
         if continuation is None:
             self._refused.add((environment, event))
@@ -330,7 +351,7 @@ class Patience:
             self.reasoner = SemanticReasoner(self.progress, solver=self.solver)
         self.reasoner.catch_up()
         if self._view is not self.reasoner.view:
-            self._view, self._found = self.reasoner.view, []
+            self._view, self._found, self._stale = self.reasoner.view, [], []
         assert self._view is not None  # noqa: S101 - reasoners without one are not given
         return self._view
 

@@ -175,6 +175,29 @@ class OnlineSemantics(Semantics):
         bounds = (distances.least(first, event) for event in events if event in execution.schedule)
         return min((start - bound for bound in bounds if bound is not None), default=None)
 
+    def retimed(self, execution: Execution, *, late: bool = False) -> Execution | None:
+        """An execution at the least times from now on, after what has happened; if `late`, what is not the executive's
+        to execute is later than now.
+
+        It keeps the choices and every order on which conditions may rest; None if that is not possible.
+        """
+        executed, now = self._progress.times, self._progress.now
+        if not executed or not executed.keys() <= execution.schedule.keys():
+            return None
+        first, start = next(iter(executed.items()))
+        bounds = [(target, source, weight) for source, target, weight in self._kept(execution)]
+        for event in execution.schedule:
+            time = executed.get(event)
+            theirs = late and time is None and self._progress.theirs(event, execution.scenario)
+            least = now + self._epsilon * theirs if time is None else time
+            bounds.append((first, event, least - start))
+            bounds += [] if time is None else [(event, first, start - time)]
+        try:
+            times = Distances(execution.schedule, bounds).times
+        except ValueError:
+            return None
+        return Execution(execution.scenario, {event: time - times[first] + start for event, time in times.items()})
+
     def _kept(self, execution: Execution) -> Iterator[tuple[str, str, Fraction]]:
         """How much earlier one event is than another at least: by constraints, and by orders that are kept."""
         times = execution.schedule
@@ -231,13 +254,14 @@ class SemanticReasoner(Reasoner):
 
     def _learn(self, news: News) -> None:
         witness, now = self._witness, self.progress.now
-        if witness is not None and (
-            news.void
-            or not holds(news.chosen, witness.scenario)
-            or any(witness.schedule.get(event) != time for event, time in news.times.items())
-            or (news.later and any(time < now for _, time in self._ahead(witness)))
-        ):
-            self._witness = None
+        if witness is not None:
+            lasting = not news.void and holds(news.chosen, witness.scenario) and not self.progress.close(news.times)
+            if not lasting:
+                self._witness = None
+            elif any(witness.schedule.get(event) != time for event, time in news.times.items()) or (
+                news.later and any(time < now for _, time in self._ahead(witness))
+            ):
+                self._witness = self.semantics.retimed(witness)
         if self.progress.close(news.times):  # what was open about their order is known now
             self._begin()
             everything = guard(self.progress.chosen)

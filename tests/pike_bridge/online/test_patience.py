@@ -11,11 +11,12 @@ from robust.pike_bridge.online.executive import LatestMoments, PlanExecutive
 from robust.pike_bridge.online.inquiry import Inquiry, Obstacle, why_not
 from robust.pike_bridge.online.patience import JOINT, intents
 from robust.pike_bridge.online.progress import Chosen, Excluded, Executed, Failed, Outcome, Progress, Succeeded
-from robust.pike_bridge.online.semantic import SemanticReasoner
-from robust.pike_bridge.semantics import ExecutionExistence, Oracle
+from robust.pike_bridge.online.semantic import OnlineSemantics, SemanticReasoner
+from robust.pike_bridge.online.world import Rehearsal, Story
+from robust.pike_bridge.semantics import ExecutionExistence, Oracle, faults
 from tests.pike_bridge import stories
 from tests.pike_bridge.online import examples
-from tests.pike_bridge.online.examples import SOLVABLE, drawn, hesitate, joint_values
+from tests.pike_bridge.online.examples import SOLVABLE, drawn, hesitate, joint_values, kitchen
 from tests.sampling import often
 
 ZERO = Fraction(0)
@@ -254,3 +255,22 @@ def test_executions_lose_nothing_without_a_word():
     for seed in range(often(0, 15)):
         for plan in (story("kitchen"), story("wing"), drawn(SOLVABLE[seed])):
             watched(plan, seed)
+
+
+def test_known_continuations_are_correct_at_other_times_too(monkeypatch):
+    retimed, found = OnlineSemantics.retimed, []
+
+    def checked(semantics, execution, **options):
+        again = retimed(semantics, execution, **options)
+        if again is not None:
+            progress = semantics._progress
+            found.append(again)
+            assert not faults(progress.plan, again, reported=progress.reported)
+            assert all(again.schedule[event] == time for event, time in progress.times.items())
+            assert all(again.schedule[event] >= progress.now for event in progress.pending & again.schedule.keys())
+        return again
+
+    monkeypatch.setattr(OnlineSemantics, "retimed", checked)
+    for plan in (kitchen(), drawn(SOLVABLE[0]), drawn(SOLVABLE[1])):
+        Rehearsal(plan, Story(pace=Pace.RANDOM), seed=1, infer=False).run()
+    assert len(found) > 10
