@@ -1,13 +1,16 @@
 """The suite for executives of plans with choices: the executive passes it, and wrong ones do not."""
 
 import ast
+import csv
 import shlex
 import sys
+from itertools import islice
 
 import pytest
 
 from benchmarks.conformance import __main__ as suite
-from benchmarks.conformance import mutants
+from benchmarks.conformance import counted, mutants
+from tests.sampling import often
 
 EXECUTIVE = shlex.join([sys.executable, "-m", "robust", "pike", "run", "{plan}", "--stdio", "-q"])
 CASES = {case["name"]: case for case in suite.cases("patient", None)}
@@ -93,3 +96,15 @@ def test_an_executive_that_breaks_the_protocol_is_told_so():
     ):
         (found,) = examined(command, "completion")
         assert fault in found
+
+
+def test_plans_are_those_that_were_counted():
+    with counted.COUNTS.open(encoding="utf-8", newline="") as file:
+        rows = {row["plan"]: row for row in csv.DictReader(file)}
+    assert sum(row["exists"] == "true" for name, row in rows.items() if name.startswith("random")) == 85
+    agreed = (each for each in counted.plans() if rows[each[0]]["answers"] == "5/5/3")
+    for name, instance in islice(agreed, often(2, 200)):
+        assert rows[name]["digest"] == counted.digest(instance)
+        found = counted.answers(instance.plan(), 20)
+        assert found.agree
+        assert {**rows[name], **found.row} == rows[name]
