@@ -45,7 +45,7 @@ def said(ground, lines, path, epsilon=tools.EPSILON):
     tape = Tape(line if isinstance(line, str) else json.dumps(line) for line in lines[1:])
     try:
         _, kind, stated = lines[0]
-        whole = Translation(ground, epsilon, Deadline.after(10)).file(tape, kind, stated, ["a plan"], ask)
+        whole = Translation(ground, epsilon, Deadline.after(60)).file(tape, kind, stated, ["a plan"], ask)
     except REFUSED:
         return None
     path.write_text(whole)

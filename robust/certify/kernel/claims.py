@@ -17,8 +17,8 @@ from robust.certify.checker.formulas import Formulas as TheirFormulas
 from robust.certify.checker.formulas import mutex, names_in, plus, replaced
 from robust.certify.checker.proofs import Tape, demand, linear, sides
 from robust.certify.checker.reader import Fact, Ground, Linear, constant
-from robust.certify.hints import KnownFacts, NotRefutedError
-from robust.certify.kernel.questions import OpenFormulas, facts_of, multiples
+from robust.certify.hints import NotRefutedError
+from robust.certify.kernel.questions import IndexedFacts, OpenFormulas, facts_of, multiples
 from robust.certify.kernel.terms import GroundTerms, listed, truth
 from robust.smt.limits import Deadline
 
@@ -182,8 +182,8 @@ class Translation:
         keeps = (multiples([*_sums(m), *region.through(s)]) for m, s in zip(kept, slacks, strict=True))
         return listed((listed(map(self._terms.expression, times)), listed(keeps)))
 
-    def _known(self, facts: Sequence[Fact]) -> KnownFacts:
-        return KnownFacts(facts_of(facts, self._numbers))
+    def _known(self, facts: Sequence[Fact]) -> IndexedFacts:
+        return IndexedFacts(facts_of(facts, self._numbers))
 
     def _obligations(self, region: Sides, lemmas: str, removed: Sequence[Sequence[Fact]]) -> str:
         def answered(lines: Sequence[Sequence[str]]) -> str:
