@@ -169,6 +169,8 @@ class _Asked:
         if ended.exit_code or ended.stderr:
             if ended.last_line.startswith(UNKNOWN):
                 raise unsupported(ended.last_line.removeprefix(UNKNOWN))
+            if ended.last_line.startswith("unreadable: "):
+                raise Rejected(ended.last_line.removeprefix("unreadable: "))
             message = f"{NAME} failed with exit code {ended.exit_code} ({ended.last_line})"
             raise CheckerFailedError(f"{message}; please report this as a bug")
         return ended.stdout
