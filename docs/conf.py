@@ -34,6 +34,7 @@ include_patterns = [
     "CHANGELOG.md",
     "CONTRIBUTING.md",
     "benchmarks/RESULTS.md",
+    "benchmarks/conformance/README.md",
     "benchmarks/domains/**.md",
     "docs/**",
 ]

@@ -138,7 +138,8 @@ def verify(options: VerifyCommand, run: Run) -> int:
         if outcome is CheckerOutcome.UNSUPPORTED and (opinion.checker != "kernel" or options.checker is not None):
             names = ", ".join(map(quoted, options.files))
             raise UnsupportedError(f"the checker of certificates does not read one of {names}: {answer['reason']}")
-    rejecting = [each for each in opinions if each.verification.outcome is CheckerOutcome.REJECTED]
+    deciding = [each for each in opinions if options.checker is not None or each.checker == "python"]
+    rejecting = [each for each in deciding if each.verification.outcome is CheckerOutcome.REJECTED]
     report = (rejecting or opinions)[0].verification
     checkers = [
         documents.CheckedBy(

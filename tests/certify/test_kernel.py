@@ -15,6 +15,7 @@ from robust.certify.checker.claims import Claim, box_of, nominal
 from robust.certify.checker.proofs import Rejected, Tape, sides
 from robust.certify.checker.reader import Unsupported
 from robust.certify.hints import NotRefutedError
+from robust.certify.kernel import run
 from robust.certify.kernel.claims import Translation
 from robust.certify.kernel.run import opinions
 from robust.certify.tape import write
@@ -191,6 +192,10 @@ def test_opinions(tmp_path, monkeypatch):
     assert all(python[key] == kernel[key] for key in ("claim", "box", "kind", "files", "obligations", "epsilon"))
     (other,) = opinions("kernel", path, tools.GENERATOR, epsilon=tools.EPSILON)
     assert other.verification.outcome is CheckerOutcome.REJECTED
+    monkeypatch.setattr(run, "PATIENCE", 0)
+    python, kernel = opinions(None, path, tools.NAVIGATION, epsilon=tools.EPSILON)
+    assert python.verification.outcome is CheckerOutcome.ESTABLISHED
+    assert "not established within 0 seconds" in kernel.verification.answer["reason"]
 
 
 def test_not_found(tmp_path, monkeypatch):

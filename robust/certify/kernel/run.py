@@ -43,6 +43,10 @@ TRUSTED = {
 """What has to be trusted if a checker says that something is established."""
 
 
+PATIENCE = 10
+"""Seconds for a checker that was not asked for."""
+
+
 @dataclass(frozen=True, slots=True)
 class Opinion:
     """What one checker says of a certificate, after how many seconds."""
@@ -55,19 +59,31 @@ class Opinion:
 def opinions(checker: str | None, certificate: Path, files: Sequence[Path], **conduct: Any) -> list[Opinion]:
     """What the checkers say that are asked for: `python`, `kernel`, `both`, or both if the verified one is there.
 
-    In the last case, nothing is asked of it that it does not know. Keywords, and errors, are those of
-    :func:`verify_by_kernel`.
+    In the last case the checker in Python decides; the verified one says for `PATIENCE` seconds what it can. Keywords,
+    and errors, are those of :func:`verify_by_kernel`.
     """
     optional = checker is None and len(files) == 3 and found() is not None
     names = ("python", "kernel") if checker == "both" or optional else (checker or "python",)
     said = []
     for name in names:
         started = time.perf_counter()
-        answer = (verify if name == "python" else verify_by_kernel)(certificate, files, **conduct)
+        if optional and name == "kernel":
+            answer = _if_in_time(certificate, files, **conduct)
+        else:
+            answer = (verify if name == "python" else verify_by_kernel)(certificate, files, **conduct)
         said.append(Opinion(name, answer, time.perf_counter() - started))
         if answer.outcome is CheckerOutcome.UNREADABLE:
             break
     return said
+
+
+def _if_in_time(
+    certificate: Path, files: Sequence[Path], *, deadline: Deadline = NEVER, **conduct: Any
+) -> Verification:
+    try:
+        return verify_by_kernel(certificate, files, deadline=deadline.within(PATIENCE), **conduct)
+    except OutOfTimeError:
+        return _refused(CheckerOutcome.UNSUPPORTED, f"not established within {PATIENCE} seconds", Inputs())
 
 
 def verify_by_kernel(
