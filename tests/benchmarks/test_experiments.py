@@ -277,5 +277,5 @@ def test_a_wheel_holds_the_experiments():
     forced = included["wheel"]["force-include"]
     assert all(f"robust_{name}" == place for name, place in forced.items() if name.startswith("benchmarks/"))
     parts = {path.name for path in (ROOT / "benchmarks").iterdir() if path.name != "__pycache__"}
-    outside = {"domains", "parts", "RESULTS.md", "results.py", "certificates.py"}
+    outside = {"conformance", "domains", "parts", "RESULTS.md", "results.py", "certificates.py"}
     assert {Path(name).name for name in forced if name.startswith("benchmarks/")} == parts - outside
