@@ -241,26 +241,20 @@ def _deciding_backend(name: str, place: Location) -> str:
     return name
 
 
-def _margin(value: Number, place: Location) -> Fraction | None:
-    """The time before the last moment at which waiting ends; None for `eager`."""
-    if value == EAGER:
-        return None
-    try:
-        return not_negative(value, place)
-    except InputError:
-        expected = f"{EAGER}, or a number of at least 0"
-        raise InputError(f"found {shorten(str(value))}, expected {expected}", place) from None
+def _number_or(
+    word: str, read: Callable[[Number, Location], Fraction], numbers: str
+) -> Callable[[Number, Location], Fraction | None]:
+    """Reads a number, or the word, which is None."""
 
+    def read_either(value: Number, place: Location) -> Fraction | None:
+        if value == word:
+            return None
+        try:
+            return read(value, place)
+        except InputError:
+            raise InputError(f"found {shorten(str(value))}, expected {word}, or {numbers}", place) from None
 
-def _budget(value: Number, place: Location) -> Fraction | None:
-    """Seconds; None for `none`."""
-    if value == UNLIMITED:
-        return None
-    try:
-        return positive(value, place)
-    except InputError:
-        expected = f"{UNLIMITED}, or a number above 0"
-        raise InputError(f"found {shorten(str(value))}, expected {expected}", place) from None
+    return read_either
 
 
 EAGER = "eager"
@@ -325,7 +319,7 @@ class PikeRunOptions(StoryOptions, Solving):
         "stop waiting for people's choices this long before the last possible moment; "
         f"{EAGER}: never wait, act as soon as possible",
         metavar=f"{EAGER}|MARGIN",
-        read=_margin,
+        read=_number_or(EAGER, not_negative, "a number of at least 0"),
     )
     rank: str = option(
         "written",
@@ -338,7 +332,7 @@ class PikeRunOptions(StoryOptions, Solving):
         "seconds of processor time to decide a step; only what is proved safe is done, and what could not be decided "
         f"waits; {UNLIMITED}: as long as it takes",
         metavar="S",
-        read=_budget,
+        read=_number_or(UNLIMITED, positive, "a number above 0"),
     )
     chance: Number | None = option(
         None,
