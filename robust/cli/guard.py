@@ -91,6 +91,7 @@ class Guard:
         ignored = {signal.SIGHUP} if signal.getsignal(signal.SIGHUP) == signal.SIG_IGN else set()
         self._stops = STOPS - ignored
         self._watcher: threading.Thread | None = None
+        self._released = threading.Event()
 
     def __enter__(self) -> Guard:
         if not hasattr(signal, "sigtimedwait") or threading.current_thread() is not threading.main_thread():
@@ -107,6 +108,7 @@ class Guard:
             },
         }
         self._unraisable, sys.unraisablehook = sys.unraisablehook, self._on_unraisable
+        self._released.clear()
         self._watcher = threading.Thread(target=self._watch, name="robust-guard", daemon=True)
         self._watcher.start()
         return self
@@ -120,6 +122,7 @@ class Guard:
             return
         self._closed = True
         signal.pthread_kill(self._watcher.ident or 0, signal.SIGTERM)
+        self._released.set()
         self._watcher.join()
         self._watcher, self._closed = None, False
         sys.unraisablehook = self._unraisable
@@ -197,6 +200,7 @@ class Guard:
         while True:
             received = signal.sigtimedwait(self._stops, _TICK)
             if self._closed:
+                self._released.wait()  # a thread that has ended must not be sent the signal that wakes it
                 return
             if received is not None:
                 self._on_stop()

@@ -16,7 +16,7 @@ import pytest
 
 from benchmarks.generators.sizes import write_instance
 from benchmarks.irr.stnu import team_network
-from robust.cli.guard import STOPS, Cause, Guard
+from robust.cli.guard import _TICK, STOPS, Cause, Guard
 from robust.stnu.network_json import network_json
 from tests.children import eventually, is_running
 from tests.cli import inputs
@@ -332,6 +332,22 @@ def test_nothing_outlives_interrupts(seed, number, longest):
 def send(guard, number=signal.SIGINT):
     """A signal to the process, as its watcher gets it; here, threads of the test runner might take it instead."""
     signal.pthread_kill(guard._watcher.ident, number)
+
+
+def test_its_thread_lives_until_it_has_been_woken(monkeypatch):
+    """However late the signal that wakes it is sent: one to a thread that has ended may end the process."""
+    kill, alive = signal.pthread_kill, []
+
+    def late(thread, number):
+        time.sleep(4 * _TICK)
+        alive.append(thread in {each.ident for each in threading.enumerate()})
+        if alive[-1]:
+            kill(thread, number)
+
+    monkeypatch.setattr(signal, "pthread_kill", late)
+    with Guard():
+        pass
+    assert alive == [True]
 
 
 def test_puts_everything_back_and_does_nothing_in_another_thread():
