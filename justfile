@@ -9,7 +9,7 @@ default:
 # make .venv with the locked versions of everything
 install:
     python3 -m venv .venv
-    {{python}} -m pip install --require-hashes -r constraints.txt -r constraints-docs.txt
+    {{python}} -m pip install --no-compile --require-hashes -r constraints.txt -r constraints-docs.txt
     {{python}} -m pip install --no-deps --no-build-isolation -e .
 
 # format the code
