@@ -118,6 +118,35 @@ def test_wrong_levels_and_conflicts_are_not_established(level, other, tmp_path):
         tools.made(files, "plan")
 
 
+STEADY = """(define (domain d) (:predicates (p)) (:functions (f) (speed) (half) (nothing))
+ (:durative-action a :parameters () :duration (= ?duration (* 4 (half)))
+  :condition (at end (>= (* (speed) (f)) (- (/ (* 9 ?duration) (DIVISOR)) (- (f) (f)))))
+  :effect (and (increase (f) (* #t (* (speed) (half)))) OTHER)))"""
+AT_0 = "(define (problem x) (:domain d) (:init (= (f) 0) (= (speed) 3) (= (half) 0.5) (= (nothing) 0)) (:goal (and)))"
+
+
+def steady_plan(divisor, other, directory):
+    """A plan with products and quotients of fluents that nothing changes."""
+    domain = STEADY.replace("DIVISOR", divisor).replace("OTHER", other)
+    return tools.written(Texts(domain, AT_0, PLAN), directory)
+
+
+@built
+def test_expressions_are_read_as_they_are_written(tmp_path):
+    files = steady_plan("+ (speed) (- (half) 1.5)", "", tmp_path / "good")
+    lines = tools.made(files, "plan")
+    assert said(tools.grounded(files), lines, tmp_path / "good.kernel").startswith("established: ")
+    for divisor, other in (
+        ("+ (speed) (- (half) 1.51)", ""),
+        ("nothing", ""),
+        ("- (half) 0.5", ""),
+        ("speed", "(at end (increase (f) (/ 1 (nothing))))"),
+        ("speed", "(at end (increase (half) 1))"),
+    ):
+        files = steady_plan(divisor, other, tmp_path / "wrong")
+        assert said(tools.grounded(files), lines, tmp_path / "wrong.kernel") is None
+
+
 @built
 @pytest.mark.parametrize("every", [9, pytest.param(1, marks=pytest.mark.slow)])
 def test_recorded_plans_of_divers(every, dataset, tmp_path):

@@ -315,7 +315,7 @@ Proof. intros H. apply marked_in in H. apply existsb_exists. exists p. split; au
 
 Lemma mutex_pairs P p q : In (p, q) (mutex P) -> In (p, q) (pairs P).
 Proof.
-  intros H. apply nodup_In, in_flat_map in H as [[x u] [I H]]. apply in_flat_map in H as [[y w] [J H]].
+  intros H. apply in_flat_map in H as [[x u] [I H]]. apply in_flat_map in H as [[y w] [J H]].
   destruct (harms u w && _ && _) eqn:E; [|easy]. destruct H as [H|[]]. inversion H. subst. clear H.
   apply andb_true_iff in E as [E T]. apply andb_true_iff in E as [E N].
   enough (F : In (Nat.min x y, Nat.max x y) (harming P)).
@@ -360,7 +360,7 @@ Proof.
   apply in_flat_map in H as [[x u] [X H]]. apply in_flat_map in H as [[y w] [Y H]].
   apply (by_used_back _ _ _ _ I) in X. apply (by_used_back _ _ _ _ I) in Y.
   unfold pair_of in H. cbn [fst snd] in H. destruct (harms u w && _ && _) eqn:E; [|easy]. destruct H as [H|[]].
-  inversion H. subst. apply andb_true_iff in E as [E T]. apply nodup_In, in_flat_map. exists (x, u). split; auto.
+  inversion H. subst. apply andb_true_iff in E as [E T]. apply in_flat_map. exists (x, u). split; auto.
   apply in_flat_map. exists (y, w). split; auto. rewrite E.
   assert (B : existsb (Nat.eqb x) (timed P) && existsb (Nat.eqb y) (timed P) = false).
   { apply not_true_is_false. intros B. apply andb_true_iff in B as [B1 B2]. apply existsb_marked in B1. apply existsb_marked in B2.

@@ -13,7 +13,7 @@ Variable fired : effect -> bool.
 Variable by_ : effect -> R.   (* an assignment, too, changes its fluent by something *)
 
 Definition target (w : effect) : option nat :=
-  match makes w with Increase f _ _ | Assign f _ _ => Some f | _ => None end.
+  match makes w with Increase f _ | Assign f _ => Some f | _ => None end.
 
 Definition on (f : nat) (w : effect) : bool := match target w with Some h => Nat.eqb h f | None => false end.
 
@@ -43,7 +43,7 @@ Definition jumped (strict : bool) (time : R) (f : nat) (w : effect) : R :=
 Definition acted (time : R) (k : flow) : R := Rmax 0 (Rmin time (t (ends k)) - t (starts k)).
 
 Definition flowed (time : R) (f : nat) (k : flow) : R :=
-  if Nat.eqb (flows_to k) f then Q2R (rate k) * acted time k else 0.
+  if Nat.eqb (flows_to k) f then amount g t (initially P g t) (rate k) * acted time k else 0.
 
 Definition value_at (strict : bool) (time : R) (f : nat) : R :=
   ev g t (value_at_first P f) + sum (jumped strict time f) (effects P) + sum (flowed time f) (flows P).
@@ -152,7 +152,7 @@ Proof.
 Qed.
 
 Lemma closed_between from until : from < until -> (forall p, In p (happenings P) -> ~ from < t p < until) ->
-  same (closed true until) (drifted P t from until (closed false from)).
+  same (closed true until) (drifted P g t from until (closed false from)).
 Proof.
   intros L N.
   assert (O : forall w, In w (effects P) -> over true (point w) until = over false (point w) from).
@@ -168,7 +168,7 @@ Proof.
   - intros f. simpl. unfold value_at.
     rewrite (sum_ext (jumped true until f) (jumped false from f)) by (intros w W; unfold jumped; now rewrite (O _ W)).
     assert (K : sum (flowed until f) (flows P) =
-      sum (flowed from f) (flows P) + (until - from) * sum (slope t from until f) (flows P)).
+      sum (flowed from f) (flows P) + (until - from) * sum (slope P g t from until f) (flows P)).
     { rewrite <- sum_scale, <- sum_plus. apply sum_ext. intros k H. cbv beta. unfold flowed, slope.
       destruct (Nat.eqb (flows_to k) f); [|ring].
       assert (S : t (starts k) <= from \/ until <= t (starts k)) by (pose proof (N _ (start_happens _ _ H)); lra).

@@ -19,6 +19,9 @@ Open Scope Q_scope.
 Definition less (x y : Q) : bool := negb (Qle_bool y x).
 Definition q_sum {A} (f : A -> Q) (l : list A) : Q := fold_right (fun x rest => Qred (f x + rest)) 0 l.
 
+Definition pair_dec : forall x y : nat * nat, {x = y} + {x <> y}.
+Proof. decide equality; apply Nat.eq_dec. Defined.
+
 Section Evaluation.
 Variable P : plan.
 Variable values : list Q.   (* of the parameters *)
@@ -40,8 +43,15 @@ Fixpoint q_ev (e : expr) : Q :=
 
 Record q_state := { q_holds : nat -> bool; q_value : nat -> Q }.
 
-Definition q_amount (s : q_state) (e : expr) (fs : list (Q * nat)) : Q :=
-  Qred (q_ev e + q_sum (fun x => fst x * q_value s (snd x)) fs).
+Definition q_calculated (o : operation) (x y : Q) : Q :=
+  Qred match o with Sum => x + y | Difference => x - y | Product => x * y | Quotient => x / y end.
+
+Fixpoint q_amount (s : q_state) (x : term) : Q :=
+  match x with
+  | Linear e => q_ev e
+  | Fluent f => q_value s f
+  | Calculate o x y => q_calculated o (q_amount s x) (q_amount s y)
+  end.
 
 Definition q_above (strict : bool) (x : Q) : bool := if strict then less 0 x else Qle_bool 0 x.
 
@@ -52,7 +62,7 @@ Fixpoint q_sat (s : q_state) (c : cond) : bool :=
   | Not c => negb (q_sat s c)
   | And c d => q_sat s c && q_sat s d
   | Or c d => q_sat s c || q_sat s d
-  | Compare strict e fs => q_above strict (q_amount s e fs)
+  | Compare strict x => q_above strict (q_amount s x)
   end.
 
 (** As tables of the atoms and fluents that can change. *)
@@ -62,7 +72,7 @@ Definition above_all (f : change -> option nat) (l : list nat) : nat :=
 
 Definition atoms : nat := above_all (fun c => match c with Add a | Del a => Some a | _ => None end) [].
 Definition fluents : nat :=
-  above_all (fun c => match c with Increase f _ _ | Assign f _ _ => Some f | _ => None end) (map flows_to (flows P)).
+  above_all (fun c => match c with Increase f _ | Assign f _ => Some f | _ => None end) (map flows_to (flows P)).
 
 Definition tabled (s : q_state) : q_state :=
   let holding := map (q_holds s) (seq 0 atoms) in
@@ -76,10 +86,10 @@ Definition q_initially : q_state :=
 Definition q_fires (s : q_state) (time : Q) (w : effect) : bool := Qeq_bool (q_t (point w)) time && q_sat s (guard w).
 
 Definition q_assigned (s : q_state) (f : nat) (old : Q) (w : effect) : Q :=
-  match makes w with Assign h e fs => if Nat.eqb h f then q_amount s e fs else old | _ => old end.
+  match makes w with Assign h x => if Nat.eqb h f then q_amount s x else old | _ => old end.
 
 Definition q_increased (s : q_state) (f : nat) (w : effect) : Q :=
-  match makes w with Increase h e fs => if Nat.eqb h f then q_amount s e fs else 0 | _ => 0 end.
+  match makes w with Increase h x => if Nat.eqb h f then q_amount s x else 0 | _ => 0 end.
 
 Definition q_updated (time : Q) (s : q_state) : q_state :=
   let fired := filter (q_fires s time) (effects P) in
@@ -88,7 +98,39 @@ Definition q_updated (time : Q) (s : q_state) : q_state :=
 
 (** How fast a continuous effect changes a fluent right after a time. *)
 Definition q_slope (from : Q) (f : nat) (k : flow) : Q :=
-  if Nat.eqb (flows_to k) f && Qle_bool (q_t (starts k)) from && less from (q_t (ends k)) then rate k else 0.
+  if Nat.eqb (flows_to k) f && Qle_bool (q_t (starts k)) from && less from (q_t (ends k))
+  then q_amount q_initially (rate k) else 0.
+
+(** How fast the value of an expression changes then, if it is linear in what continuous effects change. *)
+Fixpoint q_grade (from : Q) (s : q_state) (x : term) : Q :=
+  match x with
+  | Linear _ => 0
+  | Fluent f => q_sum (q_slope from f) (flows P)
+  | Calculate o x y =>
+      let m := q_grade from s x in
+      let n := q_grade from s y in
+      match o with
+      | Sum => m + n
+      | Difference => m - n
+      | Product => m * q_amount s y + q_amount s x * n
+      | Quotient => m / q_amount s y
+      end
+  end.
+
+Fixpoint flat (x : term) : bool :=
+  match x with
+  | Linear _ => true
+  | Fluent f => negb (existsb (fun k => Nat.eqb (flows_to k) f) (flows P))
+  | Calculate _ x y => flat x && flat y
+  end.
+
+Fixpoint straight (x : term) : bool :=
+  match x with
+  | Linear _ | Fluent _ => true
+  | Calculate Product x y => straight x && straight y && (flat x || flat y)
+  | Calculate Quotient x y => straight x && straight y && flat y
+  | Calculate _ x y => straight x && straight y
+  end.
 
 (** Until the next happening, or before. *)
 Definition q_drifted (from until : Q) (s : q_state) : q_state :=
@@ -125,17 +167,8 @@ Definition q_after (time : Q) : q_state := q_updated time (q_before time).
 
 (** ** Obligations *)
 
-Fixpoint comparisons (c : cond) : list (expr * list (Q * nat)) :=
-  match c with
-  | Always | Atom _ => []
-  | Not c => comparisons c
-  | And c d | Or c d => comparisons c ++ comparisons d
-  | Compare _ e fs => [(e, fs)]
-  end.
-
 (** Where a comparison would be zero, if it went on as it does right after a time. *)
-Definition crossing (x : Q) (s : q_state) (c : expr * list (Q * nat)) : Q :=
-  Qred (x - q_amount s (fst c) (snd c) / q_sum (fun y => fst y * q_sum (q_slope x (snd y)) (flows P)) (snd c)).
+Definition crossing (x : Q) (s : q_state) (e : term) : Q := Qred (x - q_amount s e / q_grade x s e).
 
 Definition crossings (c : cond) (x : Q) : list Q :=
   match comparisons c with [] => [] | l => let s := q_after x in map (crossing x s) l end.
@@ -165,8 +198,14 @@ Definition q_apart (epsilon : Q) (pq : nat * nat) : bool :=
   let gap := q_t (fst pq) - q_t (snd pq) in
   (Qle_bool epsilon gap || Qle_bool epsilon (- gap)) && negb (Qeq_bool (q_t (fst pq)) (q_t (snd pq))).
 
-(** What is said of a schedule: whether time 0 is 0, each edge is kept, each mutex pair is apart, each obligation is met. *)
+(** What is true throughout is looked at as if all comparisons were linear between happenings. *)
+Definition linear_duty (d : duty) : bool :=
+  match d with OverAll _ _ c => forallb straight (comparisons c) | _ => true end.
+
+(** What is said of a schedule: whether all of it is right, rates do not change, time 0 is 0, each edge is kept, each mutex pair is apart, each obligation is met. *)
 Record reading := {
+  is_right : bool;
+  is_steady : bool;
   at_zero : bool;
   edges_kept : list bool;
   mutex_pairs : list (nat * nat);
@@ -177,8 +216,10 @@ Record reading := {
 
 Definition evaluated (epsilon : Q) : reading :=
   let trace := trace_from None moments_up in
-  let close := mutex P in
-  {| at_zero := Qeq_bool (q_t 0) 0;
+  let close := nodup pair_dec (mutex P) in
+  {| is_right := forallb linear_duty (duties P);
+     is_steady := steady P;
+     at_zero := Qeq_bool (q_t 0) 0;
      edges_kept := map q_kept (edges P);
      mutex_pairs := close;
      pairs_apart := map (q_apart epsilon) close;
@@ -240,10 +281,17 @@ Proof.
   - now rewrite (nth_tabled (q_value q)).
 Qed.
 
-Lemma q_amount_R q s e fs : alike q s -> Q2R (q_amount q e fs) = amount g t s e fs.
+Lemma Q2R_quotient x y : Q2R (x / y) = Q2R x / Q2R y.
 Proof.
-  intros [_ V]. unfold q_amount, amount. rewrite Q2R_red, Q2R_plus, q_ev_R. f_equal. apply q_sum_R.
-  intros [k f]. simpl. now rewrite Q2R_mult, V.
+  destruct (Qeq_dec y 0) as [Z|Z]; [|now apply Q2R_div]. unfold Qdiv, Rdiv. rewrite Q2R_mult, (Qeq_eqR _ _ Z), Q2R_0, Rinv_0.
+  rewrite (Qeq_eqR (/ y) 0), Q2R_0; auto. now rewrite Z.
+Qed.
+
+Lemma q_amount_R q s e : alike q s -> Q2R (q_amount q e) = amount g t s e.
+Proof.
+  intros [_ V]. induction e as [e | f | o x IHx y IHy]; simpl; [apply q_ev_R | apply V |].
+  unfold q_calculated. rewrite Q2R_red, <- IHx, <- IHy.
+  destruct o; [apply Q2R_plus | apply Q2R_minus | apply Q2R_mult | apply Q2R_quotient].
 Qed.
 
 Lemma q_above_R strict x : q_above strict x = true <-> above strict (Q2R x).
@@ -281,13 +329,13 @@ Qed.
 
 (** Without a happening in between, continuous effects act as they do right after the first of two times. *)
 Lemma q_slope_R from until f : Q2R from < until -> (forall p, In p (happenings P) -> ~ Q2R from < t p < until) ->
-  Q2R (q_sum (q_slope from f) (flows P)) = sum (slope t (Q2R from) until f) (flows P).
+  Q2R (q_sum (q_slope from f) (flows P)) = sum (slope P g t (Q2R from) until f) (flows P).
 Proof.
-  intros L N. assert (H : forall k, In k (flows P) -> Q2R (q_slope from f k) = slope t (Q2R from) until f k).
+  intros L N. assert (H : forall k, In k (flows P) -> Q2R (q_slope from f k) = slope P g t (Q2R from) until f k).
   { intros k I. pose proof (N _ (start_happens _ _ I)). pose proof (N _ (end_happens _ _ I)). unfold q_slope, slope.
     destruct Nat.eqb; simpl; [|apply Q2R_0]. unfold t in *.
     destruct (Qle_bool _ from) eqn:A; destruct Rle_dec as [B|B]; simpl; try apply Q2R_0.
-    - destruct (less from _) eqn:C; destruct Rle_dec as [D|D]; auto using Q2R_0.
+    - destruct (less from _) eqn:C; destruct Rle_dec as [D|D]; auto using Q2R_0, q_amount_R, alike_initially.
       + apply less_R in C. lra.
       + apply less_false in C. lra.
     - apply Qle_R in A. easy.
@@ -298,7 +346,7 @@ Qed.
 
 Lemma alike_drifted q s from until : alike q s -> Q2R from < Q2R until ->
   (forall p, In p (happenings P) -> ~ Q2R from < t p < Q2R until) ->
-  alike (q_drifted from until q) (drifted P t (Q2R from) (Q2R until) s).
+  alike (q_drifted from until q) (drifted P g t (Q2R from) (Q2R until) s).
 Proof.
   intros [A V] L N. split; simpl; auto. intros f.
   rewrite Q2R_red, Q2R_plus, Q2R_mult, Q2R_minus, V, (q_slope_R from (Q2R until)); auto.
@@ -446,36 +494,48 @@ Variable r1 r2 : R.
 Hypothesis X : Q2R x <= r1.
 Hypothesis N : forall p, In p (happenings P) -> ~ Q2R x < t p < r2.
 
-Definition grade (fs : list (Q * nat)) : Q := q_sum (fun y => (fst y * q_sum (q_slope x (snd y)) (flows P))%Q) fs.
-
-Lemma drifting u : r1 < u < r2 -> same (before u) (drifted P t (Q2R x) u (after (Q2R x))).
+Lemma drifting u : r1 < u < r2 -> same (before u) (drifted P g t (Q2R x) u (after (Q2R x))).
 Proof. intros U. apply (between _ _ _ _ _ C); [lra|]. intros p I H. apply (N p I). lra. Qed.
 
-Lemma amount_drifting u e fs : r1 < u < r2 ->
-  amount g t (before u) e fs = Q2R (q_amount (q_after trace x) e fs) + (u - Q2R x) * Q2R (grade fs).
+Lemma flat_grade s e : flat e = true -> Q2R (q_grade x s e) = 0.
 Proof.
-  intros U. rewrite (amount_same _ _ _ _ _ _ (drifting u U)), (q_amount_R _ _ _ _ (after_alike x)).
-  unfold amount, grade. induction fs as [|[q f] fs IH]; simpl; [rewrite Q2R_0; ring|].
-  rewrite Q2R_red, Q2R_plus, Q2R_mult, (q_slope_R x u).
-  - simpl in IH. set (m := sum (slope t (Q2R x) u f) (flows P)). clearbody m. lra.
-  - lra.
-  - intros p I H. apply (N p I). lra.
+  induction e as [e | f | o y IHy z IHz]; simpl; [intros _; apply Q2R_0 | |].
+  - induction (flows P) as [|k l IH]; simpl; [intros _; apply Q2R_0|]. intros F. apply negb_true_iff, orb_false_iff in F as [K F].
+    rewrite Q2R_red, Q2R_plus, IH by now rewrite F. unfold q_slope. rewrite K. simpl. rewrite Q2R_0. lra.
+  - rewrite andb_true_iff. intros [Y Z]. specialize (IHy Y). specialize (IHz Z).
+    destruct o; rewrite ?Q2R_plus, ?Q2R_minus, ?Q2R_quotient, ?Q2R_mult, ?IHy, ?IHz; unfold Rdiv; lra.
 Qed.
 
-Lemma steady c u w : (forall k, In k (comparisons c) -> ~ r1 < Q2R (crossing x (q_after trace x) k) < r2) ->
+Lemma amount_drifting u e : straight e = true -> r1 < u < r2 ->
+  amount g t (before u) e = Q2R (q_amount (q_after trace x) e) + (u - Q2R x) * Q2R (q_grade x (q_after trace x) e).
+Proof.
+  intros E U. rewrite (amount_same _ _ _ _ _ (drifting u U)). destruct (after_alike x) as [_ V]. revert E.
+  set (s := q_after trace x) in *. clearbody s. induction e as [e | f | o y IHy z IHz]; simpl.
+  - intros _. rewrite q_ev_R, Q2R_0. ring.
+  - intros _. rewrite V, (q_slope_R x u); [reflexivity | lra | intros p I H; apply (N p I); lra].
+  - unfold q_calculated. rewrite Q2R_red. destruct o; rewrite !andb_true_iff; intros E; cbn [calculated].
+    + rewrite IHy, IHz, !Q2R_plus by tauto. ring.
+    + rewrite IHy, IHz, !Q2R_minus by tauto. ring.
+    + destruct E as [[Y Z] F]. rewrite IHy, IHz, Q2R_plus, !Q2R_mult by auto.
+      apply orb_true_iff in F as [F|F]; rewrite (flat_grade s _ F); ring.
+    + destruct E as [[Y Z] F]. rewrite IHy, IHz, !Q2R_quotient, (flat_grade s _ F) by auto. unfold Rdiv.
+      rewrite Rmult_0_r, Rplus_0_r. ring.
+Qed.
+
+Lemma unchanging c u w : forallb straight (comparisons c) = true -> (forall k, In k (comparisons c) -> ~ r1 < Q2R (crossing x (q_after trace x) k) < r2) ->
   r1 < u < r2 -> r1 < w < r2 -> sat g t (before u) c = sat g t (before w) c.
 Proof.
-  intros K U W. induction c as [| a | c IH | c IHc d IHd | c IHc d IHd | strict e fs]; simpl in *; auto.
+  intros L K U W. induction c as [| a | c IH | c IHc d IHd | c IHc d IHd | strict e]; simpl in *;
+  rewrite ?forallb_app, ?andb_true_iff in L; auto.
   - destruct (drifting u U) as [A _], (drifting w W) as [B _]. now rewrite A, B.
   - now rewrite IH.
-  - rewrite IHc, IHd; auto; intros k I; apply K, in_app_iff; auto.
-  - rewrite IHc, IHd; auto; intros k I; apply K, in_app_iff; auto.
+  - rewrite IHc, IHd; try tauto; intros k I; apply K, in_app_iff; auto.
+  - rewrite IHc, IHd; try tauto; intros k I; apply K, in_app_iff; auto.
   - assert (S : forall u w, r1 < u < r2 -> r1 < w < r2 ->
-      above strict (amount g t (before u) e fs) -> above strict (amount g t (before w) e fs)).
-    { intros v y V Y. rewrite !amount_drifting by auto. apply (one_side _ _ _ _ r1 r2); auto.
-      intros Z. specialize (K (e, fs) (or_introl eq_refl)). unfold crossing in K. fold (grade fs) in K.
-      cbn [fst snd] in K. rewrite Q2R_red, Q2R_minus, Q2R_div in K; auto.
-      intros E. apply Z. apply Qeq_eqR in E. fold (grade fs) in E. now rewrite E, Q2R_0. }
+      above strict (amount g t (before u) e) -> above strict (amount g t (before w) e)).
+    { intros v y V Y. rewrite !amount_drifting by tauto. apply (one_side _ _ _ _ r1 r2); auto.
+      intros _. specialize (K e (or_introl eq_refl)). unfold crossing in K.
+      now rewrite Q2R_red, Q2R_minus, Q2R_quotient in K. }
     pose proof (S u w U W). pose proof (S w u W U). repeat destruct above_dec; tauto.
 Qed.
 
@@ -509,11 +569,11 @@ Qed.
 Lemma half_R a b : Q2R (Qred ((a + b) / 2)) = (Q2R a + Q2R b) / 2.
 Proof. rewrite Q2R_red, Q2R_div, Q2R_plus; [|easy]. replace (Q2R 2) with 2; [reflexivity|]. unfold Q2R. simpl. lra. Qed.
 
-Lemma over_all_right s e c : Q2R s < Q2R e ->
+Lemma over_all_right s e c : forallb straight (comparisons c) = true -> Q2R s < Q2R e ->
   forallb (fun u => q_sat (q_before trace u) c && q_sat (q_after trace u) c) (instants trace s e c) = true <->
   forall u, Q2R s < u < Q2R e -> sat g t (before u) c = true /\ sat g t (after u) c = true.
 Proof.
-  intros L. unfold instants. set (all := moments_up ++ flat_map (crossings trace c) (s :: moments_up)).
+  intros Lin L. unfold instants. set (all := moments_up ++ flat_map (crossings trace c) (s :: moments_up)).
   set (inner := filter (fun x => less s x && less x e) all).
   assert (I : forall y, In y inner <-> In y all /\ Q2R s < Q2R y < Q2R e).
   { intros y. unfold inner. rewrite filter_In, andb_true_iff, !less_R. reflexivity. }
@@ -544,7 +604,7 @@ Proof.
     set (m := Qred ((r + n) / 2)) in *.
     assert (M : Q2R r < Q2R m < Q2R n) by (unfold m; rewrite half_R; lra).
     assert (B : sat g t (before u) c = true).
-    { rewrite (steady x (Q2R r) (Q2R n) XR NO c u (Q2R m)); auto; [|lra]. apply T, in_app_iff. right.
+    { rewrite (unchanging x (Q2R r) (Q2R n) XR NO c u (Q2R m)); auto; [|lra]. apply T, in_app_iff. right.
       apply in_map_iff. exists r. split; auto. }
     split; auto. rewrite after_idle; auto. intros p J E'. destruct (happens_at p J) as [y [J' Y]].
     apply (F y); [apply in_app_iff; now left | lra].
@@ -591,12 +651,12 @@ Proof.
       destruct Rle_dec; auto. destruct Rle_dec as [A|A]; auto. destruct (L _ (end_happens _ _ K)) as [B _]. lra.
 Qed.
 
-Lemma met_right d : q_met trace d = true <-> met P g t before after d.
+Lemma met_right d : linear_duty d = true -> (q_met trace d = true <-> met P g t before after d).
 Proof.
-  destruct d as [p c | s e c | c]; simpl.
+  destruct d as [p c | s e c | c]; simpl; intros Lin.
   - rewrite sat_before. reflexivity.
   - unfold t. destruct (less (q_t s) (q_t e)) eqn:L.
-    + apply less_R in L. apply over_all_right. exact L.
+    + apply less_R in L. now apply over_all_right.
     + apply less_false in L. split; auto. intros _ u U. lra.
   - apply goal_right.
 Qed.
@@ -604,9 +664,9 @@ Qed.
 End Evaluation.
 
 (** Each verdict of an evaluation is that of the specification, and so are both verdicts on the whole. *)
-Lemma verdicts {A} (f : A -> bool) (means : A -> Prop) l : (forall x, f x = true <-> means x) ->
+Lemma verdicts {A} (f : A -> bool) (means : A -> Prop) l : (forall x, In x l -> (f x = true <-> means x)) ->
   Forall2 (fun b x => b = true <-> means x) (map f l) l.
-Proof. intros H. induction l; simpl; constructor; auto. Qed.
+Proof. induction l; simpl; intros H; constructor; auto. Qed.
 
 Lemma all_verdicts {A} (verdict : list bool) (means : A -> Prop) l : Forall2 (fun b x => b = true <-> means x) verdict l ->
   (forallb (fun b => b) verdict = true <-> forall x, In x l -> means x).
@@ -618,7 +678,7 @@ Qed.
 
 Definition is_allowed (r : reading) : bool := at_zero r && forallb (fun b => b) (edges_kept r).
 Definition is_valid (r : reading) : bool :=
-  forallb (fun b => b) (pairs_apart r) && forallb (fun b => b) (duties_met r) && forallb (fun b => b) (effects_agree r).
+  is_steady r && forallb (fun b => b) (pairs_apart r) && forallb (fun b => b) (duties_met r) && forallb (fun b => b) (effects_agree r).
 
 Section Right.
 Variable P : plan.
@@ -635,19 +695,27 @@ Proof.
   rewrite Qle_R, Q2R_minus, q_ev_R. reflexivity.
 Qed.
 
-Theorem pairs_right : mutex_pairs r = mutex P /\
-  Forall2 (fun b '(p, q) => b = true <-> apart epsilon t p q) (pairs_apart r) (mutex P).
+Let close := nodup pair_dec (mutex P).
+
+Theorem pairs_right : mutex_pairs r = close /\
+  Forall2 (fun b '(p, q) => b = true <-> apart epsilon t p q) (pairs_apart r) close.
 Proof.
-  split; [reflexivity|]. simpl. induction (mutex P) as [|[p q] l IH]; simpl; constructor; auto.
+  split; [reflexivity|]. simpl. fold close. induction close as [|[p q] l IH]; simpl; constructor; auto.
   unfold q_apart, apart. cbn [fst snd]. rewrite andb_true_iff, orb_true_iff, negb_true_iff, <- not_true_iff_false.
   rewrite !Qle_R, Qeq_R, Q2R_opp, Q2R_minus. unfold q_t. fold (t p) (t q).
   unfold Rabs. destruct (Rcase_abs (t p - t q)); split; intros [A B]; (split; [lra | exact B]).
 Qed.
 
+Hypothesis Sure : is_right r = true.
+
 Theorem duties_right before after : course P g t before after ->
   Forall2 (fun b d => b = true <-> met P g t before after d) (duties_met r) (duties P) /\
   Forall2 (fun b d => b = true <-> met P g t before after d) (effects_agree r) (agreements (effects P)).
-Proof. intros C. split; apply verdicts; intros d; now apply met_right. Qed.
+Proof.
+  intros C. simpl in Sure. rewrite forallb_forall in Sure. split; apply verdicts; intros d I; apply met_right; auto.
+  clear Sure r. induction (effects P) as [|v l IH]; [easy|]. simpl in I. apply in_app_iff in I as [I|I]; [|auto].
+  now apply in_map_iff in I as [w [<- _]].
+Qed.
 
 Theorem allowed_right : is_allowed r = true <-> kept P g t.
 Proof.
@@ -661,11 +729,11 @@ Qed.
 
 Theorem valid_right : is_valid r = true <-> valid P epsilon g t.
 Proof.
-  unfold is_valid, valid. rewrite !andb_true_iff, and_assoc.
-  rewrite (all_verdicts _ (fun pq => apart epsilon t (fst pq) (snd pq)) (mutex P)).
-  - assert (E : (forall x, In x (mutex P) -> apart epsilon t (fst x) (snd x)) <->
+  unfold is_valid, valid. rewrite !andb_true_iff, !and_assoc. simpl is_steady. apply and_iff_compat_l.
+  rewrite (all_verdicts _ (fun pq => apart epsilon t (fst pq) (snd pq)) close).
+  - assert (E : (forall x, In x close -> apart epsilon t (fst x) (snd x)) <->
       forall p q, In (p, q) (mutex P) -> apart epsilon t p q).
-    { split; [intros H p q I; exact (H _ I) | intros H [p q] I; now apply H]. }
+    { split; [intros H p q I; now apply (H (p, q)), nodup_In | intros H [p q] I; apply nodup_In in I; now apply H]. }
     rewrite E. apply and_iff_compat_l. clear E.
     assert (D : forall before after, course P g t before after ->
       (forallb (fun b => b) (duties_met r) = true /\ forallb (fun b => b) (effects_agree r) = true <->

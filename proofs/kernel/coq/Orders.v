@@ -106,7 +106,7 @@ Proof. rewrite Q2R_opp, one_R. lra. Qed.
 
 Lemma gap_of_at l a b : gap_of l = Some (a, b) -> terms_at v l = t b - t a.
 Proof.
-  destruct l as [|[[j | x | | w r m | k m | w | w] q] [|[[j' | y | | w' r' m' | k' m' | w' | w'] q'] [|? ?]]]; try easy. simpl.
+  destruct l as [|[[j | x | | w r m | k m | w | w | x s m | k m] q] [|[[j' | y | | w' r' m' | k' m' | w' | w' | x' s' m' | k' m'] q'] [|? ?]]]; try easy. simpl.
   unfold terms_at. simpl.
   destruct (Qeq_bool q 1 && Qeq_bool q' (-(1))) eqn:E.
   - apply andb_true_iff in E as [A B]. apply Qeq_bool_R in A. apply Qeq_bool_R in B.
@@ -143,9 +143,9 @@ Proof.
   unfold decide. destruct (snd e) as [|[x q] l] eqn:E.
   - intros H. inversion H. rewrite sure_true. unfold at_. rewrite E. unfold terms_at. simpl.
     rewrite Rplus_0_r. reflexivity.
-  - destruct x as [j | x | | w b m | k m | w | w]; try (simpl; easy).
+  - destruct x as [j | x | | w b m | k m | w | w | y s' m | k m]; try (simpl; easy).
     + rewrite <- E. destruct (gap_of (snd e)) as [[a b]|] eqn:G; [|easy]. now apply gap_decided.
-    + destruct l as [|[[j | p | | w b m | k m | w | w] q'] [|? ?]]; try (simpl; easy).
+    + destruct l as [|[[j | p | | w b m | k m | w | w | y s' m | k m] q'] [|? ?]]; try (simpl; easy).
       destruct (Qeq_bool q 1 && Qeq_bool q' (-(1)) && Qeq_bool (fst e) 0) eqn:Z; [|easy].
       apply andb_true_iff in Z as [Z C]. apply andb_true_iff in Z as [A B].
       apply Qeq_bool_R in A. apply Qeq_bool_R in B. apply Qeq_bool_R in C.

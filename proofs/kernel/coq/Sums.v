@@ -14,8 +14,8 @@ Variable g t : nat -> R.
 (** By how much an effect changes its fluent. *)
 Definition gain (s : state) (w : effect) : R :=
   match makes w with
-  | Increase _ e fs => amount g t s e fs
-  | Assign f e fs => amount g t s e fs - value s f
+  | Increase _ e => amount g t s e
+  | Assign f e => amount g t s e - value s f
   | _ => 0
   end.
 
@@ -27,7 +27,7 @@ Definition summed (time : R) (s : state) : state :=
 Lemma gain_same s s' w : same s s' -> gain s w = gain s' w.
 Proof.
   intros S. unfold gain. destruct (makes w); auto using amount_same.
-  rewrite (amount_same _ _ _ _ _ _ S). destruct S as [_ V]. now rewrite V.
+  rewrite (amount_same _ _ _ _ _ S). destruct S as [_ V]. now rewrite V.
 Qed.
 
 Lemma fires_same s s' time w : same s s' -> fires g t s time w = fires g t s' time w.
@@ -77,7 +77,7 @@ Qed.
 (** Two changes of one fluent, one of them an assignment. *)
 Definition clash (v w : effect) : bool :=
   match makes v, makes w with
-  | Assign f _ _, Assign h _ _ | Assign f _ _, Increase h _ _ | Increase f _ _, Assign h _ _ => Nat.eqb f h
+  | Assign f _, Assign h _ | Assign f _, Increase h _ | Increase f _, Assign h _ => Nat.eqb f h
   | _, _ => false
   end.
 
@@ -96,7 +96,7 @@ Proof.
   - apply sum_zero. intros w I. now rewrite (H w I).
 Qed.
 
-Lemma only_increases s f l : (forall w, In w l -> match makes w with Assign h _ _ => Nat.eqb h f = false | _ => True end) ->
+Lemma only_increases s f l : (forall w, In w l -> match makes w with Assign h _ => Nat.eqb h f = false | _ => True end) ->
   (forall old, fold_left (assigned g t s f) l old = old) /\
   sum (increased g t s f) l = sum (fun w => if on f w then gain s w else 0) l.
 Proof.
@@ -111,7 +111,7 @@ Lemma calm_sum s f l : calm l -> fold_left (assigned g t s f) l (value s f) + su
 Proof.
   induction l as [|v l IH]; [reflexivity|]. intros [C D].
   destruct (on f v) eqn:O.
-  - unfold on, target in O. destruct (makes v) as [a | a | h e fs | h e fs] eqn:M; try easy;
+  - unfold on, target in O. destruct (makes v) as [a | a | h e | h e] eqn:M; try easy;
     apply Nat.eqb_eq in O; subst h.
     + destruct (only_increases s f l) as [A B].
       { intros w I. apply C in I. unfold clash in I. rewrite M in I. destruct (makes w); auto. now rewrite Nat.eqb_sym. }
@@ -157,7 +157,7 @@ Definition timed_apart : bool :=
 Lemma in_mutex p q u v : In (p, u) (uses P) -> In (q, v) (uses P) -> harms u v = true -> p <> q ->
   is_timed p && is_timed q = false -> In (Nat.min p q, Nat.max p q) (mutex P).
 Proof.
-  intros U V H N T. unfold mutex. apply nodup_In, in_flat_map. exists (p, u). split; auto. apply in_flat_map.
+  intros U V H N T. unfold mutex. apply in_flat_map. exists (p, u). split; auto. apply in_flat_map.
   exists (q, v). split; auto. unfold is_timed in T. rewrite H, T. apply Nat.eqb_neq in N. rewrite N. now left.
 Qed.
 

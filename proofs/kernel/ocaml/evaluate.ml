@@ -11,6 +11,7 @@ let pair (p, q) apart = Printf.sprintf "(%d %d %s)" p q (flag apart)
 let line { Text.plan; epsilon; _ } = function
   | Text.List [ values; times ] ->
       let r = evaluated plan (Text.list Text.rational values) (Text.list Text.rational times) epsilon in
+      if not (is_right r) then Text.fail "unsupported: over-all conditions that are not linear between happenings";
       Printf.printf "(%s %s %s (%s) %s %s)\n" (flag (is_allowed r)) (flag (is_valid r)) (flags r.edges_kept)
         (String.concat " " (List.map2 pair r.mutex_pairs r.pairs_apart)) (flags r.duties_met) (flags r.effects_agree)
   | tree -> Text.bad "the values of parameters and the times of time points" tree

@@ -13,6 +13,7 @@ let variable = function
   | VFlow (k, m) -> Printf.sprintf "k%d%s" k (moment m)
   | VFired w -> Printf.sprintf "f%d" w
   | VAmount w -> Printf.sprintf "a%d" w
+  | VTerm _ | VDrift _ -> "?"  (* what is not linear: of that, nothing can be refuted *)
 
 let rec form = function
   | FTrue -> add "1 "
@@ -77,7 +78,7 @@ let asked (file : Text.file) = function
 
 (* The pairs of time points that have to be apart: obligations are numbered from 1, these first. *)
 let print (file : Text.file) =
-  if not (supported file.plan file.epsilon) then Text.fail "unsupported: a separation below 0, or two timed initial literals that may change a fluent at one time";
+  if not (supported file.plan file.epsilon) then Text.fail "unsupported: a separation below 0, two timed initial literals that may change a fluent at one time, a rate that changes, or a division by something that is not constant, or by zero";
   List.iter (fun (p, q) -> add (Printf.sprintf "%d %d " p q)) (pairs file.plan);
   add "\n";
   List.iter (fun question -> asked file question; add ".\n") file.rest;

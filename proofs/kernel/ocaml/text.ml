@@ -88,22 +88,30 @@ let rec expr = function
   | List [ Word "*"; q; a ] -> Scale (rational q, expr a)
   | tree -> bad "an expression" tree
 
+let operation = function
+  | "+" -> Sum | "-" -> Difference | "*" -> Product | "/" -> Quotient
+  | word -> bad "an operation" (Word word)
+
+(* `=f` is a fluent; anything else without operations is an expression of its own. *)
+let rec term = function
+  | Word w when w.[0] = '=' -> Fluent (name (Word (String.sub w 1 (String.length w - 1))))
+  | List [ Word o; a; b ] -> Calculate (operation o, term a, term b)
+  | tree -> Linear (expr tree)
+
 let rec cond = function
   | List [ Word "always" ] -> Always
   | List [ Word "atom"; a ] -> Atom (name a)
   | List [ Word "not"; c ] -> Not (cond c)
   | List [ Word "and"; c; d ] -> And (cond c, cond d)
   | List [ Word "or"; c; d ] -> Or (cond c, cond d)
-  | List [ Word "compare"; strict; e; l ] -> Compare (flag strict, expr e, list (both rational name) l)
+  | List [ Word "compare"; strict; x ] -> Compare (flag strict, term x)
   | tree -> bad "a condition" tree
-
-let factors = list (both rational name)
 
 let change = function
   | [ Word "add"; a ] -> Add (name a)
   | [ Word "delete"; a ] -> Del (name a)
-  | [ Word "increase"; f; e; fs ] -> Increase (name f, expr e, factors fs)
-  | [ Word "assign"; f; e; fs ] -> Assign (name f, expr e, factors fs)
+  | [ Word "increase"; f; x ] -> Increase (name f, term x)
+  | [ Word "assign"; f; x ] -> Assign (name f, term x)
   | words -> bad "a change" (List words)
 
 let effect = function
@@ -111,7 +119,7 @@ let effect = function
   | tree -> bad "an effect" tree
 
 let flow = function
-  | List [ s; e; f; r ] -> { starts = name s; ends = name e; flows_to = name f; rate = rational r }
+  | List [ s; e; f; r ] -> { starts = name s; ends = name e; flows_to = name f; rate = term r }
   | tree -> bad "a continuous effect" tree
 
 let edge = function List [ a; b; w ] -> ((name a, name b), expr w) | tree -> bad "a constraint" tree

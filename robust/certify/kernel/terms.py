@@ -1,13 +1,13 @@
 """The ground plan in the terms of `proofs/kernel/coq/Spec.v`: what the verified checker trusts, beside the reader.
 
-Expressions are numbers, `#i` (a parameter), `@p` (a time point) and `(+ a b)`, `(- a b)`, `(* number a)`.
+Expressions are numbers, `#i` (a parameter), `@p` (a time point) and `(+ a b)`, `(- a b)`, `(* number a)`; those of
+conditions and effects also know `=f` (a fluent), and any `(* a b)` and `(/ a b)`.
 """
 
 from collections.abc import Iterable, Sequence
 from fractions import Fraction
 
 from robust.certify.checker.claims import SEGMENT
-from robust.certify.checker.formulas import multiplied, names_in, plus
 from robust.certify.checker.reader import Duty, Effect, Ends, Fact, Ground, Linear, Parameter, Tree, constant
 from robust.errors import UnsupportedError
 
@@ -34,14 +34,12 @@ class GroundTerms:
         self._fluents: dict[str, int] = {}
         self.numbers = {name: number for number, name in enumerate([*ground.parameters, SEGMENT])}
         """Of parameters; the last is how far along a segment."""
-        self._written = {each.target for effects in ground.effects for each in effects}
-        self._written |= {fluent for _, _, fluent, _ in ground.flows}
 
     def sections(self) -> list[str]:
         """The plan, section by section, each in a line of its own."""
         ground = self._ground
         effects = [self._effect(point, each) for point, effects in enumerate(ground.effects) for each in effects]
-        flows = [listed((s, e, self._fluent(f), self._number(rate))) for s, e, f, rate in ground.flows]
+        flows = [listed((s, e, self._fluent(f), self._term(rate, (s, e)))) for s, e, f, rate in ground.flows]
         edges = [listed((a, b, self.expression(w))) for a, b, w in ground.edges]
         duties = [self._duty(each) for each in ground.duties]
         true = [self._atom(atom) for atom, value in ground.model.initial.items() if value is True]
@@ -96,37 +94,25 @@ class GroundTerms:
             raise unsupported(f"the value of {fluent}, which has no initial one")
         return constant(value)
 
-    # -- expressions: fluents, as `=f`, are read as their initial values where nothing changes them --------------------
+    # -- expressions ---------------------------------------------------------------------------------------------------
 
-    def _linear(self, tree: Tree, owner: Ends | None) -> Linear:
+    def _term(self, tree: Tree, owner: Ends | None) -> str:
+        """An expression as it is in the plan."""
         kind, *rest = tree
         if kind == "number":
-            return constant(rest[0])
+            return str(rest[0])
         if kind == "parameter":
-            return {rest[0]: Fraction(1)}
+            return f"#{self.numbers[rest[0]]}"
         if kind == "duration" and owner is not None:
-            return {f"@{owner[1]}": Fraction(1), f"@{owner[0]}": Fraction(-1)}
+            return f"(- @{owner[1]} @{owner[0]})"
         if kind == "fluent":
-            return {f"={rest[0]}": Fraction(1)} if rest[0] in self._written else self._initial(rest[0])
-        total, *parts = (self._linear(each, owner) for each in rest)
-        if kind == "-" and not parts:
-            return plus({}, total, -1)
-        for part in parts:
-            if kind in ("+", "-"):
-                total = plus(total, part, 1 if kind == "+" else -1)
-            elif kind == "*":
-                total = multiplied(total, part)
-            elif part.keys() == {""}:
-                total = {name: value / part[""] for name, value in total.items()}
-            else:
-                raise unsupported("a division by something that is not constant, or by zero")
-        return total
-
-    def _number(self, tree: Tree) -> Fraction:
-        form = self._linear(tree, None)
-        if not form.keys() <= {""}:
-            raise unsupported("a rate that is not constant")
-        return form.get("", Fraction(0))
+            return f"={self._fluent(rest[0])}"
+        first, *others = (self._term(each, owner) for each in rest)
+        if kind == "-" and not others:
+            return f"(- 0 {first})"
+        for each in others:
+            first = f"({kind} {first} {each})"
+        return first
 
     # -- effects and conditions ----------------------------------------------------------------------------------------
 
@@ -134,15 +120,8 @@ class GroundTerms:
         when = self._condition(effect.when, effect.owner)
         if effect.kind in ("add", "delete"):
             return listed((point, when, effect.kind, self._atom(effect.target)))
-        expression, fluents = self._linear_of(effect.amount, effect.amount, effect.owner)
-        return listed((point, when, effect.kind, self._fluent(effect.target), expression, fluents))
-
-    def _linear_of(self, tree: Tree, text: Tree, owner: Ends | None) -> tuple[str, str]:
-        """An expression and factors of fluents; those that the text mentions stay, even with a factor of 0."""
-        form = self._linear(tree, owner)
-        mentioned = dict.fromkeys(name for name in names_in(text) if name in self._written)
-        factors = {name: form.pop(f"={name}", Fraction(0)) for name in mentioned}
-        return self.expression(form), listed(listed((factor, self._fluent(name))) for name, factor in factors.items())
+        amount = self._term(effect.amount, effect.owner)
+        return listed((point, when, effect.kind, self._fluent(effect.target), amount))
 
     def _condition(self, tree: Tree, owner: Ends | None) -> str:
         if type(tree) is bool:
@@ -166,8 +145,7 @@ class GroundTerms:
 
     def _compare(self, left: Tree, right: Tree, strict: bool, owner: Ends | None) -> str:
         """`left - right` is at least 0, or more."""
-        expression, fluents = self._linear_of(("-", left, right), ("", left, right), owner)
-        return f"(compare {truth(strict)} {expression} {fluents})"
+        return f"(compare {truth(strict)} {self._term(('-', left, right), owner)})"
 
     def _duty(self, duty: Duty) -> str:
         condition = self._condition(duty.condition, duty.owner)
