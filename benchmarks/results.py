@@ -2,7 +2,7 @@
 
 `python -m benchmarks.results --suite DIRECTORY` runs, one process at a time, the recorded instances of a data set by
 every method, the scaling studies, the data set's robot-delivery plans if it has any, and the start of the command line.
-It takes about a quarter of an hour on an idle machine, which also gives steadier figures. With `--plots DIRECTORY` it
+It takes about a quarter of an hour on an idle machine. With `--plots DIRECTORY` it
 draws the figures, too.
 
 What takes longer is measured by runs of its own: `python -m benchmarks.results FILE.json...` makes a part of the page
@@ -16,6 +16,7 @@ import argparse
 import json
 import os
 import platform
+import subprocess
 import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -51,6 +52,7 @@ FILES = {
     **dict.fromkeys(("table1", "table2", "conversions", "figure4"), "5-execution.md"),
     "certificates": "6-certificates.md",
     "logs": "7-logs.md",
+    "widening": "7-widening.md",
     "stnu": "8-stnu.md",
     "envelopes": "9-envelopes.md",
     "risk": "9-risk.md",
@@ -88,7 +90,7 @@ def run_all(suite: Path, general: float, comparison: float, exact: float, plots:
         sections.append(report.section())
     if (suite / DELIVERIES).is_file():
         sections.append(_deliveries(suite, general))
-    seconds = f"`robust --help`, median of several whole processes: {number(start)} s."
+    seconds = f"`robust --help`, median of several whole processes: {number(start)} s of the processor."
     return "\n\n".join([_head(machine, general), *sections, page("## Start-up", seconds)]) + "\n"
 
 
@@ -103,7 +105,7 @@ def _deliveries(suite: Path, limit: float) -> str:
         "plan": lambda one: one[0].instance,
         "parameters": lambda one: one[0].parameters,
         "verdict": lambda one: one[1].text,
-        "seconds": lambda one: one[1].seconds,
+        "seconds": lambda one: one[1].cpu_s,
         "MiB": lambda one: number(one[1].memory_mb, 0),
     }
     verdicts = Counter(run.text for _, run in runs)
@@ -116,11 +118,11 @@ def _deliveries(suite: Path, limit: float) -> str:
 
 
 def _start() -> float:
-    """Seconds of the command line to show its help."""
+    """Processor seconds of the command line to show its help."""
     found = measure.measured([*measure.COMMAND, "--help"])
     if found.exit_code != 0:
         raise RobustError(f"the command line does not start: {measure.complaint(found)}")
-    return found.seconds
+    return found.cpu_s
 
 
 def _machine() -> str:
@@ -133,7 +135,7 @@ def _machine() -> str:
     processor = next(known, platform.processor() or "unknown")
     packages = ", ".join(f"{name} {_version(name)}" for name in PACKAGES)
     return (
-        f"Measured on {_today()}: {processor}, {os.cpu_count() or 1} cores, {platform.system()} {platform.machine()}, "
+        f"Measured on {_when()}: {processor}, {os.cpu_count() or 1} cores, {platform.system()} {platform.machine()}, "
         f"Python {platform.python_version()}, {packages}; load before the start: {os.getloadavg()[0]:.1f}."
     )
 
@@ -145,8 +147,11 @@ def _version(package: str) -> str:
         return "not installed"
 
 
-def _today() -> str:
-    return datetime.now(UTC).date().isoformat()
+def _when() -> str:
+    """Today, and the commit that this checkout is at, which is what is measured here."""
+    command = ["git", "-C", str(PARTS), "rev-parse", "--short", "HEAD"]
+    commit = subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
+    return f"{datetime.now(UTC).date().isoformat()} at commit {commit or 'unknown'}"
 
 
 def _progress(done: int, total: int, text: str) -> None:
@@ -159,10 +164,11 @@ def _progress(done: int, total: int, text: str) -> None:
 def _head(machine: str, limit: float) -> str:
     reading = (
         "*Ours* are whole processes on this machine, one at a time: start-up, reading, encoding and search, with a "
-        f"limit of {limit:g} s each unless another is named. Seconds are wall time and grow with whatever else the "
-        "machine is doing; memory is the peak of the process in MiB. *Recorded* figures are those published with the "
-        "data set, measured on its authors' machine (Xeon E5-2620 2.1 GHz, limits 3600 s and 20 GB). What can be "
-        "compared exactly is the answer. Ratios of times are across machines, and therefore indicative only."
+        f"limit of {limit:g} s each unless another is named. Seconds are of the processor, because others use the "
+        "machine, and limits are by the clock; memory is the peak of the process in MiB. *Recorded* figures are "
+        "those published with the data set, measured on its authors' machine (Xeon E5-2620 2.1 GHz, limits 3600 s "
+        "and 20 GB). What can be compared exactly is the answer. Ratios of times are across machines, and "
+        "therefore indicative only."
     )
     return page("# Results", f"Written by `{COMMAND}`; do not edit. {machine}", reading)
 
@@ -219,7 +225,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         else:
             if options.files:
                 answers = [json.loads(path.read_text(encoding="utf-8")) for path in options.files]
-                name, part = part_of(answers, _today())
+                name, part = part_of(answers, _when())
                 (PARTS / name).write_text(part + "\n", encoding="utf-8")
             text = options.output.read_text(encoding="utf-8")
         options.output.write_text(joined(text), encoding="utf-8")

@@ -84,6 +84,11 @@ class Run:
         return self.status is Ending.COMPLETE
 
     @property
+    def first_widening_cpu_s(self) -> float | None:
+        """Processor time to the first wider box, at most."""
+        return None if self.first_widening_wall_s is None else min(self.first_widening_wall_s, self.cpu_s)
+
+    @property
     def text(self) -> str:
         """The verdict, or how the run ended, for people."""
         return self.verdict or (f"{self.status.value}: {self.message}" if self.message else str(self.status.value))
@@ -91,7 +96,7 @@ class Run:
     @property
     def line(self) -> str:
         """The same, and how long it took."""
-        return f"{self.text}, {self.seconds:.2f} s"
+        return f"{self.text}, {self.cpu_s:.2f} s"
 
     def printed(self, *names: str) -> dict[str, Any]:
         """Some of the fields as JSON."""

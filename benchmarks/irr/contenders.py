@@ -45,15 +45,15 @@ BASELINE = (OPTIMAL, *REGIONS)
 
 
 def run_cell(run: Run | None) -> str:
-    """Seconds of a complete run, else how it ended."""
+    """Processor seconds of a complete run, else how it ended."""
     if run is None:
         return NOTHING
-    return number(run.seconds) if run.complete else run.status.value.replace("timeout", "out of time")
+    return number(run.cpu_s) if run.complete else run.status.value.replace("timeout", "out of time")
 
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """Seconds of the solved instances in ascending order, of one method in one group of instances."""
+    """Processor seconds of the solved instances in ascending order, of one method in one group of instances."""
 
     name: str
     label: str
@@ -99,7 +99,7 @@ class MethodsReport(ContendersReport):
     def curves(self, group: str) -> list[Curve]:
         """Of all ways to an envelope, in the order of the contenders."""
         return [
-            Curve.of(one.name, one.label, [run.seconds for run in self.runs(group, one.name) if run.complete])
+            Curve.of(one.name, one.label, [run.cpu_s for run in self.runs(group, one.name) if run.complete])
             for one in self.contenders
             if one.verb != "check"
         ]

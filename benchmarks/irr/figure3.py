@@ -190,13 +190,13 @@ class Figure3Report(contenders.MethodsReport):
         """Ours, IRR also with its first widening, then the recorded ones."""
         curves = super().curves(group)
         if IRR in self.contenders:
-            first = [run.first_widening_wall_s for run in self.runs(group, IRR.name)]
+            first = [run.first_widening_cpu_s for run in self.runs(group, IRR.name)]
             curves.insert(self.contenders.index(IRR) + 1, Curve.of("irr-first", f"{IRR.label}, first widening", first))
         return curves + recorded_curves([row.instance for row in self.of(group=group)])
 
     def remarks(self) -> Sequence[str]:
         limits = contenders.limits_text(self.options.limit, self.options.own_limits)
-        return [f"ours: measured on this machine, whole processes, {limits}; recorded: on another machine"]
+        return [f"ours: processor time of whole processes on this machine, {limits}; recorded: on another machine"]
 
     @cached_property
     def totals(self) -> dict[str, Any]:

@@ -127,7 +127,7 @@ class Found:
 
     def __str__(self) -> str:
         if self.run is not None:
-            return f"{self.run.status.value}, {self.run.seconds:.2f} s"
+            return f"{self.run.status.value}, {self.run.cpu_s:.2f} s"
         return "nothing" if self.assessment is None else self.assessment.dynamic or self.assessment.status
 
 
@@ -234,14 +234,14 @@ class Figure4Row:
         return self.origin.value
 
     def seconds(self, method: str) -> float | None:
-        """The time of a run that came to an end by itself."""
+        """The processor time of a run that came to an end by itself."""
         run = self.runs.get(method)
-        return run.seconds if run is not None and run.complete else None
+        return run.cpu_s if run is not None and run.complete else None
 
     def time(self, method: str) -> str:
         """The same as text, or how the run ended."""
         run = self.runs.get(method)
-        return NOTHING if run is None else number(run.seconds) if run.complete else run.status.value
+        return NOTHING if run is None else number(run.cpu_s) if run.complete else run.status.value
 
     @property
     def unbounded(self) -> str:
@@ -295,7 +295,10 @@ class Figure4Report(MethodsReport):
 
     def remarks(self) -> Sequence[str]:
         ours, others = (limits_text(limit, {}) for limit in (self.options.limit, self.options.baseline_limit))
-        return [f"whole processes on this machine; IRR and widening with {ours}, the others with {others}", *self.wrong]
+        return [
+            f"processor time of whole processes; IRR and widening with {ours}, the others with {others}",
+            *self.wrong,
+        ]
 
     def findings(self) -> Mapping[str, Any]:
         solved = []
@@ -357,7 +360,7 @@ class Figure4Report(MethodsReport):
         for one in self.contenders:
             colour, _, marker = STYLES.get(one.name, OTHER)
             runs = [(row.parameters, row.runs[one.name]) for row in rows if one.name in row.runs]
-            done = [(size, run.seconds) for size, run in runs if run.complete]
+            done = [(size, run.cpu_s) for size, run in runs if run.complete]
             late = [(size, run.seconds) for size, run in runs if run.status is Ending.TIMEOUT]
             label = f"{one.label}: {len(done)} of {len(rows)}" if len(self.groups) == 1 else one.label
             dots.append(Series(done, label, colour, marker=marker, size=4, look={"alpha": 0.85}))

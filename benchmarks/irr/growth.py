@@ -130,7 +130,7 @@ class SeriesReport(ContendersReport):
 COLUMNS: Columns[tuple[Ladder, int, Run]] = {
     "refuels": lambda one: NUMBERS[one[0].name](one[1])[0],
     "parameters": lambda one: NUMBERS[one[0].name](one[1])[1],
-    "seconds": lambda one: one[2].seconds,
+    "seconds": lambda one: one[2].cpu_s,
     "search": lambda one: one[2].search_s,
     "checks": lambda one: one[2].checks,
     "queries": lambda one: one[2].queries,
@@ -154,7 +154,7 @@ class ScalingReport(SeriesReport):
         return all(row.run is not None and row.run.status in fine for row in self.rows)
 
     def remarks(self) -> Sequence[str]:
-        return ["measured on this machine, whole processes; β = 1"]
+        return ["processor time of whole processes on this machine, search by the clock; β = 1"]
 
     def printed(self, row: GrowthRow) -> dict[str, Any]:
         refuels, parameters = NUMBERS[row.series](row.size)
@@ -173,7 +173,7 @@ class ScalingReport(SeriesReport):
         runs = self.runs(series, BY_DEFAULT)
         done = {size: run for size, run in runs.items() if run.complete}
         late = [(size, run.seconds) for size, run in runs.items() if run.status is Ending.TIMEOUT]
-        whole = [(size, run.seconds) for size, run in done.items()]
+        whole = [(size, run.cpu_s) for size, run in done.items()]
         search = [(size, run.search_s) for size, run in done.items() if run.search_s is not None]
         top = 1.1 * max((row.run.seconds for row in self.rows if row.run is not None), default=1)
         lines = [
@@ -197,7 +197,9 @@ class GrowthReport(SeriesReport):
     def remarks(self) -> Sequence[str]:
         limit = self.options.limit
         limited = "without a limit" if limit is None else f"stopped at {limit:g} s"
-        notes = [f"seconds of whole processes on this machine, {limited}; what ran out of time is not tried any larger"]
+        notes = [
+            f"processor seconds of whole processes, {limited} by the clock; what ran out of time is not tried larger"
+        ]
         wrong = FAILURES | {Ending.UNSUPPORTED}
         runs = [(row.contender, row.run) for row in self.rows if row.run is not None]
         return [*notes, *(f"{name}: {run.text}" for name, run in runs if run.status in wrong)]
@@ -232,7 +234,7 @@ class GrowthReport(SeriesReport):
     def _lines(self, ladder: Ladder, contender: Contender) -> list[Series]:
         colour, line, marker = STYLES.get(contender.name, OTHER)
         runs = self.runs(ladder, contender).items()
-        done = [(size, run.seconds) for size, run in runs if run.complete]
+        done = [(size, run.cpu_s) for size, run in runs if run.complete]
         late = [(size, run.seconds) for size, run in runs if not run.complete]
         curve = [Series(done, contender.name, colour, line, marker, 4)] if done else []
         return [*curve, Series(late, None, colour, marker="x", size=7, look={"clip_on": False})]
@@ -255,8 +257,8 @@ class EncodingsReport(GrowthReport):
 
 
 class WideningReport(GrowthReport):
-    """IRR (β = 1, doubling) and exact widening (`robust bench widening`): seconds of whole processes, and the share of
-    the search that is spent in the solver."""
+    """IRR (β = 1, doubling) and exact widening (`robust bench widening`): processor seconds of whole processes, and the
+    share of the search that is spent in the solver."""
 
     TITLE = "Widening beside IRR"
     SERIES = (DELIVERIES, ALL_REFUELS)

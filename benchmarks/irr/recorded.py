@@ -143,8 +143,8 @@ def recorded_seconds(run: RecordedRun | None) -> str:
 
 COLUMNS: Columns[RecordedRow] = {
     "instance": lambda row: row.instance.name,
-    "seconds": lambda row: f"{number(row.ours.seconds)} / {recorded_seconds(row.irr)} / {recorded_seconds(row.ccmmz)}",
-    "first widening": lambda row: f"{number(row.ours.first_widening_wall_s)} / {number(row.irr.first_widening_s)}",
+    "seconds": lambda row: f"{number(row.ours.cpu_s)} / {recorded_seconds(row.irr)} / {recorded_seconds(row.ccmmz)}",
+    "first widening": lambda row: f"{number(row.ours.first_widening_cpu_s)} / {number(row.irr.first_widening_s)}",
     "checks": lambda row: f"{cell(row.ours.checks)} / {cell(row.irr.checks)}",
     "MiB": lambda row: " / ".join(number(run.memory_mb, 0) for run in (row.ours, row.irr, row.ccmmz)),
     "box and checks": lambda row: row.verdict,
@@ -167,7 +167,9 @@ class RecordedReport(Report[RecordedRow]):
         return all(row.agrees is not False and row.ours.status is not Ending.ERROR for row in self.rows)
 
     def remarks(self) -> Sequence[str]:
-        return ["ours: measured on this machine, whole processes; recorded: measured on the recording's machine"]
+        return [
+            "ours: processor time of whole processes on this machine; recorded: measured on the recording's machine"
+        ]
 
     @cached_property
     def totals(self) -> dict[str, Any]:
@@ -222,7 +224,7 @@ class RecordedReport(Report[RecordedRow]):
             ("out of time, errors", f"{totals['timeouts']}, {totals['errors']}"),
             (
                 f"seconds for {seconds['instances']} solved by both",
-                f"ours {number(seconds['ours'])} (processor {number(seconds['ours_cpu'])}), "
+                f"ours {number(seconds['ours_cpu'])} of the processor ({number(seconds['ours'])} by the clock), "
                 f"recorded IRR {number(seconds['irr'])}",
             ),
             ("greatest memory", f"ours {number(totals['memory_mb']['ours'], 0)} MiB"),
@@ -238,8 +240,8 @@ class RecordedReport(Report[RecordedRow]):
         """How many instances are solved within which time: ours, recorded IRR, recorded CCMMZ."""
         ours = [row.ours for row in self.rows]
         curves = [
-            Curve.of("irr-first", "robust, first widening", [run.first_widening_wall_s for run in ours]),
-            Curve.of("irr", "robust, complete", [run.seconds for run in ours if run.complete]),
+            Curve.of("irr-first", "robust, first widening", [run.first_widening_cpu_s for run in ours]),
+            Curve.of("irr", "robust, complete", [run.cpu_s for run in ours if run.complete]),
             *recorded_curves([row.instance for row in self.rows]),
         ]
         longest = max([SHORTEST, *(time for curve in curves for time in curve.times)]) * 1.6
@@ -262,7 +264,7 @@ def _tasks(options: RecordedOptions, instances: Sequence[RecordedInstance]) -> l
 
 
 def _describe(row: RecordedRow) -> str:
-    return f"{row.verdict}, {row.ours.seconds:.2f} s"
+    return f"{row.verdict}, {row.ours.cpu_s:.2f} s"
 
 
 on_suite = partial(Experiment, prepare=lambda options, _: read_suite(options.suite))

@@ -121,7 +121,7 @@ def run_contender(seed: int, index: int, contender: str, limit: float, feasible:
     return TeamRun(
         contender=contender,
         instance=instance_name(seed, index, feasible),
-        seconds=round(found.seconds, 3),
+        seconds=round(found.cpu_s, 3),
         memory_mb=round(found.memory_mb, 1),
         satisfiable=satisfiable,
         stages=answer.get("seconds", {}),
@@ -261,7 +261,7 @@ class TeamReport(Report[TeamRun]):
             f"{len(activities)} plans of seed {self.options.seed}: {mean(activities):.1f} activities on average, "
             f"{max(activities)} at most; {sum(True in one for one in decided)} of {len(decided)} decided ones admit a "
             "correct execution",
-            f"seconds of whole processes on this machine, stopped at {self.options.limit:g} s",
+            f"processor seconds of whole processes on this machine, stopped at {self.options.limit:g} s of wall time",
             *([f"contradicting answers: {', '.join(self.contradicted)}"] if self.contradicted else []),
             *list(failures)[:5],
         ]

@@ -141,7 +141,7 @@ def conversions() -> dict[str, Any]:
 
 
 def figure4() -> dict[str, Any]:
-    solved = Run(Ending.COMPLETE, 1.5, 1.0, 80.0, 1.0)
+    solved = Run(Ending.COMPLETE, 1.75, 1.5, 80.0, 1.0)
     late = Run(
         Ending.TIMEOUT, 10.0, 1.0, 80.0, box={"a": ("0", "inf"), "b": ("0", "9")}, unbounded=("a",), capped=("b",)
     )
