@@ -20,7 +20,6 @@ from robust.options import batch
 from robust.options.declare import place_of
 
 if TYPE_CHECKING:
-    from robust.cli.guard import Run
     from robust.show.console import Console
 
 EPILOG = (

@@ -11,25 +11,27 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from robust import json_text, records
-from robust.cli.guard import action
+from robust.certify import CheckerOutcome, Verification
+from robust.certify import verify as checked
+from robust.cli.guard import Run, action
 from robust.errors import InputError, Location, RefutedError, UnsupportedError
 from robust.numbers import exact_end, quoted, shorten
 from robust.options.batch import CertifyCommand, VerifyCommand
 from robust.options.declare import place_of, refuse_replacing, settings
-from robust.plan.parameters import specifications
-from robust.plan.pddl.forms import read_bytes, read_text
+from robust.plan.load import domain_parameters
+from robust.plan.parameters import ParameterSpec, Target, specifications, wire
+from robust.plan.pddl.forms import read_bytes, read_plan_text, read_text
+from robust.plan.pddl.reader import read_domain, read_problem
+from robust.plan.stn import is_network, parse_stn, write_stn
 from robust.qe.box import Box, Interval
 from robust.smt.limits import Deadline, OutOfTimeError
 
 if TYPE_CHECKING:
-    from robust.certify import Verification
     from robust.certify.kernel.run import Opinion
-    from robust.cli.guard import Run
     from robust.execute.convert import Conversion
     from robust.irr.search import EnvelopeResult
     from robust.irr.templates import Shape
     from robust.plan.model import ParametrizedPlan
-    from robust.plan.parameters import ParameterSpec
     from robust.qe.region import Region
     from robust.show.console import Console
     from robust.show.documents import CheckedBy
@@ -47,7 +49,6 @@ def certify(options: CertifyCommand, run: Run) -> int:
     written: dict[Path, str | bytes] = {}
 
     def work(folder: Path) -> tuple[int | None, float, Verification, float]:
-        from robust.certify import verify
         from robust.certify.tape import packed
 
         deadline = Deadline.after(run.remaining)
@@ -63,7 +64,7 @@ def certify(options: CertifyCommand, run: Run) -> int:
         produced = time.perf_counter()
         certificate = folder / "certificate"
         certificate.write_bytes(packed(lines))
-        report = verify(
+        report = checked(
             certificate, files, epsilon=options.separation, kind=lines[0][1], assume=options.assume, deadline=deadline
         )
         return holes, produced - started, report, time.perf_counter() - produced
@@ -87,11 +88,11 @@ def certify(options: CertifyCommand, run: Run) -> int:
     )
 
     def tell(out: Console) -> None:
-        out.print(f"certificate: {options.output}, {size} bytes, checked", soft_wrap=True)
+        out.line(f"certificate: {options.output}, {size} bytes, checked")
         if not options.quiet:
-            out.print("\n".join(_shown(report)), soft_wrap=True)
+            out.line("\n".join(_shown(report)))
             if holes is not None:
-                out.print(f"alethe: {options.alethe}, {holes} holes", soft_wrap=True)
+                out.line(f"alethe: {options.alethe}, {holes} holes")
 
     run.answer(lambda: documents.document(answer), tell)
     for path, content in written.items():
@@ -127,7 +128,6 @@ def verify(options: VerifyCommand, run: Run) -> int:
 
     opinions = run.only(work)
 
-    from robust.certify import CheckerOutcome
     from robust.certify.kernel.run import TRUSTED
     from robust.show import documents
 
@@ -160,7 +160,7 @@ def verify(options: VerifyCommand, run: Run) -> int:
         **{key: report.answer.get(key) for key in said},
     )
     lines = [*_shown(report), *(map(_spoken, checkers) if len(opinions) > 1 or not rejecting else ())]
-    run.answer(lambda: documents.document(document), lambda out: out.print("\n".join(lines), soft_wrap=True))
+    run.answer(lambda: documents.document(document), lambda out: out.line("\n".join(lines)))
     return int(report.outcome.value)
 
 
@@ -191,8 +191,6 @@ def _files(options: CertifyCommand | VerifyCommand) -> tuple[Path, ...]:
 
 def _require_network(options: VerifyCommand) -> None:
     """InputError if the plan is one of steps: a certificate is about the network that is made of them."""
-    from robust.plan.stn import is_network
-
     plan = options.files[-1]
     if len(options.files) == 3 and not is_network(read_text(plan), str(plan)):
         beside = options.certificate.with_suffix(".stn")
@@ -205,8 +203,6 @@ def _network(options: CertifyCommand, run: Run) -> dict[Path, str]:
     """What is written beside the certificate, because it is about that: a network that is made of steps, or that other
     parameters than its own are put into, first; and a file of those that are not in the network."""
     from robust.execute.parametrization import with_deadline, with_relative_weights, write_specs
-    from robust.plan.pddl.forms import read_plan_text
-    from robust.plan.stn import is_network, parse_stn, write_stn
 
     plan = options.files[2]
     specs, beside = specifications(options.parameter, options.parameters, plan)
@@ -252,11 +248,7 @@ def _parametrized(
     """A network with all its parameters, and what those stand for that are not only in the network."""
     from dataclasses import replace
 
-    from robust.plan.load import domain_parameters
-    from robust.plan.parameters import ParameterSpec, Target, wire
     from robust.plan.pddl.grounding import initial_fluents
-    from robust.plan.pddl.reader import read_domain, read_problem
-    from robust.plan.stn import parse_stn, write_stn
 
     domain = read_domain(options.files[0])
     problem = read_problem(options.files[1], domain)
@@ -273,7 +265,6 @@ def _network_of_steps(
     options: CertifyCommand, run: Run, text: str, file: str, specs: Sequence[ParameterSpec]
 ) -> tuple[Conversion, Sequence[str]]:
     from robust.execute.convert import ConversionEnd, convert
-    from robust.plan.pddl.reader import read_domain, read_problem
     from robust.plan.timed import parse_timed_plan
     from robust.reading import conversion_settings
 

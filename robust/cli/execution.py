@@ -21,17 +21,20 @@ from robust.errors import UNDECIDED, InputError, RefutedError, RobustError, wors
 from robust.numbers import plural
 from robust.options import declare, verbs
 from robust.options.batch import ConvertCommand, DemoCommand, ExecuteCommand
+from robust.plan.parameters import specifications
+from robust.plan.pddl.forms import read_plan_text
+from robust.plan.pddl.reader import read_domain, read_problem
+from robust.plan.stn import is_network, parse_stn, write_stn
+from robust.plan.timed import TimedPlan, parse_timed_plan
 from robust.records import atomic_write
 
 if TYPE_CHECKING:
-    from robust.cli.guard import Run
     from robust.execute import replan
     from robust.execute.convert import Conversion, Converting
     from robust.execute.tree_writer import MadeTree
     from robust.execute.validate import Verdict
     from robust.plan.model import ParametrizedPlan
     from robust.plan.pddl.syntax import Domain, Problem
-    from robust.plan.timed import TimedPlan
     from robust.show.console import Console
     from robust.show.validation import JudgedPlan
     from robust.stnu.network import Network
@@ -95,7 +98,6 @@ def _judge_all(options: verbs.ValidateCommand, run: Run, judged: list[JudgedPlan
 
 def _judged(options: verbs.ValidateCommand, domain: Domain, problem: Problem, plan: Path) -> Verdict:
     from robust.execute.validate import read_plan, validate
-    from robust.plan.pddl.forms import read_plan_text
 
     timed = read_plan(*read_plan_text(plan), options.plan_number)
     return validate(domain, problem, timed, epsilon=options.separation, tolerance=options.rounding)
@@ -109,8 +111,6 @@ class _Problems:
         self._problem: tuple[tuple[Path, Path], Problem] | None = None
 
     def read(self, domain: Path, problem: Path) -> tuple[Domain, Problem]:
-        from robust.plan.pddl.reader import read_domain, read_problem
-
         if self._domain is None or self._domain[0] != domain:
             self._domain = domain, read_domain(domain)
         if self._problem is None or self._problem[0] != (domain, problem):
@@ -161,9 +161,6 @@ def convert(options: ConvertCommand, run: Run) -> int:
 
 
 def _is_network(plan: Path) -> bool:
-    from robust.plan.pddl.forms import read_plan_text
-    from robust.plan.stn import is_network
-
     return str(plan) != "-" and is_network(*read_plan_text(plan))
 
 
@@ -177,10 +174,7 @@ def _export(options: ConvertCommand, run: Run) -> int:
 
     from robust.show import stnu
 
-    run.answer(
-        lambda: stnu.export_document(network),
-        lambda out: out.print(f"network: {network.name}, {network.size}", soft_wrap=True),
-    )
+    run.answer(lambda: stnu.export_document(network), lambda out: out.line(f"network: {network.name}, {network.size}"))
     return 0
 
 
@@ -215,7 +209,7 @@ def _export_tree(options: ConvertCommand, run: Run) -> int:
 
     run.answer(
         lambda: show.tree_document(made, str(options.tree)),
-        lambda out: out.print("\n".join(show.tree_lines(made, str(options.tree))), soft_wrap=True),
+        lambda out: out.line("\n".join(show.tree_lines(made, str(options.tree)))),
     )
     return 0
 
@@ -243,7 +237,6 @@ def _show(
     options: ConvertCommand, run: Run, conversion: Conversion, notes: Sequence[str], made: MadeTree | None = None
 ) -> None:
     """Say what was done; without a file for the plan, print it."""
-    from robust.plan.stn import write_stn
     from robust.show import execution as show
 
     if notes:
@@ -268,17 +261,13 @@ def _show(
             if options.output is None:
                 print(line, file=sys.stderr)
             else:
-                out.print(line, soft_wrap=True)
+                out.line(line)
 
     run.answer(lambda: show.converted(conversion, written, made), tell)
 
 
 def _converting(options: ConvertCommand, run: Run) -> tuple[TimedPlan, Converting]:
     from robust.execute.convert import Converting
-    from robust.plan.parameters import specifications
-    from robust.plan.pddl.forms import read_plan_text
-    from robust.plan.pddl.reader import read_domain, read_problem
-    from robust.plan.timed import parse_timed_plan
     from robust.reading import conversion_settings
 
     specs, _ = specifications(options.parameter, options.parameters)
@@ -292,7 +281,6 @@ def _converting(options: ConvertCommand, run: Run) -> tuple[TimedPlan, Convertin
 def _write(options: ConvertCommand, conversion: Conversion) -> None:
     """Write the plan, and the parameters that it cannot hold by itself; print what JSON has if it cannot be written."""
     from robust.execute.parametrization import write_specs
-    from robust.plan.stn import write_stn
 
     output, stn = options.output or Path(), write_stn(conversion.stn)
     try:
@@ -359,8 +347,6 @@ def _mission(options: ExecuteCommand, run: Run) -> replan.Mission:
     from robust.execute.replan import Mission, ReplanningOptions
     from robust.execute.rules import Rules, read_rules
     from robust.irr.exact import BoxMethod
-    from robust.plan.parameters import specifications
-    from robust.plan.pddl.reader import read_domain, read_problem
 
     specs, beside = specifications(options.parameter, options.parameters, options.plan)
     if beside is not None:
@@ -397,9 +383,6 @@ def _prepared(options: ExecuteCommand, mission: replan.Mission, run: Run) -> rep
     from robust.execute.parametrization import with_deadline, with_relative_widths
     from robust.execute.replan import prepare_plan, prepare_timed
     from robust.plan.load import assemble
-    from robust.plan.pddl.forms import read_plan_text
-    from robust.plan.stn import is_network, parse_stn
-    from robust.plan.timed import parse_timed_plan
 
     text, file = read_plan_text(options.plan or "-")
     if is_network(text, file):
@@ -480,23 +463,23 @@ def _take_tour(out: Console, run: Run, color: str) -> int:
     from robust.show.console import Text
 
     def show_command(*words: str) -> None:
-        out.print(Text.assemble(("$ ", "dim"), (shlex.join(words), "cyan")), soft_wrap=True)
+        out.line(Text.assemble(("$ ", "dim"), (shlex.join(words), "cyan")))
 
     for name, text, steps in _TOUR:
         directory = EXAMPLES / name
-        out.print(Text(text, style="bold"), soft_wrap=True)
+        out.line(text, "bold")
         show_command("cd", str(directory))
         with _inside(directory):
             for step in steps:
                 out.print()
-                out.print(Text(step.text), soft_wrap=True)
+                out.line(step.text)
                 show_command("robust", step.command, *step.words)
                 if _carry_out(step, run, color) == UNDECIDED:
                     return UNDECIDED
         out.print()
     out.print(Text("Where to go next", style="bold"))
     for command, what in _NEXT:
-        out.print(Text.assemble("  ", (f"{command:<36}", "cyan"), what), soft_wrap=True)
+        out.line(Text.assemble("  ", (f"{command:<36}", "cyan"), what))
     return 0
 
 

@@ -16,6 +16,7 @@ from math import floor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import robust
 from robust.backends import DRAKE
 from robust.cli import guard, output
 from robust.cli.guard import Run, action
@@ -26,14 +27,22 @@ from robust.options import pike as asking
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 if TYPE_CHECKING:
+    from robust.cli.page import PageServer
+    from robust.execute.drive import WallClock
     from robust.pike_bridge.action_model import Instance
     from robust.pike_bridge.envelopes.parameters import ParametricPlan
     from robust.pike_bridge.envelopes.search import LabeledRegion
     from robust.pike_bridge.model import TeamPlan
+    from robust.pike_bridge.online.field import TeamExecutive
+    from robust.pike_bridge.online.progress import Progress
+    from robust.pike_bridge.online.semantic import Reasoner
+    from robust.pike_bridge.online.service import Request
     from robust.pike_bridge.online.world import ExecutionRecord
     from robust.searching import AnytimeSearch
     from robust.show.pike import PikePlot
     from robust.show.pike_envelopes import Cells
+
+    Inbox = queue.SimpleQueue[tuple[Fraction, Request] | OSError | None]
 
 Asked = TypeVar("Asked", bound=asking.Staged)
 
@@ -62,50 +71,45 @@ def check(options: asking.PikeCheckCommand, run: Run) -> int:
         return _patience(options, run)
     if options.controllable:
         return _controllable(options, run)
-    from robust.pike import searching_check
-
-    result = run.reply(lambda: searching_check(load(options), _within(options, run)))
+    result = run.reply(lambda: robust.pike.searching_check(load(options), _within(options, run)))
     verdict = result.verdict.value
     return exit_code_of(verdict) if result.complete or verdict == "refuted" else UNDECIDED
 
 
 def _cross(options: asking.PikeCheckCommand, run: Run) -> int:
-    from robust.pike import searching_differences
 
-    crossed = run.reply(lambda: searching_differences(load(options), _within(options, run)))
+    crossed = run.reply(lambda: robust.pike.searching_differences(load(options), _within(options, run)))
     return 1 if crossed.outcome is not None and not crossed.outcome.agree else exit_code_of(crossed.status)
 
 
 def _patience(options: asking.PikeCheckCommand, run: Run) -> int:
-    from robust.pike import searching_moments
 
     asked = asking.MomentsOptions(assume=options.assume, solver=options.solver, timeout=run.remaining)
-    moments = run.reply(lambda: searching_moments(load(options), asked))
+    moments = run.reply(lambda: robust.pike.searching_moments(load(options), asked))
     return 1 if moments.feasible is False else exit_code_of(moments.status)
 
 
 def _controllable(options: asking.PikeCheckCommand, run: Run) -> int:
-    from robust.pike import parametric, searching_controllability
 
-    found = run.reply(lambda: searching_controllability(parametric(options.file, options), _within(options, run)))
+    found = run.reply(
+        lambda: robust.pike.searching_controllability(
+            robust.pike.parametric(options.file, options), _within(options, run)
+        )
+    )
     return UNDECIDED if found.cut_short else exit_code_of(found.verdict.value)
 
 
 @action(asking.PikeCompileCommand)
 def compile_(options: asking.PikeCompileCommand, run: Run) -> int:
     """Compile a plan with choices for execution: sizes, and seconds of each stage."""
-    from robust.pike import searching_sizes
-
-    sizes = run.reply(lambda: searching_sizes(load(options), _within(options, run)))
+    sizes = run.reply(lambda: robust.pike.searching_sizes(load(options), _within(options, run)))
     return exit_code_of(sizes.status)
 
 
 @action(asking.ChanceCommand)
 def chance(options: asking.ChanceCommand, run: Run) -> int:
     """How likely is it that people's choices leave a correct execution, by the probabilities in the plan?"""
-    from robust.pike import searching_chance
-
-    result = run.reply(lambda: searching_chance(load(options), _within(options, run)))
+    result = run.reply(lambda: robust.pike.searching_chance(load(options), _within(options, run)))
     return exit_code_of(result.status)
 
 
@@ -123,12 +127,11 @@ def plot(options: asking.PikePlotCommand, run: Run) -> int:
 
 def _drawing(options: asking.PikePlotCommand, run: Run) -> tuple[PikePlot, Callable[[], object]]:
     """What there is to see in a drawing of the plan, and what draws it."""
-    from robust.pike import assumed
     from robust.pike_bridge.semantics import restrict
     from robust.show import pike
 
     plan = load(options)
-    plan = restrict(plan, assumed(plan, options.assume))
+    plan = restrict(plan, robust.pike.assumed(plan, options.assume))
     links = None
     if options.links:
         from robust.pike_bridge.causal import augment
@@ -161,10 +164,9 @@ def run(options: asking.PikeRunCommand, run: Run) -> int:
 
         seen = without_states if options.reasoner == DRAKE else lambda plan: plan
         return serve(run, options, lambda: seen(load(options)))
-    from robust.pike import searching_execution
 
     def begin() -> AnytimeSearch[ExecutionRecord]:
-        search = searching_execution(load(options), options.changed(timeout=run.remaining))
+        search = robust.pike.searching_execution(load(options), options.changed(timeout=run.remaining))
         run.display.say("executing")
         return search
 
@@ -179,9 +181,7 @@ def run(options: asking.PikeRunCommand, run: Run) -> int:
 
 def _parametric(options: asking.PikeRegionCommand | asking.PikeEnvelopeCommand) -> ParametricPlan:
     """The plan with its parameters; InputError if there are none, or one is wrong."""
-    from robust.pike import parametric
-
-    plan = parametric(options.file, options)
+    plan = robust.pike.parametric(options.file, options)
     if not plan.parameters:
         raise InputError(
             "found no parameters, expected some: --parameter duration:ACTIVITY, or a file",
@@ -197,7 +197,6 @@ def _parametric(options: asking.PikeRegionCommand | asking.PikeEnvelopeCommand) 
 @action(asking.PikeRegionCommand)
 def region(options: asking.PikeRegionCommand, run: Run) -> int:
     """For which durations and limits does each choice of a plan lead to a correct execution?"""
-    from robust.pike import searching_region
     from robust.show import pike_envelopes as show
 
     count, drawn = 0, tuple(options.axes or ())
@@ -217,7 +216,7 @@ def region(options: asking.PikeRegionCommand, run: Run) -> int:
     def asked() -> asking.PikeRegionOptions:
         return options.changed(timeout=run.remaining, on_piece=on_piece)
 
-    result = run.best(lambda: searching_region(_parametric(options), asked()), answer)
+    result = run.best(lambda: robust.pike.searching_region(_parametric(options), asked()), answer)
     if not result.cut_short and (options.json or options.plot is not None):
         cells = run.also("cutting", lambda: _cells(result, run))
     answer(result)
@@ -241,9 +240,7 @@ def _cells(result: LabeledRegion, run: Run) -> Cells | None:
 @action(asking.PikeEnvelopeCommand)
 def envelope(options: asking.PikeEnvelopeCommand, run: Run) -> int:
     """How far may durations and limits of a plan with choices deviate: for some choices, or whatever people choose?"""
-    from robust.pike import searching_envelope
-
-    result = run.reply(lambda: searching_envelope(_parametric(options), _within(options, run)))
+    result = run.reply(lambda: robust.pike.searching_envelope(_parametric(options), _within(options, run)))
     if options.plot is not None and result.combinations:
         run.write(partial(result.plot, options.plot, axes=tuple(options.axes or ())))
     return exit_code_of(result.status.value)
@@ -288,25 +285,13 @@ def new(options: asking.PikeNewCommand, run: Run) -> int:
     return 0
 
 
-if TYPE_CHECKING:
-    from robust.cli.page import PageServer
-    from robust.execute.drive import WallClock
-    from robust.options.pike import PikeRunCommand
-    from robust.pike_bridge.model import TeamPlan
-    from robust.pike_bridge.online.field import TeamExecutive
-    from robust.pike_bridge.online.progress import Progress
-    from robust.pike_bridge.online.semantic import Reasoner
-    from robust.pike_bridge.online.service import Request
-
-    Inbox = queue.SimpleQueue[tuple[Fraction, Request] | OSError | None]
-
 _TOLERANCE = Fraction(1)
 """Seconds by which decisions in real time may be late, for thinking and writing, and still count as on time."""
 _LOOK = 0.05
 """Seconds between two looks for signals and the deadline, in real time."""
 
 
-def serve(run: guard.Run, options: PikeRunCommand, load: Callable[[], TeamPlan]) -> int:
+def serve(run: guard.Run, options: asking.PikeRunCommand, load: Callable[[], TeamPlan]) -> int:
     """Serve until the input ends; the exit code says how the execution ended.
 
     Args:
@@ -325,7 +310,7 @@ def serve(run: guard.Run, options: PikeRunCommand, load: Callable[[], TeamPlan])
 
 
 class _Server:
-    def __init__(self, run: guard.Run, options: PikeRunCommand) -> None:
+    def __init__(self, run: guard.Run, options: asking.PikeRunCommand) -> None:
         self._run = run
         self._options = options
         self._rate = Fraction(options.rate or 1) if options.clock == "real" else None
@@ -525,7 +510,7 @@ class _TeamPage:
         self._known_of: object = None
 
     @classmethod
-    def asked_for(cls, run: guard.Run, options: PikeRunCommand, plan: TeamPlan) -> _TeamPage | None:
+    def asked_for(cls, run: guard.Run, options: asking.PikeRunCommand, plan: TeamPlan) -> _TeamPage | None:
         """The page that options ask for, if they do."""
         if options.page is None:
             return None

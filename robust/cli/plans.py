@@ -6,14 +6,14 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from robust import errors, records
-from robust.cli.guard import action
+from robust import api, errors, records
+from robust.cli.guard import Run, action
 from robust.options import declare, shared, verbs
+from robust.plan.pddl.forms import read_plan_text
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from robust.cli.guard import Run
     from robust.execute.controllability import ControllabilityReport
     from robust.irr.check import CheckResult, Counterexample
     from robust.irr.compare import Comparison
@@ -64,15 +64,13 @@ def load(options: shared.AskCommand | ConvertCommand, run: Run, *, nominal_neede
 @action(verbs.CheckCommand)
 def check(options: verbs.CheckCommand, run: Run) -> int:
     """Is the plan valid for every schedule that its network allows? If not, show one that fails."""
-    from robust.api import searching_check
-
     plan: ParametrizedPlan | None = None
 
     def begin() -> AnytimeSearch[CheckResult]:
         nonlocal plan
         plan = load(options, run)
         run.display.say("encoding")
-        return searching_check(plan, options.changed(timeout=run.remaining, on_obligation=run.display.obligation))
+        return api.searching_check(plan, options.changed(timeout=run.remaining, on_obligation=run.display.obligation))
 
     result = run.best(begin, run.show)
     hinted = plan is not None and options.tree is None and not options.quiet
@@ -86,7 +84,6 @@ def _repair(
     options: verbs.CheckCommand, run: Run, plan: ParametrizedPlan, refuted: CheckResult
 ) -> tuple[QuantityChange, ...] | None:
     """The least change of bounds for what was refuted, if it is found soon, in a copy of this process."""
-    from robust.api import searching_repair
     from robust.smt.limits import Deadline, from_copy
 
     asked = verbs.RepairOptions(require=refuted.box.intervals, epsilon=options.epsilon, solver=options.solver)
@@ -97,7 +94,7 @@ def _repair(
         import resource
 
         resource.setrlimit(resource.RLIMIT_CPU, (HINT_SECONDS, HINT_SECONDS))
-        return searching_repair(plan, asked).run()
+        return api.searching_repair(plan, asked).run()
 
     def look() -> tuple[QuantityChange, ...] | None:
         try:
@@ -112,7 +109,6 @@ def _repair(
 @action(verbs.EnvelopeCommand)
 def envelope(options: verbs.EnvelopeCommand, run: Run) -> int:
     """How far may parameters deviate, all at once, before the plan can fail? Ctrl-C prints the best box so far."""
-    from robust.api import searching_envelope
     from robust.show import plan_documents
     from robust.show.regions import NOTHING_BESIDE, print_envelope
 
@@ -126,7 +122,7 @@ def envelope(options: verbs.EnvelopeCommand, run: Run) -> int:
         about_nominal = options.plot is not None or options.controllability is not None
         plan = load(options, run, nominal_needed=options.from_nominal or about_nominal)
         run.display.say("encoding, then checking the nominal values")
-        return searching_envelope(plan, options.changed(timeout=run.remaining, on_step=run.display.step))
+        return api.searching_envelope(plan, options.changed(timeout=run.remaining, on_step=run.display.step))
 
     def show(result: EnvelopeResult) -> None:
         def tell(out: Console) -> None:
@@ -183,20 +179,17 @@ def _probability(options: verbs.EnvelopeCommand, plan: ParametrizedPlan, result:
     """How probable the box is, where parameters are random."""
     if options.method != "risk":
         return None
-    from robust.api import box_distributions
     from robust.probability.measure import box_probability
 
-    return box_probability(result.box, box_distributions(plan, options))
+    return box_probability(result.box, api.box_distributions(plan, options))
 
 
 def _counterexample(options: verbs.EnvelopeCommand, run: Run, plan: ParametrizedPlan) -> Counterexample | None:
     """What happens at the nominal point of an invalid plan; None if there is no schedule, or no time left."""
-    from robust.api import check as ask
-
     epsilon, encoding, solver = options.epsilon, options.encoding, options.solver
     checked = run.also(
         "looking for a schedule that fails",
-        lambda: ask(plan, epsilon=epsilon, encoding=encoding, solver=solver, timeout=run.remaining),
+        lambda: api.check(plan, epsilon=epsilon, encoding=encoding, solver=solver, timeout=run.remaining),
     )
     if checked is None or checked.answer.value != "refuted":
         return None
@@ -220,7 +213,6 @@ def _controllability(
 @action(verbs.RegionCommand)
 def region(options: verbs.RegionCommand, run: Run) -> int:
     """For exactly which parameter values is the plan valid? Out of time, an outer and an inner bound are printed."""
-    from robust.api import searching_region
     from robust.show import plan_documents, regions
 
     search: RegionSearch | None = None
@@ -241,7 +233,7 @@ def region(options: verbs.RegionCommand, run: Run) -> int:
             shown_axes(plan, options.axes or ())
         run.display.say("encoding")
         callbacks = {"on_piece": lambda _: progress("bad"), "on_cell": lambda _: progress("good")}
-        search = searching_region(plan, options.changed(timeout=run.remaining, **callbacks))
+        search = api.searching_region(plan, options.changed(timeout=run.remaining, **callbacks))
         return search
 
     def show(result: RegionResult) -> None:
@@ -270,7 +262,6 @@ def compare(options: verbs.CompareCommand, run: Run) -> int:
     The boxes are that of IRR, the widened one, and the widest one, which CCMMZ asks for, with and without the nominal
     point. Many plans, CCMMZ against IRR: robust batch compare.
     """
-    from robust.api import searching_compare
 
     def begin() -> AnytimeSearch[Comparison]:
         plan = load(options, run)
@@ -278,7 +269,7 @@ def compare(options: verbs.CompareCommand, run: Run) -> int:
             from robust.draw.plane import shown_axes
 
             shown_axes(plan, options.axes or ())
-        return searching_compare(plan, options.changed(timeout=run.remaining, on_stage=run.display.say))
+        return api.searching_compare(plan, options.changed(timeout=run.remaining, on_stage=run.display.say))
 
     result = run.reply(begin)
     if options.plot is not None and result.region is not None:
@@ -314,7 +305,6 @@ def _page_seconds(run: Run, result: Comparison) -> float:
 @action(verbs.RiskCommand)
 def risk(options: verbs.RiskCommand, run: Run) -> int:
     """How likely does the plan succeed if its parameters are random? Ctrl-C prints the bounds so far."""
-    from robust.api import searching_risk
     from robust.show.documents import bounds_text
 
     def follow(bounds: Bounds) -> None:
@@ -324,7 +314,7 @@ def risk(options: verbs.RiskCommand, run: Run) -> int:
         plan = load(options, run, nominal_needed=False)
         run.display.say("encoding")
         callbacks = {"on_bounds": follow, "on_stage": run.display.say}
-        return searching_risk(plan, options.changed(timeout=run.remaining, **callbacks))
+        return api.searching_risk(plan, options.changed(timeout=run.remaining, **callbacks))
 
     result = run.reply(begin)
     if options.plot is not None:
@@ -338,11 +328,10 @@ def rank(options: verbs.RankCommand, run: Run) -> int:
 
     With distributions, which is most likely in time? A log with several plans counts as several.
     """
-    from robust.api import searching_rank
 
     def begin() -> AnytimeSearch[Ranking]:
         asked = options.changed(timeout=run.remaining, on_plan=run.display.say)
-        return searching_rank(options.domain, options.problem, options.plans, asked)
+        return api.searching_rank(options.domain, options.problem, options.plans, asked)
 
     result = run.reply(begin)
     if result.cut_short:
@@ -357,7 +346,6 @@ def learn(options: verbs.LearnCommand, run: Run) -> int:
     No distribution is assumed: a limit is an observed duration, so long that it covers the wanted share of future runs
     with the wanted confidence, if runs are independent and alike; whether later runs differ is tested.
     """
-    from robust import api
     from robust.show.presenting import print_result
 
     asked = {name: getattr(options, name) for name in verbs.LearnOptions.declarations}
@@ -365,7 +353,7 @@ def learn(options: verbs.LearnCommand, run: Run) -> int:
 
     def tell(out: Console) -> None:
         if options.as_box:
-            out.print(result.box_text().rstrip("\n"), soft_wrap=True)
+            out.line(result.box_text().rstrip("\n"))
         else:
             print_result(out, result, quiet=options.quiet)
 
@@ -382,8 +370,6 @@ def repair(options: verbs.RepairCommand, run: Run) -> int:
     What changes are bounds of the network, nominal values, or both; with --require, the plan is valid for all these
     values of parameters as well. Ctrl-C prints the best repair so far.
     """
-    from robust.api import searching_repair
-    from robust.plan.pddl.forms import read_plan_text
     from robust.plan.stn import is_network
     from robust.show import repairs as show
 
@@ -397,7 +383,7 @@ def repair(options: verbs.RepairCommand, run: Run) -> int:
     def begin() -> RepairSearch:
         plan = load(options, run)
         run.display.say("encoding")
-        return searching_repair(plan, options.changed(timeout=run.remaining, on_repair=better))
+        return api.searching_repair(plan, options.changed(timeout=run.remaining, on_repair=better))
 
     def better(cost: Cost) -> None:
         run.display.say(f"best so far: {show.price(cost, options.count)}")

@@ -13,14 +13,18 @@ from robust.errors import UNDECIDED, InputError, RobustError, did_you_mean, wors
 from robust.numbers import plural, shorten
 from robust.options import batch, declare
 from robust.records import atomic_write
+from robust.show import stnu as show
+from robust.show.stnu import JudgedNetwork, ended
+from robust.smt.limits import Deadline
+from robust.stnu import verdicts
+from robust.stnu.files import load, read, write
+from robust.stnu.network import ConditionalNetwork, Network, with_quantile
+from robust.stnu.verdicts import NetworkCheck, NetworkRepair, NetworkRepairSearch, NetworkVerdict
 
 if TYPE_CHECKING:
     from robust.probability.measure import Bounds
     from robust.searching import AnytimeSearch
     from robust.show.console import Console
-    from robust.show.stnu import JudgedNetwork
-    from robust.stnu.network import ConditionalNetwork, Network
-    from robust.stnu.verdicts import NetworkCheck, NetworkRepair
 
 Asked = TypeVar("Asked", "Network", "Network | ConditionalNetwork")
 Result = TypeVar("Result")
@@ -29,14 +33,11 @@ Result = TypeVar("Result")
 @action(batch.StnuCheckCommand)
 def check(options: batch.StnuCheckCommand, run: Run) -> int:
     """Can a dispatcher that sees contingent links end satisfy all requirements, whatever nature does? If not, why?"""
-    from robust import stnu
-    from robust.show import stnu as show
-    from robust.stnu.files import read
 
     def judge(network: Network | ConditionalNetwork) -> NetworkCheck:
-        if not isinstance(network, stnu.Network):
+        if not isinstance(network, Network):
             return run.only(lambda: _conditional(network, run))
-        return run.only(lambda: stnu.check(network, timeout=run.remaining))
+        return run.only(lambda: verdicts.check(network, timeout=run.remaining))
 
     judged, cause = _each(options, run, read, judge)
     run.answer(
@@ -51,8 +52,6 @@ def _conditional(network: ConditionalNetwork, run: Run) -> NetworkCheck:
     from robust.pike_bridge.conditional import plan_of_network
     from robust.pike_bridge.game.controllability import DecidingControllability
     from robust.show.pike_games import headline
-    from robust.smt.limits import Deadline
-    from robust.stnu.verdicts import NetworkCheck, NetworkVerdict
 
     found = DecidingControllability(plan_of_network(network), deadline=Deadline.after(run.remaining)).run()
     verdict = NetworkVerdict(found.verdict.value)
@@ -80,18 +79,16 @@ def risk(options: batch.StnuRiskCommand, run: Run) -> int:
 @action(batch.StnuDispatchCommand)
 def dispatch(options: batch.StnuDispatchCommand, run: Run) -> int:
     """How is a network executed? The minimal dispatchable network, its waits, and simulated executions."""
-    from robust import stnu
-    from robust.show import stnu as show
 
     def judge(network: Network) -> show.SimulatedDispatch:
         def work() -> show.SimulatedDispatch:
-            result = stnu.dispatch(network, timeout=run.remaining)
+            result = verdicts.dispatch(network, timeout=run.remaining)
             runs = range(options.runs if result.tables is not None else 0)
             return show.SimulatedDispatch(result, tuple(result.execute(options.seed + number) for number in runs))
 
         return run.only(work)
 
-    judged, cause = _each(options, run, stnu.load, judge)
+    judged, cause = _each(options, run, load, judge)
     run.answer(
         lambda: show.dispatch_document(judged, _status(judged, cause)),
         lambda out: show.print_dispatches(out, judged, quiet=options.quiet),
@@ -102,10 +99,6 @@ def dispatch(options: batch.StnuDispatchCommand, run: Run) -> int:
 @action(batch.StnuRepairCommand)
 def repair(options: batch.StnuRepairCommand, run: Run) -> int:
     """What is the least change of bounds after which a network is controllable? Ctrl-C prints the best so far."""
-    from robust.show import stnu as show
-    from robust.smt.limits import Deadline
-    from robust.stnu.files import load
-    from robust.stnu.verdicts import NetworkRepairSearch
 
     def judge(network: Network) -> NetworkRepair:
         def begin() -> AnytimeSearch[NetworkRepair]:
@@ -128,7 +121,6 @@ def repair(options: batch.StnuRepairCommand, run: Run) -> int:
     cause: Cause | None = None
     _, cause = _each(options, run, load, judge, judged)
     if options.output is not None and (last := judged[-1].result) is not None and last.network is not None:
-        from robust.stnu.files import write
         from robust.stnu.graphml import scaled
 
         content, scale = write(last.network, options.output)
@@ -153,9 +145,6 @@ def _each(
         RobustError: if the only file cannot be read.
         GivenUpError: if nothing was found.
     """
-    from robust.show.stnu import JudgedNetwork
-    from robust.stnu.network import with_quantile
-
     quantile = Fraction(options.quantile)
     judged = [] if judged is None else judged
     for number, file in enumerate(options.files, start=1):
@@ -182,8 +171,6 @@ def _status(judged: list[JudgedNetwork[Any]], cause: Cause | None) -> str:
     """How it ended."""
     if cause is not None:
         return cause.value
-    from robust.show.stnu import ended
-
     return ended(judged)
 
 

@@ -1,38 +1,185 @@
-"""`robust watch`: what happens to a plan comes in as lines of JSON, what is ahead of it goes out as lines of JSON."""
+"""`robust watch`: what happens to a plan comes in as lines of JSON, what is ahead of it goes out as lines of JSON.
+
+Another plan, while the run goes on, is asked for in the background, proved, and kept in the journal.
+"""
 
 from __future__ import annotations
 
 import gc
+import json
 import queue
 import sys
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from fractions import Fraction
 from math import floor
 from typing import TYPE_CHECKING, Any
 
 from robust.cli import output, plans
-from robust.cli.guard import action
+from robust.cli.guard import Run, action
 from robust.cli.lines import LineReader, LineWriter
-from robust.cli.replanning import ASK, REPLANS, Replanning, asks_for_plan, record
 from robust.errors import UNDECIDED, InputError, Location, RobustError
+from robust.execute.convert import Mode, Settings
+from robust.execute.drive import WallClock
+from robust.execute.forecast import Prospect
+from robust.execute.messages import MessageKind, MonitorMessage, message_of, read_journal, read_message
+from robust.execute.monitor import Monitor, Outlook
+from robust.execute.situation import NewPlan, OpenProblem, deadline_of, new_plan, read_again, run_state
+from robust.json_text import JsonTypes, Object
 from robust.options.batch import WatchCommand
-from robust.smt.limits import NEVER, Deadline, OutOfTimeError
+from robust.plan.parameters import parse_parameter_file, specifications
+from robust.plan.pddl.reader import read_domain, read_problem
+from robust.plan.stn import parse_stn
+from robust.show.execution import not_a_message, outlook_line
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError, from_copy
 
 if TYPE_CHECKING:
-    from robust.cli.guard import Run
     from robust.cli.page import PageServer
-    from robust.execute.drive import WallClock
-    from robust.execute.messages import MonitorMessage
-    from robust.execute.monitor import Monitor, Outlook
-    from robust.execute.situation import NewPlan
-    from robust.json_text import Object
+    from robust.execute.planners.interface import Planner
     from robust.plan.model import ParametrizedPlan
     from robust.probability.distributions import Distribution
     from robust.records import RecordFile
 
     Heard = MonitorMessage | InputError | str
     """A message, why a line is none, or that another plan is asked for."""
+
+REPLANS = 10
+"""Plans that are asked for before something happens again."""
+ASK = "replan"
+"""The key of the message that asks for another plan, and of its record."""
+
+
+def asks_for_plan(text: bytes) -> bool:
+    """Whether a line of the input is `{"replan": true}`."""
+    try:
+        return ASK.encode() in text and json.loads(text) == {ASK: True}
+    except ValueError:
+        return False
+
+
+class Replanning:
+    """Asks a planner from where a run is, in a copy of this process; one question at a time.
+
+    Args:
+        options: of the command.
+        plan: the first plan, whose deadline holds for all.
+    """
+
+    def __init__(self, options: WatchCommand, plan: ParametrizedPlan) -> None:
+        from robust.execute.planners import create_planner
+
+        self.seconds = float(options.planner_limit)
+        rate = Fraction(options.rate or 1)
+        given = options.planning_time
+        self._time = Fraction(self.seconds) / rate if given is None else Fraction(given)
+        self._domain = read_domain(options.domain)
+        self._problem = read_problem(options.problem, self._domain)
+        self._planner: Planner | None = None
+        if options.planner is not None:
+            self._planner = create_planner(options.planner, epsilon=options.separation)
+        specs, _ = specifications(options.parameter or ("duration:*",), options.parameters)
+        self._deadline = deadline_of(plan)
+        self._settings: Settings = {  # another plan becomes a network as the first
+            "mode": Mode(options.mode),
+            "free_durations": options.free_durations,
+            "specs": specs,
+            "deadline": self._deadline,
+            "relative": options.relative,
+            "epsilon": options.separation,
+            "solver": options.solver,
+        }
+        self._epsilon = options.separation
+        self._thread: threading.Thread | None = None
+        self._open = False
+        self._asked: OpenProblem | None = None
+        """What is left where a plan was asked for last."""
+        self.after = 0
+        """The number of the last message before that."""
+        self.tries = 0
+
+    @property
+    def possible(self) -> bool:
+        """Whether there is someone to ask."""
+        return self._planner is not None
+
+    @property
+    def busy(self) -> bool:
+        """Whether a plan has been asked for and there is no answer yet."""
+        return self._open
+
+    def over(self) -> None:
+        """The answer has come."""
+        self._open = False
+
+    def wait(self, seconds: float) -> None:
+        """Let the answer come."""
+        if self._thread is not None:
+            self._thread.join(seconds)
+
+    def note(self, monitor: Monitor) -> OpenProblem:
+        """What is left where the run is now."""
+        self.after = monitor.count
+        known = (self._domain, self._problem, run_state(monitor), self._time, self._epsilon, self._deadline)
+        self._asked = OpenProblem(*known)
+        return self._asked
+
+    def ask(self, monitor: Monitor, done: Callable[[NewPlan | str], None]) -> Fraction:
+        """Ask, and return when a plan would begin; `done` gets it, or why there is none, in another thread.
+
+        Raises:
+            RobustError: if no planner can be asked about where the run is.
+        """
+        remainder = self.note(monitor)
+        begins = remainder.origin
+        self.tries += 1
+        self._open = True
+        self._thread = threading.Thread(target=lambda: done(self._answer(remainder)), daemon=True)
+        self._thread.start()
+        return begins
+
+    def _answer(self, remainder: OpenProblem) -> NewPlan | str:
+        def plan() -> NewPlan | str:
+            try:
+                found = new_plan(remainder, self._planner, self.seconds, **self._settings)
+            except RobustError as error:
+                return " ".join(str(error).split())
+            return found if found.texts else ""  # which are written there, not here
+
+        try:
+            return from_copy(plan, Deadline.after(self.seconds + 1), "planning")
+        except OutOfTimeError:
+            return f"no plan that is proved within {self.seconds:g} s"
+        except RobustError as error:
+            return str(error)
+
+    def resumed(self, line: Object, monitor: Monitor) -> Monitor | None:
+        """The monitor after a record about plans; None if it is about something else."""
+        if ASK in line.members:
+            self.note(monitor)
+            return monitor
+        if "plan" not in line.members or self._asked is None:
+            return None
+        types, asked, self._asked = JsonTypes({}), self._asked, None
+        network = types.member(str | None, line, "plan")
+        if network is None:
+            return monitor
+        specs = parse_parameter_file(types.member(str, line, "parameters"))
+        plan = read_again(*asked.true, parse_stn(network), specs)
+        continued = monitor.continued(plan, self.after)
+        if continued is None:
+            raise InputError("found a plan that does not fit what happened before, expected one that does")
+        return continued
+
+    @property
+    def is_unanswered(self) -> bool:
+        """Whether a journal ends where a plan had been asked for."""
+        return self._asked is not None and self._thread is None
+
+
+def record(found: NewPlan | None) -> Mapping[str, Any]:
+    """What a journal says of a plan; None: there is none."""
+    return {"plan": None} if found is None else {key: found.texts[key] for key in ("plan", "parameters")}
+
 
 LOOK = 0.05
 """Seconds between two looks for signals and the time limit, in real time."""
@@ -48,9 +195,6 @@ def watch(options: WatchCommand, run: Run) -> int:
     A line for each message: {"start": "drive r1 a b", "at": 12.5}, end, failed, cancelled; {"tick": 13}; {"retract": 4}
     takes the fourth message back. After each, and before the first, a line says what is ahead.
     """
-    from robust.execute.messages import read_journal
-    from robust.execute.monitor import Monitor
-
     given = options if options.parameter or options.parameters else options.changed(parameter=EVERY_DURATION)
 
     def prepare() -> tuple[Monitor, Replanning, ParametrizedPlan]:
@@ -118,8 +262,6 @@ class _WatchServer:
 
     def resume(self, line: Object) -> None:
         """Take a record of the journal."""
-        from robust.execute.messages import message_of
-
         other = self._replanning.resumed(line, self.monitor)
         if other is None:
             self.monitor.take(message_of(line))
@@ -168,8 +310,6 @@ class _WatchServer:
             raise OutOfTimeError
 
     def _say(self, outlook: Outlook, news: Mapping[str, Any] | None = None) -> None:
-        from robust.show.execution import outlook_line
-
         before, self._before = self._before, outlook
         line = outlook_line(outlook, self._options.numbers, self._options.coming, news)
         if self._options.clock == "real" and news is None:
@@ -180,9 +320,6 @@ class _WatchServer:
             self._page.show(self.monitor, outlook, before, news)
 
     def _answer(self, heard: Heard) -> None:
-        from robust.execute.forecast import Prospect
-        from robust.execute.messages import MessageKind
-
         with self._busy:
             self._raise_failure()
             if isinstance(heard, InputError):
@@ -202,8 +339,6 @@ class _WatchServer:
                 self._ask_if_broken()
 
     def _complain(self, error: str) -> None:
-        from robust.show.execution import not_a_message
-
         self._writer.write(not_a_message(error))
         if self._page is not None:
             self._page.complain(self.monitor, error)
@@ -211,8 +346,6 @@ class _WatchServer:
     # -- other plans ---------------------------------------------------------------------------------------------------
 
     def _ask_if_broken(self) -> None:
-        from robust.execute.forecast import Prospect
-
         if self._before is not None and self._before.prospect is Prospect.BROKEN and not self._replanning.busy:
             self._ask()
 
@@ -270,8 +403,6 @@ class _WatchServer:
 
     def _hear(self, clock: WallClock | None) -> Heard | None:
         """The next message, or what is wrong with its line; None at the end."""
-        from robust.execute.messages import read_message
-
         while True:
             try:
                 line = self._reader.read(self._deadline if clock is None else NEVER)
@@ -286,9 +417,6 @@ class _WatchServer:
 
     def _serve_real_time(self) -> None:
         """What has come is heard, as of when it came, before time passes."""
-        from robust.execute.drive import WallClock
-        from robust.execute.messages import MessageKind, MonitorMessage
-
         clock = WallClock(Fraction(self._options.rate or 1), self.monitor.time)
         inbox: queue.SimpleQueue[Heard | OSError | None] = queue.SimpleQueue()
 

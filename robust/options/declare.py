@@ -54,46 +54,9 @@ _NAMED = 3
 
 
 class Option(NamedTuple):
-    """The declaration of an option, without its name and type; see :func:`option`."""
+    """The declaration of an option, without its name and type.
 
-    default: Any
-    help: str
-    names: tuple[str, ...]
-    metavar: str | None
-    choices: tuple[str, ...]
-    read: Callable[[Any, Location], Any] | None
-    needs: tuple[str, tuple[str, ...]] | None
-    argument: bool
-    many: bool
-    path: bool
-    also: Callable[[Path], Iterable[Path]] | None
-    shown: bool
-    rank: int
-
-    @property
-    def flag(self) -> bool:
-        """Whether the option is typed without a value."""
-        return isinstance(self.default, bool) or any("/" in name for name in self.names)
-
-
-def option(
-    default: Any,
-    help: str,
-    *names: str,
-    metavar: str | None = None,
-    choices: Iterable[str] = (),
-    read: Callable[[Any, Location], Any] | None = None,
-    needs: tuple[str, tuple[str, ...]] | None = None,
-    argument: bool = False,
-    many: bool = False,
-    path: bool = False,
-    also: Callable[[Path], Iterable[Path]] | None = None,
-    shown: bool = True,
-    rank: int = 0,
-) -> Any:
-    """A field of an options class.
-
-    Args:
+    Attributes:
         default: `...` if it must be given; a bool makes a flag, an int a whole number, everything else a text.
         help: for people.
         names: as it is typed, if not `--` and the name of the field.
@@ -108,7 +71,30 @@ def option(
         shown: False for callbacks, which cannot be typed.
         rank: options of equal rank are shown in the order of declaration, before those of higher rank.
     """
-    return Option(default, help, names, metavar, tuple(choices), read, needs, argument, many, path, also, shown, rank)
+
+    default: Any
+    help: str
+    names: tuple[str, ...]
+    metavar: str | None = None
+    choices: tuple[str, ...] = ()
+    read: Callable[[Any, Location], Any] | None = None
+    needs: tuple[str, tuple[str, ...]] | None = None
+    argument: bool = False
+    many: bool = False
+    path: bool = False
+    also: Callable[[Path], Iterable[Path]] | None = None
+    shown: bool = True
+    rank: int = 0
+
+    @property
+    def flag(self) -> bool:
+        """Whether the option is typed without a value."""
+        return isinstance(self.default, bool) or any("/" in name for name in self.names)
+
+
+def option(default: Any, help: str, *names: str, choices: Iterable[str] = (), **more: Any) -> Any:
+    """A field of an options class; `more` as for :class:`Option`."""
+    return Option(default, help, names, choices=tuple(choices), **more)
 
 
 def argument(default: Any, help: str, metavar: str, *, many: bool = False) -> Any:
@@ -317,44 +303,29 @@ def _check_kind(name: str, option: Option, value: object) -> None:
 # -- values ------------------------------------------------------------------------------------------------------------
 
 
-def positive(value: Number, place: Location) -> Fraction:
-    """InputError unless it is a number above 0."""
-    number = exact(value, place)
-    if number <= 0:
-        raise InputError(f"found {shorten(str(value))}, expected a number above 0", place)
-    return number
+def number_with(holds: Callable[[Fraction], bool], expected: str) -> Callable[[Number, Location], Fraction]:
+    """What reads a number, with InputError unless this holds of it."""
+
+    def read(value: Number, place: Location) -> Fraction:
+        number = exact(value, place)
+        if not holds(number):
+            raise InputError(f"found {shorten(str(value))}, expected {expected}", place)
+        return number
+
+    return read
 
 
-def proper_share(value: Number, place: Location) -> Fraction:
-    """InputError unless it is a number between 0 and 1, neither of them."""
-    number = exact(value, place)
-    if not 0 < number < 1:
-        raise InputError(f"found {shorten(str(value))}, expected a number above 0 and below 1", place)
-    return number
+def whole_number(holds: Callable[[Fraction], bool], expected: str) -> Callable[[int | str, Location], int]:
+    """What reads a whole number, with InputError unless this holds of it."""
+    read = number_with(lambda number: number.denominator == 1 and holds(number), expected)
+    return lambda value, place: int(read(value, place))
 
 
-def share(value: Number, place: Location) -> Fraction:
-    """InputError unless it is a number from 0 to 1."""
-    number = exact(value, place)
-    if not 0 <= number <= 1:
-        raise InputError(f"found {shorten(str(value))}, expected a number from 0 to 1", place)
-    return number
-
-
-def not_negative(value: Number, place: Location) -> Fraction:
-    """InputError unless it is a number of at least 0."""
-    number = exact(value, place)
-    if number < 0:
-        raise InputError(f"found {shorten(str(value))}, expected a number of at least 0", place)
-    return number
-
-
-def ordinal(value: int | str, place: Location) -> int:
-    """InputError unless it is a whole number from 1."""
-    number = exact(value, place)
-    if number.denominator != 1 or number < 1:
-        raise InputError(f"found {shorten(str(value))}, expected a whole number from 1", place)
-    return int(number)
+positive = number_with(lambda number: number > 0, "a number above 0")
+not_negative = number_with(lambda number: number >= 0, "a number of at least 0")
+share = number_with(lambda number: 0 <= number <= 1, "a number from 0 to 1")
+proper_share = number_with(lambda number: 0 < number < 1, "a number above 0 and below 1")
+ordinal = whole_number(lambda number: number >= 1, "a whole number from 1")
 
 
 def seconds(value: Number, place: Location) -> float:

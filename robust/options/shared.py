@@ -5,16 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from robust import backends
 from robust.errors import InputError, Location
-from robust.numbers import Number, exact, shorten
+from robust.numbers import Number
 from robust.options import declare
-
-if TYPE_CHECKING:
-    pass
-
 
 PARAMETERS, EPSILON, ENCODING, SOLVING, LIMIT, DRAWING, EXPORT, OUTPUT = range(1, 9)
 """Ranks."""
@@ -262,12 +258,7 @@ class PlanFiles(Planning):
 WIDTHS = ("equal", "relative")
 
 
-def port(value: int | str, place: Location) -> int:
-    """InputError unless it can be the number of a port."""
-    number = exact(value, place)
-    if number.denominator != 1 or not 0 <= number < 1 << 16:
-        raise InputError(f"found {shorten(str(value))}, expected a port from 0 to 65535", place)
-    return int(number)
+port = declare.whole_number(lambda number: 0 <= number < 1 << 16, "a port from 0 to 65535")
 
 
 class Paged(declare.Options):

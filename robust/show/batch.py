@@ -18,9 +18,19 @@ from robust.json_text import Count, JsonObject, Rational, Seconds, like, on_wire
 from robust.numbers import duration, plural, readable
 from robust.qe.box import Box, interval_text
 from robust.qe.region import Region
-from robust.show import documents
 from robust.show.console import Console, Text, colour_of, printing
-from robust.show.documents import ENDS, Document, bounds_text, document, documenting, has_table
+from robust.show.documents import (
+    ENDS,
+    Document,
+    Ended,
+    Noted,
+    Range,
+    bounds_text,
+    document_of,
+    documenting,
+    has_table,
+    range_of,
+)
 from robust.show.regions import in_form, region_lines
 from robust.show.tables import show_table, table
 from robust.show.text import stopped
@@ -77,8 +87,7 @@ def print_batch(out: Console, batch: Batch, *, quiet: bool) -> None:
     (_print_compared if compared else _print_answers)(out, batch)
     if not quiet:
         out.print()
-        for line in summary_lines(batch):
-            out.print(Text(line), soft_wrap=True)
+        out.lines(summary_lines(batch))
 
 
 def _print_answers(out: Console, batch: Batch) -> None:
@@ -96,7 +105,7 @@ def _print_compared(out: Console, batch: Batch) -> None:
     show_table(out, table(head, rows, right=("time", "volume", "width")))
     for row in batch.plans:
         for message in dict.fromkeys(run.message for run in row.runs.values() if run.message is not None):
-            out.print(Text(f"{row.instance.name}: {message}"), soft_wrap=True)
+            out.line(f"{row.instance.name}: {message}")
 
 
 def _outcome(run: PlanRun | None) -> tuple[Text, str]:
@@ -291,22 +300,20 @@ def batch_document(batch: Batch) -> Document:
         runs = [(row, run) for row in batch.plans for run in row.runs.values()]
         counts = Counter(run.status for _, run in runs)
         plans = [like(BatchPlan, row.instance, instance=row.instance.name, answer=_answered(run)) for row, run in runs]
-        return document(like(BatchDocument, batch, **common, counts=dict(counts), plans=plans))
+        return document_of(BatchDocument, batch, **common, counts=dict(counts), plans=plans)
     shares = volume_shares(batch)
-    return document(
-        like(
-            BatchCompareDocument,
-            batch,
-            **common,
-            solved={asked.name: batch.solved(asked.name) for asked in batch.asked},
-            volume_ratio=Shares(
-                plans=len(shares),
-                least=shares[0] if shares else None,
-                median=median(shares) if shares else None,
-                most=shares[-1] if shares else None,
-            ),
-            plans=[_compared(batch, row) for row in batch.plans],
-        )
+    return document_of(
+        BatchCompareDocument,
+        batch,
+        **common,
+        solved={asked.name: batch.solved(asked.name) for asked in batch.asked},
+        volume_ratio=Shares(
+            plans=len(shares),
+            least=shares[0] if shares else None,
+            median=median(shares) if shares else None,
+            most=shares[-1] if shares else None,
+        ),
+        plans=[_compared(batch, row) for row in batch.plans],
     )
 
 
@@ -396,10 +403,10 @@ def print_ranking(out: Console, ranking: Ranking, *, quiet: bool) -> None:
         return
     out.print()
     for sentence in ranking.deciding:
-        out.print(Text(f"  {sentence}"), soft_wrap=True)
+        out.line(f"  {sentence}")
     ended = "" if ranking.status.value == "complete" else f"{stopped(ranking.status, ranking.reason)}: "
     counted = f"{plural(len(ranking.plans), 'plan')}, each to end by {readable(ranking.latest)}"
-    out.print(Text(f"{ended}{counted}; {duration(ranking.seconds)}.", style="dim"), soft_wrap=True)
+    out.line(f"{ended}{counted}; {duration(ranking.seconds)}.", "dim")
 
 
 def _ranked_cells(number: int, plan: RankedPlan, random: bool) -> tuple[str, ...]:
@@ -427,11 +434,11 @@ class RankedPlanRecord(JsonObject):
     fitness: Annotated[str, one_of(*(fitness.value for fitness in Fitness))]
     end: Rational | None
     tolerance: Tolerance | None
-    success: documents.Range | None
+    success: Range | None
     reason: str | None
 
 
-class Rank(documents.Noted, tag_field="schema", tag="robust/rank/1"):
+class Rank(Noted, tag_field="schema", tag="robust/rank/1"):
     """robust rank --json: several plans of one problem, the best first
 
     Attributes:
@@ -439,7 +446,7 @@ class Rank(documents.Noted, tag_field="schema", tag="robust/rank/1"):
         deciding: for each plan but the last what makes it better than the next
     """
 
-    status: documents.Ended
+    status: Ended
     epsilon: Rational
     latest: Rational
     plans: list[RankedPlanRecord]
@@ -447,10 +454,10 @@ class Rank(documents.Noted, tag_field="schema", tag="robust/rank/1"):
     seconds: Seconds
 
 
-@documents.documenting.register(Ranking)
-def _(ranking: Ranking) -> documents.Document:
-    return documents.document(
-        like(Rank, ranking, status=ranking.status.value, plans=[_ranked_record(plan) for plan in ranking.plans])
+@documenting.register(Ranking)
+def _(ranking: Ranking) -> Document:
+    return document_of(
+        Rank, ranking, status=ranking.status.value, plans=[_ranked_record(plan) for plan in ranking.plans]
     )
 
 
@@ -459,11 +466,11 @@ def _ranked_record(plan: RankedPlan) -> RankedPlanRecord:
         RankedPlanRecord,
         plan,
         fitness=plan.fitness.value,
-        success=None if plan.success is None else documents.range_of(plan.success),
+        success=None if plan.success is None else range_of(plan.success),
     )
 
 
-documents.has_table(Ranking, "plans", numbers=("end",))
+has_table(Ranking, "plans", numbers=("end",))
 
 
 # -- durations learnt from logs ----------------------------------------------------------------------------------------
@@ -480,9 +487,9 @@ def print_learned(out: Console, learned: Learned, *, quiet: bool) -> None:
     actions = learned.actions.values()
     out.print()
     for sentence in _sentences(learned):
-        out.print(Text(f"  {sentence}"), soft_wrap=True)
+        out.line(f"  {sentence}")
     counted = f"{plural(sum(action.runs for action in actions), 'run')} of {plural(len(actions), 'action')}"
-    out.print(Text(f"{counted}; {duration(learned.seconds)}.", style="dim"), soft_wrap=True)
+    out.line(f"{counted}; {duration(learned.seconds)}.", "dim")
 
 
 def _learnt_cells(name: str, action: LearntAction) -> tuple[str, ...]:
@@ -518,7 +525,7 @@ def _sentences(learned: Learned) -> list[str]:
 on_wire("LearntAction", values=None)
 
 
-class Learn(documents.Noted, tag_field="schema", tag="robust/learn/1"):
+class Learn(Noted, tag_field="schema", tag="robust/learn/1"):
     """robust learn --json: durations of actions, learnt from logs
 
     Attributes:
@@ -532,11 +539,9 @@ class Learn(documents.Noted, tag_field="schema", tag="robust/learn/1"):
     seconds: Seconds
 
 
-@documents.documenting.register(Learned)
-def _(learned: Learned) -> documents.Document:
-    return documents.document(like(Learn, learned, actions=dict(learned.actions)))
+@documenting.register(Learned)
+def _(learned: Learned) -> Document:
+    return document_of(Learn, learned, actions=dict(learned.actions))
 
 
-documents.has_table(
-    Learned, "actions", named="action", numbers=("lower", "upper", "longest", "drift_earlier", "drift_later")
-)
+has_table(Learned, "actions", named="action", numbers=("lower", "upper", "longest", "drift_earlier", "drift_later"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cached_property, singledispatch
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -98,6 +98,15 @@ class Console:
                 self.file.flush()
                 return
         self.rich.print(*objects, **how)
+
+    def line(self, text: str | Text, style: str = "") -> None:
+        """Print a line, however long it is."""
+        self.print(Text(text, style) if style and isinstance(text, str) else text, soft_wrap=True)
+
+    def lines(self, texts: Iterable[str | Text], style: str = "") -> None:
+        """Print lines, however long they are."""
+        for text in texts:
+            self.line(text, style)
 
 
 def console(stream: TextIO | None = None, color: str = "auto", width: int | None = None) -> Console:

@@ -82,6 +82,11 @@ def document(record: JsonObject) -> Document:
     return answer
 
 
+def document_of(kind: type[JsonObject], source: object, **fields: Any) -> Document:
+    """The document of a record that is like its source, but for some fields."""
+    return document(like(kind, source, **fields))
+
+
 @singledispatch
 def documenting(result: object) -> Document:
     """The document of a result, by the type of the result: `documenting.dispatch(type(result))`."""

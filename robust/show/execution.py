@@ -28,7 +28,17 @@ from robust.numbers import end, format_number, plural, readable
 from robust.plan.stn import write_stn
 from robust.qe.box import Box, Side, interval_text
 from robust.show.console import Console, Text, colour_of, printing
-from robust.show.documents import Document, Ended, Noted, Rationals, Solver, document, documenting, has_table
+from robust.show.documents import (
+    Document,
+    Ended,
+    Noted,
+    Rationals,
+    Solver,
+    document,
+    document_of,
+    documenting,
+    has_table,
+)
 from robust.show.tables import show_table, table
 from robust.show.text import percentages, print_advice
 
@@ -118,22 +128,20 @@ def converted(
     conversion: convert.Conversion, written: Mapping[str, str] = MappingProxyType({}), made: MadeTree | None = None
 ) -> Document:
     """The document of a conversion, with the files that were written, by kind, and the tree that is among them."""
-    return document(
-        like(
-            Convert,
-            conversion,
-            verdict=conversion.check.answer.value,
-            stn=write_stn(conversion.stn),
-            parameters=[parameter.name for parameter in conversion.plan.parameters],
-            parameter_file=write_specs(conversion.beside) or None,
-            files=Files(**written),
-            instances=len(conversion.stn.instances),
-            constraints=len(conversion.stn.constraints),
-            obligations=len(conversion.check.obligations),
-            violations=[],
-            unkept=UNSET if made is None else list(map(str, made.unkept)),
-            notes=UNSET,
-        )
+    return document_of(
+        Convert,
+        conversion,
+        verdict=conversion.check.answer.value,
+        stn=write_stn(conversion.stn),
+        parameters=[parameter.name for parameter in conversion.plan.parameters],
+        parameter_file=write_specs(conversion.beside) or None,
+        files=Files(**written),
+        instances=len(conversion.stn.instances),
+        constraints=len(conversion.stn.constraints),
+        obligations=len(conversion.check.obligations),
+        violations=[],
+        unkept=UNSET if made is None else list(map(str, made.unkept)),
+        notes=UNSET,
     )
 
 
@@ -183,32 +191,29 @@ has_table(convert.Conversion, "tightened", numbers=("lower", "own"))
 def unconverted(options: ConvertCommand, violations: Sequence[Violation]) -> Document:
     """The document of a time-triggered plan that is invalid."""
     counts = dict.fromkeys(("instances", "constraints", "redundant", "obligations"), 0)
-    return document(
-        like(
-            Convert,
-            options,
-            verdict="invalid",
-            epsilon=options.separation,
-            stn=None,
-            parameters=[],
-            parameter_file=None,
-            files=Files(),
-            schedule={},
-            tightened=[],
-            violations=list(violations),
-            **counts,
-        )
+    return document_of(
+        Convert,
+        options,
+        verdict="invalid",
+        epsilon=options.separation,
+        stn=None,
+        parameters=[],
+        parameter_file=None,
+        files=Files(),
+        schedule={},
+        tightened=[],
+        violations=list(violations),
+        **counts,
     )
 
 
 @printing.register(convert.Conversion)
 def print_conversion(out: Console, conversion: convert.Conversion, *, quiet: bool) -> None:
     """Unless `quiet` how the plan was made, then the plan."""
-    for line in () if quiet else conversion_lines(conversion):
-        out.print(line, soft_wrap=True)
+    out.lines(() if quiet else conversion_lines(conversion))
     if not quiet:
         out.print()
-    out.print(write_stn(conversion.stn).rstrip("\n"), soft_wrap=True)
+    out.line(write_stn(conversion.stn).rstrip("\n"))
 
 
 def conversion_lines(conversion: convert.Conversion, written: Mapping[str, str] = MappingProxyType({})) -> list[str]:
@@ -359,26 +364,24 @@ class Execute(Noted, tag_field="schema", tag="robust/execute/1"):
 def execute(options: ExecuteCommand, runs: Sequence[ReplanningRun], status: str) -> Document:
     """The document that `robust execute --json` prints."""
     epsilon = options.separation
-    return document(like(Execute, options, status=status, epsilon=epsilon, summary=summary(runs), runs=list(runs)))
+    return document_of(Execute, options, status=status, epsilon=epsilon, summary=summary(runs), runs=list(runs))
 
 
 def print_run(out: Console, run: ReplanningRun, executor: str, *, quiet: bool) -> None:
     """Print how a run ended; unless `quiet` also its timeline."""
-    out.print(_verdict(run, executor), soft_wrap=True)
+    out.line(_verdict(run, executor))
     if quiet:
         return
     for number, segment in enumerate(run.segments, start=1):
         out.print()
-        out.print(f"plan {number}, from {readable(segment.start)}: {_GUARANTEES[segment.guarantee]}", soft_wrap=True)
+        out.line(f"plan {number}, from {readable(segment.start)}: {_GUARANTEES[segment.guarantee]}")
         for parameter in segment.plan.parameters:
             interval = segment.box[parameter.name]
             percent = percentages(parameter, interval)
-            out.print(
-                f"  {parameter.name} in {interval.written(format_number)}{percent and f' ({percent})'}", soft_wrap=True
-            )
+            out.line(f"  {parameter.name} in {interval.written(format_number)}{percent and f' ({percent})'}")
         print_advice(out, advice(segment.plan, segment.box))
         for time, what, detail in sorted(_events(segment), key=lambda event: event[0]):
-            out.print(f"{readable(time):>10}  {what:<9} {detail}", soft_wrap=True)
+            out.line(f"{readable(time):>10}  {what:<9} {detail}")
 
 
 def _verdict(run: ReplanningRun, executor: str) -> Text:
@@ -445,7 +448,7 @@ def print_runs(out: Console, runs: Sequence[ReplanningRun], executor: str, *, qu
         return
     reasons = Counter(_kind(run.reason) for run in runs if run.reason)
     for reason, count in reasons.most_common(_REASONS):
-        out.print(f"failed {plural(count, 'time')}: {reason}", soft_wrap=True)
+        out.line(f"failed {plural(count, 'time')}: {reason}")
     if len(reasons) > _REASONS:
         out.print(f"and {len(reasons) - _REASONS} other reasons")
 
@@ -468,16 +471,15 @@ def print_controllability(out: Console, report: ControllabilityReport, *, quiet:
         text = Text.assemble((finding.verdict.value, colour_of(finding.verdict.value)), f": {ADVERBS[finding.kind]}")
         if finding.reason is not None and not quiet:
             text.append(f"; {finding.reason}")
-        out.print(text, soft_wrap=True)
+        out.line(text)
     if report.failure is not None:
-        out.print(Text(f"no {ADVERBS[report.wanted]} controllable part: {report.failure}", "yellow"), soft_wrap=True)
+        out.line(f"no {ADVERBS[report.wanted]} controllable part: {report.failure}", "yellow")
     elif report.shrunk is not None and report.lost is not None and not report.was_controllable:
         _print_part(out, report, report.shrunk, report.lost, quiet)
         if report.widest is not None:
             _print_widest(out, report.widest, ADVERBS[report.wanted], quiet)
     if not quiet:
-        for line in report.waits:
-            out.print(Text(line, style="dim"), soft_wrap=True)
+        out.lines(report.waits, "dim")
 
 
 def _print_part(out: Console, report: ControllabilityReport, shrunk: Shrunk, lost: Loss, quiet: bool) -> None:
@@ -498,24 +500,24 @@ def _print_part(out: Console, report: ControllabilityReport, shrunk: Shrunk, los
     out.print()
     share = "" if lost.share is None else f"; {float(lost.share):.1%} of the total width is lost"
     largest = f"no {ADVERBS[report.wanted]} controllable part of the box contains this one{share}."
-    out.print(Text(largest), soft_wrap=True)
+    out.line(largest)
     if shrunk.cut:
         names = ", ".join(dict.fromkeys(name for name, _ in shrunk.cut))
         text = f"{names} may be any finite amount larger: ends were set {readable(HORIZON)} weights from the centre."
-        out.print(Text(text), soft_wrap=True)
+        out.line(text)
 
 
 def _print_widest(out: Console, widest: Widest, adverb: str, quiet: bool) -> None:
     """The widest box that is controllable and, unless `quiet`, what stops each of its ends."""
     out.print()
     where = "no wider one is in the envelope" if widest.bound is not None else "no box in the envelope contains it"
-    out.print(f"the widest {adverb} controllable box: {where} that is {adverb} controllable", soft_wrap=True)
+    out.line(f"the widest {adverb} controllable box: {where} that is {adverb} controllable")
     for name, interval in widest.box.intervals.items():
-        out.print(Text(f"  {name} in {interval_text(interval)}"), soft_wrap=True)
+        out.line(f"  {name} in {interval_text(interval)}")
         for side, word in ((Side.LOWER, "below"), (Side.UPPER, "above")):
             stop = widest.stops.get((name, side))
             if stop is not None and not quiet:
-                out.print(Text(f"    {word}: {stop.short}", "dim"), soft_wrap=True)
+                out.line(f"    {word}: {stop.short}", "dim")
 
 
 # -- plans that run ----------------------------------------------------------------------------------------------------
@@ -596,7 +598,7 @@ def outlook_line(outlook: Outlook, numbers: str, coming: int, news: Mapping[str,
     """What `robust watch` prints; decimals are rounded such that what they promise holds."""
     planning = UNSET if news is None else Planned(**news)
     known = {"prospect": outlook.prospect.value, "coming": list(outlook.coming[:coming]), "planning": planning}
-    said = document(like(Watch, outlook, **known))
+    said = document_of(Watch, outlook, **known)
     if numbers == "decimal":
         said["time"] = _decimal(said["time"], up=False)
         for look in (*said["running"], *said["startable"], *said["coming"]):

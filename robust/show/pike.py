@@ -9,15 +9,15 @@ from typing import Annotated, Any
 
 from msgspec import UNSET, Meta, UnsetType
 
-from robust.json_text import Count, JsonObject, Rational, Seconds, like, on_wire, one_of
+from robust.json_text import Count, JsonObject, Rational, Seconds, on_wire, one_of
 from robust.numbers import duration, format_number, plural, readable
 from robust.pike_bridge import action_model, contents, model, semantics
 from robust.pike_bridge.compile import PikeCheck, Sizes
 from robust.pike_bridge.cross_check import CrossCheck, Crossed, Disagreement
 from robust.pike_bridge.likelihood import OPEN, ChanceBounds, TeamChance
 from robust.pike_bridge.online import executive
-from robust.show.console import Console, Text, printing
-from robust.show.documents import Document, Ended, Rationals, Verdict, document, documenting, has_table
+from robust.show.console import Console, printing
+from robust.show.documents import Document, Ended, Rationals, Verdict, document, document_of, documenting, has_table
 
 Stages = Annotated[dict[str, Seconds], Meta(description="by stage")]
 
@@ -192,16 +192,14 @@ STAGES = ("precedence", "links", "conflicts", "knowledge")
 def check_document(result: PikeCheck) -> Document:
     """`robust/pike-check/1`."""
     execution = result.execution
-    return document(
-        like(
-            PikeChecked,
-            result,
-            verdict=result.verdict.value,
-            scenario=None if execution is None else dict(execution.scenario),
-            schedule=None if execution is None else dict(in_order(execution.schedule)),
-            scenarios=UNSET if result.scenarios is None else [dict(scenario) for scenario in result.scenarios],
-            seconds=_rounded(result.seconds or {}),
-        )
+    return document_of(
+        PikeChecked,
+        result,
+        verdict=result.verdict.value,
+        scenario=None if execution is None else dict(execution.scenario),
+        schedule=None if execution is None else dict(in_order(execution.schedule)),
+        scenarios=UNSET if result.scenarios is None else [dict(scenario) for scenario in result.scenarios],
+        seconds=_rounded(result.seconds or {}),
     )
 
 
@@ -282,9 +280,8 @@ def print_sizes(out: Console, sizes: Sizes, *, quiet: bool) -> None:
     for name, value in _facts(sizes).items():
         out.print(f"  {name}: {value}")
     for implicant in sizes.implicants or ():
-        out.print(Text(f"  {_environment(implicant)}"), soft_wrap=True)
-    for line in chain(_link_lines(sizes), _label_lines(sizes), _distance_lines(sizes)):
-        out.print(Text(line), soft_wrap=True)
+        out.line(f"  {_environment(implicant)}")
+    out.lines(chain(_link_lines(sizes), _label_lines(sizes), _distance_lines(sizes)))
 
 
 def _environment(values: Mapping[str, str]) -> str:
@@ -357,15 +354,13 @@ def _facts(sizes: Sizes) -> Mapping[str, str]:
 def cross_document(crossed: Crossed) -> Document:
     """`robust/pike-cross/1`."""
     outcome = CrossCheck() if crossed.outcome is None else crossed.outcome
-    return document(
-        like(
-            PikeCross,
-            outcome,
-            status=crossed.status,
-            agree=None if crossed.outcome is None else outcome.agree,
-            scenarios=None if crossed.outcome is None else outcome.scenarios,
-            witness=None if crossed.written is None else str(crossed.written),
-        )
+    return document_of(
+        PikeCross,
+        outcome,
+        status=crossed.status,
+        agree=None if crossed.outcome is None else outcome.agree,
+        scenarios=None if crossed.outcome is None else outcome.scenarios,
+        witness=None if crossed.written is None else str(crossed.written),
     )
 
 
@@ -401,16 +396,14 @@ def chance_document(result: TeamChance) -> Document:
         PikeIntent(each.choice, each.value, each.probability, *(each.success or (None, None)))
         for each in result.intents
     ]
-    return document(
-        like(
-            PikeChance,
-            result,
-            order=list(result.order),
-            success=_interval(result.success),
-            hasty=_interval(result.hasty),
-            intents=intents,
-            uniform=list(result.uniform),
-        )
+    return document_of(
+        PikeChance,
+        result,
+        order=list(result.order),
+        success=_interval(result.success),
+        hasty=_interval(result.hasty),
+        intents=intents,
+        uniform=list(result.uniform),
     )
 
 
@@ -439,7 +432,7 @@ def print_chance(out: Console, result: TeamChance, *, quiet: bool) -> None:
         widths = [max(len(row[column]) for row in rows) for column in (0, 1)]
         out.print("What people may choose, how likely that is, and success if they do:")
         for name, share, success in rows:
-            out.print(Text(f"  {name:<{widths[0]}}  {share:>{widths[1]}}  {success}"), soft_wrap=True)
+            out.line(f"  {name:<{widths[0]}}  {share:>{widths[1]}}  {success}")
     if result.uniform:
         out.print(f"The plan has no probabilities of {', '.join(result.uniform)}: all values count as equally likely.")
 
@@ -458,7 +451,7 @@ def percent(chance: ChanceBounds | None) -> str:
 @documenting.register(executive.Moments)
 def patience_document(found: executive.Moments) -> Document:
     """`robust/pike-patience/1`."""
-    return document(like(PikePatience, found))
+    return document_of(PikePatience, found)
 
 
 @printing.register(executive.Moments)
@@ -510,7 +503,7 @@ def print_new(out: Console, instance: action_model.Instance, path: Path, *, quie
     network = instance.network
     activities = plural(len(network.activities), "activity").replace("activitys", "activities")
     text = f"{path}: {plural(len(network.choices), 'choice')}, {activities}; beside it domain.pddl and problem.pddl"
-    out.print(Text(text), soft_wrap=True)
+    out.line(text)
     if quiet:
         return
     file = shlex.quote(str(path))
@@ -521,4 +514,4 @@ def print_new(out: Console, instance: action_model.Instance, path: Path, *, quie
         f"region {file} --parameter {parameter}",
         f"plot {file} -o {shlex.quote(str(path.with_name('plan.svg')))}",
     ):
-        out.print(Text(f"  robust pike {text}"), soft_wrap=True)
+        out.line(f"  robust pike {text}")

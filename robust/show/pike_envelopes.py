@@ -18,8 +18,8 @@ from robust.qe.constraint import LinearConstraint, Sense
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region, absorb, signed_sum
 from robust.searching import Status
-from robust.show.console import Console, Text, printing
-from robust.show.documents import SIDES, Document, Ended, SearchEnded, document, documenting, ends_of, has_table
+from robust.show.console import Console, printing
+from robust.show.documents import SIDES, Document, Ended, SearchEnded, document_of, documenting, ends_of, has_table
 from robust.show.plan_documents import ConstraintRecord, PolyhedronRecord, rows_of
 
 MANY = 20
@@ -207,27 +207,25 @@ def region_document(region: LabeledRegion, cells: Cells | None) -> Document:
             )
             for possible, cell in cells
         ]
-    return document(
-        like(
-            PikeRegion,
-            region,
-            status=region.status.value,
-            assume=_choices(region.assume),
-            choices=list(region.key),
-            epsilon=region.plan.plan.epsilon,
-            parameters={
-                parameter.name: TeamParameterRecord(
-                    kind=parameter.kind.value,
-                    meaning=parameter.meaning,
-                    nominal=parameter.parameter.nominal,
-                    lower=exact_end(parameter.parameter.lower, upper=False),
-                    upper=exact_end(parameter.parameter.upper, upper=True),
-                )
-                for parameter in region.plan.parameters
-            },
-            combinations=combinations,
-            exactly=exactly,
-        )
+    return document_of(
+        PikeRegion,
+        region,
+        status=region.status.value,
+        assume=_choices(region.assume),
+        choices=list(region.key),
+        epsilon=region.plan.plan.epsilon,
+        parameters={
+            parameter.name: TeamParameterRecord(
+                kind=parameter.kind.value,
+                meaning=parameter.meaning,
+                nominal=parameter.parameter.nominal,
+                lower=exact_end(parameter.parameter.lower, upper=False),
+                upper=exact_end(parameter.parameter.upper, upper=True),
+            )
+            for parameter in region.plan.parameters
+        },
+        combinations=combinations,
+        exactly=exactly,
     )
 
 
@@ -254,20 +252,16 @@ def envelope_document(envelope: TeamEnvelope) -> Document:
         needed = [telling.demand(constraint) for constraint in envelope.needed]
         broken = BrokenCombination(choices=_choices(envelope.broken), possible=envelope.possible, needed=needed)
     known = not envelope.cut_short and bool(envelope.combinations)
-    return document(
-        like(
-            PikeEnvelope,
-            envelope,
-            status=envelope.status.value,
-            assume=_choices(envelope.assume),
-            for_all=list(envelope.for_all),
-            epsilon=envelope.plan.plan.epsilon,
-            parameters={
-                parameter.name: _within(envelope, parameter, telling) for parameter in envelope.plan.parameters
-            },
-            broken=broken,
-            polyhedra=_polyhedra(_tidied(envelope.region)) if known else None,
-        )
+    return document_of(
+        PikeEnvelope,
+        envelope,
+        status=envelope.status.value,
+        assume=_choices(envelope.assume),
+        for_all=list(envelope.for_all),
+        epsilon=envelope.plan.plan.epsilon,
+        parameters={parameter.name: _within(envelope, parameter, telling) for parameter in envelope.plan.parameters},
+        broken=broken,
+        polyhedra=_polyhedra(_tidied(envelope.region)) if known else None,
     )
 
 
@@ -478,7 +472,7 @@ def print_region(out: Console, region: LabeledRegion, *, quiet: bool) -> None:
 
 
 def _line(out: Console, text: str) -> None:
-    out.print(Text(text), soft_wrap=True)
+    out.line(text)
 
 
 def _ended(result: LabeledRegion | TeamEnvelope) -> str:

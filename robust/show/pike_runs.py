@@ -115,7 +115,7 @@ def print_run(out: Console, record: world.ExecutionRecord, *, quiet: bool) -> No
     )
     if record.replans is not None:
         headline.append(f"; {plural(record.replans, 're-plan')}, recovery took {readable(record.recovered)}", "none")
-    out.print(headline, soft_wrap=True)
+    out.line(headline)
     if quiet:
         return
     if record.thrift.anything:
@@ -125,7 +125,7 @@ def print_run(out: Console, record: world.ExecutionRecord, *, quiet: bool) -> No
         )
         if thrift.followed:
             text += f"; {plural(thrift.followed, 'event')} executed so that a known execution stays possible"
-        out.print(Text(f"{text}."), soft_wrap=True)
+        out.line(f"{text}.")
     reasons = _Reasons()
     for step in record.steps:
         _print_step(out, step, reasons)
@@ -133,12 +133,12 @@ def print_run(out: Console, record: world.ExecutionRecord, *, quiet: bool) -> No
         out.print()
         out.print("These facts contradict each other; without any one of them a correct execution would be left:")
         for fact in record.conflict:
-            out.print(Text(f"  {fact.text}"), soft_wrap=True)
+            out.line(f"  {fact.text}")
     if record.faults:
         out.print()
         out.print("The executive took this for a success, but what activities need and do says otherwise:")
         for fault in record.faults:
-            out.print(Text(f"  {fault}"), soft_wrap=True)
+            out.line(f"  {fault}")
 
 
 def _print_step(out: Console, step: world.ExecutionStep, reasons: _Reasons) -> None:
@@ -146,26 +146,26 @@ def _print_step(out: Console, step: world.ExecutionStep, reasons: _Reasons) -> N
     for decision, reason in _with_reasons(step):
         what, text = _told(decision)
         if what != "event":
-            out.print(Text(f"{readable(step.time):>10}  {what:<9} {text}"), soft_wrap=True)
+            out.line(f"{readable(step.time):>10}  {what:<9} {text}")
             _print_lines(out, reasons.of_decision(reason))
     inferences = step.reasons.inferences if step.reasons else {}
     for choice in inferences or step.inferred:  # those first whose reasons others rest on
         values = step.inferred[choice]
         verb = "must be" if len(values) == 1 else "may still be"
-        out.print(Text(f"{'':>10}  so        {choice} {verb} {' or '.join(values)}"), soft_wrap=True)
+        out.line(f"{'':>10}  so        {choice} {verb} {' or '.join(values)}")
         _print_lines(out, reasons.of_inference(choice, inferences.get(choice)))
     if step.guess:
         guess = ", ".join(f"{name} = {value}" for name, value in step.guess.items())
-        out.print(Text(f"{readable(step.time):>10}  guess     {guess}"), soft_wrap=True)
+        out.line(f"{readable(step.time):>10}  guess     {guess}")
     if step.success is not None:
-        out.print(Text(f"{'':>10}  likely    success {percent(step.success)}"), soft_wrap=True)
+        out.line(f"{'':>10}  likely    success {percent(step.success)}")
         likely = (f"{each.choice} = {each.value} {float(each.probability):.0%}" for each in step.intents)
         _print_lines(out, [", ".join(likely)] if step.intents else [])
 
 
 def _print_lines(out: Console, lines: Iterable[str]) -> None:
     for line in lines:
-        out.print(Text(f"{'':>24}{line}", style="dim"), soft_wrap=True)
+        out.line(f"{'':>24}{line}", "dim")
 
 
 class _Reasons:

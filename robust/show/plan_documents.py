@@ -129,21 +129,17 @@ class Check(documents.Noted, tag_field="schema", tag="robust/check/1"):
 def check(result: CheckResult) -> documents.Document:
     """`counterexample` is the first, `counterexamples` are all that were found."""
     examples = [_counterexample(example) for example in result.counterexamples.values()]
-    return documents.document(
-        like(
-            Check,
-            result,
-            verdict=result.answer.value,
-            parameters=result.box,
-            obligations=[
-                ObligationRecord(name=name, verdict=answer.value) for name, answer in result.obligations.items()
-            ],
-            counterexample=examples[0] if examples else None,
-            counterexamples=examples,
-            repair=None if result.repair is None else documents.changes_of(result.repair),
-            interrupted=result.interrupted and not result.timed_out,
-            timeout=result.timed_out,
-        )
+    return documents.document_of(
+        Check,
+        result,
+        verdict=result.answer.value,
+        parameters=result.box,
+        obligations=[ObligationRecord(name=name, verdict=answer.value) for name, answer in result.obligations.items()],
+        counterexample=examples[0] if examples else None,
+        counterexamples=examples,
+        repair=None if result.repair is None else documents.changes_of(result.repair),
+        interrupted=result.interrupted and not result.timed_out,
+        timeout=result.timed_out,
     )
 
 
@@ -362,22 +358,20 @@ def envelope(
     seconds = {step.check: step.seconds for step in result.trace}
     report, shown = beside.controllability, beside.counterexample
     first = result.first_widening_seconds
-    return documents.document(
-        like(
-            Envelope,
-            result,
-            parameters={parameter.name: _parameter(result, parameter) for parameter in result.parameters},
-            first_widening_s=None if first is None else round(first, 6),
-            counterexample=None if shown is None else _counterexample(shown),
-            convergence=[
-                Convergence(check=number, seconds=round(seconds[number], 6), share=round(float(share), 6))
-                for number, share in result.convergence()
-            ],
-            inner=None if result.inner is None else _inner(result.inner),
-            shape=UNSET if result.shape is None else _shape(result.shape),
-            controllability=_controllability(report) if report is not None else None if controllability else UNSET,
-            probability=UNSET if beside.probability is None else documents.range_of(beside.probability),
-        )
+    return documents.document_of(
+        Envelope,
+        result,
+        parameters={parameter.name: _parameter(result, parameter) for parameter in result.parameters},
+        first_widening_s=None if first is None else round(first, 6),
+        counterexample=None if shown is None else _counterexample(shown),
+        convergence=[
+            Convergence(check=number, seconds=round(seconds[number], 6), share=round(float(share), 6))
+            for number, share in result.convergence()
+        ],
+        inner=None if result.inner is None else _inner(result.inner),
+        shape=UNSET if result.shape is None else _shape(result.shape),
+        controllability=_controllability(report) if report is not None else None if controllability else UNSET,
+        probability=UNSET if beside.probability is None else documents.range_of(beside.probability),
     )
 
 
@@ -557,7 +551,7 @@ def region(result: compute.RegionResult) -> documents.Document:
     shown["reason"] = UNSET if result.reason is None else result.reason
     more = not result.is_exact or len(result.factors) > 1 or any(factor.symmetry for factor in result.factors)
     factors = [_factor(factor) for factor in result.factors] if more else []
-    return documents.document(like(RegionDocument, result, factors=factors, **shown))
+    return documents.document_of(RegionDocument, result, factors=factors, **shown)
 
 
 @documents.documenting.register(compute.RegionResult)
@@ -684,14 +678,12 @@ def compare(result: Comparison) -> documents.Document:
     volume = None
     if result.volume is not None:
         volume = Volume(lower=result.volume.lower, upper=numbers.exact_end(result.volume.upper, upper=True))
-    return documents.document(
-        like(
-            Compare,
-            result,
-            parameters={parameter.name: parameter.nominal for parameter in result.plan.parameters},
-            region=None if result.region is None else like(Enumerated, result.region, volume=volume),
-            boxes=[_compared(entry) for entry in result.entries],
-        )
+    return documents.document_of(
+        Compare,
+        result,
+        parameters={parameter.name: parameter.nominal for parameter in result.plan.parameters},
+        region=None if result.region is None else like(Enumerated, result.region, volume=volume),
+        boxes=[_compared(entry) for entry in result.entries],
     )
 
 

@@ -100,28 +100,25 @@ def _(out: Console, result: RegionResult, *, quiet: bool) -> None:
 def print_region(out: Console, result: RegionResult, *, quiet: bool) -> None:
     """Inequalities, and what they mean; unless `quiet` also how they were found."""
     if isinstance(result.region, lifted.LiftedRegion):
-        for line in _lifted_lines(result.region, {} if result.plan is None else result.plan.nominal):
-            out.print(Text(line), soft_wrap=True)
+        out.lines(_lifted_lines(result.region, {} if result.plan is None else result.plan.nominal))
         if not quiet:
             out.print()
-            out.print(_summary(result), soft_wrap=True)
+            out.line(_summary(result))
         return
     ordered = result.is_exact and len(result.region.pieces) > MANY and any(factor.symmetry for factor in result.factors)
     exact = result.is_exact
     lines = _ordered_lines(result.factors) if ordered else region_lines(result.region, exact=exact)
-    for line in lines:
-        out.print(Text(line), soft_wrap=True)
-    for line in () if exact else _inner_lines(result):
-        out.print(Text(line), soft_wrap=True)
+    out.lines(lines)
+    out.lines(() if exact else _inner_lines(result))
     if not quiet:
         out.print()
     if not exact:
         why = stopped(result.status, result.reason)
         text = f"{why}: an outer bound of the envelope; outside the plan can fail, inside it may"
-        out.print(Text(text, style="yellow"), soft_wrap=True)
-        out.print(Text(_open_text(result), style="yellow"), soft_wrap=True)
+        out.line(text, "yellow")
+        out.line(_open_text(result), "yellow")
     if not quiet:
-        out.print(_summary(result), soft_wrap=True)
+        out.line(_summary(result))
 
 
 def _lifted_lines(region: lifted.LiftedRegion, nominal: Point) -> Iterator[str]:
@@ -360,13 +357,12 @@ def _percent(value: Fraction) -> str:
 def print_comparison(out: Console, result: Comparison, *, quiet: bool) -> None:
     """The region, the boxes, and unless `quiet` what stops each face."""
     if result.region is not None:
-        for line in _compared_lines(result.region):
-            out.print(Text(line), soft_wrap=True)
+        out.lines(_compared_lines(result.region))
         out.print()
     show_table(out, table(_BOXES, box_rows(result), right=_BOXES[2:]))
     for entry in result.entries:
         out.print()
-        out.print(Text(f"{METHOD_NAMES[entry.method]}: {_box_text(entry)}"), soft_wrap=True)
+        out.line(f"{METHOD_NAMES[entry.method]}: {_box_text(entry)}")
     if quiet:
         return
     rows = face_rows(result)
@@ -375,7 +371,7 @@ def print_comparison(out: Console, result: Comparison, *, quiet: bool) -> None:
         show_table(out, table(_FACES, rows, right=("gap",)))
     print_advice(out, dict.fromkeys(advice for entry in result.entries for advice in entry.result.advice))
     out.print()
-    out.print(Text(_compare_summary(result)), soft_wrap=True)
+    out.line(_compare_summary(result))
 
 
 def _compared_lines(region: RegionResult) -> Iterator[str]:
@@ -448,7 +444,7 @@ def print_envelope(out: Console, result: EnvelopeResult, beside: Beside = NOTHIN
 
         print_controllability(out, beside.controllability, quiet=quiet)
     if beside.probability is not None:
-        out.print(_greatest_text(result, beside.probability), soft_wrap=True)
+        out.line(_greatest_text(result, beside.probability))
 
 
 def _greatest_text(result: EnvelopeResult, probability: Bounds) -> str:
@@ -488,7 +484,7 @@ def _nearness(result: EnvelopeResult) -> str:
 def _print_box(out: Console, result: EnvelopeResult, counterexample: Counterexample | None, quiet: bool) -> None:
     if result.status is Status.INVALID:
         where = "the plan can fail at the nominal values: " if result.values else ""
-        out.print(Text.assemble(("invalid", "bold red"), f": {where}{result.reason}"), soft_wrap=True)
+        out.line(Text.assemble(("invalid", "bold red"), f": {where}{result.reason}"))
         if counterexample is not None and not quiet:
             print_counterexample(out, counterexample, words_of(result.plan))
         if not quiet:
@@ -512,10 +508,10 @@ def _print_box(out: Console, result: EnvelopeResult, counterexample: Counterexam
         out.print()
     if result.status is not Status.COMPLETE:
         word = stopped(result.status, result.reason)
-        out.print(Text(f"{word}: the best box so far; sound, not maximal", style="yellow"), soft_wrap=True)
+        out.line(f"{word}: the best box so far; sound, not maximal", "yellow")
     if not quiet:
         print_tolerance(out, result.tolerance)
-        out.print(_box_summary(result), soft_wrap=True)
+        out.line(_box_summary(result))
 
 
 SIDES = 6
@@ -593,7 +589,7 @@ def _print_stops(out: Console, result: EnvelopeResult) -> None:
         out.print("What ends each side:")
     for reason, ended in sides.items():
         more = f" and {len(ended) - SIDES} more sides" if len(ended) > SIDES else ""
-        out.print(Text(f"  {', '.join(islice(ended, SIDES))}{more}: {reason}"), soft_wrap=True)
+        out.line(f"  {', '.join(islice(ended, SIDES))}{more}: {reason}")
 
 
 def _side(result: EnvelopeResult, name: str, side: Side, words: Words) -> str:

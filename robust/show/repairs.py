@@ -6,7 +6,7 @@ from typing import Annotated
 from robust.irr.conflicts import RepairStatus
 from robust.irr.quantities import Cost
 from robust.irr.repair import Repair
-from robust.json_text import Count, JsonObject, Rational, Seconds, like, one_of, wire
+from robust.json_text import Count, JsonObject, Rational, Seconds, one_of, wire
 from robust.numbers import duration, plural, readable
 from robust.qe.box import Interval
 from robust.show import documents
@@ -19,24 +19,22 @@ from robust.show.text import change_text, words_of
 @printing.register(Repair)
 def print_repair(out: Console, repair: Repair, written: Path | None = None, *, quiet: bool) -> None:
     """The changes and what they cost; unless `quiet` with the statements that change and what for."""
-    out.print(
-        Text.assemble((repair.status.value, colour_of(repair.status.value)), f": {_verdict(repair)}"), soft_wrap=True
-    )
+    out.line(Text.assemble((repair.status.value, colour_of(repair.status.value)), f": {_verdict(repair)}"))
     words = words_of(repair.plan)
     for change in repair.changes:
-        out.print(Text(f"  {change_text(change) if quiet else change.words}"), soft_wrap=True)
+        out.line(f"  {change_text(change) if quiet else change.words}")
         if not quiet:
-            out.print(Text(f"    in {change}", style="dim"), soft_wrap=True)
+            out.line(f"    in {change}", "dim")
             for reason in change.serves:
-                out.print(Text(f"    for {words.told(reason)}", style="dim"), soft_wrap=True)
+                out.line(f"    for {words.told(reason)}", "dim")
     for reason in repair.contradiction:
-        out.print(Text(f"  {words.told(reason)}"), soft_wrap=True)
+        out.line(f"  {words.told(reason)}")
     if not quiet:
         checked = "checked again: the repaired plan is proved; " if repair.changes else ""
         examined = plural(repair.candidates, "plan")
-        out.print(Text(f"{checked}{examined} examined; {duration(repair.seconds)}.", style="dim"), soft_wrap=True)
+        out.line(f"{checked}{examined} examined; {duration(repair.seconds)}.", "dim")
     if written is not None:
-        out.print(Text(f"plan: {written}"), soft_wrap=True)
+        out.line(f"plan: {written}")
 
 
 def _verdict(repair: Repair) -> str:
@@ -125,16 +123,14 @@ def _(cost: Cost) -> CostRecord:
 def repair_document(repair: Repair, written: Path | None = None) -> documents.Document:
     """With the file that the repaired plan was written to."""
     cost = repair.cost
-    return documents.document(
-        like(
-            PlanRepair,
-            repair,
-            status=_ended(repair),
-            repair=repair.status.value,
-            gap=cost.total - repair.bound.total if cost is not None and cost.count == repair.bound.count else None,
-            changes=documents.changes_of(repair.changes),
-            written=None if written is None else str(written),
-        )
+    return documents.document_of(
+        PlanRepair,
+        repair,
+        status=_ended(repair),
+        repair=repair.status.value,
+        gap=cost.total - repair.bound.total if cost is not None and cost.count == repair.bound.count else None,
+        changes=documents.changes_of(repair.changes),
+        written=None if written is None else str(written),
     )
 
 

@@ -176,34 +176,30 @@ def _(result: RiskResult) -> documents.Document:
         )
         for kept in result.kept
     }
-    return documents.document(
-        like(
-            RiskAnswer,
-            result,
-            distributions={name: str(distribution) for name, distribution in result.distributions.items()},
-            box=None if result.best is None else boxes[result.best.method],
-            boxes=list(boxes.values()),
-            by_obligation=result.shares,
-            disjoint=Disjoint(boxes=len(result.disjoint)) if result.disjoint else UNSET,
-            estimate=UNSET if result.estimate is None else result.estimate,
-            probabilities=UNSET if result.probabilities is None else like(ThreeProbabilities, result.probabilities),
-            late=UNSET if result.late is None else _late_document(result.late),
-            factors=[
-                FactorDocument(
-                    name=factor.name,
-                    distribution=str(factor.distribution),
-                    scales=sorted(factor.scales),
-                    shifts=dict(factor.shifts),
-                )
-                for factor in result.factors
-            ]
-            or UNSET,
-            joints=[
-                JointDurations(names=list(names), matrix=[list(row) for row in rows]) for names, rows in result.joints
-            ]
-            or UNSET,
-            reason=UNSET if result.reason is None else result.reason,
-        )
+    return documents.document_of(
+        RiskAnswer,
+        result,
+        distributions={name: str(distribution) for name, distribution in result.distributions.items()},
+        box=None if result.best is None else boxes[result.best.method],
+        boxes=list(boxes.values()),
+        by_obligation=result.shares,
+        disjoint=Disjoint(boxes=len(result.disjoint)) if result.disjoint else UNSET,
+        estimate=UNSET if result.estimate is None else result.estimate,
+        probabilities=UNSET if result.probabilities is None else like(ThreeProbabilities, result.probabilities),
+        late=UNSET if result.late is None else _late_document(result.late),
+        factors=[
+            FactorDocument(
+                name=factor.name,
+                distribution=str(factor.distribution),
+                scales=sorted(factor.scales),
+                shifts=dict(factor.shifts),
+            )
+            for factor in result.factors
+        ]
+        or UNSET,
+        joints=[JointDurations(names=list(names), matrix=[list(row) for row in rows]) for names, rows in result.joints]
+        or UNSET,
+        reason=UNSET if result.reason is None else result.reason,
     )
 
 
@@ -232,7 +228,7 @@ def print_risk(out: Console, result: RiskResult, *, quiet: bool) -> None:
     places = places_for(result.within)
     out.print(Text.assemble("probability of success: ", (bounds_text(result.probability, places), "bold")))
     if result.estimate is not None:
-        out.print(_estimate(result.estimate, places), soft_wrap=True)
+        out.line(_estimate(result.estimate, places))
     if result.probabilities is not None:
         known = result.probabilities
         for name, bounds, best in (
@@ -263,7 +259,7 @@ def print_risk(out: Console, result: RiskResult, *, quiet: bool) -> None:
         ]
         show_table(out, table(("box", "probability", "of success"), rows))
     out.print()
-    out.print(_summary(result), soft_wrap=True)
+    out.line(_summary(result))
 
 
 SHOWN = 8
@@ -277,10 +273,9 @@ def _print_late(out: Console, result: RiskResult, late: packing.LatenessDraws, p
     words = words_of(result.plan)
     out.print()
     gain = "" if late.certified_gain is None else f" (certified: {bounds_text(late.certified_gain, places)})"
-    out.print(
+    out.line(
         f"What is late in {late.draws} random draws; one unit of time more would save {late.gain:.{places}f} of them"
-        f"{gain}:",
-        soft_wrap=True,
+        f"{gain}:"
     )
     told = [(words.told(share.name), share) for share in late.points[:SHOWN]]
     told += [(words.parameters.get(share.name, share.name), share) for share in late.durations[:SHOWN]]

@@ -74,7 +74,7 @@ def _print_all(
         text = Text("" if len(judged) == 1 or network.error is not None else f"{network.file}: ")
         text.append(network.word, style=colour_of(network.word))
         text.append(f": {network.error if network.result is None else line(network.result)}")
-        out.print(text, soft_wrap=True)
+        out.line(text)
         if network.result is not None:
             more(network.result)
     if len(judged) > 1:
@@ -88,10 +88,10 @@ def print_checks(out: Console, judged: Sequence[JudgedNetwork[NetworkCheck]], *,
     def more(result: NetworkCheck) -> None:
         if not quiet and result.cycle:
             for edge in result.cycle:
-                out.print(Text(f"  {edge}"), soft_wrap=True)
+                out.line(f"  {edge}")
             finite = [edge.value for edge in result.cycle if edge.value is not None]
             total = "-inf" if len(finite) < len(result.cycle) else format_number(sum(finite, Fraction(0)))
-            out.print(Text(f"  a semi-reducible cycle of length {total}, checked", style="dim"), soft_wrap=True)
+            out.line(f"  a semi-reducible cycle of length {total}, checked", "dim")
 
     _print_all(out, judged, _verdict_line, more)
 
@@ -115,16 +115,16 @@ def print_dispatches(out: Console, judged: Sequence[JudgedNetwork[SimulatedDispa
             return
         dispatch, executions = simulated.dispatch, simulated.executions
         for link in dispatch.network.contingents if dispatch.tables is not None else ():
-            out.print(Text(f"  {link}"), soft_wrap=True)
+            out.line(f"  {link}")
         for edge in dispatch.requirements:
-            out.print(Text(f"  {edge.target} - {edge.source} <= {format_number(edge.bound)}"), soft_wrap=True)
+            out.line(f"  {edge.target} - {edge.source} <= {format_number(edge.bound)}")
         for wait in dispatch.waits:
-            out.print(Text(f"  {wait}"), soft_wrap=True)
+            out.line(f"  {wait}")
         for run in executions[:1]:
-            out.print(Text(f"execution with seed {run.seed}:"), soft_wrap=True)
+            out.line(f"execution with seed {run.seed}:")
             for event in run.events:
                 text = f"  {readable(event.time):>10}  {event.point}{' (observed)' if event.observed else ''}"
-                out.print(Text(text), soft_wrap=True)
+                out.line(text)
         if executions:
             failed = sum(bool(run.violated) for run in executions)
             counted = f"{plural(len(executions), 'execution')}, {failed} with a violated requirement"
@@ -151,13 +151,13 @@ def print_repairs(
 
     def more(repair: NetworkRepair) -> None:
         for change in repair.changes:
-            out.print(Text(f"  {change}"), soft_wrap=True)
+            out.line(f"  {change}")
             for reason in () if quiet else change.serves:
-                out.print(Text(f"    for: {reason}", style="dim"), soft_wrap=True)
+                out.line(f"    for: {reason}", "dim")
 
     _print_all(out, judged, line, more)
     if written is not None:
-        out.print(Text(f"network: {written}"), soft_wrap=True)
+        out.line(f"network: {written}")
 
 
 def _alone(result: Result) -> list[JudgedNetwork[Result]]:

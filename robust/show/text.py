@@ -211,10 +211,10 @@ def print_check(out: Console, result: CheckResult, *, quiet: bool) -> None:
     A refutation ends with its repair, if there is one.
     """
     words = words_of(result.plan)
-    out.print(_verdict(result, words), soft_wrap=True)
+    out.line(_verdict(result, words))
     if quiet:
         return
-    out.print(_summary(result, words), soft_wrap=True)
+    out.line(_summary(result, words))
     print_tolerance(out, result.tolerance)
     if result.every:
         _print_broken(out, result, words)
@@ -223,13 +223,13 @@ def print_check(out: Console, result: CheckResult, *, quiet: bool) -> None:
         print_counterexample(out, counterexample, words)
     if result.repair is not None:
         out.print()
-        out.print(Text.assemble(("repair: ", "bold"), "; ".join(map(change_text, result.repair))), soft_wrap=True)
+        out.line(Text.assemble(("repair: ", "bold"), "; ".join(map(change_text, result.repair))))
 
 
 def print_tolerance(out: Console, tolerance: stops.Tolerance | None) -> None:
     """λ* in one line, if it is known."""
     if tolerance is not None:
-        out.print(Text.assemble(("tolerance", "bold"), f": {tolerance}"), soft_wrap=True)
+        out.line(Text.assemble(("tolerance", "bold"), f": {tolerance}"))
 
 
 def change_text(change: QuantityChange) -> str:
@@ -308,13 +308,13 @@ def _when_and_why(example: Counterexample) -> tuple[str, str]:
 def print_counterexample(out: Console, example: Counterexample, words: Words) -> None:
     """Print what breaks, when and why, and the schedule that breaks it, state by state."""
     when, why = _when_and_why(example)
-    out.print(Text.assemble(("broken: ", "bold red"), words.told(example.obligation)), soft_wrap=True)
-    out.print(Text(f"  at time {when}: {why}"), soft_wrap=True)
+    out.line(Text.assemble(("broken: ", "bold red"), words.told(example.obligation)))
+    out.line(f"  at time {when}: {why}")
     values = [f"{named(name, words.parameters)} = {readable(value)}" for name, value in example.parameters.items()]
     if len(values) > MANY:
         values[MANY:] = [f"{len(values) - MANY} more (--json lists them)"]
     if values:
-        out.print(Text(f"  parameters: {', '.join(values)}"), soft_wrap=True)
+        out.line(f"  parameters: {', '.join(values)}")
     from robust.show.tables import show_table, table  # noqa: PLC0415 - as above
 
     constant = example.simulation.constants
@@ -387,4 +387,4 @@ def stopped(status: Enum, reason: str | None) -> str:
 def print_advice(out: Console, advice: Iterable[stops.Advice]) -> None:
     """Print which options to use for parameters without room."""
     for hint in advice:
-        out.print(Text(str(hint), style="yellow"), soft_wrap=True)
+        out.line(str(hint), "yellow")

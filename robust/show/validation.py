@@ -58,12 +58,12 @@ def print_verdicts(out: Console, judged: Sequence[JudgedPlan], *, quiet: bool) -
         text = Text("" if named else f"{plan.plan}: ")
         text.append(plan.word, style=colour_of(plan.word))
         text.append(f": {plan.verdict.size if plan.verdict is not None else plan.error}")
-        out.print(text, soft_wrap=True)
+        out.line(text)
         if plan.verdict is not None and not quiet:
             for breach in plan.verdict.violations:
-                out.print(Text(f"  {breach}"), soft_wrap=True)
+                out.line(f"  {breach}")
             for name, value in plan.verdict.remedies.named.items():
-                out.print(Text(f"  --{name} {format_number(value)} would make it valid", style="dim"), soft_wrap=True)
+                out.line(f"  --{name} {format_number(value)} would make it valid", "dim")
     if len(judged) > 1:
         counts = Counter(sorted((plan.word for plan in judged), key=_WORDS.index))
         parts = [plural(counts[word], word) if word == "error" else f"{counts[word]} {word}" for word in counts]
