@@ -61,18 +61,7 @@ from robust.errors import InputError, Location, closest, did_you_mean
 from robust.numbers import shorten
 from robust.plan import model, parameters
 from robust.plan.pddl.forms import read_text
-from robust.probability.distributions import (
-    KEYS,
-    LISTS,
-    OPTIONAL,
-    PLANNED,
-    Amount,
-    Below,
-    Distribution,
-    DistributionForm,
-    parse_amount,
-    require_possible,
-)
+from robust.probability import distributions
 from robust.probability.sharing import Matrix, require_covariance, root
 
 
@@ -90,9 +79,9 @@ class Rule:
 
     subject: Subject
     name: str
-    form: DistributionForm
+    form: distributions.DistributionForm
 
-    def about(self, planned: Fraction) -> Distribution:
+    def about(self, planned: Fraction) -> distributions.Distribution:
         """The distribution of a quantity with this planned value."""
         return self.form.at(planned, Location(self.name))
 
@@ -102,7 +91,7 @@ class FactorRule:
     """A factor that durations of these names share; it multiplies them, or is added."""
 
     name: str
-    distribution: Distribution
+    distribution: distributions.Distribution
     subjects: tuple[str, ...]
     scales: bool
 
@@ -221,14 +210,14 @@ def _factor_rule(table: Mapping[str, object], place: str) -> FactorRule:
 
 
 def factor_rule(
-    name: str, subjects: Sequence[str], form: DistributionForm, *, scales: bool, place: Location
+    name: str, subjects: Sequence[str], form: distributions.DistributionForm, *, scales: bool, place: Location
 ) -> FactorRule:
     """A factor; InputError if it cannot be one."""
-    for key in KEYS[form.kind]:
-        if key not in form.amounts and key not in OPTIONAL - PLANNED:
+    for key in distributions.KEYS[form.kind]:
+        if key not in form.amounts and key not in distributions.OPTIONAL - distributions.PLANNED:
             raise InputError(f"found no {key!r}, expected a number for a {form.kind} distribution", place)
     distribution = form.at(None, place)
-    require_possible(form.kind, distribution.numbers, place)
+    distributions.require_possible(form.kind, distribution.numbers, place)
     least = distribution.support[0]
     if scales and (least is None or least <= 0):
         found = "no minimum" if least is None else f"least value {least}"
@@ -263,13 +252,15 @@ def _covariance_rule(table: Mapping[str, object], place: str) -> CovarianceRule:
     return CovarianceRule(subjects, matrix, centres)
 
 
-def _form(table: Mapping[str, object], others: Collection[str], location: Location) -> DistributionForm:
+def _form(table: Mapping[str, object], others: Collection[str], location: Location) -> distributions.DistributionForm:
     """The distribution of a table with some other keys."""
     kind = table.get("distribution")
-    if not isinstance(kind, str) or kind not in KEYS:
-        hint = closest(str(kind), KEYS)
-        raise InputError(f"found distribution {shorten(str(kind))}, expected one of {', '.join(KEYS)}{hint}", location)
-    known = {"distribution", *others, *KEYS[kind]}
+    if not isinstance(kind, str) or kind not in distributions.KEYS:
+        hint = closest(str(kind), distributions.KEYS)
+        raise InputError(
+            f"found distribution {shorten(str(kind))}, expected one of {', '.join(distributions.KEYS)}{hint}", location
+        )
+    known = {"distribution", *others, *distributions.KEYS[kind]}
     for key in (key for key in table if key not in known):
         raise InputError(f"found key {shorten(key)}, expected another{did_you_mean(key, known)}", location)
     below, relative = table.get("below", "fold"), table.get("relative", False)
@@ -277,13 +268,13 @@ def _form(table: Mapping[str, object], others: Collection[str], location: Locati
         raise InputError(f"found {shorten(str(relative))} for 'relative', expected true or false", location)
     if below not in {"fold", "clip"}:
         raise InputError(f"found {shorten(str(below))} for 'below', expected fold or clip", location)
-    amounts: dict[str, tuple[Amount, ...]] = {}
-    for key in (key for key in KEYS[kind] if key != "below" and key in table):
-        given = table[key] if key in LISTS else [table[key]]
+    amounts: dict[str, tuple[distributions.Amount, ...]] = {}
+    for key in (key for key in distributions.KEYS[kind] if key != "below" and key in table):
+        given = table[key] if key in distributions.LISTS else [table[key]]
         if not isinstance(given, list):
             raise InputError(f"found {shorten(str(given))} for {key!r}, expected a list of numbers", location)
         amounts[key] = tuple(_amount(one, key, location, relative=relative and key != "weights") for one in given)
-    return DistributionForm(kind, amounts, Below(below))
+    return distributions.DistributionForm(kind, amounts, distributions.Below(below))
 
 
 def _normal_name(subject: Subject, name: str) -> str:
@@ -298,12 +289,12 @@ def normal_name(name: str) -> str:
     return f"({' '.join(text[1:-1].lower().split())})" if text.startswith("(") and text.endswith(")") else text
 
 
-def _amount(value: object, key: str, location: Location, *, relative: bool) -> Amount:
+def _amount(value: object, key: str, location: Location, *, relative: bool) -> distributions.Amount:
     if isinstance(value, int) and not isinstance(value, bool):
-        return Amount(Fraction(value), relative)
+        return distributions.Amount(Fraction(value), relative)
     if isinstance(value, str | parameters.DecimalText):
-        amount = parse_amount(str(value), location)
-        return Amount(amount.value, amount.relative or relative)
+        amount = distributions.parse_amount(str(value), location)
+        return distributions.Amount(amount.value, amount.relative or relative)
     raise InputError(f"found {shorten(str(value))} for {key!r}, expected a number", location)
 
 
@@ -319,14 +310,14 @@ _LEAST: Final = {
 
 def _check_numbers(rule: Rule, location: Location) -> None:
     kind, amounts = rule.form.kind, rule.form.amounts
-    for key in KEYS[kind]:
-        if key not in amounts and key not in OPTIONAL:
+    for key in distributions.KEYS[kind]:
+        if key not in amounts and key not in distributions.OPTIONAL:
             raise InputError(f"found no {key!r}, expected a number for a {kind} distribution", location)
-    numbers = {key: given.value for key, (given, *_) in amounts.items() if key not in LISTS}
+    numbers = {key: given.value for key, (given, *_) in amounts.items() if key not in distributions.LISTS}
     if kind == "empirical":
         rule.form.at(Fraction(1), location)
     if len({given.relative for (given, *_) in amounts.values()}) == 1:  # others can be compared with a planned value
-        require_possible(kind, numbers, location)
+        distributions.require_possible(kind, numbers, location)
     if rule.subject is Subject.DURATION:
         least = numbers.get(_LEAST.get(kind, ""), Fraction(0))
         least = min((least, *(given.value for given in amounts.get("values", ()))))

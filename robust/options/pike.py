@@ -10,19 +10,8 @@ from typing import TYPE_CHECKING
 from robust.backends import DRAKE, KIRK, KNOWLEDGE_BASES, REASONERS, SMT, deciding
 from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import Number, shorten
+from robust.options import declare
 from robust.options.batch import ASSUMED
-from robust.options.declare import (
-    Options,
-    argument,
-    names,
-    not_negative,
-    option,
-    place_of,
-    plot_file,
-    positive,
-    setting,
-    share,
-)
 from robust.options.shared import Force, Output, Paged, Separation, SliceOptions, Solving
 
 if TYPE_CHECKING:
@@ -35,29 +24,29 @@ Assumptions = Mapping[str, str] | str | Sequence[str]
 class TeamPlanFile(Separation):
     """The file of the plan, and ε: how much earlier is "before"."""
 
-    file: Path = argument(..., "a plan with choices, .tpnu.json", "FILE")
+    file: Path = declare.argument(..., "a plan with choices, .tpnu.json", "FILE")
 
 
 class PikeCommand(TeamPlanFile, Output):
     """Options of all commands about a plan."""
 
 
-class Assuming(Options):
+class Assuming(declare.Options):
     """Choices that are made already."""
 
-    assume: Assumptions = option((), ASSUMED, metavar="NAME=VALUE", many=True)
+    assume: Assumptions = declare.option((), ASSUMED, metavar="NAME=VALUE", many=True)
 
 
 class Staged(Solving):
     """A question that is answered in stages."""
 
-    on_stage: Callable[[str], None] | None = option(None, "called with the name of each stage", shown=False)
+    on_stage: Callable[[str], None] | None = declare.option(None, "called with the name of each stage", shown=False)
 
 
 class Compiled(Staged):
     """Options for compiling a knowledge base."""
 
-    temporal: str = option(
+    temporal: str = declare.option(
         "lazy",
         "lazy: order events by structure, find conflicts as they are needed; apsp: labeled all-pairs shortest paths",
         choices=("lazy", "apsp"),
@@ -75,7 +64,7 @@ def witness_directory(path: str | Path, place: Location) -> Path:
 class ParametricOptions(Solving, Assuming):
     """Options for the bounds that are parameters."""
 
-    parameters: str | Sequence[str] = option(
+    parameters: str | Sequence[str] = declare.option(
         (),
         "make a bound a parameter: [NAME=]duration:ACTIVITY, at-least: or at-most:ACTIVITY or FROM:TO (events), or "
         "hesitation:CHOICE; then ,weight=W ,lb=L ,ub=U ,default=D; may be repeated",
@@ -83,14 +72,14 @@ class ParametricOptions(Solving, Assuming):
         metavar="SPEC",
         many=True,
     )
-    parameter_file: str | Path | None = option(
+    parameter_file: str | Path | None = declare.option(
         None, "more parameters, in a TOML file", "--parameters", metavar="FILE", path=True
     )
 
 
 def _names_or_none(value: str | Sequence[str], place: Location) -> tuple[str, ...]:
     """Names, or none of them."""
-    return names(value, place) if value else ()
+    return declare.names(value, place) if value else ()
 
 
 # -- questions ---------------------------------------------------------------------------------------------------------
@@ -99,12 +88,12 @@ def _names_or_none(value: str | Sequence[str], place: Location) -> tuple[str, ..
 class PikeCheckOptions(Compiled, Assuming):
     """Options of :func:`robust.pike.check`."""
 
-    backend: str = option(
+    backend: str = declare.option(
         "oracle",
         "oracle: a solver decides by the semantics; otherwise the knowledge base of this name answers",
         choices=("oracle", *KNOWLEDGE_BASES),
     )
-    all_scenarios: bool = option(False, "find every team scenario that admits a correct execution")
+    all_scenarios: bool = declare.option(False, "find every team scenario that admits a correct execution")
 
 
 class MomentsOptions(Solving, Assuming):
@@ -114,7 +103,7 @@ class MomentsOptions(Solving, Assuming):
 class CrossOptions(Staged, Force):
     """Options of :func:`robust.pike.cross_check`."""
 
-    witness: str | Path | None = option(
+    witness: str | Path | None = declare.option(
         None,
         "with --cross: where to write a small plan on which they differ",
         metavar="DIR",
@@ -122,21 +111,26 @@ class CrossOptions(Staged, Force):
         read=witness_directory,
         also=lambda folder: [folder / name for name in ("plan.tpnu.json", "domain.pddl", "problem.pddl")],
     )
-    seed: int = option(0, "with --cross: which sets of choices are tried", metavar="N")
+    seed: int = declare.option(0, "with --cross: which sets of choices are tried", metavar="N")
 
 
-class GameOptions(Options):
+class GameOptions(declare.Options):
     """Options of strategies: who decides what."""
 
-    rational: bool = option(False, "with a strategy: people choose only joint values that some correct execution has")
-    free: str | Sequence[str] = option(
+    rational: bool = declare.option(
+        False, "with a strategy: people choose only joint values that some correct execution has"
+    )
+    free: str | Sequence[str] = declare.option(
         (),
         "with a strategy: agents whose activities end when the executive tells them to; all others end as nature likes",
         metavar="A,B",
         read=_names_or_none,
     )
-    hesitate: Number | None = option(
-        None, "with a strategy: how long people hesitate at most once they are asked", metavar="T", read=not_negative
+    hesitate: Number | None = declare.option(
+        None,
+        "with a strategy: how long people hesitate at most once they are asked",
+        metavar="T",
+        read=declare.not_negative,
     )
 
 
@@ -147,13 +141,13 @@ class ControllableOptions(ParametricOptions, Staged, GameOptions):
 class PikeCheckCommand(PikeCheckOptions, CrossOptions, ControllableOptions, PikeCommand):
     """Options of `robust pike check`."""
 
-    cross: bool = option(False, "ask all back ends and the oracle the same questions, and compare")
-    patience: bool = option(
+    cross: bool = declare.option(False, "ask all back ends and the oracle the same questions, and compare")
+    patience: bool = declare.option(
         False,
         "report the latest moment at which people can make each choice, with each value, if everything else is in its "
         "favour",
     )
-    controllable: bool = option(
+    controllable: bool = declare.option(
         False,
         "decide whether some strategy succeeds whatever people choose and however long activities take, both seen only "
         "as they happen",
@@ -163,24 +157,24 @@ class PikeCheckCommand(PikeCheckOptions, CrossOptions, ControllableOptions, Pike
         for alone in ("patience", "controllable"):
             for name in ("cross", "backend", "all_scenarios", "temporal") if getattr(self, alone) else ():
                 if name in given:
-                    raise InputError(f"cannot be combined with --{alone}; choose one", place_of(name))
+                    raise InputError(f"cannot be combined with --{alone}; choose one", declare.place_of(name))
         if self.patience and self.controllable:
-            raise InputError("cannot be combined with --patience; choose one", place_of("controllable"))
+            raise InputError("cannot be combined with --patience; choose one", declare.place_of("controllable"))
         for name in ("rational", "free", "hesitate", "parameters", "parameter_file"):
             if name in given and not self.controllable:
-                raise InputError("needs --controllable", place_of(name))
+                raise InputError("needs --controllable", declare.place_of(name))
 
 
 class ChanceOptions(Compiled, Assuming):
     """Options of :func:`robust.pike.chance`."""
 
-    backend: str = option(
+    backend: str = declare.option(
         "pitms",
         "pitms: exact, by the diagrams of the knowledge base; oracle: a solver is asked about one scenario after the "
         "other, which leaves bounds if time does not suffice",
         choices=("pitms", "oracle"),
     )
-    learn: str | Path | Sequence[str | Path] = option(
+    learn: str | Path | Sequence[str | Path] = declare.option(
         (),
         "a journal of an earlier execution; probabilities of people's choices are learnt from all that are given",
         metavar="JOURNAL",
@@ -195,8 +189,8 @@ class ChanceCommand(ChanceOptions, PikeCommand):
 class KnowledgeBaseOptions(Compiled):
     """Options of :func:`robust.pike.knowledge_base`."""
 
-    backend: str = option("pitms", "the knowledge base to compile", choices=KNOWLEDGE_BASES)
-    shortcut: bool = option(True, "let a solver check first whether there is any correct execution")
+    backend: str = declare.option("pitms", "the knowledge base to compile", choices=KNOWLEDGE_BASES)
+    shortcut: bool = declare.option(True, "let a solver check first whether there is any correct execution")
 
 
 CONTENTS = ("links", "labels", "distances")
@@ -215,9 +209,9 @@ def _contents(value: str | Sequence[str], place: Location) -> tuple[str, ...]:
 class PikeCompileOptions(KnowledgeBaseOptions):
     """Options of :func:`robust.pike.compile`."""
 
-    implicants: bool = option(False, "list the prime implicants (pitms, pitms-labels, bdd)")
-    models: bool = option(True, "count the models")
-    show: str | Sequence[str] = option(
+    implicants: bool = declare.option(False, "list the prime implicants (pitms, pitms-labels, bdd)")
+    models: bool = declare.option(True, "count the models")
+    show: str | Sequence[str] = declare.option(
         (),
         "list links: labeled causal links, and how threats are kept away; labels: those of the knowledge base's nodes "
         "(pitms, pitms-labels, atms); distances: labeled shortest paths",
@@ -266,111 +260,113 @@ _COMPLETE = ("patience", "budget", "chance", "explain", "rank")
 _SERVED = ("journal", "clock", "rate", "page", "early")
 
 
-class StoryOptions(Options):
+class StoryOptions(declare.Options):
     """Options of :func:`robust.pike.story`: what a simulated team does."""
 
-    human: str = option(
+    human: str = declare.option(
         "rational",
         "how people choose: rational, only what leaves a correct execution; careless, anything; likely, by the "
         "probabilities of the plan",
         choices=("rational", "careless", "likely"),
     )
-    pace: str = option(
+    pace: str = declare.option(
         "cooperative",
         "how long activities take: cooperative, such that a correct execution remains if possible; least, as short as "
         "their bounds allow; random, any duration within them",
         choices=("cooperative", "least", "random"),
     )
-    outcome: Mapping[str, str | tuple[str, Number]] | str | Sequence[str] = option(
+    outcome: Mapping[str, str | tuple[str, Number]] | str | Sequence[str] = declare.option(
         (),
         "a value that people choose, and the time at which it becomes known; may be repeated",
         metavar="NAME=VALUE[@TIME]",
         many=True,
     )
-    disturb: str | Sequence[str | Disturbance] = option(
+    disturb: str | Sequence[str | Disturbance] = declare.option(
         (),
         "a literal that becomes true against the plan, such as '(not (atom))@3'; may be repeated",
         metavar="LITERAL@TIME",
         many=True,
     )
-    delay: Number = option("0", "how long people hesitate at most before they choose", metavar="T", read=not_negative)
+    delay: Number = declare.option(
+        "0", "how long people hesitate at most before they choose", metavar="T", read=declare.not_negative
+    )
 
 
 class PikeRunOptions(StoryOptions, Solving):
     """Options of :func:`robust.pike.run`."""
 
-    seed: int = option(0, "seed of what is drawn at random", metavar="N")
-    reasoner: str | None = option(
+    seed: int = declare.option(0, "seed of what is drawn at random", metavar="N")
+    reasoner: str | None = declare.option(
         None,
         "what decides: smt, a solver, without compilation; windows, labeled execution windows and a knowledge base, as "
         f"PIKE does; {DRAKE}, windows without conditions and effects of activities; {KIRK}, a guess of all choices, "
         "made anew where it was wrong; if not given, smt, or windows with --backend",
         choices=REASONERS,
     )
-    backend: str | None = option(
+    backend: str | None = declare.option(
         None,
         f"the knowledge base of windows, {DRAKE} and {KIRK}: {', '.join(KNOWLEDGE_BASES)}; pitms if not given, or smt "
         f"for {KIRK}",
         metavar="NAME",
         read=_deciding_backend,
     )
-    patience: Number | None = option(
+    patience: Number | None = declare.option(
         "0",
         "stop waiting for people's choices this long before the last possible moment; "
         f"{EAGER}: never wait, act as soon as possible",
         metavar=f"{EAGER}|MARGIN",
-        read=_number_or(EAGER, not_negative, "a number of at least 0"),
+        read=_number_or(EAGER, declare.not_negative, "a number of at least 0"),
     )
-    rank: str = option(
+    rank: str = declare.option(
         "written",
         "which of several events and values comes first: written, as in the plan; flexible, what leaves most values of "
         "people's open choices possible, then of the team's",
         choices=("written", "flexible"),
     )
-    budget: Number | None = option(
+    budget: Number | None = declare.option(
         BUDGET,
         "seconds of processor time to decide a step; only what is proved safe is done, and what could not be decided "
         f"waits; {UNLIMITED}: as long as it takes",
         metavar="S",
-        read=_number_or(UNLIMITED, positive, "a number above 0"),
+        read=_number_or(UNLIMITED, declare.positive, "a number above 0"),
     )
-    chance: Number | None = option(
+    chance: Number | None = declare.option(
         None,
         "choose what leaves people the most among what keeps success at least this likely, else what is most likely to "
         "succeed (1: always that), and report how likely success is",
         metavar="P",
-        read=share,
+        read=declare.share,
     )
-    strategy: bool = option(
+    strategy: bool = declare.option(
         False,
         "find a strategy before the start, as pike check --controllable does, and follow it: for whatever people "
         "choose or, if there is none, for rational people; and for all durations and the delay",
     )
-    recovery: Number = option(
+    recovery: Number = declare.option(
         "0.5",
         f"{KIRK}: how long it takes to undo an activity that was begun by mistake, as a share of its least duration",
         metavar="SHARE",
-        read=not_negative,
+        read=declare.not_negative,
     )
-    infer: bool = option(True, "infer which values open choices can still have")
-    explain: bool = option(False, "give reasons below each decision and inference")
-    on_step: Callable[[ExecutionStep], None] | None = option(None, "called after each step", shown=False)
+    infer: bool = declare.option(True, "infer which values open choices can still have")
+    explain: bool = declare.option(False, "give reasons below each decision and inference")
+    on_step: Callable[[ExecutionStep], None] | None = declare.option(None, "called after each step", shown=False)
 
     def check_combinations(self, given: Collection[str]) -> None:
         both = None not in (self.reasoner, self.backend) and self.reasoner != KIRK
         if both and (self.reasoner == SMT) != (self.backend == SMT):
             expected = SMT if self.reasoner == SMT else ", ".join(KNOWLEDGE_BASES)
             raise InputError(
-                f"found {self.backend} with {setting('reasoner', str(self.reasoner))}, expected {expected}",
-                place_of("backend"),
+                f"found {self.backend} with {declare.setting('reasoner', str(self.reasoner))}, expected {expected}",
+                declare.place_of("backend"),
             )
         for name in ("reasoner", "backend", "patience", "chance", "rank") if self.strategy else ():
             if name in given:
-                raise InputError("cannot be combined with --strategy; choose one", place_of(name))
+                raise InputError("cannot be combined with --strategy; choose one", declare.place_of(name))
         for name in _COMPLETE if self.reasoner == KIRK else ("recovery",):
             if name in given:
                 reason = "cannot be combined with" if self.reasoner == KIRK else "needs"
-                raise InputError(f"{reason} {setting('reasoner', KIRK)}", place_of(name))
+                raise InputError(f"{reason} {declare.setting('reasoner', KIRK)}", declare.place_of(name))
 
     @property
     def deciding(self) -> str:
@@ -391,45 +387,47 @@ class PikeRunOptions(StoryOptions, Solving):
 class PikeRunCommand(PikeRunOptions, Paged, PikeCommand):
     """Options of `robust pike run`."""
 
-    stdio: bool = option(False, "serve a real team through lines of JSON instead of simulating one")
-    journal: Path | None = option(
+    stdio: bool = declare.option(False, "serve a real team through lines of JSON instead of simulating one")
+    journal: Path | None = declare.option(
         None,
         "with --stdio: record each step here before it is announced, and resume from this record",
         metavar="FILE",
         path=True,
     )
-    clock: str = option(
+    clock: str = declare.option(
         "given", "with --stdio: given, messages say what time it is; real, the clock does", choices=("given", "real")
     )
-    early: str = option(
+    early: str = declare.option(
         "accept",
         "with --stdio: accept, an activity that ends before its least duration has ended if something correct is left; "
         "wait, it counts as ended once that is over",
         choices=("accept", "wait"),
     )
-    rate: Number | None = option(
-        None, "with --clock real: seconds per unit of time; 1 if not given", metavar="S", read=positive
+    rate: Number | None = declare.option(
+        None, "with --clock real: seconds per unit of time; 1 if not given", metavar="S", read=declare.positive
     )
-    plot: Path | None = option(
-        None, "draw which agent did what when: .svg, .png or .pdf", metavar="FILE", path=True, read=plot_file
+    plot: Path | None = declare.option(
+        None, "draw which agent did what when: .svg, .png or .pdf", metavar="FILE", path=True, read=declare.plot_file
     )
 
     def check_combinations(self, given: Collection[str]) -> None:
         for name in _SIMULATED if self.stdio else _SERVED:
             if name in given:
                 reason = "found together with --stdio, expected without: nothing is simulated then"
-                raise InputError(reason if self.stdio else "expected only together with --stdio", place_of(name))
+                raise InputError(
+                    reason if self.stdio else "expected only together with --stdio", declare.place_of(name)
+                )
         if self.stdio and self.reasoner == KIRK:
-            raise InputError(f"found {KIRK} together with --stdio, expected another one", place_of("reasoner"))
+            raise InputError(f"found {KIRK} together with --stdio, expected another one", declare.place_of("reasoner"))
         if self.rate is not None and self.clock != "real":
-            raise InputError("needs --clock real", place_of("rate"))
+            raise InputError("needs --clock real", declare.place_of("rate"))
         super().check_combinations(given)
 
 
 class PikePlotCommand(TeamPlanFile, Output, Assuming):
     """Options of `robust pike plot`."""
 
-    output: Path = option(
+    output: Path = declare.option(
         ...,
         "where to draw: .svg, .png or .pdf by suffix",
         "--output",
@@ -437,9 +435,9 @@ class PikePlotCommand(TeamPlanFile, Output, Assuming):
         "--plot",
         metavar="FILE",
         path=True,
-        read=lambda path, _place: plot_file(path, place_of("plot")),
+        read=lambda path, _place: declare.plot_file(path, declare.place_of("plot")),
     )
-    links: bool = option(False, "draw the labeled causal links as well")
+    links: bool = declare.option(False, "draw the labeled causal links as well")
 
 
 # -- envelopes ---------------------------------------------------------------------------------------------------------
@@ -448,32 +446,34 @@ class PikePlotCommand(TeamPlanFile, Output, Assuming):
 class PikeRegionOptions(ParametricOptions):
     """Options of :func:`robust.pike.region`."""
 
-    choices: str | Sequence[str] | None = option(
+    choices: str | Sequence[str] | None = declare.option(
         None,
         "choices distinguished in the answer, the others are existentially quantified; if not given, those of people "
         "and nature; '' for none",
         metavar="A,B",
         read=_names_or_none,
     )
-    on_piece: Callable[[object], None] | None = option(None, "called with each polyhedron that is found", shown=False)
+    on_piece: Callable[[object], None] | None = declare.option(
+        None, "called with each polyhedron that is found", shown=False
+    )
 
 
 class PikeEnvelopeOptions(ParametricOptions, Staged):
     """Options of :func:`robust.pike.envelope`."""
 
-    for_all: str | Sequence[str] = option(
+    for_all: str | Sequence[str] = declare.option(
         (),
         "choices for which every combination of values must lead to a correct execution",
         metavar="A,B",
         read=_names_or_none,
     )
-    patience: bool = option(
+    patience: bool = declare.option(
         False, "with --for-all: choices become known only when they are made, and the team waits for them"
     )
 
     def check_combinations(self, given: Collection[str]) -> None:
         if self.patience and not self.for_all:
-            raise InputError("expected only together with --for-all", place_of("patience"))
+            raise InputError("expected only together with --for-all", declare.place_of("patience"))
 
 
 class PikeRegionCommand(PikeRegionOptions, PikeCommand, SliceOptions):
@@ -503,32 +503,36 @@ def _structure(text: str, place: Location) -> tuple[int, ...]:
 class PikeNewCommand(Force, Output):
     """Options of `robust pike new`."""
 
-    kind: str = option(
+    kind: str = declare.option(
         ...,
         "kitchen, wing, k-intents, or sat: a formula whose models are the correct scenarios",
         metavar="KIND",
         choices=("kitchen", "wing", K_INTENTS, SAT),
         argument=True,
     )
-    output: Path = option(..., "the directory to write to", "--output", "-o", metavar="DIR", path=True)
-    name: str = option("", "of the .tpnu.json file, else that of the plan", metavar="NAME")
-    structure: tuple[int, ...] = option(
+    output: Path = declare.option(..., "the directory to write to", "--output", "-o", metavar="DIR", path=True)
+    name: str = declare.option("", "of the .tpnu.json file, else that of the plan", metavar="NAME")
+    structure: tuple[int, ...] = declare.option(
         "2,2",
         "k-intents: how many options each pair of choices has; sat: how many variables and clauses are drawn, of up "
         "to three literals",
         metavar="N,N",
         read=_structure,
     )
-    seed: int = option(0, "k-intents, sat: decides what is drawn", metavar="N")
-    cnf: Path | None = option(None, "sat: the formula, in a DIMACS file; else one is drawn", metavar="FILE", path=True)
+    seed: int = declare.option(0, "k-intents, sat: decides what is drawn", metavar="N")
+    cnf: Path | None = declare.option(
+        None, "sat: the formula, in a DIMACS file; else one is drawn", metavar="FILE", path=True
+    )
 
     def check_combinations(self, given: Collection[str]) -> None:
         for name, kinds in {"structure": (K_INTENTS, SAT), "seed": (K_INTENTS, SAT), "cnf": (SAT,)}.items():
             if name in given and self.kind not in kinds:
-                raise InputError(f"expected only with {' or '.join(kinds)}, found {self.kind}", place_of(name))
+                raise InputError(f"expected only with {' or '.join(kinds)}, found {self.kind}", declare.place_of(name))
             if name in given and name != "cnf" and self.cnf is not None:
-                raise InputError("cannot be combined with --cnf; choose one", place_of(name))
-        if self.kind == SAT and len(_structure(str(self.structure), place_of("structure"))) != 2:
-            raise InputError("expected the numbers of variables and clauses, such as 20,90", place_of("structure"))
+                raise InputError("cannot be combined with --cnf; choose one", declare.place_of(name))
+        if self.kind == SAT and len(_structure(str(self.structure), declare.place_of("structure"))) != 2:
+            raise InputError(
+                "expected the numbers of variables and clauses, such as 20,90", declare.place_of("structure")
+            )
         if "/" in self.name or self.name.startswith("."):
-            raise InputError(f"found {shorten(self.name)}, expected a name without directory", place_of("name"))
+            raise InputError(f"found {shorten(self.name)}, expected a name without directory", declare.place_of("name"))

@@ -11,20 +11,8 @@ from pathlib import Path
 
 from robust.errors import InputError, Location, UnsupportedError
 from robust.numbers import shorten
+from robust.pike_bridge import model
 from robust.pike_bridge.action_model import load_team_plan, with_ends
-from robust.pike_bridge.model import (
-    EPSILON,
-    GOAL,
-    INITIAL,
-    Activity,
-    Assignment,
-    Choice,
-    Constraint,
-    Event,
-    Guard,
-    TeamPlan,
-    Tpnu,
-)
 from robust.stnu.files import read
 from robust.stnu.network import ChoicePoint, ConditionalNetwork, Label, Network
 
@@ -32,7 +20,7 @@ _SUFFIXES = (".cstn", ".cstnu", ".stn", ".stnu", ".cctp", ".graphml", ".xml")
 """Of files that hold networks, and no plan with choices."""
 
 
-def read_any(path: str | os.PathLike[str], *, epsilon: Fraction = EPSILON) -> TeamPlan:
+def read_any(path: str | os.PathLike[str], *, epsilon: Fraction = model.EPSILON) -> model.TeamPlan:
     """A plan with choices: a `.tpnu.json` file with its domain and problem, or a file with a network, by its suffix.
 
     Raises:
@@ -45,7 +33,7 @@ def read_any(path: str | os.PathLike[str], *, epsilon: Fraction = EPSILON) -> Te
     return load_team_plan(path, epsilon=epsilon)
 
 
-def read_conditional(path: str | os.PathLike[str], epsilon: Fraction = EPSILON) -> TeamPlan:
+def read_conditional(path: str | os.PathLike[str], epsilon: Fraction = model.EPSILON) -> model.TeamPlan:
     """The plan that a file with a network is, whether or not it has choices.
 
     Raises:
@@ -60,17 +48,17 @@ def read_conditional(path: str | os.PathLike[str], epsilon: Fraction = EPSILON) 
     return plan_of_network(network, epsilon)
 
 
-def plan_of_network(network: ConditionalNetwork, epsilon: Fraction = EPSILON) -> TeamPlan:
+def plan_of_network(network: ConditionalNetwork, epsilon: Fraction = model.EPSILON) -> model.TeamPlan:
     """A network as a plan without conditions and effects.
 
     Raises:
         InputError: if a link ends at the origin or choices depend on each other in a circle.
         UnsupportedError: for a contingent link that may end before it starts.
     """
-    for name in network.nodes.keys() & {INITIAL, GOAL}:
+    for name in network.nodes.keys() & {model.INITIAL, model.GOAL}:
         raise InputError(f"found a time point called {name}, expected another name", Location(network.name))
     known = {choice.name: choice for choice in network.choices}
-    guards: dict[str, Guard] = {}
+    guards: dict[str, model.Guard] = {}
     for name, label in network.nodes.items():
         guard = _whole(label, network.nodes, known)
         if guard is not None:
@@ -82,28 +70,30 @@ def plan_of_network(network: ConditionalNetwork, epsilon: Fraction = EPSILON) ->
         if guard is None:
             continue
         if not link.is_contingent:
-            constraints.append(Constraint(link.source, link.target, link.lower, link.upper, guard))
+            constraints.append(model.Constraint(link.source, link.target, link.lower, link.upper, guard))
             continue
         if link.lower is None or link.lower < 0:
             message = f"found contingent link {link}, expected one that ends after it starts"
             raise UnsupportedError(message, link.place or Location(network.name))
         activities.append(
-            Activity(f"({link.ends})", link.source, link.target, link.lower, link.upper, "nature", guard, link.place)
+            model.Activity(
+                f"({link.ends})", link.source, link.target, link.lower, link.upper, "nature", guard, link.place
+            )
         )
     if network.origin is not None:
         after = (name for name in guards if name != network.origin)
-        constraints += [Constraint(network.origin, name, Fraction(0), None, guards[name]) for name in after]
+        constraints += [model.Constraint(network.origin, name, Fraction(0), None, guards[name]) for name in after]
     choices = tuple(
-        Choice(choice.name, choice.values, choice.is_controllable, choice.node)
+        model.Choice(choice.name, choice.values, choice.is_controllable, choice.node)
         for choice in network.choices
         if choice.node in guards
     )
-    events = tuple(Event(name, guard) for name, guard in guards.items())
-    whole = Tpnu(network.name, choices, events, tuple(constraints), tuple(activities))
-    return TeamPlan(with_ends(whole, Fraction(0)), (), (), epsilon)
+    events = tuple(model.Event(name, guard) for name, guard in guards.items())
+    whole = model.Tpnu(network.name, choices, events, tuple(constraints), tuple(activities))
+    return model.TeamPlan(with_ends(whole, Fraction(0)), (), (), epsilon)
 
 
-def _whole(label: Label, nodes: Mapping[str, Label], known: Mapping[str, ChoicePoint]) -> Guard | None:
+def _whole(label: Label, nodes: Mapping[str, Label], known: Mapping[str, ChoicePoint]) -> model.Guard | None:
     """A label with those of the time points where its choices are made; None if it can never hold."""
     values, pending = dict[str, str](), list(label)
     while pending:
@@ -114,4 +104,4 @@ def _whole(label: Label, nodes: Mapping[str, Label], known: Mapping[str, ChoiceP
             pending += nodes[known[name].node]
         if values.setdefault(name, value) != value:
             return None
-    return frozenset(Assignment(name, value) for name, value in values.items())
+    return frozenset(model.Assignment(name, value) for name, value in values.items())

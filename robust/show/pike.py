@@ -11,8 +11,8 @@ from msgspec import UNSET, Meta, UnsetType
 
 from robust.json_text import Count, JsonObject, Rational, Seconds, on_wire, one_of
 from robust.numbers import duration, format_number, plural, readable
-from robust.pike_bridge import action_model, contents, model, semantics
-from robust.pike_bridge.compile import PikeCheck, Sizes
+from robust.pike_bridge import action_model, model, semantics
+from robust.pike_bridge.compile import ConditionLinks, FormulaLabel, PikeCheck, PlanDistances, Sizes
 from robust.pike_bridge.cross_check import CrossCheck, Crossed, Disagreement
 from robust.pike_bridge.likelihood import OPEN, ChanceBounds, TeamChance
 from robust.pike_bridge.online import executive
@@ -72,9 +72,9 @@ class PikeCompile(JsonObject, tag_field="schema", tag="robust/pike-compile/1", k
     seconds: Stages
     statistics: dict[str, Any]
     implicants: list[dict[str, str]] | UnsetType = UNSET
-    causal_links: list[contents.ConditionLinks] | UnsetType = UNSET
-    labels: list[contents.FormulaLabel] | UnsetType = UNSET
-    distances: contents.PlanDistances | UnsetType = UNSET
+    causal_links: list[ConditionLinks] | UnsetType = UNSET
+    labels: list[FormulaLabel] | UnsetType = UNSET
+    distances: PlanDistances | UnsetType = UNSET
 
 
 class PikeCross(JsonObject, tag_field="schema", tag="robust/pike-cross/1"):

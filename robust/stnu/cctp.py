@@ -15,8 +15,7 @@ from fractions import Fraction
 from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import parse_number, shorten
 from robust.probability.distributions import Below, Distribution
-from robust.stnu.graphml import INFINITE
-from robust.stnu.markup import Element
+from robust.stnu.graphml import INFINITE, Element
 from robust.stnu.network import ChoicePoint, ConditionalNetwork, Label, Link, Network, note_unused
 
 _EVENTS = ("event", "timepoint", "node")

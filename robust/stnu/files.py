@@ -16,8 +16,7 @@ from robust.numbers import Number, exact, is_number, parse_number, plural, short
 from robust.plan.pddl.forms import read_text
 from robust.smt.limits import Deadline
 from robust.stnu.cctp import read_cctp
-from robust.stnu.graphml import INFINITE, graphml, read_graphml
-from robust.stnu.markup import parse_markup
+from robust.stnu.graphml import INFINITE, graphml, parse_markup, read_graphml
 from robust.stnu.network import ConditionalNetwork, Link, Network
 from robust.stnu.network_json import network_json, parse_network_json
 

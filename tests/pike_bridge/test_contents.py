@@ -5,7 +5,7 @@ from itertools import permutations
 import pytest
 
 from robust import pike
-from robust.pike_bridge import contents
+from robust.pike_bridge import compile
 from robust.pike_bridge.knowledge.propagation import PropagatedLabels
 from robust.pike_bridge.model import Assignment
 from robust.pike_bridge.theory import All, Is, Not, Some, Theory
@@ -72,13 +72,13 @@ def test_labels_of_figure_14():
     z1, p2, p1, y1 = (Is(Assignment(*each)) for each in (("z", "1"), ("s", "eP2"), ("s", "eP1"), ("y", "1")))
     domains = {"z": ("1", "2"), "y": ("1", "2"), "s": ("eP1", "eP2", "none")}
     theory = Theory(domains, (Some((Not(z1), p2, All((p1, y1)))),), (frozenset({Assignment("y", "2")}),))
-    told = {(each.kind, each.formula): each.environments for each in contents.labels_of(PropagatedLabels(theory))}
+    told = {(each.kind, each.formula): each.environments for each in compile.labels_of(PropagatedLabels(theory))}
     both = {"s": "eP1", "y": "1"}
     assert told["derived", "(s = eP1 and y = 1)"] == [both]
     goal = [both, {"s": "eP2", "y": "1"}, {"y": "1", "z": "2"}]
     assert told["derived", "(z = 2 or s = eP2 or (s = eP1 and y = 1))"] == goal
     assert told["assumption", "y = 2"] == told["contradiction", "y = 2"] == []
-    assert contents.formula_text(Not(All((Some(()), All(()), Some((y1,)))))) == "not (false and true and y = 1)"
+    assert compile.formula_text(Not(All((Some(()), All(()), Some((y1,)))))) == "not (false and true and y = 1)"
 
 
 def test_distances_are_those_of_every_scenario():
