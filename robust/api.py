@@ -18,6 +18,11 @@ from robust.errors import InputError, did_you_mean
 from robust.numbers import Number
 from robust.options import declare, verbs
 from robust.options.batch import BATCHES, AnyBatchOptions, BatchOptions
+from robust.plan.load import File, require_nominal_values
+from robust.plan.model import ParametrizedPlan
+from robust.plan.parameters import parameters_by_action, specifications
+from robust.plan.pddl.reader import read_domain, read_problem
+from robust.qe.box import Box, Interval
 from robust.reading import WHEN_READ, Plan, plan_of
 from robust.smt.limits import Deadline, one_question
 
@@ -29,12 +34,9 @@ if TYPE_CHECKING:
     from robust.irr.questions import CheckQuestion, Manner
     from robust.irr.repair import Repair, RepairSearch
     from robust.irr.search import EnvelopeResult
-    from robust.plan.load import File
-    from robust.plan.model import ParametrizedPlan
     from robust.probability.distributions import Distribution
     from robust.probability.measure import Bounds
     from robust.probability.risk import Risk, RiskResult
-    from robust.qe.box import Box, Interval
     from robust.qe.compute import RegionResult, RegionSearch
     from robust.sweeps.batch import Batch
     from robust.sweeps.rank import Ranking, RankSearch
@@ -71,8 +73,6 @@ def _intervals(
     plan: ParametrizedPlan, given: declare.Settings | Box | EnvelopeResult, option: str
 ) -> dict[str, Interval]:
     """Intervals that an option gives; of several for a parameter, that for the fewest parameters counts."""
-    from robust.plan.parameters import parameters_by_action
-
     groups = parameters_by_action(plan)
     intervals: dict[str, Interval] = {}
     said = declare.settings(given, [parameter.name for parameter in plan.parameters], option, groups)
@@ -87,8 +87,6 @@ def _intervals(
 def searching_check(plan: ParametrizedPlan, options: verbs.CheckOptions) -> CheckQuestion:
     """The search behind :func:`check`."""
     from robust.irr.questions import CheckQuestion
-    from robust.plan.load import require_nominal_values
-    from robust.qe.box import Box
 
     require_nominal_values(plan.parameters)
     box = Box.nominal(plan.parameters).changed(_intervals(plan, options.at, "at"))
@@ -131,7 +129,6 @@ def searching_envelope(plan: ParametrizedPlan, options: verbs.EnvelopeOptions) -
     """The search behind :func:`envelope`."""
     from robust.irr.exact import BoxMethod, EnvelopeQuestion
     from robust.irr.templates import template_of
-    from robust.plan.load import require_nominal_values
 
     if options.from_nominal:
         require_nominal_values(plan.parameters)
@@ -216,7 +213,6 @@ def region(plan: ParametrizedPlan, options: verbs.RegionOptions) -> RegionResult
 def searching_compare(plan: ParametrizedPlan, options: verbs.CompareOptions) -> Comparing:
     """The search behind :func:`compare`."""
     from robust.irr.compare import Comparing
-    from robust.plan.load import require_nominal_values
 
     require_nominal_values(plan.parameters)
     return Comparing(
@@ -311,7 +307,6 @@ def searching_repair(plan: ParametrizedPlan, options: verbs.RepairOptions) -> Re
     """The search behind :func:`repair`."""
     from robust.irr.quantities import Changeable
     from robust.irr.repair import RepairSearch
-    from robust.plan.load import require_nominal_values
 
     required = _intervals(plan, options.require, "require")
     require_nominal_values(parameter for parameter in plan.parameters if parameter.name not in required)
@@ -352,8 +347,6 @@ def repair(plan: ParametrizedPlan, options: verbs.RepairOptions) -> Repair:
 def searching_rank(domain: File, problem: File, plans: Sequence[File], options: verbs.RankOptions) -> RankSearch:
     """The search behind :func:`rank`."""
     from robust.execute.rules import read_rules
-    from robust.plan.parameters import specifications
-    from robust.plan.pddl.reader import read_domain, read_problem
     from robust.sweeps.rank import RankSearch
 
     specs, _ = specifications(options.parameter, options.parameters)
@@ -457,7 +450,6 @@ def learn(
         InputError: wrong options, or whatever is wrong in a log, with its line.
     """
     from robust.execute import learned
-    from robust.plan.pddl.reader import read_domain
 
     options = verbs.LearnOptions(cover=cover, confidence=confidence, pool=pool, domain=domain)
     return learned.learn(

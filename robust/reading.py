@@ -7,8 +7,16 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from robust.errors import InputError
-from robust.numbers import Number, exact, shorten
+from robust.numbers import Number, exact, plural, shorten
 from robust.options import declare, shared, verbs
+from robust.plan.load import File, assemble
+from robust.plan.model import ParametrizedPlan
+from robust.plan.parameters import ParameterSpec, specifications
+from robust.plan.pddl.forms import read_plan_text, read_source
+from robust.plan.pddl.reader import parse_domain, parse_problem, read_domain, read_problem
+from robust.plan.pddl.syntax import Domain, Problem
+from robust.plan.stn import is_network, parse_stn
+from robust.plan.timed import TimedPlan, parse_timed_plan
 
 if TYPE_CHECKING:
     from robust.execute.convert import Conversion, Mode, Settings
@@ -17,11 +25,6 @@ if TYPE_CHECKING:
     from robust.execute.situation import NewPlan, RunState
     from robust.execute.validate import Verdict
     from robust.options.batch import CertifyCommand, ConvertCommand
-    from robust.plan.load import File
-    from robust.plan.model import ParametrizedPlan
-    from robust.plan.parameters import ParameterSpec
-    from robust.plan.pddl.syntax import Domain, Problem
-    from robust.plan.timed import TimedPlan
 
 Plan: TypeAlias = "ParametrizedPlan | Conversion | Sequence[File]"
 """What :func:`load_plan` or :func:`convert` returns, or the paths of a domain, a problem and a plan."""
@@ -82,12 +85,6 @@ def load_plan(
         UnsupportedError: for steps with an expression that is not linear.
         KeyboardInterrupt: if interrupted.
     """
-    from robust.plan.load import assemble
-    from robust.plan.parameters import specifications
-    from robust.plan.pddl.forms import read_plan_text
-    from robust.plan.pddl.reader import read_domain, read_problem
-    from robust.plan.stn import is_network, parse_stn
-
     say = on_note or (lambda _: None)
     reading = _Reading(
         deadline=deadline,
@@ -119,8 +116,6 @@ def load_plan(
         return with_relative_widths(made) if reading.relative else made
 
     from robust.execute.convert import ConversionEnd, convert
-    from robust.numbers import plural
-    from robust.plan.timed import parse_timed_plan
 
     timed = parse_timed_plan(text, name, reading.plan_number)
     conversion = convert(
@@ -175,8 +170,6 @@ def plan_of(plan: Plan, epsilon: Number = "1/1000") -> ParametrizedPlan:
     Raises:
         InputError: for anything else, or anything wrong in the files.
     """
-    from robust.plan.model import ParametrizedPlan
-
     if isinstance(plan, ParametrizedPlan):
         return plan
     if not isinstance(plan, Sequence):
@@ -225,8 +218,6 @@ def validate(
         UnsupportedError: an over-all condition or a continuous effect that cannot be decided.
     """
     from robust.execute.validate import read_plan, validate
-    from robust.plan.pddl.forms import read_source
-    from robust.plan.timed import TimedPlan
 
     separation = verbs.ValidateOptions.declarations["epsilon"].default if epsilon is None else epsilon
     options = verbs.ValidateOptions(epsilon=separation, tolerance=tolerance, plan_number=plan_number)
@@ -239,10 +230,6 @@ def validate(
 
 def _parsed(domain: File | Domain, problem: File | Problem) -> tuple[Domain, Problem]:
     """The domain and problem of two sources, parsed unless they already are."""
-    from robust.plan.pddl.forms import read_source
-    from robust.plan.pddl.reader import parse_domain, parse_problem
-    from robust.plan.pddl.syntax import Domain, Problem
-
     if not isinstance(domain, Domain):
         _require_path("domain", domain)
         domain = parse_domain(*read_source(domain, "<domain>"))
@@ -306,9 +293,6 @@ def convert(
         UnsupportedError: for an expression that is not linear.
     """
     from robust.execute.convert import convert
-    from robust.plan.parameters import specifications
-    from robust.plan.pddl.forms import read_source
-    from robust.plan.timed import TimedPlan, parse_timed_plan
 
     reading = _Reading(
         deadline=deadline,
@@ -378,7 +362,6 @@ def replan(
     from robust.execute.monitor import Monitor
     from robust.execute.planners import create_planner
     from robust.execute.situation import OpenProblem, deadline_of, new_plan, run_state
-    from robust.plan.parameters import specifications
 
     asked: dict[str, Any] = {"mode": _name_of(mode), "free_durations": free_durations, "solver": solver}
     reading = _Reading(deadline=deadline, epsilon=epsilon, timeout=limit, **asked)
