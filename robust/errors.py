@@ -99,7 +99,7 @@ def missing(what: str, extra: str) -> UnsupportedError:
     return UnsupportedError(f"found no {what}, expected it to be installed: pip install 'robust-plans[{extra}]'")
 
 
-_EXTRAS = {"matplotlib": "plots", "networkx": "plots", "dd": "bdd", "sympy": "sympy"}
+_EXTRAS = {"matplotlib": "plots", "networkx": "plots", "dd": "bdd"}
 """Packages that are imported where they are needed, and the extras that bring them."""
 
 

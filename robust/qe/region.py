@@ -13,7 +13,7 @@ from fractions import Fraction
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
-from robust.errors import InputError, SolverError, from_extra
+from robust.errors import InputError, SolverError
 from robust.plan.model import ParameterReference
 from robust.qe.box import Box, require_complete
 from robust.qe.constraint import LinearConstraint, Sense
@@ -438,15 +438,8 @@ class Region:
         )
 
     def to_sympy(self) -> sympy.Basic:
-        """A Boolean expression over real sympy symbols named after the parameters.
-
-        Raises:
-            UnsupportedError: if sympy, which the extra `sympy` brings, is not installed.
-        """
-        try:
-            import sympy  # noqa: PLC0415 - an extra, and takes half a second to import
-        except ModuleNotFoundError as error:
-            raise from_extra(error) or error from error
+        """A Boolean expression over real sympy symbols named after the parameters."""
+        import sympy  # noqa: PLC0415 - takes half a second to import
 
         def rational(value: Fraction | int) -> sympy.Basic:
             return sympy.Rational(value.numerator, value.denominator)

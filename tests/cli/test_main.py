@@ -44,7 +44,7 @@ print(*{"pysmt", "z3", "cvc5", "sympy", "matplotlib", "rich"} & set(sys.modules)
     assert len(loaded) < 250
 
 
-EXTRAS = ("matplotlib", "numpy", "networkx", "dd", "scipy", "sympy", "dask", "unified_planning")
+EXTRAS = ("matplotlib", "numpy", "networkx", "dd", "scipy", "dask", "unified_planning")
 RANDOM = [f"--distribution={kind}" for kind in ("to_ridge=normal:30:5", "to_crater=constant:40")]
 CORE = (
     ("check", *example()),

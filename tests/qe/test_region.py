@@ -1,7 +1,6 @@
 """Regions and polyhedra against z3, a grid of points, and shapes whose description and volume are known."""
 
 import json
-import sys
 from collections.abc import Iterator
 from fractions import Fraction
 from functools import reduce
@@ -107,12 +106,6 @@ def test_slices_and_sympy_agree_on_points(region, value):
     for point in shapes.grid(region.parameters, Fraction(3, 2), 1)[::2]:
         values = {s: point[s.name] for s in expression.free_symbols}
         assert bool(expression.subs(values)) == (point in region)
-
-
-def test_without_sympy_the_extra_is_named(monkeypatch):
-    monkeypatch.setitem(sys.modules, "sympy", None)
-    with pytest.raises(UnsupportedError, match=r"found no sympy.*robust-plans\[sympy\]"):
-        SLABS.to_sympy()
 
 
 @QUICK
