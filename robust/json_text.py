@@ -5,22 +5,21 @@ send and people write becomes values of types by :class:`JsonTypes`, and these b
 
 What is printed or kept is declared once, as a class: a result itself where JSON says the same (:func:`printed`), or
 else a record (:class:`JsonObject`). Exact numbers are strings (`"1/3"`), infinite ends of intervals are `"inf"` or
-`"-inf"`, seconds are JSON numbers. The schema of a class is generated from it; fields that it does not have are errors.
+`"-inf"`, seconds are JSON numbers. The published schema of a class is generated from it, see `tests/schemas.py`; fields
+that it does not have are errors.
 """
 
 from __future__ import annotations
 
 import json
 import re
-import sys
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from enum import Enum
 from fractions import Fraction
-from functools import cache, partial, singledispatch
+from functools import cache, singledispatch
 from pathlib import Path
-from textwrap import dedent
 from types import NoneType, UnionType
 from typing import (
     Annotated,
@@ -36,7 +35,7 @@ from typing import (
 )
 
 import msgspec
-from msgspec import UNSET, Meta, Struct, UnsetType, defstruct
+from msgspec import UNSET, Meta, Struct
 
 from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import EXPECTED_NUMBER, is_number, parse_number, shorten
@@ -499,12 +498,12 @@ def on_wire(kind: str, /, **names: str | None) -> None:
     _NAMES[kind] = names
 
 
-def _is_result(kind: type) -> bool:
+def is_result(kind: type) -> bool:
     """Whether values of the class are objects of their fields: dataclasses, and named tuples that are declared so."""
     return is_dataclass(kind) or kind.__name__ in _NAMES
 
 
-def _members_of(kind: type) -> Iterator[tuple[str, str]]:
+def members_of(kind: type) -> Iterator[tuple[str, str]]:
     """The fields of a result that are in JSON, with their names there."""
     names = _NAMES.get(kind.__name__, {})
     for name in getattr(kind, "_fields", None) or [member.name for member in fields(kind)]:
@@ -556,8 +555,8 @@ def printed(value: object) -> Any:  # noqa: PLR0911 - one for each kind of value
             members = ((name, getattr(value, name)) for name in value.__struct_fields__)
             given = {name: printed(item) for name, item in members if item is not UNSET}
             return {value.__struct_config__.tag_field: tag, **given} if tag else given
-        case _ if _is_result(type(value)):
-            return {shown: printed(_rounded(getattr(value, name))) for name, shown in _members_of(type(value))}
+        case _ if is_result(type(value)):
+            return {shown: printed(_rounded(getattr(value, name))) for name, shown in members_of(type(value))}
         case list() | tuple() | set() | frozenset():
             return [printed(item) for item in value]
         case _:
@@ -580,92 +579,3 @@ def _exact(kind: type, value: Any) -> Any:
     if kind is Fraction and (isinstance(value, int) or (isinstance(value, str) and is_number(value))):
         return Fraction(value) if isinstance(value, int) else parse_number(value)
     raise ValueError(f"found {value!r}, expected {'a rational' if kind is Fraction else kind.__name__}")
-
-
-# -- schemas -----------------------------------------------------------------------------------------------------------
-
-
-def schema_of(kind: type[JsonObject], title: str) -> dict[str, Any]:
-    """The JSON Schema (draft 2020-12) of a class; its `RULES` are what types cannot say.
-
-    If it has `DECIMALS`, rationals may also be numbers.
-
-    Descriptions are those of docstrings: of an object the text, of its fields what stands below `Attributes:`.
-    """
-    (top,), parts = msgspec.json.schema_components(
-        [_wire_type(kind)], schema_hook=partial(_schema, getattr(kind, "DECIMALS", False)), ref_template=_PART
-    )
-    for part in parts.values():
-        del part["title"]
-        text, _, attributes = part.pop("description", "").partition("Attributes:\n")
-        if text.strip():
-            part["description"] = " ".join(text.split())
-        for name, words in _FIELD.findall(dedent(attributes)):
-            if name in part["properties"]:
-                part["properties"][name]["description"] = " ".join(words.split())
-    body = parts.pop(top["$ref"].rsplit("/", 1)[1]) | getattr(kind, "RULES", {})
-    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": title}
-    return {**head, **body, **({"$defs": parts} if parts else {})}
-
-
-_PART = "#/$defs/{name}"
-_FIELD = re.compile(r"^(\w+): (.*(?:\n .*)*)", re.MULTILINE)
-
-
-@cache
-def _wire_type(kind: Any) -> Any:
-    """A type as msgspec knows it: results are records of what they are in JSON."""
-    if (arguments := get_args(kind)) and get_origin(kind) is Annotated:
-        return Annotated[(_wire_type(arguments[0]), *arguments[1:])]
-    if arguments or not isinstance(kind, type):
-        return _generic(kind, tuple(map(_wire_type, arguments))) if arguments else kind
-    if (show := wire.dispatch(kind)) is not wire.dispatch(object):
-        return _wire_type(get_type_hints(show, localns=_names_for(show), include_extras=True)["return"])
-    return _record_type(kind) if issubclass(kind, Struct) or _is_result(kind) else kind
-
-
-def _record_type(kind: Any) -> type[Struct]:
-    """The type of a record or a result in JSON."""
-    is_record = issubclass(kind, Struct)
-    hints = get_type_hints(kind, localns=_names_for(kind), include_extras=True)
-    names = [(name, name) for name in kind.__struct_fields__] if is_record else _members_of(kind)
-    members: list[Any] = [
-        (shown, _wire_type(hints[name]), *((UNSET,) if UnsetType in get_args(hints[name]) else ()))
-        for name, shown in names
-    ]
-    config = kind.__struct_config__ if is_record else JsonObject.__struct_config__
-    return defstruct(
-        kind.__name__,
-        members,
-        bases=(JsonObject,),
-        namespace={"__doc__": kind.__doc__},
-        kw_only=True,
-        tag=config.tag,
-        tag_field=config.tag_field,
-    )
-
-
-def _generic(kind: Any, arguments: tuple[Any, ...]) -> Any:
-    """A type with other arguments."""
-    origin: Any = get_origin(kind)
-    if origin in {Union, UnionType}:
-        return Union[arguments]  # noqa: UP007 - of as many as there are
-    if origin in {dict, Mapping}:
-        return dict[str, arguments[1]]  # type: ignore[valid-type]
-    if origin is tuple and arguments[-1] is not ...:
-        return origin[arguments]
-    return list[arguments[0]]  # type: ignore[valid-type]
-
-
-def _names_for(kind: Any) -> dict[str, Any]:
-    """What the module of a class or function knows, and all classes of the package by name, which are unique: results
-    may import their types for type checkers only."""
-    modules = [module for name, module in sys.modules.items() if name.startswith("robust.")]
-    known = {name: value for module in modules for name, value in vars(module).items() if isinstance(value, type)}
-    return known | vars(sys.modules[kind.__module__])
-
-
-def _schema(decimals: bool, kind: type) -> dict[str, Any]:
-    if kind is Fraction:
-        return {"type": ["string", "number"] if decimals else "string", "pattern": "^-?[0-9]+(/[1-9][0-9]*)?$"}
-    raise NotImplementedError(kind.__name__)

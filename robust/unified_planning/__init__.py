@@ -12,7 +12,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from robust.unified_planning.convert import from_unified_planning, module_of, to_unified_planning
+from robust.unified_planning.convert import from_unified_planning, to_unified_planning
+from robust.unified_planning.problems import module_of
 
 if TYPE_CHECKING:
     from unified_planning.environment import Environment

@@ -27,7 +27,8 @@ from robust.plan.simulate import Simulation, Violation, simulate
 from robust.plan.stn import STNPlan
 from robust.plan.timed import TimedPlan
 from robust.smt.limits import Deadline, one_question
-from robust.unified_planning.convert import converted, instances_of, type_bounds
+from robust.unified_planning.convert import converted, instances_of
+from robust.unified_planning.problems import type_bounds
 
 if TYPE_CHECKING:
     import unified_planning.model as up

@@ -13,8 +13,7 @@ import pytest
 from msgspec import StructMeta
 
 from robust import show
-from robust.json_text import schema_of
-from tests.schemas import FILES, FOLDER, schema
+from tests.schemas import FILES, FOLDER, schema, schema_of
 
 MODULES = [import_module(module.name) for module in pkgutil.iter_modules(show.__path__, "robust.show.")]
 KINDS = {kind for module in MODULES for kind in vars(module).values() if isinstance(kind, StructMeta)}
