@@ -20,26 +20,9 @@ from robust.stnu.verdicts import NetworkRepair as Repair
 from robust.stnu.verdicts import NetworkVerdict as Verdict
 
 __all__ = [
-    "Change",
-    "CheckResult",
-    "DispatchResult",
-    "Edge",
-    "Execution",
-    "Link",
-    "Network",
-    "Repair",
-    "RepairStatus",
-    "Side",
-    "Verdict",
-    "check",
-    "dispatch",
-    "load",
-    "refutes",
-    "repair",
-    "risk",
-    "with_quantile",
-    "write",
-]
+    "Change", "CheckResult", "DispatchResult", "Edge", "Execution", "Link", "Network", "Repair", "RepairStatus", "Side",
+    "Verdict", "check", "dispatch", "load", "refutes", "repair", "risk", "with_quantile", "write",
+]  # fmt: skip
 
 
 def __dir__() -> list[str]:
