@@ -164,7 +164,7 @@ class Model:
         self.split, self.guessed = dict[str, str](), set[str]()  # undeclared predicates of one type; what is read how
         self.initial, self.timed = dict[str, bool | Fraction](), dict[Fraction, dict[str, bool | Fraction]]()
         self.synth, self.written = dict[str, str](), set[str]()  # what actions and timed initial literals change
-        sections = [*parse(domain, "domain", DOMAIN), *parse(problem, "problem", PROBLEM)]
+        self.sections = sections = [*parse(domain, "domain", DOMAIN), *parse(problem, "problem", PROBLEM)]
         parts = {each[0]: each[1:] for each in sections}
         need(parts.get(":domain") == parts["domain"], "the problem is of another domain")
         need(":init" in parts and len(parts.get(":goal", [])) == 1, "expected :init and one :goal in the problem")
@@ -419,6 +419,7 @@ class Ground:
         self.edges, self.duties = list[tuple[int, int, Linear]](), list[Duty]()
         self.effects, self.flows = list[list[Effect]](), list[tuple[int, int, str, Tree]]()
         self.varied, self.instead = dict[tuple[str, str], str](), dict[str, list[str]]()
+        self.statements = list[re.Match[str]]()
 
     def point(self, name: str) -> int:
         need(name not in self.number, f"found time point {name} twice")
@@ -448,6 +449,7 @@ class Ground:
             match: Any = STATEMENT.match(text, place)
             need(match, f"found {text[place : place + 40].strip()!r}, expected a statement of a plan")
             place = match.end()
+            self.statements.append(match)
             if match["parameter"]:
                 self.parameter(match["parameter"], match["attributes"].split())
             elif match["kind"]:

@@ -1,11 +1,14 @@
 """The checker that Coq proves right, where it is built: it says the same of certificates as the one in Python."""
 
 import json
+import re
 import subprocess
 import sys
 from collections import Counter
 from fractions import Fraction
+from itertools import accumulate
 from pathlib import Path
+from random import Random
 
 import pytest
 
@@ -19,7 +22,7 @@ from robust.certify.kernel import run
 from robust.certify.kernel.claims import Translation
 from robust.certify.kernel.run import opinions
 from robust.certify.tape import write
-from robust.errors import InputError, RefutedError, UnsupportedError
+from robust.errors import InputError, RefutedError, RobustError, UnsupportedError
 from robust.smt.limits import Deadline
 from tests.certify import adversary, tools
 from tests.certify.texts import Texts, random_texts, tangled_texts
@@ -207,6 +210,63 @@ def test_forged_certificates(tmp_path):
     counts, false = forgeries(150, 8, 3, tmp_path)
     assert false == []
     assert counts[False, False] > 50
+
+
+FORGED = {
+    "(drive scout base ridge)": ["(drive scout base scout)", "(drive scout base)", "(fly scout base ridge)"],
+    "(durative-action drive_3": ["(action drive_3", "(durative-action drive_1"],
+    "(drive_3.end drive_3.start 20 20)": ["(drive_3.end drive_3.start 2 inf)", "(drive_3.end drive_3.start 20 120)"],
+    "scout - rover base ridge": ["scout - site base ridge"],
+    " (daylight) (at 21": [" (at 21"],
+    "(at 21 (lit ridge))": ["(at 121 (lit ridge))"],
+    "(>= ?duration 1)": ["(>= ?duration 1000)", "(forall (?s - site) (>= ?duration 1000))"],
+    "(at start (at ?r ?from))": ["(at start (not (at ?r ?from)))", "(at start (exists (?s - rover) (at ?r ?s)))"],
+    "(at end (at ?r ?to))": ["(at end (when (= ?from ?to) (at ?r ?to)))"],
+    "(over all (daylight))": ["(over all (forall (?s - site) (lit ?s)))"],
+    "(= (charge scout) 170)": ["(= (charge scout) 17)"],
+}
+"""Parts of the trees of a plan that is valid, and what makes another plan of it, which is not."""
+
+
+@built
+def test_forged_trees(tmp_path):
+    ground, path = tools.grounded(tools.NAVIGATION), tmp_path / "forged.kernel"
+    assert said(ground, tools.made(tools.NAVIGATION, "plan"), path) is not None
+    whole = path.read_text()
+    for old, every in FORGED.items():
+        assert whole.count(old) == 1, old
+        for new in every:
+            path.write_text(whole.replace(old, new))
+            answer = subprocess.run([KERNEL, path], capture_output=True, text=True, check=False)
+            assert (answer.returncode, answer.stdout) in ((1, "rejected\n"), (2, "")), (new, answer)
+
+
+@built
+@pytest.mark.parametrize("count", [12, pytest.param(150, marks=pytest.mark.slow)])
+def test_certificates_of_texts_with_less(count, tmp_path):
+    """A certificate of a plan, and texts of which a form is left out: what is established is valid."""
+    random, verdicts = Random(count), Counter()
+    plans = [tools.NAVIGATION, tools.GENERATOR, reading_plan("4", "q", tmp_path / "reading")]
+    for files in (*plans, steady_plan("+ (speed) (- (half) 1.5)", "", tmp_path / "steady")):
+        lines = tools.made(files, "plan")
+        texts = [re.sub(";[^\n]*", "", path.read_text()) for path in files[:2]]
+        for _ in range(count):
+            changed, which = [*texts, files[2].read_text()], random.randrange(2)
+            start = random.choice([match.start() for match in re.finditer(r"\((?!define)", texts[which])])
+            depths = accumulate({"(": 1, ")": -1}.get(letter, 0) for letter in texts[which][start:])
+            end = start + next(number for number, depth in enumerate(depths) if not depth) + 1
+            changed[which] = texts[which][:start] + texts[which][end:]
+            try:
+                established = said(tools.reader.ground(*changed), lines, tmp_path / "less.kernel") is not None
+                valid = bool(tools.made(tools.written(Texts(*changed), tmp_path / "less"), "plan"))
+            except RefutedError:
+                valid = False
+            except (Unsupported, RobustError):
+                continue
+            verdicts[established, valid] += 1
+    assert not verdicts[True, False]
+    assert verdicts[True, True] > count / 4
+    assert verdicts[False, False] > count / 4
 
 
 @built

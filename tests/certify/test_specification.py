@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 
 from benchmarks.suite import read_deliveries, read_suite
 from robust.certify.checker import reader
-from robust.certify.kernel.terms import GroundTerms, listed
+from robust.certify.kernel.terms import PlanTerms, listed
 from robust.errors import RobustError
 from robust.plan.load import load_plan
 from robust.plan.model import ZERO
@@ -47,7 +47,7 @@ def specified(ground, parameters, schedules, epsilon, folder):
     values = listed(parameters[name] for name in ground.parameters)
     lines = [listed((values, listed(schedule))) for schedule in schedules]
     path = folder / "plan.kernel"
-    sections = ["(texts)", *GroundTerms(ground).sections(), f"(epsilon {epsilon})", *lines]
+    sections = ["(texts)", *PlanTerms(ground).sections(), f"(epsilon {epsilon})", *lines]
     path.write_text("\n".join(sections), encoding="utf-8")
     said = subprocess.run([KERNEL, "--evaluate", path], capture_output=True, text=True, timeout=60, check=True).stdout
     return [_read(ground, line) for line in said.splitlines()]

@@ -8,7 +8,7 @@ let flag b = if b then "t" else "f"
 let flags l = "(" ^ String.concat " " (List.map flag l) ^ ")"
 let pair (p, q) apart = Printf.sprintf "(%d %d %s)" p q (flag apart)
 
-let line { Text.plan; epsilon; _ } = function
+let line { Pddl.plan; epsilon; _ } = function
   | Text.List [ values; times ] ->
       let r = evaluated plan (Text.list Text.rational values) (Text.list Text.rational times) epsilon in
       if not (is_right r) then Text.fail "unsupported: over-all conditions that are not linear between happenings";
@@ -16,4 +16,4 @@ let line { Text.plan; epsilon; _ } = function
         (String.concat " " (List.map2 pair r.mutex_pairs r.pairs_apart)) (flags r.duties_met) (flags r.effects_agree)
   | tree -> Text.bad "the values of parameters and the times of time points" tree
 
-let print file = List.iter (line file) file.Text.rest
+let print file = List.iter (line file) file.Pddl.rest

@@ -52,7 +52,7 @@ let number plan tree =
       find 0 apart
   | tree -> Text.bad "an obligation" tree
 
-let asked (file : Text.file) = function
+let asked (file : Pddl.file) = function
   | Text.List [ Text.Word "obligations"; region; lemmas; removed ] ->
       let plan = file.plan in
       let o = orders plan (Text.list Text.side region) (Text.list Text.lemma lemmas) in
@@ -77,7 +77,7 @@ let asked (file : Text.file) = function
   | tree -> Text.bad "a question" tree
 
 (* The pairs of time points that have to be apart: obligations are numbered from 1, these first. *)
-let print (file : Text.file) =
+let print (file : Pddl.file) =
   if not (supported file.plan file.epsilon) then Text.fail "unsupported: a separation below 0, two timed initial literals that may change a fluent at one time, a rate that changes, or a division by something that is not constant, or by zero";
   List.iter (fun (p, q) -> add (Printf.sprintf "%d %d " p q)) (pairs file.plan);
   add "\n";

@@ -1,4 +1,4 @@
-(* Reads plans, regions and certificates. Trusted, as far as plans and regions go. *)
+(* Reads words, numbers, regions and certificates. Trusted, as far as words, numbers and regions go. *)
 open Kernel
 
 exception Malformed of string
@@ -77,7 +77,7 @@ let rec digits z = match z with
 
 let fraction q = let q = qred q in if q.qden = XH then digits q.qnum else digits q.qnum ^ "/" ^ digits (Zpos q.qden)
 
-(* -- plans ------------------------------------------------------------------------------------------------------------- *)
+(* -- expressions ------------------------------------------------------------------------------------------------------------- *)
 
 let rec expr = function
   | Word w when w.[0] = '#' -> Param (name (Word (String.sub w 1 (String.length w - 1))))
@@ -91,44 +91,6 @@ let rec expr = function
 let operation = function
   | "+" -> Sum | "-" -> Difference | "*" -> Product | "/" -> Quotient
   | word -> bad "an operation" (Word word)
-
-(* `=f` is a fluent; anything else without operations is an expression of its own. *)
-let rec term = function
-  | Word w when w.[0] = '=' -> Fluent (name (Word (String.sub w 1 (String.length w - 1))))
-  | List [ Word o; a; b ] -> Calculate (operation o, term a, term b)
-  | tree -> Linear (expr tree)
-
-let rec cond = function
-  | List [ Word "always" ] -> Always
-  | List [ Word "atom"; a ] -> Atom (name a)
-  | List [ Word "not"; c ] -> Not (cond c)
-  | List [ Word "and"; c; d ] -> And (cond c, cond d)
-  | List [ Word "or"; c; d ] -> Or (cond c, cond d)
-  | List [ Word "compare"; strict; x ] -> Compare (flag strict, term x)
-  | tree -> bad "a condition" tree
-
-let change = function
-  | [ Word "add"; a ] -> Add (name a)
-  | [ Word "delete"; a ] -> Del (name a)
-  | [ Word "increase"; f; x ] -> Increase (name f, term x)
-  | [ Word "assign"; f; x ] -> Assign (name f, term x)
-  | words -> bad "a change" (List words)
-
-let effect = function
-  | List (p :: guard :: words) -> { point = name p; guard = cond guard; makes = change words }
-  | tree -> bad "an effect" tree
-
-let flow = function
-  | List [ s; e; f; r ] -> { starts = name s; ends = name e; flows_to = name f; rate = term r }
-  | tree -> bad "a continuous effect" tree
-
-let edge = function List [ a; b; w ] -> ((name a, name b), expr w) | tree -> bad "a constraint" tree
-
-let duty = function
-  | List [ Word "at"; p; c ] -> AtPoint (name p, cond c)
-  | List [ Word "over"; s; e; c ] -> OverAll (name s, name e, cond c)
-  | List [ Word "goal"; c ] -> Goal (cond c)
-  | tree -> bad "an obligation" tree
 
 (* -- certificates ------------------------------------------------------------------------------------------------------ *)
 
@@ -184,25 +146,6 @@ let placement = function
 let proofs = function
   | List [ lemmas; refutations ] -> { lemmas = list lemma lemmas; refutations = list (both pos refutation) refutations }
   | tree -> bad "order lemmas and refutations" tree
-
-(* -- files: named sections, each at its place ---------------------------------------------------------------------------- *)
-
-type file = { texts : tree list; names : string array; plan : plan; epsilon : q; rest : tree list }
-
-let file text =
-  match read text with
-  | List (Word "texts" :: texts) :: List (Word "parameters" :: names) :: List (Word "true" :: first)
-    :: List (Word "values" :: values) :: List (Word "effects" :: effects) :: List (Word "flows" :: flows)
-    :: List (Word "constraints" :: edges) :: List (Word "obligations" :: duties) :: List (Word "timed" :: timed)
-    :: List [ Word "epsilon"; epsilon ] :: rest ->
-      let values = Array.of_list (List.map expr values) in
-      let value f = if f < Array.length values then values.(f) else fail "a fluent has no initial value" in
-      let plan =
-        { true_at_first = List.map name first; value_at_first = value; effects = List.map effect effects;
-          flows = List.map flow flows; edges = List.map edge edges; duties = List.map duty duties;
-          timed = List.map name timed } in
-      { texts; names = Array.of_list (List.map word names); plan; epsilon = rational epsilon; rest }
-  | _ -> fail "found other sections than texts, parameters, true, values, effects, flows, constraints, obligations, timed, epsilon"
 
 (* -- claims -------------------------------------------------------------------------------------------------------------- *)
 

@@ -19,7 +19,7 @@ from robust.certify.checker.proofs import Tape, demand, linear, sides
 from robust.certify.checker.reader import Fact, Ground, Linear, constant
 from robust.certify.hints import NotRefutedError
 from robust.certify.kernel.questions import IndexedFacts, OpenFormulas, facts_of, multiples
-from robust.certify.kernel.terms import GroundTerms, listed, truth
+from robust.certify.kernel.terms import PlanTerms, listed, truth
 from robust.smt.limits import Deadline
 
 Ask = Callable[[str], str]
@@ -69,7 +69,7 @@ class Translation:
 
     def __init__(self, ground: Ground, epsilon: Fraction, deadline: Deadline) -> None:
         self._ground, self._deadline = ground, deadline
-        self._terms = GroundTerms(ground)
+        self._terms = PlanTerms(ground)
         self._plan = [*self._terms.sections(), f"(epsilon {epsilon})"]
         self._theirs = TheirFormulas(ground, epsilon)
         self._numbers = self._terms.numbers

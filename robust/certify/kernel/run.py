@@ -38,7 +38,8 @@ def found() -> str | None:
 
 TRUSTED = {
     "python": "proofs/checker (1,500 lines), Python",
-    "kernel": "Spec.v and Claims.v; reader.py, terms.py, text.ml and main.ml, which read the files; Coq, OCaml",
+    "kernel": "Spec.v, Pddl.v and Claims.v; what takes texts apart (reader.py, terms.py, text.ml, pddl.ml) and prints "
+    "the claim (main.ml); Coq, OCaml",
 }
 """What has to be trusted if a checker says that something is established."""
 
