@@ -34,7 +34,7 @@ from robust.errors import RobustError
 from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.compile import checked_assumptions
 from robust.pike_bridge.semantics import ExecutionExistence, Oracle
-from robust.plan.load import load_plan
+from robust.reading import load_plan
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.sweeps.batch import COMMAND
 

@@ -22,7 +22,6 @@ from robust.errors import InputError, RobustError
 from robust.execute.controllability import Control, Controllability
 from robust.execute.convert import convert
 from robust.execute.parametrization import option_of
-from robust.plan.load import load_plan
 from robust.plan.model import ActionInstance, Duration, ParameterReference, ParametrizedPlan, Relation
 from robust.plan.parameters import parse_specs
 from robust.plan.pddl.forms import read_text
@@ -31,6 +30,7 @@ from robust.plan.polynomial import Polynomial
 from robust.plan.stn import write_stn
 from robust.plan.timed import parse_timed_plan
 from robust.qe.box import Box, Side
+from robust.reading import load_plan
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.sweeps.batch import box_of
 

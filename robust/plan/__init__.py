@@ -1,4 +1,4 @@
 """The parametrized planning problem and plan: data model, readers, writers, parametrization and a concrete simulator.
 
-Files become a :class:`robust.plan.model.ParametrizedPlan` by :func:`robust.plan.load.load_plan`.
+Files become a :class:`robust.plan.model.ParametrizedPlan` by :func:`robust.load_plan`.
 """

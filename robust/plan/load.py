@@ -6,7 +6,7 @@
 import re
 import shlex
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from os import PathLike
@@ -14,35 +14,12 @@ from os import PathLike
 from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import format_number
 from robust.plan import model
-from robust.plan.parameters import ParameterSpec, Wiring, parse_specs, read_parameter_file, referenced_parameters, wire
+from robust.plan.parameters import ParameterSpec, Wiring, referenced_parameters, wire
 from robust.plan.pddl import grounding, syntax
-from robust.plan.pddl.reader import read_domain, read_problem
 from robust.plan.polynomial import Polynomial
-from robust.plan.stn import ParameterDeclaration, STNBound, STNPlan, check_interval, check_range, parse_stn, read_stn
+from robust.plan.stn import ParameterDeclaration, STNBound, STNPlan, check_interval, check_range, parse_stn
 
 File = str | PathLike[str]
-
-
-def load_plan(
-    domain: File,
-    problem: File,
-    plan: File,
-    *,
-    parameters: Sequence[str] = (),
-    parameter_file: File | None = None,
-    nominal_needed: bool = True,
-) -> model.ParametrizedPlan:
-    """Read a PDDL domain and problem and a `.stn` plan; InputError for anything wrong in them.
-
-    `parameters` are specifications as :mod:`robust.plan.parameters` describes them, and `parameter_file` is a TOML
-    file of more of them. The result is named after the plan's file. Regions and optimal boxes need no nominal values:
-    for them, `nominal_needed=False` reads parameters without.
-    """
-    parsed_domain = read_domain(domain)
-    parsed_problem = read_problem(problem, parsed_domain)
-    beside = () if parameter_file is None else read_parameter_file(parameter_file)
-    specs = (*beside, *parse_specs(parameters))
-    return assemble(parsed_domain, parsed_problem, read_stn(plan), specs, nominal_needed=nominal_needed)
 
 
 def assemble(

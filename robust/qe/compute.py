@@ -352,7 +352,7 @@ class RegionSearch(Searching[RegionResult]):
     """All parameter values under which a plan is valid, exactly.
 
     Args:
-        plan: the plan, see :func:`robust.plan.load.load_plan`.
+        plan: the plan, see :func:`robust.load_plan`.
         backend: one of :data:`robust.backends.ELIMINATORS`.
         splitting: `monolithic`, `partial` or `full`, see :mod:`robust.qe.compute`.
         learning: tell later problems what earlier ones have excluded.

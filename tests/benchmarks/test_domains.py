@@ -9,7 +9,7 @@ from typing import NamedTuple
 import pytest
 
 from benchmarks.generators.sizes import generator_instance, main, write_instance
-from robust.plan import load
+from robust import reading
 from robust.plan.model import ZERO, TimePoint
 from robust.plan.simulate import Simulation, simulate
 from tests.irr.building import schedule_of
@@ -46,7 +46,7 @@ class Example(NamedTuple):
         return simulate(plan, values, schedule), said.valid
 
 
-load_plan = cache(load.load_plan)
+load_plan = cache(reading.load_plan)
 
 
 def examples_in(folder, domain, problem, plans, *breaking):

@@ -15,7 +15,7 @@ from benchmarks.irr.figure3 import CONTENDERS
 from benchmarks.irr.figure4 import DeliveryInstance, Origin
 from benchmarks.irr.figure5 import SCHEDULES
 from robust import Answer, Box, InputError, Interval, check, envelope
-from robust.plan.load import load_plan
+from robust.reading import load_plan
 from tests.benchmarks.conftest import example, navigation, promised_region, rendered, run
 
 

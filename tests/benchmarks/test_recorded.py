@@ -17,8 +17,8 @@ from benchmarks.suite import RecordedInstance, RecordedRun, read_suite
 from robust import InputError, ParametrizedPlan, Status, envelope
 from robust.encode.encoding import RelationalEncoding
 from robust.irr.containment import Containment
-from robust.plan.load import load_plan
 from robust.qe.box import Box, Interval, Side
+from robust.reading import load_plan
 from robust.smt.limits import NEVER
 from tests.benchmarks.conftest import example, navigation, rendered, run
 from tests.certify import tools

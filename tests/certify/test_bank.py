@@ -23,8 +23,8 @@ from robust.encode import create_encoding
 from robust.irr.widen import DiscoveredBadSet
 from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.semantics import Oracle
-from robust.plan.load import load_plan
 from robust.qe.box import Interval, Side
+from robust.reading import load_plan
 from robust.smt.limits import Deadline
 from tests.certify import adversary, networks, test_reader, tools
 from tests.certify.adversary import PLANS, TABLES, cases, leaf_changes, named, run

@@ -19,9 +19,9 @@ from robust.certify.tape import header
 from robust.encode import create_encoding
 from robust.encode.encoding import RelationalEncoding
 from robust.pike_bridge.action_model import load_team_plan
-from robust.plan.load import load_plan
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region
+from robust.reading import load_plan
 from robust.smt.limits import Deadline, OutOfTimeError
 from tests.certify import networks, tools
 from tests.certify.adversary import BESIDE, PLAIN, TABLES, changed, same_region

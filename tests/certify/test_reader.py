@@ -21,11 +21,11 @@ from robust.certify.checker import reader
 from robust.certify.checker.formulas import FALSE, TRUE, mutex
 from robust.certify.hints import KnownFacts, model
 from robust.errors import RobustError
-from robust.plan.load import load_plan
 from robust.plan.model import ZERO, Atom, Bound
 from robust.plan.pddl.reader import read_domain, read_problem
 from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import mutex_pairs, simulate
+from robust.reading import load_plan
 from robust.smt.limits import NEVER
 from tests.certify import adversary, tools
 from tests.certify.texts import Texts, changed, random_texts, tangled_texts

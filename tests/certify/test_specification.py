@@ -21,9 +21,9 @@ from benchmarks.suite import read_deliveries, read_suite
 from robust.certify.checker import reader
 from robust.certify.kernel.terms import PlanTerms, listed
 from robust.errors import RobustError
-from robust.plan.load import load_plan
 from robust.plan.model import ZERO
 from robust.plan.simulate import simulate
+from robust.reading import load_plan
 from tests.certify import tools
 from tests.certify.test_reader import key, separations
 from tests.certify.texts import random_texts, tangled_texts

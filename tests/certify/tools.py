@@ -17,12 +17,13 @@ from robust.certify.hints import Line
 from robust.certify.produce import PlanCertificate
 from robust.certify.tape import write
 from robust.encode.encoding import RelationalEncoding
-from robust.plan.load import assemble, load_plan
+from robust.plan.load import assemble
 from robust.plan.parameters import parse_parameter_file, toml_document
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.stn import parse_stn
 from robust.qe.lifted import LiftedRegion, lifted_envelope
 from robust.qe.nnf import FormulaReader
+from robust.reading import load_plan
 from robust.smt.limits import NEVER
 from tests.certify.texts import Texts
 

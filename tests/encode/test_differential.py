@@ -19,9 +19,9 @@ from robust.encode.encoding import RelationalEncoding
 from robust.encode.interface import Stage
 from robust.encode.positions import PositionsEncoding
 from robust.plan import model
-from robust.plan.load import load_plan
 from robust.plan.model import ZERO, Holds, NumericCondition, ParametrizedPlan
 from robust.plan.simulate import simulate
+from robust.reading import load_plan
 from robust.smt.session import Satisfiability
 from tests.encode.asking import Point, both, difference, first_broken, refuted, where_broken
 from tests.plan import building

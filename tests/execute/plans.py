@@ -10,7 +10,7 @@ from pathlib import Path
 from random import Random
 from textwrap import dedent
 
-from robust import Box, Interval, ParametrizedPlan, envelope
+from robust import Box, Interval, ParametrizedPlan, envelope, reading
 from robust.errors import Location
 from robust.execute.convert import Conversion, Mode, convert
 from robust.execute.dispatchable import Dispatchable, make_dispatchable
@@ -97,7 +97,7 @@ def tasks_dispatchable(box: Mapping[str, tuple[int, int]] | None = None, plan: s
 def with_box(folder: str, domain: str, problem: str, plan: str) -> Dispatchable:
     """A benchmark plan with its box by exact widening."""
     base = DOMAINS / folder
-    loaded = load.load_plan(base / f"{domain}.pddl", base / f"{problem}.pddl", base / f"{plan}.stn")
+    loaded = reading.load_plan(base / f"{domain}.pddl", base / f"{problem}.pddl", base / f"{plan}.stn")
     result = envelope(loaded)
     assert result.verified
     return make_dispatchable(loaded, result.box)

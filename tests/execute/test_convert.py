@@ -19,12 +19,12 @@ from robust.execute.parametrization import option_of, write_specs
 from robust.execute.room import esterel_edges
 from robust.execute.snap import NearSchedules, least_shift
 from robust.numbers import format_number
-from robust.plan.load import load_plan
 from robust.plan.model import ZERO, TimePoint, TimePointKind
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.simulate import simulate
 from robust.plan.stn import STNConstraint, write_stn
 from robust.plan.timed import parse_timed_plan
+from robust.reading import load_plan
 from tests.execute.plans import EPSILON, converted, text_of
 from tests.network.oracles import has_schedule, longest_paths, point
 from tests.pddl_text import pddl_text

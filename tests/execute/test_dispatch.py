@@ -17,10 +17,10 @@ from robust.execute.drive import run_in_world
 from robust.execute.replan import ReplanningOptions, prepare_plan
 from robust.execute.slices import Observations, SliceAnswer, continued
 from robust.execute.worlds import Luck, SimulatedWorld
-from robust.plan.load import load_plan
 from robust.plan.model import ZERO, Atom, Fluent, Parameter
 from robust.plan.simulate import simulate
 from robust.qe.compute import RegionSearch
+from robust.reading import load_plan
 from robust.smt.limits import NEVER
 from tests.execute import plans
 from tests.execute.plans import EPSILON, PLAN, PLANS, box_of, interval, tasks, tasks_dispatchable, with_box, working

@@ -26,12 +26,13 @@ from robust import Answer, Box, InputError, InputWarning, InvalidPlanError, enve
 from robust.execute.causal import check_plan
 from robust.execute.convert import convert
 from robust.execute.planners.interface import check
-from robust.plan.load import assemble, load_plan
+from robust.plan.load import assemble
 from robust.plan.model import Fluent
 from robust.plan.parameters import parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem, read_domain, read_problem
 from robust.plan.stn import parse_stn, write_stn
 from robust.plan.timed import parse_timed_plan, read_timed_plan
+from robust.reading import load_plan
 from robust.smt.limits import NEVER, Deadline
 from tests.execute.plans import EPSILON, FIRST_ORDER, ROOT
 

@@ -11,13 +11,14 @@ from hypothesis import strategies as st
 
 from robust.irr.containment import Questions
 from robust.network.slack import OutsideFragmentError
-from robust.plan.load import assemble, load_plan
+from robust.plan.load import assemble
 from robust.plan.model import ZERO, Parameter, ParametrizedPlan, TimePoint
 from robust.plan.parameters import parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.polynomial import Polynomial
 from robust.plan.stn import parse_stn
 from robust.qe.box import Box
+from robust.reading import load_plan
 from robust.smt.session import Satisfiability, Session
 from tests.plan.building import DURATION, END, action, at, at_least, at_most, between, number, plan_of, reference
 from tests.sampling import bound_value

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from robust import reading
 from robust.errors import InputError
 from robust.plan import load, model, parameters, stn
 from robust.plan.pddl.reader import parse_domain, parse_problem
@@ -139,10 +140,10 @@ def test_load_plan(tmp_path: Path) -> None:
     for path, text in zip(paths, (TASKS, PROBLEM, PLAN, options), strict=True):
         path.write_text(text, encoding="utf-8")
     domain, problem, mission, file = paths
-    plan = load.load_plan(domain, str(problem), mission, parameters=["start:n0"], parameter_file=file)
+    plan = reading.load_plan(domain, str(problem), mission, parameters=["start:n0"], parameter_file=file)
     assert plan.name == "mission_3"
     assert plan.nominal == {"pause": 3, "endurance": 10, "start_n0": 0}
     assert plan.parameters[1].lower == Fraction(1, 10)
     file.write_text("[parameters.pause]\nweight = 3\n", encoding="utf-8")
     with pytest.raises(InputError, match="'pause' twice"):
-        load.load_plan(domain, problem, mission, parameters=["pause,lb=2"], parameter_file=file)
+        reading.load_plan(domain, problem, mission, parameters=["pause,lb=2"], parameter_file=file)

@@ -20,12 +20,12 @@ from benchmarks.generators.sizes import write_instance
 from robust import Answer, Box, InputError, Interval, Region, RobustError, UnsupportedError, api, check, reading
 from robust.backends import ELIMINATORS
 from robust.encode.encoding import RelationalEncoding
-from robust.plan.load import load_plan
 from robust.plan.model import ZERO, Atom, Condition, DurationConstraint, Parameter, ParametrizedPlan
 from robust.plan.polynomial import Polynomial
 from robust.qe import compute, constraint, estimate, inner, nnf, polyhedron
 from robust.qe.eliminate.interface import Solvers
 from robust.qe.symmetry import Symmetry, find_symmetry
+from robust.reading import load_plan
 from robust.smt.limits import NEVER, Deadline, one_question
 from robust.smt.session import Satisfiability, Session
 from tests.children import interrupted_after
