@@ -126,9 +126,7 @@ def convert(options: ConvertCommand, run: Run) -> int:
     """Make a plan with a temporal network of a time-triggered plan, and prove it; steps are called n0, n1, ..."""
     from robust.show import execution as show
 
-    if options.tree is not None and _is_network(options.plan):
-        return _export_tree(options, run)
-    if options.stnu is not None and _is_network(options.plan):
+    if (options.tree is not None or options.stnu is not None) and _is_network(options.plan):
         return _export(options, run)
     timed: TimedPlan | None = None
     made: MadeTree | None = None
@@ -165,16 +163,24 @@ def _is_network(plan: Path) -> bool:
 
 
 def _export(options: ConvertCommand, run: Run) -> int:
-    """Write the network with uncertainty of a plan that needs no conversion."""
+    """Write the behavior tree, or the network with uncertainty, of a plan that needs no conversion."""
     if options.output is not None:
-        raise InputError(
-            "is for converted plans; PLAN is a network already, expected --stnu only", declare.place_of("output")
+        kind = "stnu" if options.tree is None else "tree"
+        reason = f"is for converted plans; PLAN is a network already, expected --{kind} only"
+        raise InputError(reason, declare.place_of("output"))
+    plan = run.only(lambda: plans.load(options, run))
+    if options.tree is None:
+        from robust.show import stnu
+
+        network = _write_stnu(options, run, plan)
+        run.answer(
+            lambda: stnu.export_document(network), lambda out: out.line(f"network: {network.name}, {network.size}")
         )
-    network = _write_stnu(options, run, run.only(lambda: plans.load(options, run)))
+        return 0
+    from robust.show import execution as show
 
-    from robust.show import stnu
-
-    run.answer(lambda: stnu.export_document(network), lambda out: out.line(f"network: {network.name}, {network.size}"))
+    made, file = _write_tree(options, run, plan), str(options.tree)
+    run.answer(lambda: show.tree_document(made, file), lambda out: out.lines(show.tree_lines(made, file)))
     return 0
 
 
@@ -195,23 +201,6 @@ def _write_stnu(options: ConvertCommand, run: Run, plan: ParametrizedPlan) -> Ne
     if scale != 1:
         run.note(scaled(output, scale))
     return network
-
-
-def _export_tree(options: ConvertCommand, run: Run) -> int:
-    """Write the behavior tree of a plan that needs no conversion."""
-    if options.output is not None:
-        raise InputError(
-            "is for converted plans; PLAN is a network already, expected --tree only", declare.place_of("output")
-        )
-    made = _write_tree(options, run, run.only(lambda: plans.load(options, run)))
-
-    from robust.show import execution as show
-
-    run.answer(
-        lambda: show.tree_document(made, str(options.tree)),
-        lambda out: out.line("\n".join(show.tree_lines(made, str(options.tree)))),
-    )
-    return 0
 
 
 def _write_tree(

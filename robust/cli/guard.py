@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from robust.cli.output import Display, answering, complain, noting_warnings, print_json
 from robust.errors import UNDECIDED, InputError, RobustError, SolverError
 from robust.options.declare import Options, as_typed
-from robust.smt.limits import OutOfTimeError
+from robust.smt.limits import Deadline, OutOfTimeError
 
 if TYPE_CHECKING:
     from robust.searching import AnytimeSearch, SearchResult
@@ -331,6 +331,12 @@ class Run:
     def working(self, on_stuck: Callable[[], bool] | None = None) -> AbstractContextManager[None]:
         """Work that may be given up, see :meth:`Guard.working`."""
         return self.guard.working(self._limit, on_stuck)
+
+    def enforce(self, deadline: Deadline) -> None:
+        """Raise what ends the run, where no work is going on: an interruption, or the deadline."""
+        if self.guard.cause is not None:
+            raise KeyboardInterrupt
+        deadline.enforce()
 
     @property
     def timed_out(self) -> bool:

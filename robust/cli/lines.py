@@ -5,9 +5,11 @@ from __future__ import annotations
 import errno
 import json
 import os
+import queue
 import select
+import threading
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 from robust.errors import InputError
 from robust.smt.limits import GLANCE, Deadline, OutOfTimeError, has_input
@@ -17,6 +19,26 @@ LONGEST = 1 << 20
 _CHUNK = 1 << 16
 _ATOMIC = 512
 """Bytes that a pipe takes at once, if it takes any (PIPE_BUF is at least that)."""
+
+
+Heard = TypeVar("Heard")
+
+
+def listening(read: Callable[[], Heard]) -> queue.SimpleQueue[Heard | OSError]:
+    """What is read, one after the other, in a thread: not every input can be waited for otherwise; None is its end."""
+    inbox: queue.SimpleQueue[Heard | OSError] = queue.SimpleQueue()
+
+    def listen() -> None:
+        try:
+            while True:
+                inbox.put(heard := read())
+                if heard is None:
+                    return
+        except OSError as error:
+            inbox.put(error)
+
+    threading.Thread(target=listen, daemon=True).start()
+    return inbox
 
 
 class LineReader:

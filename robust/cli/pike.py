@@ -8,7 +8,6 @@ from __future__ import annotations
 import gc
 import queue
 import sys
-import threading
 from collections.abc import Callable, Iterable, Mapping
 from fractions import Fraction
 from functools import partial
@@ -20,7 +19,7 @@ import robust
 from robust.backends import DRAKE
 from robust.cli import guard, output
 from robust.cli.guard import Run, action
-from robust.cli.lines import LineReader, LineWriter
+from robust.cli.lines import LineReader, LineWriter, listening
 from robust.errors import UNDECIDED, InputError, Location, SolverError, exit_code_of
 from robust.options import declare
 from robust.options import pike as asking
@@ -28,7 +27,6 @@ from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 if TYPE_CHECKING:
     from robust.cli.page import PageServer
-    from robust.execute.drive import WallClock
     from robust.pike_bridge.action_model import Instance
     from robust.pike_bridge.envelopes.parameters import ParametricPlan
     from robust.pike_bridge.envelopes.search import LabeledRegion
@@ -42,7 +40,6 @@ if TYPE_CHECKING:
     from robust.show.pike import PikePlot
     from robust.show.pike_envelopes import Cells
 
-    Inbox = queue.SimpleQueue[tuple[Fraction, Request] | OSError | None]
 
 Asked = TypeVar("Asked", bound=asking.Staged)
 
@@ -453,14 +450,15 @@ class _Server:
             """Rounded down: what is due at a time on the grid is late by less than a step then, not early."""
             return floor(time / grid) * grid
 
-        inbox: Inbox = queue.SimpleQueue()
-        threading.Thread(target=self._listen, args=(inbox, clock), daemon=True).start()
+        def read() -> tuple[Fraction, Request] | None:
+            """The next request, and when it arrived."""
+            request = self._read()
+            return None if request is None else (clock.now(), request)
+
+        inbox = listening(read)
         closed = False
         while not closed:
-            if self._run.guard.cause is not None:
-                raise KeyboardInterrupt
-            if self._deadline.passed:
-                raise OutOfTimeError
+            self._run.enforce(self._deadline)
             wake = self._service.wake
             try:
                 arrived = inbox.get(timeout=_LOOK if wake is None else min(_LOOK, max(0, clock.seconds_until(wake))))
@@ -478,15 +476,6 @@ class _Server:
                 case (time, request):
                     self._announce(self._service.due(on_grid(time)))
                     self._announce(self._service.answer(request, on_grid(time)))
-
-    def _listen(self, inbox: Inbox, clock: WallClock) -> None:
-        """Note when each request arrives, in a thread: not every input can be waited for otherwise."""
-        try:
-            while (request := self._read()) is not None:
-                inbox.put((clock.now(), request))
-            inbox.put(None)
-        except OSError as error:
-            inbox.put(error)
 
     def _end(self, outcome: str) -> None:
         """The last line; where the execution has ended it has been written before."""

@@ -12,12 +12,13 @@ import sys
 import threading
 from collections.abc import Callable, Mapping
 from fractions import Fraction
+from functools import partial
 from math import floor
 from typing import TYPE_CHECKING, Any
 
 from robust.cli import output, plans
 from robust.cli.guard import Run, action
-from robust.cli.lines import LineReader, LineWriter
+from robust.cli.lines import LineReader, LineWriter, listening
 from robust.errors import UNDECIDED, InputError, Location, RobustError
 from robust.execute.convert import Mode, Settings
 from robust.execute.drive import WallClock
@@ -304,10 +305,7 @@ class _WatchServer:
     def _look(self) -> None:
         """Raise what ends the run."""
         self._raise_failure()
-        if self._run.guard.cause is not None:
-            raise KeyboardInterrupt
-        if self._deadline.passed:
-            raise OutOfTimeError
+        self._run.enforce(self._deadline)
 
     def _say(self, outlook: Outlook, news: Mapping[str, Any] | None = None) -> None:
         before, self._before = self._before, outlook
@@ -418,17 +416,7 @@ class _WatchServer:
     def _serve_real_time(self) -> None:
         """What has come is heard, as of when it came, before time passes."""
         clock = WallClock(Fraction(self._options.rate or 1), self.monitor.time)
-        inbox: queue.SimpleQueue[Heard | OSError | None] = queue.SimpleQueue()
-
-        def listen() -> None:
-            try:
-                while (heard := self._hear(clock)) is not None:
-                    inbox.put(heard)
-                inbox.put(None)
-            except OSError as error:
-                inbox.put(error)
-
-        threading.Thread(target=listen, daemon=True).start()
+        inbox = listening(partial(self._hear, clock))
         while True:
             self._look()
             with self._busy:
