@@ -34,10 +34,11 @@ if TYPE_CHECKING:
     from robust.irr.questions import CheckQuestion, Manner
     from robust.irr.repair import Repair, RepairSearch
     from robust.irr.search import EnvelopeResult
+    from robust.irr.slices import EnvelopeRegion
     from robust.probability.distributions import Distribution
     from robust.probability.measure import Bounds
     from robust.probability.risk import Risk, RiskResult
-    from robust.qe.compute import RegionResult, RegionSearch
+    from robust.qe.compute import RegionResult
     from robust.sweeps.batch import Batch
     from robust.sweeps.rank import Ranking, RankSearch
 
@@ -175,12 +176,13 @@ def envelope(plan: ParametrizedPlan, options: verbs.EnvelopeOptions) -> Envelope
 # -- region and compare ------------------------------------------------------------------------------------------------
 
 
-def searching_region(plan: ParametrizedPlan, options: verbs.RegionOptions) -> RegionSearch:
+def searching_region(plan: ParametrizedPlan, options: verbs.RegionOptions) -> EnvelopeRegion:
     """The search behind :func:`region`."""
     from robust.irr.proposals import known_box
+    from robust.irr.slices import EnvelopeRegion
     from robust.qe.compute import RegionSearch
 
-    return RegionSearch(
+    search = RegionSearch(
         plan,
         backend=options.backend,
         splitting=options.splitting,
@@ -193,6 +195,7 @@ def searching_region(plan: ParametrizedPlan, options: verbs.RegionOptions) -> Re
         on_cell=options.on_cell,
         find_box=partial(known_box, plan, options.separation, options.solver),
     )
+    return EnvelopeRegion(search)
 
 
 @verb(verbs.RegionOptions)

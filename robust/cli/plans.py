@@ -20,11 +20,12 @@ if TYPE_CHECKING:
     from robust.irr.quantities import Cost, QuantityChange
     from robust.irr.repair import Repair, RepairSearch
     from robust.irr.search import EnvelopeResult
+    from robust.irr.slices import EnvelopeRegion
     from robust.options.batch import ConvertCommand
     from robust.plan.model import ParametrizedPlan
     from robust.probability.measure import Bounds
     from robust.probability.risk import RiskResult
-    from robust.qe.compute import RegionResult, RegionSearch
+    from robust.qe.compute import RegionResult
     from robust.searching import AnytimeSearch
     from robust.show.console import Console
     from robust.sweeps.rank import Ranking
@@ -215,7 +216,7 @@ def region(options: verbs.RegionCommand, run: Run) -> int:
     """For exactly which parameter values is the plan valid? Out of time, an outer and an inner bound are printed."""
     from robust.show import plan_documents, regions
 
-    search: RegionSearch | None = None
+    search: EnvelopeRegion | None = None
     counts = {"bad": 0, "good": 0}
 
     def progress(kind: str) -> None:

@@ -25,6 +25,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cached_property
 from graphlib import CycleError, TopologicalSorter
 from os import PathLike, fspath
 from typing import NoReturn, cast
@@ -550,14 +551,20 @@ class TreeQuestion(CheckQuestion):
         self._tree = tree
         self._lag = lag
         self._within = within
-        self._formulas = None if tree.faults else self._encoded()
 
-    def _encoded(self) -> TreeEncoding:
-        allowed = self._tree.network(self.plan, self.manner.epsilon, self._lag)
-        return self._tree.encoding(allowed, self.manner.epsilon, self._lag, self.box.ranges)
+    @cached_property
+    def examined(self) -> model.ParametrizedPlan:
+        return self._tree.network(self.plan, self.manner.epsilon, self._lag)
+
+    def encoded(self, plan: model.ParametrizedPlan, box: Box) -> TreeEncoding:
+        return self._tree.encoding(plan, self.manner.epsilon, self._lag, box.ranges)
+
+    @cached_property
+    def _formulas(self) -> TreeEncoding:
+        return self.encoded(self.examined, self.box)
 
     def run(self) -> check.CheckResult:
-        if self._formulas is not None:
+        if not self._tree.faults:
             return super().run()
         nothing = self.nothing(timed_out=False)
         reason = "; ".join(self._tree.faults)
@@ -566,7 +573,7 @@ class TreeQuestion(CheckQuestion):
         )
 
     def formulas(self) -> TreeEncoding:
-        return self._formulas or self._encoded()
+        return self._formulas
 
     def completed(self, result: check.CheckResult) -> check.CheckResult:
         decided = not result.cut_short and (self.every or result.answer is check.Answer.PROVED)

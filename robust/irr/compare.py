@@ -8,10 +8,14 @@ from functools import partial
 from operator import itemgetter
 
 from robust.encode import create_encoding, interface
+from robust.errors import UnsupportedError
 from robust.irr import check, stops, widen
+from robust.irr.corners import CornerContainment, inner_box
 from robust.irr.exact import BoxMethod
 from robust.irr.proposals import tolerance
+from robust.irr.questions import CheckQuestion, Manner
 from robust.irr.search import EnvelopeResult
+from robust.irr.slices import EnvelopeRegion
 from robust.plan.model import ParametrizedPlan
 from robust.presented import Presented
 from robust.qe import compute, estimate, lifted
@@ -25,6 +29,8 @@ Values = dict[str, Fraction]
 
 METHODS = ("irr", "widen", "optimal", "optimal-nominal")
 """The boxes of a comparison; the last is the optimal one around the nominal point."""
+METHODS_OF_RATES = ("irr", "widen")
+"""Those of plans in which rates multiply times that vary."""
 EXACT_DIMENSION = 3
 """Parameters up to which volumes are exact."""
 CELLS = 300
@@ -103,7 +109,8 @@ class Comparison(Presented, ask="status"):
             stages.add(self.region.status)
         if self.interrupted:
             stages.add(Status.INTERRUPTED)
-        if self.region is None or len(self.entries) < len(METHODS):
+        asked = METHODS if self.region is None or not self.region.sliced else METHODS_OF_RATES
+        if self.region is None or len(self.entries) < len(asked):
             stages.add(Status.TIMEOUT)
         worst_first = Status.INTERRUPTED, Status.UNKNOWN, Status.TIMEOUT, Status.INVALID
         return next((status for status in worst_first if status in stages), Status.COMPLETE)
@@ -163,7 +170,7 @@ class Comparing(Searching[Comparison]):
                 search = compute.RegionSearch(
                     self.plan, epsilon=self.epsilon, solver=self.solver, encoding=self.encoding, timeout=limit
                 )
-                self._region = search.run()
+                self._region = EnvelopeRegion(search).run()
                 self._interrupted = self._region.status is Status.INTERRUPTED
             else:
                 self._find_box(stage, limit)
@@ -180,7 +187,15 @@ class Comparing(Searching[Comparison]):
             return  # not even encoded: there is no box
         name, _, around = method.partition("-")
         box_method = BoxMethod(name, self.beta, doubling=self.doubling, contain_nominal=bool(around))
-        result = box_method.search(encoding, solver=self.solver, deadline=deadline).run()
+        try:
+            search = box_method.search(encoding, solver=self.solver, deadline=deadline)
+            result = search.run()
+        except UnsupportedError:
+            if method in METHODS_OF_RATES:
+                raise
+            return
+        if isinstance(search.questions, CornerContainment) and result.verified:
+            result = replace(result, inner=inner_box(search.questions, result, deadline))
         if method == "widen" and result.verified and not result.cut_short:
             with suppress(OutOfTimeError):
                 known = tolerance(self.plan, self.epsilon, deadline, self.solver, result.box)
@@ -220,11 +235,14 @@ class Comparing(Searching[Comparison]):
         else:
             short = region.short_union(MANY)
             self._volume = volume_of(region, short)
+            if result.sliced:
+                proved = result.inner()
+                self._volume = replace(self._volume, lower=volume_of(proved, proved).lower)
             width = bounding_width(short)
             pieces = region.complement().as_union().pieces
             bad_for = lambda *_: pieces  # noqa: E731 - one of two
         formulas = create_encoding(self.encoding, self.plan, self.epsilon, deadline)
-        confirm = partial(self._witness, encoding=formulas, deadline=deadline)
+        confirm = partial(self._witness, encoding=None if result.sliced else formulas, deadline=deadline)
         for method, entry in self._entries.items():
             if not entry.result.verified:
                 continue
@@ -232,19 +250,28 @@ class Comparing(Searching[Comparison]):
             self._entries[method] = Entry(
                 method,
                 entry.result,
-                volume_share(box, self._volume, exact=result.is_exact),
+                volume_share(box, self._volume, exact=result.is_exact or result.sliced),
                 width_share(box, width, exact=result.is_exact),
                 tuple(
-                    face_gap(box, (name, side), end, bad_for(box, (name, side), end), confirm)
+                    _nearer(
+                        _known_gap(entry.result, (name, side), end),
+                        face_gap(box, (name, side), end, bad_for(box, (name, side), end), confirm),
+                    )
                     for name, side in widen.faces_of(self.plan.parameters)
                     if (end := box[name].end(side)) is not None
                 ),
             )
 
-    def _witness(self, values: Values, encoding: interface.Encoding, deadline: Deadline) -> FaceWitness | None:
+    def _witness(self, values: Values, encoding: interface.Encoding | None, deadline: Deadline) -> FaceWitness | None:
         """The point with what breaks there; None if there is no time to confirm it."""
+        asked: Searching[check.CheckResult] | CheckQuestion
+        if encoding is None:  # products of parameters are none at a point
+            manner = Manner(encoding=self.encoding, solver=self.solver, epsilon=self.epsilon, deadline=deadline)
+            asked = CheckQuestion(self.plan, manner, Box.point(values))
+        else:
+            asked = check.Checker(encoding, Box.point(values), solver=self.solver, deadline=deadline)
         try:
-            result = check.Checker(encoding, Box.point(values), solver=self.solver, deadline=deadline).run()
+            result = asked.run()
         except OutOfTimeError:
             return None
         if result.interrupted:
@@ -257,6 +284,23 @@ class Comparing(Searching[Comparison]):
                 return None
             case check.Answer.PROVED:
                 raise ValueError(f"the plan is valid at {values}, which the region excludes")
+
+
+def _known_gap(result: EnvelopeResult, face: Face, end: Fraction) -> FaceGap | None:
+    """What a search that decides at corners of rates has executed beyond a face, if anything."""
+    name, side = face
+    for point in () if result.inner is None else result.inner.outer:
+        if (point.parameter, point.side) == face and (shown := point.counterexample) is not None:
+            witness = FaceWitness(dict(shown.parameters), shown.obligation)
+            return FaceGap(name, side, end, result.box[name].is_closed_at(side), point.gap, witness)
+    return None
+
+
+def _nearer(known: FaceGap | None, found: FaceGap) -> FaceGap:
+    """The lesser of two upper bounds of a gap."""
+    if known is None or known.gap is None or (found.gap is not None and found.gap < known.gap):
+        return found
+    return known
 
 
 def face_gap(

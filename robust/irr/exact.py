@@ -17,7 +17,7 @@ from typing import Unpack
 
 from robust.encode.interface import Encoding, Linear, variable
 from robust.errors import UnsupportedError
-from robust.irr import proposals, rates, stops, templates
+from robust.irr import corners, proposals, stops, templates
 from robust.irr.check import require_some_schedule
 from robust.irr.conflicts import Candidate, Chosen, Clause, MasterProblem, Point
 from robust.irr.containment import Containment, Margins
@@ -400,7 +400,14 @@ class BoxMethod:
 
         Raises:
             InputError: if `order` names unknown or repeated parameters.
+            UnsupportedError: if there are products of two unknowns that corners do not decide, or with other methods.
         """
+        if (decided := corners.corner_containment(formulas, solver=solver)) is not None:
+            found = corners.searching_corners(
+                decided, self.name, beta=self.beta, doubling=self.doubling, order=self.order, **conduct
+            )
+            if found is not None:
+                return found
         if self.name == "irr":
             containment = Containment(formulas, solver=solver, exporter=exporter)
             return IncrementalRobustification(
@@ -441,30 +448,18 @@ class EnvelopeQuestion(PlanQuestion[EnvelopeResult]):
         self.method = method
         self._shape = shape
         self._on_step = on_step
-        self._corners: rates.CornerContainment | None = None
+        self._corners: corners.CornerContainment | None = None
 
     def search(self, formulas: Encoding) -> Searching[EnvelopeResult]:
-        known = self.method
-        found = rates.searching_corners(
-            formulas,
-            known.name,
-            beta=known.beta,
-            doubling=known.doubling,
-            order=known.order,
-            solver=self.manner.solver,
-            deadline=self.manner.deadline,
-            on_step=self._on_step,
-        )
-        if found is not None:
-            search, self._corners = found
-            return search
-        return self.method.search(
+        search = self.method.search(
             formulas,
             solver=self.manner.solver,
             exporter=self.manner.exporter,
             deadline=self.manner.deadline,
             on_step=self._on_step,
         )
+        self._corners = search.questions if isinstance(search.questions, corners.CornerContainment) else None
+        return search
 
     def nothing(self, *, timed_out: bool) -> EnvelopeResult:
         return EnvelopeResult(
@@ -484,7 +479,7 @@ class EnvelopeQuestion(PlanQuestion[EnvelopeResult]):
 
     def completed(self, result: EnvelopeResult) -> EnvelopeResult:
         if self._corners is not None and result.verified:
-            return replace(result, inner=rates.inner_box(self._corners, result, self.manner.deadline))
+            return replace(result, inner=corners.inner_box(self._corners, result, self.manner.deadline))
         if not result.verified or result.cut_short:
             return result
         if result.contain_nominal:

@@ -23,6 +23,7 @@ from robust.encode.interface import Linear, constant, is_over_parameters, over_p
 from robust.encode.network import TemporalNetwork, mutex_pairs
 from robust.encode.settled import FINALLY, Settled, Write
 from robust.irr.containment import Containment
+from robust.irr.corners import corner_containment
 from robust.irr.stops import NO_SCHEDULE, Stop, Tolerance
 from robust.network.differences import DifferenceNetwork
 from robust.network.slack import (
@@ -480,7 +481,8 @@ def is_inside(
     if not all(box[name].is_within(bounds) for name, bounds in declared):
         return False
     encoding = create_encoding("relational", model.within(plan, box.ranges), epsilon, deadline)
-    return Containment(encoding, solver=solver, statistics=statistics).contains(box, deadline)
+    known = corner_containment(encoding, solver=solver, statistics=statistics)
+    return (known or Containment(encoding, solver=solver, statistics=statistics)).contains(box, deadline)
 
 
 def known_box(plan: model.ParametrizedPlan, epsilon: Fraction, solver: str, deadline: Deadline) -> Box | None:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 
 from robust.encode import create_encoding
 from robust.encode.interface import EPSILON, Encoding
+from robust.errors import UnsupportedError
 from robust.irr.check import Answer, Checker, CheckResult
 from robust.plan.model import ParametrizedPlan
 from robust.qe.box import Box
@@ -128,14 +129,44 @@ class CheckQuestion(PlanQuestion[CheckResult]):
         self.every = every
         self._on_obligation = on_obligation
 
+    def run(self) -> CheckResult:
+        try:
+            return super().run()
+        except UnsupportedError as products:
+            return self._with_products(products)
+
+    def _with_products(self, products: UnsupportedError) -> CheckResult:
+        """The answer about a plan in which unknowns are multiplied."""
+        from robust.irr.corners import CornerChecker  # noqa: PLC0415 - for few plans
+
+        checker = CornerChecker(self.examined, self.box, self._of, self.nothing(timed_out=False))
+        self._searching = checker
+        return self.completed(checker.run())
+
+    @property
+    def examined(self) -> ParametrizedPlan:
+        """The plan with the network whose schedules count."""
+        return self.plan
+
     def formulas(self) -> Encoding:
+        return self.encoded(self.examined, self.box)
+
+    def encoded(self, plan: ParametrizedPlan, box: Box) -> Encoding:
+        """Formulas of a plan over a box."""
         manner = self.manner
-        return create_encoding(manner.encoding, self.plan, manner.epsilon, manner.deadline, ranges=self.box.ranges)
+        return create_encoding(manner.encoding, plan, manner.epsilon, manner.deadline, ranges=box.ranges)
+
+    def _of(self, plan: ParametrizedPlan, box: Box) -> Checker:
+        """A check of what is left of the plan where parameters have values."""
+        return self._checker(self.encoded(plan, box), box)
 
     def search(self, formulas: Encoding) -> Checker:
+        return self._checker(formulas, self.box)
+
+    def _checker(self, formulas: Encoding, box: Box) -> Checker:
         return Checker(
             formulas,
-            self.box,
+            box,
             solver=self.manner.solver,
             every=self.every,
             deadline=self.manner.deadline,

@@ -174,7 +174,7 @@ class BoxSearch(Searching[EnvelopeResult]):
 
     def __init__(self, questions: containment.Questions[Any], *, method: str, **conduct: Unpack[Conduct]) -> None:
         super().__init__()
-        self._questions = questions
+        self.questions = questions
         self.encoding = encoding = questions.encoding
         self.method = method
         self.deadline = conduct.get("deadline", limits.NEVER)
@@ -215,7 +215,7 @@ class BoxSearch(Searching[EnvelopeResult]):
             return Status.INVALID, outside.reason
         if status is Status.COMPLETE and (margins := self._margins()):
             try:
-                self._stops.update(stops_at(self._questions, self.box, margins, self.deadline))
+                self._stops.update(stops_at(self.questions, self.box, margins, self.deadline))
             except (limits.OutOfTimeError, KeyboardInterrupt):
                 log.info("no time was left to find out what ends all sides")  # the box is complete without
         return status, reason
@@ -225,7 +225,7 @@ class BoxSearch(Searching[EnvelopeResult]):
             status=status,
             method=self.method,
             encoding=self.encoding.name,
-            solver=self._questions.solver,
+            solver=self.questions.solver,
             beta=self.beta,
             parameters=self.encoding.plan.parameters,
             box=self.box if self.verified else Box.nothing(self.encoding.plan.parameters),
@@ -237,7 +237,7 @@ class BoxSearch(Searching[EnvelopeResult]):
             reason=reason,
             values=self._outside,
             bound=self.bound,
-            statistics=self._questions.statistics,
+            statistics=self.questions.statistics,
             stops=self._all_stops(status) if self.verified else {},
             advice=advice(self.encoding.plan, self.box, reason) if status in DECIDED else (),
             doubling=self.doubling,

@@ -19,7 +19,7 @@ from fractions import Fraction
 
 from robust.encode import create_encoding, interface
 from robust.errors import InputError, UnsupportedError
-from robust.irr import exact, proposals, widen
+from robust.irr import exact, proposals, slices, widen
 from robust.irr.search import EnvelopeResult
 from robust.network.slack import OutsideFragmentError
 from robust.plan.model import ParametrizedPlan
@@ -47,6 +47,8 @@ FINER = 10
 """How much closer bounds of shares are to be."""
 TICK = 0.5
 """Seconds between two looks at bounds that are being computed."""
+FINE_SLICES = 40
+"""Slices of rates, where these multiply times that vary."""
 DRAWS = 10_000
 """Random points of an estimate."""
 DECLARED = "declared bounds"
@@ -56,7 +58,7 @@ NOTHING = Bounds(Fraction(0), Fraction(0))
 
 class RiskStatus(VerdictEnum):
     """How a search ended: COMPLETE if the bounds are as close as was asked; WIDE if they are not, although nothing
-    ended it, because there are too many parameters."""
+    ended it, because there are too many parameters, or some multiply times that vary."""
 
     COMPLETE = "complete"
     WIDE = "wide"
@@ -185,8 +187,9 @@ class Risk(Searching[RiskResult]):
     def _result(self, status: Status, reason: str | None = None) -> RiskResult:
         ended = RiskStatus(status.value)
         if status is Status.COMPLETE and self._bounds.width > self.within:
-            # With few parameters only the time that a stage may take can have ended it early.
-            ended = RiskStatus.WIDE if self._many else RiskStatus.TIMEOUT
+            # With few parameters only the time that a stage may take can have ended it early, or slices of rates.
+            wide = self._many or (self._region is not None and self._region.sliced)
+            ended = RiskStatus.WIDE if wide else RiskStatus.TIMEOUT
         failing = 1 - self._bounds.lower
         return RiskResult(
             ended,
@@ -247,20 +250,27 @@ class Risk(Searching[RiskResult]):
             solver=self.solver,
             timeout=self._share(Fraction(1, 3)),
         )
-        self._region = region = search.run()
+        self._region = region = slices.EnvelopeRegion(search, importance=self._probable, most=FINE_SLICES).run()
         if region.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
         self._on_stage("probability")
         if not isinstance(region.region, lifted.LiftedRegion):
             self._measure(region)
         self._on_stage("boxes")
-        for method in METHODS if self._bounds.upper else ():
+        methods = [name for name in METHODS if name != "optimal" or not region.sliced]
+        for method in methods if self._bounds.upper else ():
             self._keep(method)
+        if region.sliced:
+            return
         self._on_stage("what fails")
         self._attribute()
         if self.draws or (self._many and self._bounds.width > self.within):
             self._go_without_region(region)
         self._deadline.enforce()
+
+    def _probable(self, rates: Box) -> Fraction:
+        """How probable values of some parameters are at most."""
+        return box_probability(rates, {name: self._distributions[name] for name in rates}).upper
 
     def _supports(self) -> Box:
         """All values that can be drawn."""

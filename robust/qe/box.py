@@ -35,6 +35,11 @@ class Side(Enum):
         """1 where outwards is upwards, else −1."""
         return 1 if self is Side.UPPER else -1
 
+    @property
+    def opposite(self) -> Side:
+        """The other end."""
+        return Side.LOWER if self is Side.UPPER else Side.UPPER
+
 
 Face = tuple[str, Side]
 """A side of a box: a parameter and which end."""

@@ -282,7 +282,8 @@ class RegionResult(Presented, ask="status"):
 
     With more than a few parameters, where one order is left, `lifted` is the envelope as difference constraints between
     times; `region` is the same object if there are too many inequalities without times. An enumeration that was cut
-    short has no factors at first: `box` was proved by then to be inside the envelope, if any was looked for.
+    short has no factors at first: `box` was proved by then to be inside the envelope, if any was looked for. It was
+    `sliced` if rates multiply times that vary; if it is UNKNOWN then, `reason` says so.
     """
 
     status: Status
@@ -302,6 +303,7 @@ class RegionResult(Presented, ask="status"):
     plan: ParametrizedPlan | None = field(default=None, repr=False, compare=False)
     lifted: LiftedRegion | None = field(default=None, repr=False)
     box: Box | None = None
+    sliced: bool = False
 
     @property
     def is_exact(self) -> bool:
@@ -335,9 +337,10 @@ class RegionResult(Presented, ask="status"):
         """What the region is, in a sentence."""
         if self.is_exact:
             return "the robustness envelope"
-        return (
-            f"an outer bound of the robustness envelope: {_ENDED[self.status]} the enumeration of bad parameter values"
-        )
+        ended = f"{_ENDED[self.status]} the enumeration of bad parameter values"
+        if self.sliced and self.status is Status.UNKNOWN:
+            ended = f"{self.reason}"
+        return f"an outer bound of the robustness envelope: {ended}"
 
 
 _ENDED = {

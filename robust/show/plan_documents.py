@@ -456,10 +456,11 @@ class PolyhedronRecord(JsonObject):
 
 
 class Outer(JsonObject):
-    """A polyhedron from which others are removed"""
+    """A polyhedron from which others are removed; where rates multiply times that vary, what of it is in one of some"""
 
     base: list[ConstraintRecord]
     minus: list[PolyhedronRecord]
+    polyhedra: list[PolyhedronRecord] | UnsetType = UNSET
 
 
 class Factor(JsonObject):
@@ -498,7 +499,7 @@ class RegionDocument(documents.Noted, tag_field="schema", tag="robust/region/1",
     Attributes:
         status: complete: the region is the envelope; otherwise it contains the envelope, and not every point of it is
             valid
-        reason: only if unknown: how a solver failed
+        reason: only if unknown: how a solver failed, or which rates multiply times that vary
         meaning: what the region is, in a sentence
         polyhedra: form union: the region is their union
         base: form difference: the polyhedron from which others are removed
@@ -565,7 +566,7 @@ def _factor(factor: EnvelopeFactor) -> Factor:
         parameters=list(factor.parameters),
         ascending=[list(names) for names in factor.symmetry.classes],
         swaps=[[list(swap) for swap in swaps] for swaps in factor.symmetry.swaps],
-        outer=Outer(base=outer["base"], minus=outer["minus"]),
+        outer=Outer(base=outer.get("base", []), minus=outer.get("minus", []), polyhedra=outer.get("polyhedra", UNSET)),
         inner=proved.get("polyhedra"),
     )
 

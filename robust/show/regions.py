@@ -395,7 +395,10 @@ def _compare_summary(result: Comparison) -> str:
         Status.UNKNOWN: "a solver failed: gaps are at most those shown, shares at least",
     }
     region = "" if result.region is None else f"; region {duration(result.region.seconds)}"
-    return f"{words[result.status]}{region}, {duration(result.seconds)} in all."
+    ended = words[result.status]
+    if result.status is Status.UNKNOWN and result.region is not None and result.region.sliced:
+        ended = f"{result.region.reason}: gaps are at most those shown; no other methods are known"
+    return f"{ended}{region}, {duration(result.seconds)} in all."
 
 
 def comparison_details(result: Comparison) -> str:

@@ -220,6 +220,7 @@ documents.has_table(RiskResult, "by_obligation", numbers=documents.ENDS)
 
 _NAMES = {"irr": "IRR, β = 1", "widen": "exact widening", "optimal": "greatest total width"}
 _WIDE = "too many parameters for closer bounds"
+_SLICED = "closer bounds take more slices of the rates that multiply times that vary"
 
 
 @printing.register(RiskResult)
@@ -323,7 +324,8 @@ def _summary(result: RiskResult) -> Text:
         text.append(": certified bounds")
     else:
         wide = result.status is RiskStatus.WIDE
-        text.append(_WIDE if wide else stopped(result.status, result.reason), style="yellow")
+        why = _SLICED if result.region is not None and result.region.sliced else _WIDE
+        text.append(why if wide else stopped(result.status, result.reason), style="yellow")
         text.append(": certified bounds so far")
     text.append(f", a value outside of declared bounds fails; {plural(result.cells, 'cell')}")
     if count := len(result.disjoint):

@@ -11,7 +11,8 @@ import robust
 from robust.encode import create_encoding
 from robust.errors import UnsupportedError
 from robust.irr.containment import Containment
-from robust.irr.rates import CornerContainment, CornerWidening, rates_of
+from robust.irr.corners import CornerContainment, CornerWidening
+from robust.irr.rates import rates_of
 from robust.plan.model import Holds, Or
 from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import simulate
