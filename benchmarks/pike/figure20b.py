@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from robust.backends import SMT
-from robust.errors import InputError, did_you_mean
+from robust.errors import InputError, RobustError, did_you_mean
 from robust.execute.drive import run_in_world
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.progress import Decision
@@ -159,13 +159,16 @@ def main(words: Sequence[str]) -> None:
     """What the process does."""
     gc.freeze()  # what the libraries brought
     seed, index, backend, limit, delay, patient = words
-    found = measure_latency(
-        int(index),
-        seed=int(seed),
-        backend=backend,
-        manner=Manner(Fraction(delay), patient == str(True)),
-        deadline=Deadline.after(float(limit)),
-    )
+    try:
+        found = measure_latency(
+            int(index),
+            seed=int(seed),
+            backend=backend,
+            manner=Manner(Fraction(delay), patient == str(True)),
+            deadline=Deadline.after(float(limit)),
+        )
+    except RobustError as error:
+        raise SystemExit(f"robust: error: {error}") from None
     print(text_of(found))
 
 

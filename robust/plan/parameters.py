@@ -272,7 +272,8 @@ def set_attribute(attributes: dict[str, Fraction | None], word: str, text: str, 
 
 def _checked_name(name: str, location: Location) -> str:
     if not stn.is_parameter_name(name):
-        raise InputError(stn.bad_parameter_name(name), location)
+        hint = f"; to vary an initial value write 'fluent:{name}'" if _FLUENT.fullmatch(name) else ""
+        raise InputError(stn.bad_parameter_name(name) + hint, location)
     return name
 
 
@@ -283,7 +284,8 @@ def _checked_subject(target: Target, text: str, location: Location) -> str:
             raise InputError(f"found nothing after '{target.value}', expected an instance identifier", location)
         return f"({' '.join(subject[1:-1].lower().split())})" if _FLUENT.fullmatch(subject) else subject
     if _FLUENT.fullmatch(subject) is None:
-        raise InputError(f"found {shorten(subject)}, expected a ground fluent such as '(charge auv)'", location)
+        message = f"found {shorten(subject)}, expected a fluent with its objects in parentheses, such as '(charge auv)'"
+        raise InputError(message, location)
     return f"({' '.join(subject[1:-1].lower().split())})"
 
 
@@ -514,6 +516,8 @@ class _Work:
                 hint = f"; to vary the duration of instance {name} write duration:{name}"
             elif name.lower() in {instance.action for instance in self.plan.instances}:
                 hint = f"; to vary the durations of action {name} write duration:{name}"
+            elif ground := [fluent for fluent in self.initial_fluents if fluent.function == name.lower()]:
+                hint = f"; to vary an initial value write 'fluent:{ground[0]}'"
             raise InputError(f"found {name!r}, expected a parameter of the plan or the domain{hint}", spec.location)
         if name in self.overridden:
             raise InputError(f"found parameter {name!r} twice, expected all its attributes in one place", spec.location)
