@@ -20,13 +20,23 @@ from robust.cli.build import Group, application, read
 from robust.cli.main import COMMANDS
 from robust.numbers import EXPECTED_NUMBER, approximate, duration, end, exact, exact_end, plural, readable
 from robust.options.declare import as_typed, declared, names_of
-from robust.options.verbs import CheckOptions, EnvelopeOptions, RegionOptions
+from robust.options.pike import PikeRunOptions
+from robust.options.shared import Paged
+from robust.options.verbs import (
+    CheckOptions,
+    EnvelopeOptions,
+    LearnCommand,
+    LearnOptions,
+    RegionOptions,
+    ValidateOptions,
+)
 from robust.pike_bridge.knowledge import knowledge_bases
 from tests.cli import inputs
 from tests.cli.running import EXAMPLES, assert_one_line, command, example
 from tests.stnu.networks import network
 
 irr, ORDERED = partial(EnvelopeOptions, method="irr"), "expected method='widen' or 'irr', or no order"
+AS_BOX = {"as_box": True, "json": True}
 
 
 @pytest.mark.parametrize(
@@ -49,12 +59,40 @@ irr, ORDERED = partial(EnvelopeOptions, method="irr"), "expected method='widen' 
         (lambda: CheckOptions(timeout=-1), "timeout: found '-1', expected a number of at least 0"),
         (lambda: RegionOptions(backend="projekt"), "unknown back end 'projekt'; did you mean 'project'?"),
         (lambda: RegionOptions(splitting="fully"), "unknown splitting 'fully'; did you mean 'full'?"),
+        *(
+            (partial(LearnOptions, cover=cover), f"cover: found '{cover}', expected a number above 0 and below 1")
+            for cover in (0, 1)
+        ),
+        *(
+            (partial(PikeRunOptions, chance=chance), f"chance: found '{chance}', expected a number from 0 to 1")
+            for chance in ("-1/9", "10/9")
+        ),
+        *(
+            (
+                partial(ValidateOptions, plan_number=number),
+                f"plan_number: found '{number}', expected a whole number from 1",
+            )
+            for number in (0, "3/2")
+        ),
+        *(
+            (partial(Paged, page=page), f"page: found '{page}', expected a port from 0 to 65535")
+            for page in (-1, 65536, "1/2")
+        ),
+        (
+            partial(LearnCommand, logs=(), as_box=True, json=True),
+            "--as-box: cannot be combined with --json; choose one",
+        ),
     ],
 )
 def test_what_is_wrong_is_said_of_the_parameter(ask, says):
     with pytest.raises(InputError) as caught:
         ask()
     assert str(caught.value) == says
+
+
+def test_the_ends_of_permitted_numbers_are_permitted():
+    assert [PikeRunOptions(chance=chance).chance for chance in (0, 1)] == [0, 1]
+    assert [ValidateOptions(plan_number=1).plan_number, Paged(page=0).page, Paged(page="65535").page] == [1, 0, 65535]
 
 
 @pytest.mark.parametrize("value", [Fraction(1, 8), "1/8", "0.125", Decimal("0.125"), 0.125])
