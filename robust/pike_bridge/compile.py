@@ -2,6 +2,8 @@
 
 Compilation goes from a team plan to a knowledge base of all its correct executions, by stages that are timed. A check
 asks the semantic oracle or such a knowledge base; every execution that it shows was confirmed by the referee.
+
+What a compilation consists of is shown to people: labeled causal links with what keeps threats away, labels, distances.
 """
 
 import time
@@ -16,12 +18,9 @@ from typing import Any
 from robust.errors import InputError, Location, SolverError, UnsupportedError
 from robust.pike_bridge import causal, distance_graph, labeled_apsp, semantics
 from robust.pike_bridge import theory as logic
-from robust.pike_bridge.causal import AugmentedPlan, LabeledHappening
 from robust.pike_bridge.knowledge import create_knowledge_base, goal, reasons_about_time, tms
-from robust.pike_bridge.labeled_apsp import LabeledDistances
 from robust.pike_bridge.model import ALWAYS, Assignment, Guard, Literal, TeamPlan, Tpnu, check_choice, circular
 from robust.pike_bridge.model import guard as conjunction
-from robust.pike_bridge.theory import Formula, interpret
 from robust.presented import Presented, VerdictEnum
 from robust.searching import Announce, Searching, Status, Stoppable, unheard
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
@@ -135,12 +134,8 @@ class PlanDistances:
     pairs: list[DistancePair]
 
 
-def links_of(augmented: AugmentedPlan) -> list[ConditionLinks]:
+def links_of(augmented: causal.AugmentedPlan) -> Iterator[ConditionLinks]:
     """Every condition with its links, and how the threats of each are kept away [PIKE §4.2 to §4.4, Figure 12]."""
-    return list(_links(augmented))
-
-
-def _links(augmented: AugmentedPlan) -> Iterator[ConditionLinks]:
     plan = augmented.plan
     threats: dict[int, list[LinkThreat]] = {}
     for link, threat, resolution, variable in augmented.threats:
@@ -159,15 +154,18 @@ def _links(augmented: AugmentedPlan) -> Iterator[ConditionLinks]:
         producers.setdefault(id(question), []).append(shown)
     for question in augmented.conditions:
         needed = _actions(plan, (condition.activity for condition in question.conditions))
-        label, variable, own = (
+        yield ConditionLinks(
+            str(question.literal),
+            question.first,
+            question.last,
             dict(sorted(question.guard)),
+            needed,
             variables.get(id(question)),
             producers.get(id(question), []),
         )
-        yield ConditionLinks(str(question.literal), question.first, question.last, label, needed, variable, own)
 
 
-def _doing(plan: TeamPlan, happening: LabeledHappening, literal: Literal) -> list[str]:
+def _doing(plan: TeamPlan, happening: causal.LabeledHappening, literal: Literal) -> list[str]:
     """The actions whose effect it is."""
     effects = (each for each in plan.effects if (each.event, each.guard, each.literal) == (*happening, literal))
     return _actions(plan, (effect.activity for effect in effects))
@@ -195,13 +193,13 @@ def _sorted(environments: Iterable[Guard]) -> list[Values]:
     return [dict(each) for each in ordered]
 
 
-def formula_text(formula: Formula) -> str:
+def formula_text(formula: logic.Formula) -> str:
     """A formula for people; parts of more than one word are in brackets."""
 
     def junction(word: str, nothing: str, parts: list[str]) -> str:
         return word.join(parts) if len(parts) == 1 else f"({word.join(parts)})" if parts else nothing
 
-    return interpret(
+    return logic.interpret(
         formula,
         str,
         lambda part: f"not {part}",
@@ -210,7 +208,7 @@ def formula_text(formula: Formula) -> str:
     )
 
 
-def distances_of(network: Tpnu, distances: LabeledDistances, deadline: Deadline = NEVER) -> PlanDistances:
+def distances_of(network: Tpnu, distances: labeled_apsp.LabeledDistances, deadline: Deadline = NEVER) -> PlanDistances:
     """All labeled shortest paths of a network [PIKE, Algorithm 9].
 
     Raises:
@@ -220,9 +218,8 @@ def distances_of(network: Tpnu, distances: LabeledDistances, deadline: Deadline 
     pairs = []
     for source, target in permutations(network.guards, 2):
         deadline.enforce()
-        values = [
-            LabeledBound(bound, dict(sorted(decode(label)))) for bound, label in distances.labeled(source, target)
-        ]
+        known = distances.labeled(source, target)
+        values = [LabeledBound(bound, dict(sorted(decode(label)))) for bound, label in known]
         if values:
             pairs.append(DistancePair(source, target, values))
     return PlanDistances(_sorted(map(decode, distances.conflicts)), pairs)
@@ -459,7 +456,7 @@ class Measuring(Compiling, Searching[Sizes]):
         knowledge, augmented = compilation.knowledge, compilation.augmented
         self._sizes.satisfiable = knowledge.satisfiable(self.deadline)
         if "links" in self.show:
-            self._sizes.causal_links = links_of(augmented)
+            self._sizes.causal_links = list(links_of(augmented))
         if "labels" in self.show and isinstance(knowledge, tms.LabelKnowledgeBase):
             self._sizes.labels = labels_of(knowledge, self.deadline)
         if "distances" in self.show:
