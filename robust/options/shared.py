@@ -301,7 +301,7 @@ class Demands(declare.Options):
         return self.widths == "relative"
 
 
-class PlanParameters(Demands):
+class MoreParameters(declare.Options):
     """Parameters in addition to those that the plan declares."""
 
     parameter: tuple[str, ...] = declare.option(
@@ -318,6 +318,10 @@ class PlanParameters(Demands):
     parameters: Path | None = declare.path_option(
         "more parameters, in a TOML file; default: PLAN.toml beside PLAN.stn", rank=PARAMETERS
     )
+
+
+class PlanParameters(MoreParameters, Demands):
+    """The parameters of a plan, and what is asked of it in addition to what it says."""
 
 
 class AskCommand(PlanFiles, FromSteps, PlanParameters, Separation, Solving, Output):

@@ -267,7 +267,7 @@ class RepairCommand(RepairOptions, shared.AskCommand):
             raise InputError("needs PLAN in a file, not on standard input", declare.place_of("output"))
 
 
-class RankOptions(shared.PlanParameters, shared.Separation, shared.Solving):
+class RankOptions(shared.MoreParameters, shared.Separation, shared.Solving):
     """Options of :func:`robust.rank`."""
 
     parameter: tuple[str, ...] = declare.option(
