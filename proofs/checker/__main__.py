@@ -55,7 +55,7 @@ def checked(certificate: Path, files: list[Path], epsilon: Fraction, inputs: Inp
     lines = lines_of(certificate)
     first = json.loads(next(lines, "null"))
     demand(type(first) is list and len(first) == 3 and first[0] == FORMAT, f"expected a certificate of format {FORMAT}")
-    demand((kind := first[1]) in KINDS, "the certificate is of an unknown kind")
+    demand((kind := first[1]) in (*KINDS, "corners"), "the certificate is of an unknown kind")
     demand(len(files) == (1 if kind in CHOICES else 3), f"a certificate of kind {kind} is about other files")
     if kind in CHOICES:
         network = network_of(inputs.text("network", files[0]))

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any, NamedTuple
 
+from .corners import corners, require_affine
 from .formulas import TRUE, Formulas, plus, replaced
 from .proofs import Facts, Tape, all_hold, demand, linear, listed, orders, rational, refute, schedule, sides, way, whole
 from .reader import Fact, Ground, Linear, constant, need
@@ -82,12 +83,12 @@ def check(tape: Tape, ground: Ground, kind: str, stated: object, epsilon: Fracti
     demand((stated is None) == (kind in ("plan", "region")), f"found a box of a certificate of kind {kind}, or none")
     if kind == "region":
         check_region(tape, ground, claim)
+    elif kind == "corners":
+        check_corners(tape, ground, claim, stated)
     else:
-        box = claim.box = nominal(ground) if kind == "plan" else box_of(ground, stated)
-        for name, values in box.items():
-            demand(values.within(declared(ground, name)), f"the box leaves the declared bounds of {name}")
-        formulas, place = Formulas(ground, epsilon), " x ".join(map(str, box.values()))
-        claim.text = "valid for every schedule" + (f", for all ({', '.join(box)}) in {place}" if place else "")
+        box = nominal(ground) if kind == "plan" else box_of(ground, stated)
+        state(ground, claim, box)
+        formulas = Formulas(ground, epsilon)
         region = [fact for name, values in box.items() for fact in values.facts(name)]
         if kind == "shape":  # what of the box is within other sides, too: a point shows that there is something
             texts, point = listed(tape.next("shape"), 2)
@@ -110,6 +111,32 @@ def check(tape: Tape, ground: Ground, kind: str, stated: object, epsilon: Fracti
     if ground.model.guessed:
         claim.text += f", reading {', '.join(sorted(ground.model.guessed))}"
     return claim
+
+
+def state(ground: Ground, claim: Claim, box: Box) -> None:
+    """The claim that a box, which is within the declared bounds, is good."""
+    for name, values in box.items():
+        demand(values.within(declared(ground, name)), f"the box leaves the declared bounds of {name}")
+    place, claim.box = " x ".join(map(str, box.values())), box
+    claim.text = "valid for every schedule" + (f", for all ({', '.join(box)}) in {place}" if place else "")
+
+
+def check_corners(tape: Tape, ground: Ground, claim: Claim, stated: object) -> None:
+    """A box is good, because it is at the corners of some parameters: see :mod:`.corners`."""
+    rates, ends = listed(stated, 2)
+    demand(all(type(name) is str and name in ground.parameters for name in listed(rates)), "found no parameter")
+    demand(rates and len({*rates}) == len(rates), "expected rates, each once")
+    claim.kind, box = "box", box_of(ground, ends)
+    state(ground, claim, box)
+    require_affine(ground, rates)
+    region = [fact for name, values in box.items() if name not in rates for fact in values.facts(name)]
+    for given in corners(box, rates):
+        formulas = Formulas(ground, claim.epsilon, given)
+        facts = Facts(region, formulas)
+        orders(tape, formulas, facts)
+        schedule(tape, formulas, facts)
+        claim.obligations, refuted = all_hold(tape, formulas, facts)
+        claim.refuted += refuted
 
 
 def meaning(ground: Ground, of: tuple[str, str], name: str) -> str:

@@ -21,6 +21,7 @@ Node = tuple[Any, ...]
 Obligation = tuple[str, Callable[[], int]]
 TRUE, FALSE = 1, -1
 NUMERIC = {"assign", "increase"}
+PRODUCT = "found a product of two things that are not constant"
 LARGEST, TOO_LONG = 1 << 20_000, "found numbers of more than 6,000 digits"
 
 
@@ -117,9 +118,12 @@ class Formulas:
                 self.writes.setdefault(effect.target, []).append((point, effect))
         for start, end, fluent, rate in ground.flows:
             self.flows.setdefault(fluent, []).append((start, end, rate))
-        known = {point: given[f"@{point}"] for point in range(1, len(ground.points)) if given}
-        self.ties: dict[int, Linear] = {0: {}, **known}
-        if given is None:
+        points = {f"@{point}": point for point in range(1, len(ground.points))}
+        self.ties: dict[int, Linear] = {
+            0: {},
+            **{points[name]: self.given[name] for name in points if name in self.given},
+        }
+        if len(self.ties) < len(ground.points):
             self.tie()
 
     # -- time ----------------------------------------------------------------------------------------------------------
@@ -390,7 +394,7 @@ class Formulas:
 def multiplied(left: Linear, right: Linear) -> Linear:
     if left.keys() <= {""}:
         left, right = right, left
-    need(right.keys() <= {""}, "found a product of two things that are not constant")
+    need(right.keys() <= {""}, PRODUCT)
     numbers = [part for value in (*left.values(), *right.values()) for part in value.as_integer_ratio()]
     need(all(abs(part) < LARGEST for part in numbers), TOO_LONG)
     return {name: value * right[""] for name, value in left.items()} if right else {}

@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeVar
@@ -14,11 +15,14 @@ from typing import Any, TypeVar
 from robust import errors, records
 from robust.certify import bad, tape
 from robust.certify.checker import choices, reader
+from robust.certify.checker.corners import corners
+from robust.certify.checker.formulas import PRODUCT, Formulas
 from robust.certify.hints import KnownFacts, Line, NotRefutedError, refutation
 from robust.encode import create_encoding, interface
 from robust.encode.interface import Encoding
 from robust.errors import Location, RefutedError, UnsupportedError
 from robust.irr.check import within
+from robust.irr.rates import multiplied, rates_of
 from robust.irr.templates import Shape
 from robust.plan.model import ParametrizedPlan
 from robust.plan.pddl.forms import read_text
@@ -78,7 +82,8 @@ class PlanCertificate:
 
     def of_plan(self) -> list[Line]:
         """Certify that the plan is valid at the nominal values; errors as of :meth:`of_box`."""
-        return [tape.header("plan"), *self._good(Box.nominal(self.plan.parameters))]
+        box = Box.nominal(self.plan.parameters)
+        return self._at_corners(box) or [tape.header("plan"), *self._good(box)]
 
     def of_box(self, box: Box, *, maximal: bool = False) -> list[Line]:
         """Certify that the plan is valid all over a box, and perhaps that no other valid box contains it.
@@ -88,6 +93,11 @@ class PlanCertificate:
             UnsupportedError: if the box is not maximal, or schedules or witnesses cannot be written down.
             OutOfTimeError: if the deadline passes.
         """
+        if (at_corners := self._at_corners(box)) is not None:
+            if maximal:
+                message = f"the box is not the widest, but on a grid: {rates_of(self.plan).reason}; use --kind box"
+                raise UnsupportedError(message)
+            return at_corners
         lines = [tape.header("maximal" if maximal else "box", box), *self._good(box)]
         if maximal:
             encoding = create_encoding(self.encoding, self.plan, self.epsilon, self.deadline)
@@ -107,6 +117,31 @@ class PlanCertificate:
         else:
             lines = supported(lambda: bad.region_lines(ground, epsilon, region, deadline=deadline))
         return [tape.header("region"), *lines]
+
+    def _at_corners(self, box: Box) -> list[Line] | None:
+        """Lines that say a box is good at the corners of its rates; None if no product of two unknowns is in the way.
+
+        Raises:
+            UnsupportedError: if corners do not decide, or a rate has no end.
+        """
+        try:
+            for _, broken in Formulas(self.ground, self.epsilon).obligations():
+                broken()
+        except reader.Unsupported as products:
+            if PRODUCT not in str(products) or not multiplied(self.plan):
+                return None
+        else:
+            return None
+        names = rates_of(self.plan).names
+        endless = next((name for name in names if box[name].width is None), None)
+        if endless is not None:
+            expected = f"`lb=` and `ub=` of the parameter, or --box FILE with {endless} between two numbers"
+            raise UnsupportedError(f"{endless} multiplies a time that varies and has no end, expected {expected}")
+        rest = Box({name: interval for name, interval in box.intervals.items() if name not in names})
+        lines: list[Line] = [[tape.FORMAT, "corners", [[*names], tape.stated(box)]]]
+        for given in corners(box, [*names]):
+            lines += supported(partial(tape.good_lines, self.ground, self.epsilon, rest, given=given, **self._conduct))
+        return lines
 
     def _good(self, box: Box) -> list[Line]:
         return supported(lambda: tape.good_lines(self.ground, self.epsilon, box, **self._conduct))

@@ -207,13 +207,16 @@ def sums(multiples: Iterable[tuple[int, Fraction | int]]) -> Line:
 
 def header(kind: str, box: Box | None = None) -> Line:
     """The first line of a certificate."""
-    if box is None:
-        return [FORMAT, kind, None]
+    return [FORMAT, kind, None if box is None else stated(box)]
+
+
+def stated(box: Box) -> list[Any]:
+    """The ends of a box, as a first line says them."""
     ends = []
     for interval in box.intervals.values():
         low, high = (None if end is None else str(end) for end in (interval.lower, interval.upper))
         ends.append([low, interval.lower_closed and low is not None, high, interval.upper_closed and high is not None])
-    return [FORMAT, kind, ends]
+    return ends
 
 
 def box_facts(box: Box) -> list[Fact]:
@@ -246,18 +249,21 @@ def good_lines(
     box: Box,
     sides: Sequence[Fact] = (),
     *,
+    given: Mapping[str, Linear] | None = None,
     solver: str,
     deadline: Deadline,
     on_obligation: Progress | None = None,
 ) -> list[Line]:
     """Lines that say all values in a box, and within other sides, have a schedule, and none that breaks an obligation.
 
+    Parameters that are not in the box are `given`.
+
     Raises:
         RefutedError: if an obligation breaks somewhere there.
         UnsupportedError: if no schedule that is linear in the parameters suits all of it.
         OutOfTimeError: if the deadline passes.
     """
-    formulas, region = Formulas(ground, epsilon), [*box_facts(box), *sides]
+    formulas, region = Formulas(ground, epsilon, given), [*box_facts(box), *sides]
     times = constant_times(formulas, box.ranges) or affine_times(formulas, region, solver=solver, deadline=deadline)
     if times is None:
         if not sides:

@@ -64,8 +64,9 @@ def certify(options: CertifyCommand, run: Run) -> int:
         produced = time.perf_counter()
         certificate = folder / "certificate"
         certificate.write_bytes(packed(lines))
+        kind = {"corners": "box"}.get(lines[0][1], lines[0][1])
         report = checked(
-            certificate, files, epsilon=options.separation, kind=lines[0][1], assume=options.assume, deadline=deadline
+            certificate, files, epsilon=options.separation, kind=kind, assume=options.assume, deadline=deadline
         )
         return holes, produced - started, report, time.perf_counter() - produced
 
@@ -340,6 +341,8 @@ def _region(options: CertifyCommand, plan: ParametrizedPlan, deadline: Deadline)
     result = region(
         plan, epsilon=options.separation, encoding=options.encoding, solver=options.solver, timeout=deadline.remaining
     )
+    if result.sliced:
+        raise UnsupportedError(f"the envelope is known by bounds only ({result.reason}), expected --kind box")
     if not result.is_exact:
         raise OutOfTimeError(result.reason)
     return result.region if result.lifted is None else result.lifted
