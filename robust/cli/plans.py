@@ -214,7 +214,7 @@ def _controllability(
 @action(verbs.RegionCommand)
 def region(options: verbs.RegionCommand, run: Run) -> int:
     """For exactly which parameter values is the plan valid? Out of time, an outer and an inner bound are printed."""
-    from robust.show import plan_documents, regions
+    from robust.show import region_documents, regions
 
     search: EnvelopeRegion | None = None
     counts = {"bad": 0, "good": 0}
@@ -244,7 +244,7 @@ def region(options: verbs.RegionCommand, run: Run) -> int:
             else:
                 regions.print_region(out, result, quiet=options.quiet)
 
-        run.answer(lambda: plan_documents.region(result), tell)
+        run.answer(lambda: region_documents.region(result), tell)
 
     result = original = run.best(begin, show)
     if run.guard.cause is None:  # else there is no time left for a shorter form

@@ -20,7 +20,7 @@ from robust.qe.region import Region, absorb, signed_sum
 from robust.searching import Status
 from robust.show.console import Console, printing
 from robust.show.documents import SIDES, Document, Ended, SearchEnded, document_of, documenting, ends_of, has_table
-from robust.show.plan_documents import ConstraintRecord, PolyhedronRecord, rows_of
+from robust.show.region_documents import ConstraintRecord, PolyhedronRecord, rows_of
 
 MANY = 20
 """Combinations that are told one by one."""

@@ -26,7 +26,7 @@ _SHOWN_BY: Mapping[str, tuple[str, str]] = {
     "irr.search": ("regions", "plan_documents"),
     "irr.compare": ("regions", "plan_documents"),
     "irr.repair": ("repairs", "repairs"),
-    "qe.compute": ("regions", "plan_documents"),
+    "qe.compute": ("regions", "region_documents"),
     "probability.risk": ("risk", "risk"),
     "execute.learned": ("batch", "batch"),
     "execute.validate": ("validation", "validation"),
