@@ -51,7 +51,7 @@ class SteppedRun:
         slowest: seconds of the slowest step, with the question when to take the next one.
         middle: seconds of the median step.
         late: how many steps took more than their budget.
-        thrift: what the budget gave away: steps, undecided, followed, early.
+        thrift: what the budget gave away, as executives count it.
     """
 
     plan: str
@@ -139,6 +139,7 @@ COLUMNS: Columns[SteppedRun] = {
     "over budget": lambda one: str(one.late),
     "undecided": lambda one: str(one.thrift["undecided"]),
     "followed": lambda one: str(one.thrift["followed"]),
+    "stretched": lambda one: str(one.thrift["stretched"]),
     "woken early": lambda one: str(one.thrift["early"]),
 }
 
@@ -147,8 +148,8 @@ class StepsReport(Report[SteppedRun]):
     """Steps of executions of large plans with choices (`robust bench steps`). Blocks of two people's choices, one of
     the robot and a use, with one limit over all; `shared`: all blocks use one table. Each step has 0.1 s of processor
     time, with the question when to take the next one. *Undecided* steps ended before all was decided and went on in
-    the next; *followed* are events executed as a known continuation has them; *woken early*: at a time before which
-    nothing can be done. Seconds are of the processor.
+    the next; *followed* are events executed as a known continuation has them; *stretched* steps had more time than the
+    budget; *woken early*: at a time before which nothing can be done. Seconds are of the processor.
     """
 
     TITLE = "Steps in time"

@@ -125,6 +125,8 @@ def print_run(out: Console, record: world.ExecutionRecord, *, quiet: bool) -> No
         )
         if thrift.followed:
             text += f"; {plural(thrift.followed, 'event')} executed so that a known execution stays possible"
+        if thrift.stretched:
+            text += f"; the budget is too small: {plural(thrift.stretched, 'step')} had to take more"
         out.line(f"{text}.")
     reasons = _Reasons()
     for step in record.steps:

@@ -72,7 +72,10 @@ class Deadline:
 
     def within(self, seconds: float | None) -> Deadline:
         """This deadline, or that this thread works for so many seconds of processor time from now; None: this one."""
-        return self if seconds is None else Deadline(self.moment, time.thread_time() + seconds)
+        if seconds is None:
+            return self
+        end = time.thread_time() + seconds
+        return Deadline(self.moment, end if self.processor is None else min(end, self.processor))
 
     @property
     def on_clock(self) -> Deadline:

@@ -380,7 +380,7 @@ class Z3(Backend):
     def values(self, symbols: Iterable[Formula]) -> dict[str, Value]:
         """Values of symbols in the model of the last check; 0 or false for those that it says nothing about.
 
-        They are read through z3's C interface: models have many values, and z3's objects of Python take ten times as long.
+        They are read through z3's C interface, because models have many values: objects take ten times as long.
         """
         from z3 import z3core  # noqa: PLC0415 - slow to import
 

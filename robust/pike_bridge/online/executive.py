@@ -23,10 +23,10 @@ Ranking = Callable[[Sequence[str]], Sequence[str]]
 
 
 PAUSES = 20
-"""Steps in a row that go on deciding at one time; then time goes on as well."""
-_ACTING, _LOOKING, _RANKING = 0.75, 0.1, 0.25
+"""Steps in a row that go on deciding at one time; then time goes on as well, and each one has twice as long."""
+_ACTING, _LOOKING, _RANKING, _ALARM = 0.75, 0.1, 0.25, 0.1
 """Of the budget, at most for what is done, and at least for when to take the next step; the rest is for all else. What
-is ranked gets at most this of it at a time."""
+is ranked gets at most this of it at a time, and so does how long what is withheld can wait."""
 FlexibleRanking = Callable[[Sequence[str], semantic.SemanticReasoner, Deadline], Sequence[str]]
 Preference = Callable[[str, Sequence[str], Mapping[str, str]], Sequence[str]]
 """Puts the values of a choice in the order in which they are tried, by the choices that are made."""
@@ -63,13 +63,15 @@ class Thrift:
     followed: int = 0
     """Events that were executed as a known continuation has them, because waiting might have left none: whether they
     exclude what people may still choose was not decided."""
+    stretched: int = 0
+    """Steps that were given more time than the budget, because many before had decided nothing within it."""
     early: int = 0
     """How often a time before which nothing can be done took the place of the next time at which something can."""
 
     @property
     def anything(self) -> bool:
         """Whether something was given away."""
-        return self.undecided + self.followed + self.early > 0
+        return self.undecided + self.followed + self.early > 0  # what is stretched was undecided before
 
 
 class PlanExecutive:
@@ -122,6 +124,7 @@ class PlanExecutive:
         self._ranking, self._preference, self._flexible = ranking, preference, flexible
         shared = None if self.reasoner.view is None else self.reasoner
         self._patience = Patience(self.progress, patience, reasoner=shared, solver=solver, deadline=deadline)
+        self._patience.alarm_time = self._share(_ALARM)
         self._values: Mapping[str, str] = {}
         """Of the choices that are made at the event that is being executed, as far as they are decided."""
         self._deadline = self._limit = deadline
@@ -129,7 +132,7 @@ class PlanExecutive:
         self._left = budget
         """Of the budget, for the question when to take the next step."""
         self._pauses = 0
-        """Steps in a row that were not decided, at one time."""
+        """Steps in a row that were not decided."""
         self._refused: tuple[object, set[str]] = (None, set())
         """Events that cannot be executed as long as nothing happens."""
         self._wake: tuple[Fraction | None] | None = None
@@ -194,6 +197,7 @@ class PlanExecutive:
     def _time_to_act(self) -> Fraction | None:
         if not self._patience.withheld:
             return self.reasoner.next_time(self._limit)
+        self.thrift.early += self._patience.early
         moments = (self._patience.alarm, self._patience.opening())
         return min((moment for moment in moments if moment is not None), default=None)
 
@@ -220,15 +224,17 @@ class PlanExecutive:
         for message in messages:
             decisions += self._take(message)
         self._wake = None
-        self._limit = self._patience.deadline = self._deadline.within(self._share(_ACTING))
+        stretch = max(0, self._pauses + 1 - PAUSES)
+        self._limit = self._patience.deadline = self._deadline.within(self._share(_ACTING * 2.0**stretch))
         self.thrift.steps += 1
+        self.thrift.stretched += stretch > 0
         try:
             finished = self._act(decisions)
             self._pauses = 0
         except OutOfTimeError as stopped:
             self._only_budget(stopped)
             finished = False
-            self._pauses = 1 if self._pauses > PAUSES else self._pauses + 1
+            self._pauses += 1
             self.thrift.undecided += 1
             decisions += self._follow()
         self._left = None if self.budget is None else max(self._limit.remaining or 0.0, self.budget * _LOOKING)

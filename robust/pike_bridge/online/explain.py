@@ -277,7 +277,7 @@ class Situation:
             OutOfTimeError: if the deadline passes.
         """
         with self._given([*self._of_plan, *self._happened, *hypotheses]):
-            return None if self._contradictory() else self.semantics.execution(self._session)
+            return None if self._contradictory() else self.semantics.continuation(self._session)
 
     def conflict(self, hypotheses: Sequence[Fact] = ()) -> tuple[Fact, ...] | None:
         """A minimal conflict of hypotheses, what has happened, and the plan; None if there is none.

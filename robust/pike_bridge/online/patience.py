@@ -27,15 +27,18 @@ from typing import NamedTuple
 
 from robust.numbers import format_number
 from robust.pike_bridge.model import ALWAYS, Assignment, Guard, contradicts, guard_text
+from robust.pike_bridge.online.continuations import Continuation
 from robust.pike_bridge.online.progress import Excluded, Progress
 from robust.pike_bridge.online.semantic import Reasoner, SemanticReasoner
-from robust.pike_bridge.semantics import Execution, holds
-from robust.smt.limits import NEVER, Deadline
+from robust.pike_bridge.semantics import holds
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
 JOINT = 64
 """The most joint intents that are all kept; if there are more, every single value is."""
-_REMEMBERED = 256
+_REMEMBERED = 96
 """Continuations."""
+_FIRST = 3
+"""Intents that are asked about one by one, before several are at once."""
 _NAMED = 3
 """The most intents that a message names."""
 
@@ -76,9 +79,11 @@ class Patience:
         reasoner: its view is asked; if it is not given, one is made when there is something to ask.
         solver: of that reasoner.
         deadline: questions raise OutOfTimeError if it passes.
+        alarm_time: seconds of processor time for how long all can wait; then a lower bound will do.
 
     After :meth:`decide` has found nothing to do, `withheld` are the events that could be executed but are not, and
-    `alarm` is when that is to be thought over if nothing happens before (None: never).
+    `alarm` is when that is to be thought over if nothing happens before (None: never); `early` tells whether it is a
+    lower bound of the time at which it need be.
     """
 
     progress: Progress
@@ -87,16 +92,18 @@ class Patience:
     reasoner: Reasoner | None = None
     solver: str = "z3"
     deadline: Deadline = NEVER
+    alarm_time: float | None = None
 
     def __post_init__(self) -> None:
         self.margin = self.patience or Fraction(0)
         self.withheld: frozenset[str] = frozenset()
         self.alarm: Fraction | None = None
+        self.early = False
         self._view: SemanticReasoner | None = None
         """What is asked; another one when other parts of the plan are under way."""
-        self._found: list[Execution] = []
+        self._found: list[Continuation] = []
         """Continuations in which everything that is not the executive's is later than now."""
-        self._stale: list[Execution] = []
+        self._stale: list[Continuation] = []
         """Those at other times, which may be such continuations at later ones."""
         self._refused: set[tuple[Guard, str | None]] = set()
         """Where no such continuation is, as long as nothing happens, not even time."""
@@ -112,7 +119,7 @@ class Patience:
         Raises:
             OutOfTimeError: if the deadline passes.
         """
-        self.withheld, self.alarm = frozenset(), None
+        self.withheld, self.alarm, self.early = frozenset(), None, False
         candidates = iter(executable)
         first = next(candidates, None)
         if first is None:
@@ -124,10 +131,10 @@ class Patience:
         moment = progress.now, len(progress.times), len(progress.chosen), len(progress.void), id(progress)
         if moment != self._moment:
             self._moment, self._refused = moment, set()
-        known, self._found = [*self._stale, *self._found][-_REMEMBERED:], []
-        self._stale = []
+        known = [] if progress.void else [*self._found, *self._stale][:_REMEMBERED]
+        self._found, self._stale = [], []
         for continuation in known:
-            (self._found if self._continues(continuation) else self._stale).append(continuation)
+            (self._found if continuation.lasts() else self._stale).append(continuation)
         everything = kept = self._kept(waiting)
         acts: dict[str, list[Guard]] = {}
         for event in chain((first,), candidates):
@@ -163,9 +170,11 @@ class Patience:
         """Joint intents that are kept, and single values that are in none of them but are kept by themselves."""
         kept: list[Intent] = []
         progress = self.view.progress
-        for intent in chain(intents(choices, progress), values_of(choices, progress)):
-            if not any(intent.values <= other.values for other in kept) and self._continues_in(intent.guard, None):
-                kept.append(intent)
+        for several in (intents(choices, progress), values_of(choices, progress)):
+            new = [each for each in several if not any(each.values <= other.values for other in kept)]
+            open_still = [each for each in new if not self._known_in(each.guard, None)]
+            lost = _lost(open_still, lambda each: self._found_in(each.guard, None))
+            kept += [each for each in new if each not in lost]
         return kept
 
     # -- acts --------------------------------------------------------------------------------------------------------
@@ -181,9 +190,20 @@ class Patience:
 
     def _free(self, event: str, environments: Iterable[Guard], kept: Sequence[Intent]) -> Guard | None:
         """Values with which the event excludes nothing that is kept; None if there are none."""
-        guards = [intent.guard for intent in kept] or [ALWAYS]
-        return next(
-            (values for values in environments if all(self._keeps(each, event, values) for each in guards)), None
+        return next((values for values in environments if self._keeps_all(kept, event, values)), None)
+
+    def _keeps_all(self, kept: Sequence[Intent], event: str, values: Guard) -> bool:
+        """Whether an act leaves a continuation with each of several intents, or with anything, if there are none."""
+        if not kept:
+            return self._keeps(ALWAYS, event, values)
+        if any(contradicts(intent.guard, values) for intent in kept):
+            return False
+        unknown = [each for each in kept if not self._known_in(each.guard | values, event)]
+        # The first choices are excluded most easily.
+        return all(self._keeps(each.guard, event, values) for each in unknown[:_FIRST]) and not _lost(
+            unknown[_FIRST:],
+            lambda each: not contradicts(each.guard, values) and self._keeps(each.guard, event, values),
+            first=True,
         )
 
     def _keeps(self, intent: Guard, event: str, values: Guard) -> bool:
@@ -192,38 +212,31 @@ class Patience:
 
     def _continues_in(self, environment: Guard, event: str | None) -> bool:
         """Whether a continuation in an environment does an event, if given, now; known ones are looked at first."""
-        asked = self.view
-        progress = asked.progress
+        return self._known_in(environment, event) or self._found_in(environment, event)
 
-        def shows(known: Execution) -> bool:
-            return holds(environment, known.scenario) and (
-                event is None
-                or (known.schedule.get(event) == progress.now and not progress.theirs(event, known.scenario))
-            )
+    def _known_in(self, environment: Guard, event: str | None) -> bool:
+        """Whether a continuation is known that shows it, perhaps at another time; those that do are looked at first."""
+        for at, known in enumerate(self._found):
+            if holds(environment, known.scenario) and (event is None or known.executes(event)):
+                self._found.insert(0, self._found.pop(at))
+                return True
+        place = next((at for at, known in enumerate(self._stale) if holds(environment, known.scenario)), None)
+        again = None if place is None else self._stale.pop(place).retimed(late=True)
+        if again is None:
+            return False
+        self._found.insert(0, again)
+        return event is None or again.executes(event)
 
-        if any(map(shows, self._found)):
-            return True
+    def _found_in(self, environment: Guard, event: str | None) -> bool:
+        """Whether the solver finds a continuation that shows it."""
         if (environment, event) in self._refused:
             return False
-        stale = next((known for known in reversed(self._stale) if holds(environment, known.scenario)), None)
-        if stale is not None:
-            self._stale.remove(stale)
-            again = (
-                None
-                if progress.void
-                or not all(stale.scenario.get(name) == value for name, value in progress.chosen.items())
-                else asked.semantics.retimed(stale, late=True)
-            )
-            if again is not None and self._continues(again):
-                self._found.append(again)
-                if shows(again):
-                    return True
-        continuation = asked.continuation(environment, event, self.deadline)
+        continuation = self.view.continuation(environment, event, self.deadline)
         if continuation is None:
             self._refused.add((environment, event))
-        else:
-            self._found.append(continuation)
-        return continuation is not None
+            return False
+        self._found.insert(0, continuation)
+        return True
 
     # -- waiting -----------------------------------------------------------------------------------------------------
 
@@ -232,7 +245,7 @@ class Patience:
         now, withheld = self.progress.now, frozenset(acts)
         staying = self._waits(kept, withheld, now + self.margin)
         if len(staying) == len(kept):
-            least = self._least(staying, withheld)
+            least = self._least_in_time(staying, withheld)
             self.withheld, self.alarm = withheld, None if least is None else least - self.margin
             return None
         due = {
@@ -271,14 +284,36 @@ class Patience:
         """The intents that may come after a moment, together with other events, and how late they may at least; None if
         they can wait forever.
         """
-        waits = ((intent, self._wait(intent, others, moment)) for intent in intents)
-        return {each: wait for each, wait in waits if wait is None or wait > moment}
+        waits = {each: self._known_wait(each, others, moment) for each in intents}
+        short = [each for each, wait in waits.items() if wait is not None and wait <= moment]
+        lost = _lost(short, lambda each: self._later(each, others, moment) is not None)
+        waits |= {each: self._known_wait(each, others, moment) for each in short}
+        return {each: wait for each, wait in waits.items() if each not in lost}
 
-    def _wait(self, intent: Intent, others: frozenset[str], moment: Fraction) -> Fraction | None:
-        """A time until which an intent and other events can wait: after a moment, if they can wait that long."""
-        events = intent.events | others
-        continuation = self.view.all_later(intent.guard, events, moment, self.deadline)
-        return moment if continuation is None else self.view.semantics.latest(continuation, events)
+    def _known_wait(self, intent: Intent, others: frozenset[str], moment: Fraction) -> Fraction | None:
+        """How long an intent and other events can wait, as far as known continuations tell; a moment, if not longer;
+        None: forever.
+        """
+        longest = moment
+        for known in self._found:
+            if holds(intent.guard, known.scenario):
+                wait = known.latest(intent.events | others)
+                if wait is None:
+                    return None
+                longest = max(longest, wait)
+        return longest
+
+    def _later(
+        self, intent: Intent, others: frozenset[str], moment: Fraction, *, beyond: bool = True
+    ) -> Continuation | None:
+        """A continuation that the solver finds in which an intent and other events are after a moment; unless `beyond`,
+        they may be at that moment.
+        """
+        found = self.view.all_later(intent.guard, intent.events | others, moment, self.deadline, beyond=beyond)
+        again = None if found is None else found.retimed(late=True)
+        if again is not None:
+            self._found.insert(0, again)
+        return found
 
     def _seen_before(self, event: str, withheld: Collection[str]) -> bool:
         """Whether an event happens before each of those that are withheld in a known continuation."""
@@ -288,18 +323,50 @@ class Patience:
             all(schedule[other] > schedule[event] for other in withheld if other in schedule) for schedule in schedules
         )
 
+    def _least_in_time(self, waits: Mapping[Intent, Fraction | None], withheld: frozenset[str]) -> Fraction | None:
+        """The least L of intents that can all wait, or a time before which all can wait, if that takes too long."""
+        everything, self.deadline = self.deadline, self.deadline.within(self.alarm_time)
+        try:
+            return self._least(waits, withheld)
+        except OutOfTimeError as stopped:
+            if self.alarm_time is None or stopped.reason is not None:
+                raise
+            everything.enforce()
+        finally:
+            self.deadline = everything
+        self.early = True
+        soon = self.progress.now + self.margin + self.progress.grid
+        known = (self._known_wait(each, withheld, soon) for each in waits)
+        return min((wait for wait in known if wait is not None), default=None)
+
     def _least(self, waits: Mapping[Intent, Fraction | None], withheld: frozenset[str]) -> Fraction | None:
         """The least L of intents, given how late each can be at least; None if all can wait forever."""
-        least: Fraction | None = None
         bounded = [(wait, each) for each, wait in waits.items() if wait is not None]
-        for bound, each in sorted(bounded, key=itemgetter(0)):  # the first is likely to be the least of all
-            wait: Fraction | None = bound
-            while wait is not None and (least is None or wait < least):
-                later = self._wait(each, withheld, wait)
-                if later == wait:
-                    least = wait
-                wait = later
+        left = [each for _, each in sorted(bounded, key=itemgetter(0))]  # the first is likely to have the least
+        least: Fraction | None = None
+        while left:
+            longest = self._longest(left.pop(0), withheld)
+            least = min((each for each in (least, longest) if each is not None), default=None)
+            if least is not None:
+                left = self._shorter(left, withheld, least)
         return least
+
+    def _longest(self, intent: Intent, withheld: frozenset[str]) -> Fraction | None:
+        """L of one intent."""
+        wait = self._known_wait(intent, withheld, self.progress.now)
+        while wait is not None:
+            later = self._later(intent, withheld, wait)
+            if later is None:
+                return wait
+            wait = later.latest(intent.events | withheld)
+        return None
+
+    def _shorter(self, intents: Iterable[Intent], withheld: frozenset[str], moment: Fraction) -> list[Intent]:
+        """The intents whose L is before a moment, in their order."""
+        waits = ((each, self._known_wait(each, withheld, self.progress.now)) for each in intents)
+        short = [each for each, wait in waits if wait is not None and wait < moment]
+        lost = _lost(short, lambda each: self._later(each, withheld, moment, beyond=False) is not None)
+        return [each for each in short if each in lost]
 
     def _over(self, withheld: frozenset[str], staying: Mapping[Intent, Fraction | None], over: Fraction) -> Fraction:
         """Just after a moment at which intents lapse, unless it is time for the others before."""
@@ -355,20 +422,6 @@ class Patience:
         assert self._view is not None  # noqa: S101 - reasoners without one are not given
         return self._view
 
-    def _continues(self, execution: Execution) -> bool:
-        progress = self.view.progress
-        later = progress.now + progress.plan.separation
-        return (
-            not progress.void
-            and all(execution.scenario[name] == value for name, value in progress.chosen.items())
-            and all(execution.schedule.get(event) == time for event, time in progress.times.items())
-            and all(
-                time >= later or (time >= progress.now and not progress.theirs(event, execution.scenario))
-                for event, time in execution.schedule.items()
-                if event in progress.pending
-            )
-        )
-
 
 def openings(progress: Progress) -> list[Opening]:
     """The choices that are open and not the executive's."""
@@ -399,6 +452,44 @@ def intents(choices: Sequence[Opening], progress: Progress) -> list[Intent]:
                 joint = [more for each in joint for more in _extended(each, choice, progress)]
             maximal.update(dict.fromkeys(joint))
     return list(maximal)
+
+
+def _lost(several: Sequence[Intent], keeps: Callable[[Intent], bool], *, first: bool = False) -> set[Intent]:
+    """The intents that something does not keep, which keeps all parts of what it keeps; only the `first`, if so wanted.
+
+    It is asked about as many at once as can be meant together, and about halves of them where that is too much.
+    """
+    lost: set[Intent] = set()
+    left = _together(several)
+    while left:
+        joint, members = left.pop()
+        if keeps(joint):
+            continue
+        if len(members) == 1:
+            lost.update(members)
+            if first:
+                break
+        middle = (len(members) + 1) // 2
+        left += [*_together(members[:middle]), *_together(members[middle:])] if len(members) > 1 else []
+    return lost
+
+
+def _together(several: Iterable[Intent]) -> list[tuple[Intent, list[Intent]]]:
+    """Intents that can be meant together, joined; with what each of them is made of."""
+    groups: list[tuple[Intent, list[Intent]]] = []
+    for intent in several:
+        for at, (joint, members) in enumerate(groups):
+            if not contradicts(joint.guard, intent.guard):
+                values, events, label = (
+                    joint.values | intent.values,
+                    joint.events | intent.events,
+                    joint.guard | intent.guard,
+                )
+                groups[at] = Intent(values, events, label), [*members, intent]
+                break
+        else:
+            groups.append((intent, [intent]))
+    return groups
 
 
 def values_of(choices: Iterable[Opening], progress: Progress) -> list[Intent]:

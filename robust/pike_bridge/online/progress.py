@@ -380,11 +380,25 @@ class Progress:
                 yield constraint.source, constraint.lower
 
     def blocked(self, event: str) -> bool:
-        """Whether the event cannot be executed now, as far as one constraint tells that holds whenever it is."""
-        return any(
+        """Whether the event cannot be executed now, as far as single constraints tell that hold whenever it is."""
+        return self.awaits(event) or any(
             self.now - self.times[earlier] < lower if earlier in self.times else lower > 0
             for earlier, lower in self.lower_bounds(event)
         )
+
+    def awaits(self, event: str) -> bool:
+        """Whether the event comes after one that is not the executive's to execute, whenever it is executed; as far as
+        single constraints tell.
+        """
+        held, waiting = {event}, [event]
+        while waiting:
+            for earlier, lower in self.lower_bounds(waiting.pop()):
+                if lower >= 0 and earlier in self.pending and earlier not in held:
+                    if not self.ours(earlier):
+                        return True
+                    held.add(earlier)
+                    waiting.append(earlier)
+        return False
 
     def earliest(self, event: str) -> Fraction | None:
         """When single constraints to executed events allow the event; None if they allow it any time."""

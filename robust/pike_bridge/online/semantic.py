@@ -16,9 +16,9 @@ from fractions import Fraction
 from itertools import islice
 from math import ceil, floor
 
-from robust.network.differences import Distances
 from robust.pike_bridge.knowledge.sat import satisfiable
 from robust.pike_bridge.model import ALWAYS, Condition, Constraint, Effect, Guard, guard
+from robust.pike_bridge.online.continuations import Alike, Continuation
 from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.semantics import Execution, Semantics, Time, holds
 from robust.plan.polynomial import Polynomial
@@ -69,7 +69,7 @@ class Reasoner(ABC):
         return None
 
     @property
-    def known(self) -> Execution | None:
+    def known(self) -> Continuation | None:
         """A continuation that was found, after :meth:`catch_up`; None if none is known. Choices that do not matter may
         be missing from it.
         """
@@ -147,69 +147,17 @@ class OnlineSemantics(Semantics):
         """The formula that the event, wherever it is not the executive's to execute, is at a moment or later."""
         return [self.not_earlier(event, moment, label) for label in self._progress.external(event)]
 
-    def execution(self, session: Session) -> Execution:
+    def continuation(self, session: Session) -> Continuation:
         """The solver's model; what is known already is not read from it again, because reading takes long."""
         progress = self._progress
         scenario = self.chosen(session.values(self.choices)) | progress.chosen
         coming = [name for name in progress.pending if holds(progress.structure.guards[name], scenario)]
         values = session.values(self.times(coming))
-        return Execution(scenario, {**progress.times, **{name: self.time(name, values) for name in coming}})
+        found = Execution(scenario, {**progress.times, **{name: self.time(name, values) for name in coming}})
+        return Continuation(scenario, found.schedule, Alike(progress, found, self._orders))
 
     def _before(self, earlier: str, later: str) -> Formula:
         return self.terms.true if self._progress.settled(earlier, later) else super()._before(earlier, later)
-
-    def latest(self, execution: Execution, events: Collection[str]) -> Fraction | None:
-        """The greatest time at which none of the events, of those that an execution has, need have happened.
-
-        It counts executions with the same choices and the same facts that keep every order on which conditions may
-        rest. None if there is no such time.
-        """
-        executed = self._progress.times
-        if not executed:
-            return None
-        first, start = next(iter(executed.items()))
-        known = ((event, time - start) for event, time in executed.items())
-        fixed = [bound for event, time in known for bound in ((first, event, -time), (event, first, time))]
-        # Backwards in time, so that the greatest time of an event is a greatest lower bound.
-        distances = Distances(execution.schedule, [*fixed, *self._kept(execution)])
-        bounds = (distances.least(first, event) for event in events if event in execution.schedule)
-        return min((start - bound for bound in bounds if bound is not None), default=None)
-
-    def retimed(self, execution: Execution, *, late: bool = False) -> Execution | None:
-        """An execution at the least times from now on, after what has happened; if `late`, what is not the executive's
-        to execute is later than now.
-
-        It keeps the choices and every order on which conditions may rest; None if that is not possible.
-        """
-        executed, now = self._progress.times, self._progress.now
-        if not executed or not executed.keys() <= execution.schedule.keys():
-            return None
-        first, start = next(iter(executed.items()))
-        bounds = [(target, source, weight) for source, target, weight in self._kept(execution)]
-        for event in execution.schedule:
-            time = executed.get(event)
-            theirs = late and time is None and self._progress.theirs(event, execution.scenario)
-            least = now + self._epsilon * theirs if time is None else time
-            bounds.append((first, event, least - start))
-            bounds += [] if time is None else [(event, first, start - time)]
-        try:
-            times = Distances(execution.schedule, bounds).times
-        except ValueError:
-            return None
-        return Execution(execution.scenario, {event: time - times[first] + start for event, time in times.items()})
-
-    def _kept(self, execution: Execution) -> Iterator[tuple[str, str, Fraction]]:
-        """How much earlier one event is than another at least: by constraints, and by orders that are kept."""
-        times = execution.schedule
-        for constraint in self._progress.plan.network.temporal_constraints:
-            if holds(constraint.guard, execution.scenario):
-                if constraint.upper is not None:
-                    yield constraint.source, constraint.target, -constraint.upper
-                if constraint.lower is not None:
-                    yield constraint.target, constraint.source, constraint.lower
-        for earlier, later in self._orders:
-            if earlier in times and later in times and times[later] - times[earlier] >= self._epsilon:
-                yield later, earlier, self._epsilon
 
     def void(self, effect: Effect, condition: Condition) -> Formula:
         """The formula that the effect does not support the condition."""
@@ -235,7 +183,7 @@ class SemanticReasoner(Reasoner):
 
     def __init__(self, progress: Progress, *, solver: str = "z3", terms: Terms | None = None) -> None:
         super().__init__(progress)
-        self._witness: Execution | None = None
+        self._witness: Continuation | None = None
         """A continuation, if one is known; choices that do not matter may be missing from it."""
         self._terms = terms or Terms()
         self._solver = solver
@@ -261,7 +209,7 @@ class SemanticReasoner(Reasoner):
             elif any(witness.schedule.get(event) != time for event, time in news.times.items()) or (
                 news.later and any(time < now for _, time in self._ahead(witness))
             ):
-                self._witness = self.semantics.retimed(witness)
+                self._witness = witness.retimed(late=True) or witness.retimed()
         if self.progress.close(news.times):  # what was open about their order is known now
             self._begin()
             everything = guard(self.progress.chosen)
@@ -286,17 +234,17 @@ class SemanticReasoner(Reasoner):
         return self
 
     @property
-    def known(self) -> Execution | None:
+    def known(self) -> Continuation | None:
         return self._witness
 
     def not_before(self) -> Fraction | None:
         self.catch_up()
-        candidates = [event for event in self.progress.frontier if self.progress.ours(event)]
+        candidates = self._candidates()
         if candidates:
             return self._opening(min(self.progress.earliest(event) or self.progress.now for event in candidates))
         if self._witness is None:
             return self._opening(self.progress.now)
-        last = self.semantics.latest(self._witness, list(self.progress.frontier))
+        last = self._witness.latest(self.progress.frontier)
         return None if last is None else self._closing(last)
 
     def due(self) -> tuple[str, Mapping[str, str]] | None:
@@ -304,10 +252,10 @@ class SemanticReasoner(Reasoner):
         witness, now, frontier = self._witness, self.progress.now, list(self.progress.frontier)
         if witness is None:
             return None
-        last = self.semantics.latest(witness, frontier)
+        last = witness.latest(frontier)
         if last is None or last > now + self._grid:
             return None
-        acts = (e for e in frontier if not self.progress.theirs(e, witness.scenario) and self._executes_at(e, now))
+        acts = (e for e in frontier if witness.ours(e) and self._executes_at(e, now))
         event = next(acts, None)
         return None if event is None else (event, witness.scenario)
 
@@ -366,7 +314,7 @@ class SemanticReasoner(Reasoner):
 
     # -- patience ----------------------------------------------------------------------------------------------------
 
-    def continuation(self, environment: Guard, event: str | None, deadline: Deadline) -> Execution | None:
+    def continuation(self, environment: Guard, event: str | None, deadline: Deadline) -> Continuation | None:
         """A continuation in the environment in which what is not the executive's to execute comes after now.
 
         The event, if given, is executed by the executive now.
@@ -377,7 +325,11 @@ class SemanticReasoner(Reasoner):
         asked = [self.semantics.guard(environment), *self._unreported()]
         if event is not None:
             asked += [self.semantics.ours(event), self.semantics.at(event, self.progress.now)]
-        return self._witness if self._ask(asked, deadline) else None
+        if not self._ask(asked, deadline):
+            return None
+        # At the least times as much as possible is done now.
+        self._witness = (self._witness and self._witness.retimed(late=True)) or self._witness
+        return self._witness
 
     def coming_before(self, events: Iterable[str], others: Collection[str], deadline: Deadline) -> set[str]:
         """The events that may happen before each of the others: in some continuation they do, or they do now.
@@ -399,11 +351,14 @@ class SemanticReasoner(Reasoner):
         return coming
 
     def all_later(
-        self, environment: Guard, events: Iterable[str], moment: Fraction, deadline: Deadline
-    ) -> Execution | None:
-        """A continuation in the environment that has those of the events that it has after a moment; None without."""
+        self, environment: Guard, events: Iterable[str], moment: Fraction, deadline: Deadline, *, beyond: bool = True
+    ) -> Continuation | None:
+        """A continuation in the environment that has those of the events that it has after a moment, or, unless
+        `beyond`, not before it; None without.
+        """
         self.catch_up()
-        later = (self.semantics.later(event, moment) for event in sorted(events))
+        comes = self.semantics.later if beyond else self.semantics.not_earlier
+        later = (comes(event, moment) for event in sorted(events))
         return self._witness if self._ask([self.semantics.guard(environment), *later], deadline) else None
 
     def latest(self, environment: Guard, events: Collection[str], deadline: Deadline) -> Fraction | None:
@@ -414,7 +369,7 @@ class SemanticReasoner(Reasoner):
         latest: Fraction | None = self.progress.now
         continuation = self._witness if self.could(environment, deadline) else None
         while continuation is not None:
-            latest = self.semantics.latest(continuation, events)
+            latest = continuation.latest(events)
             continuation = None if latest is None else self.all_later(environment, events, latest, deadline)
         return latest
 
@@ -435,20 +390,16 @@ class SemanticReasoner(Reasoner):
         if witness is None or witness.schedule.get(event) != moment:
             return False
         later = moment + progress.plan.separation
-        return not any(
-            time < moment or progress.theirs(name, witness.scenario)
-            for name, time in self._ahead(witness)
-            if time < later
-        )
+        return not any(time < moment or not witness.ours(name) for name, time in self._ahead(witness) if time < later)
 
-    def _ahead(self, witness: Execution) -> list[tuple[str, Fraction]]:
+    def _ahead(self, witness: Continuation) -> list[tuple[str, Fraction]]:
         return [(name, time) for name, time in witness.schedule.items() if name in self.progress.pending]
 
     def _ask(self, hypothesis: Iterable[Formula], deadline: Deadline) -> bool:
         with self._session.frame(*hypothesis):
             if not self._check(deadline):
                 return False
-            self._witness = self.semantics.execution(self._session)
+            self._witness = self.semantics.continuation(self._session)
             return True
 
     def _check(self, deadline: Deadline) -> bool:
@@ -469,10 +420,16 @@ class SemanticReasoner(Reasoner):
             if not any(earlier in pending for earlier in before[event]):
                 yield from self.semantics.not_ours_before(event, moment + self._epsilon)
 
+    def _candidates(self, withheld: Collection[str] = ()) -> list[str]:
+        """Events that may be executable without a message."""
+        progress = self.progress
+        known = (event for event in progress.frontier if event not in withheld and progress.ours(event))
+        return [event for event in known if not progress.awaits(event)]
+
     def _earliest_execution(self, deadline: Deadline, withheld: Collection[str] = ()) -> Fraction | None:
         """The least time after now at which an event is executable if nothing happens before."""
         progress = self.progress
-        candidates = [event for event in progress.frontier if progress.ours(event) and event not in withheld]
+        candidates = self._candidates(withheld)
         if not candidates:
             return None
         soonest = progress.now + progress.grid

@@ -10,6 +10,7 @@ from robust.pike import PlanExecutive, act, build, parallel, sequence, within
 from robust.pike_bridge.model import EPSILON, Assignment, Constraint, TeamPlan, guard
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online import reasoners
+from robust.pike_bridge.online.continuations import Alike, Continuation
 from robust.pike_bridge.online.explain import About, Situation, conflict
 from robust.pike_bridge.online.inquiry import Inquiry, Obstacle, WhyChosen, WhyNot, why, why_failed, why_not
 from robust.pike_bridge.online.semantic import SemanticReasoner
@@ -78,7 +79,8 @@ def test_a_witness_shows_only_what_is_executable_by_a_whole_epsilon():
     plan = examples.working(Constraint("begin", "own", Fraction(2), None), most=late)
     reasoner = SemanticReasoner(said.Progress(plan, Fraction(2), {"begin": Fraction(0)}))
     assert not reasoner.executable("own", NEVER)
-    reasoner._witness = Execution({}, {"begin": Fraction(0), "own": Fraction(2), "end": late})
+    known = Execution({}, {"begin": Fraction(0), "own": Fraction(2), "end": late})
+    reasoner._witness = Continuation({}, known.schedule, Alike(reasoner.progress, known, ()))
     assert not reasoner.executable("own", NEVER)
     assert reasoner.possible(NEVER)
 

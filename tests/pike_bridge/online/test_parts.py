@@ -334,7 +334,16 @@ def test_time_goes_on_after_some_steps_that_decide_nothing():
         executive.step(executive.wake or Fraction(0) if wakes else Fraction(0))
         wakes.append(executive.wake)
     assert wakes.count(0) == PAUSES
-    assert wakes[PAUSES] == executive.progress.grid
+    assert wakes[PAUSES:] == [executive.progress.grid * number for number in range(1, PAUSES + 1)]
+    assert executive.thrift.stretched == PAUSES
+
+
+def test_a_budget_that_is_too_small_is_stretched_until_something_is_decided():
+    """Executions succeed however small it is, and say that it was."""
+    executive = PlanExecutive(blocks(2).plan(), SemanticReasoner, budget=1e-5)
+    examples.watch(executive, judge=SemanticReasoner(executive.progress), seed=3)
+    assert isinstance(executive.outcome, said.Succeeded)
+    assert 0 < executive.thrift.stretched < executive.thrift.undecided < executive.thrift.steps
 
 
 def test_enough_time_changes_nothing():

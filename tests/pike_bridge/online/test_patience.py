@@ -7,13 +7,14 @@ import pytest
 
 from robust.pike import Pace, make_reasoner
 from robust.pike_bridge.model import Assignment, Choice, Constraint, Event, TeamPlan, Tpnu, guard
+from robust.pike_bridge.online.continuations import Continuation
 from robust.pike_bridge.online.executive import LatestMoments, PlanExecutive
 from robust.pike_bridge.online.inquiry import Inquiry, Obstacle, why_not
 from robust.pike_bridge.online.patience import JOINT, intents
 from robust.pike_bridge.online.progress import Chosen, Excluded, Executed, Failed, Outcome, Progress, Succeeded
-from robust.pike_bridge.online.semantic import OnlineSemantics, SemanticReasoner
+from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.online.world import Rehearsal, Story
-from robust.pike_bridge.semantics import ExecutionExistence, Oracle, faults
+from robust.pike_bridge.semantics import ExecutionExistence, Oracle, faults, holds
 from tests.pike_bridge import stories
 from tests.pike_bridge.online import examples
 from tests.pike_bridge.online.examples import SOLVABLE, drawn, hesitate, joint_values, kitchen
@@ -258,19 +259,25 @@ def test_executions_lose_nothing_without_a_word():
 
 
 def test_known_continuations_are_correct_at_other_times_too(monkeypatch):
-    retimed, found = OnlineSemantics.retimed, []
+    retimed, found = Continuation.retimed, []
 
-    def checked(semantics, execution, **options):
-        again = retimed(semantics, execution, **options)
+    def checked(continuation, **options):
+        again = retimed(continuation, **options)
         if again is not None:
-            progress = semantics._progress
+            progress = continuation.alike.progress
             found.append(again)
             assert not faults(progress.plan, again, reported=progress.reported)
+            assert holds(guard(progress.chosen), again.scenario)
             assert all(again.schedule[event] == time for event, time in progress.times.items())
-            assert all(again.schedule[event] >= progress.now for event in progress.pending & again.schedule.keys())
+            coming = progress.pending & again.schedule.keys()
+            assert all(again.schedule[event] >= progress.now for event in coming)
+            if options.get("late"):
+                theirs = {event for event in coming if progress.theirs(event, again.scenario)}
+                assert all(again.schedule[event] >= progress.now + progress.plan.separation for event in theirs)
+                assert again.lasts()
         return again
 
-    monkeypatch.setattr(OnlineSemantics, "retimed", checked)
+    monkeypatch.setattr(Continuation, "retimed", checked)
     for plan in (kitchen(), drawn(SOLVABLE[0]), drawn(SOLVABLE[1])):
         Rehearsal(plan, Story(pace=Pace.RANDOM), seed=1, infer=False).run()
     assert len(found) > 10
