@@ -370,9 +370,11 @@ class Z3(Backend):
             self._solver.z3.set("rlimit", effort)
         before = self._steps() if effort else 0
         self._model = None
+        begun = time.monotonic()
         verdict = _solve(self._solver)
         given_up = effort and verdict is Satisfiability.UNKNOWN and self._steps() - before >= effort
-        if verdict is Satisfiability.UNKNOWN and not given_up and self._was_interrupted(deadline):
+        in_time = remaining is None or time.monotonic() - begun < remaining - 0.1
+        if verdict is Satisfiability.UNKNOWN and not given_up and self._was_interrupted(in_time):
             # z3's own handler takes the signal while it works, so Python never hears of it.
             raise KeyboardInterrupt
         return verdict
@@ -409,11 +411,12 @@ class Z3(Backend):
         statistics = self._solver.z3.statistics()
         return int(statistics.get_key_value("rlimit count")) if "rlimit count" in statistics.keys() else 0  # noqa: SIM118
 
-    def _was_interrupted(self, deadline: Deadline) -> bool:
-        """z3 gives the same reason for a time limit as for some interruptions; then the clock tells them apart."""
+    def _was_interrupted(self, in_time: bool) -> bool:
+        """z3 gives the same reason for a time limit as for some interruptions; then the clock tells them apart.
+
+        Not what is left of the deadline: of processor time much may be, when other work takes the processor.
+        """
         reason = self._solver.z3.reason_unknown()
-        remaining = deadline.remaining
-        in_time = remaining is None or remaining > 0.1
         return "interrupted" in reason or ("canceled" in reason and in_time)
 
 

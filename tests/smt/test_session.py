@@ -121,6 +121,15 @@ def test_time_limit_ends_a_hard_query_about_on_time(solver, seconds) -> None:
         assert session.check("a start before zero", Deadline.after(30)) is UNSAT, "it can be used afterwards"
 
 
+def test_what_is_left_of_processor_time_is_not_taken_for_an_interruption():
+    """A busy machine gives other processes the time that z3 has by the clock."""
+
+    class Untouched(Deadline):
+        remaining = 0.2
+
+    assert hard_session("z3").check("twenty starts", Untouched()) is UNKNOWN
+
+
 @pytest.mark.parametrize(
     ("death", "why"),
     [
