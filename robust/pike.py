@@ -47,7 +47,8 @@ from robust.pike_bridge.cross_check import CrossCheck, Crossed, Crossing, Disagr
 from robust.pike_bridge.envelopes.parameters import ParametricPlan, parametrize, specifications
 from robust.pike_bridge.envelopes.search import LabeledRegion, LabeledRegionSearch, TeamEnvelope, TeamEnvelopeSearch
 from robust.pike_bridge.files import read_tpnu, write_tpnu
-from robust.pike_bridge.game.controllability import ControllabilityVerdict, FindingLimits, TeamControllability
+from robust.pike_bridge.game.controllability import FindingLimits, TeamControllability
+from robust.pike_bridge.game.deciding import ControllabilityVerdict
 from robust.pike_bridge.game.following import StrategyRehearsal
 from robust.pike_bridge.game.rules import GameRules
 from robust.pike_bridge.knowledge import knowledge_bases

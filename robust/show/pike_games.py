@@ -1,24 +1,21 @@
 """Whether plans with choices are controllable, in people's words: the situations that break them, or a strategy."""
 
 from collections.abc import Iterator
+from fractions import Fraction
 from typing import Annotated
 
 from robust.json_text import Count, JsonObject, Rational, Seconds, like, one_of
 from robust.numbers import duration, format_number, plural, readable
-from robust.pike_bridge.game.controllability import (
-    ControllabilityVerdict,
-    GameSituation,
-    MovableBound,
-    TeamControllability,
-)
-from robust.pike_bridge.game.plays import GameBranch
-from robust.pike_bridge.game.rules import Game
+from robust.pike_bridge.game.controllability import ExceededLimit, MovableBound, Strategy, TeamControllability
+from robust.pike_bridge.game.deciding import ControllabilityVerdict, GameSituation
+from robust.pike_bridge.game.dividing import GamePart
+from robust.pike_bridge.game.plays import GameBranch, Policy
 from robust.pike_bridge.model import contradicts, guard_text
 from robust.show.console import Console, printing
 from robust.show.documents import Document, Ended, document, documenting, has_table
 
-MOST_BRANCHES = 12
-"""That people are shown."""
+MOST_LINES = 12
+"""Of a strategy or a reason that people are shown."""
 
 
 class TakenLength(JsonObject):
@@ -36,15 +33,38 @@ class BrokenSituation(JsonObject):
     lengths: list[TakenLength]
 
 
+class LongPart(JsonObject):
+    """the events at which a part of the plan begins and ends, and the situations in which no strategy ends it sooner
+
+    Attributes:
+        takes: how long it takes then
+    """
+
+    first: str
+    last: str
+    takes: Rational
+    situations: list[BrokenSituation]
+
+
+class BrokenLimit(JsonObject):
+    """the greatest time for several parts of the plan, and parts that take longer together"""
+
+    most: Rational
+    needed: Rational
+    parts: list[LongPart]
+
+
 class StrategyBranch(JsonObject):
     """what the strategy chooses
 
     Attributes:
+        part: the number of the part of the plan that it is about
         choices: of people
         longer: activities, by the event at which they begin, that take at least so long in this branch
         chosen: what the executive chooses then
     """
 
+    part: Count
     choices: dict[str, str]
     longer: dict[str, Rational]
     chosen: dict[str, str]
@@ -71,7 +91,9 @@ class PikeControllable(JsonObject, tag_field="schema", tag="robust/pike-controll
 
     Attributes:
         situations: that no strategy serves; a single one not even if it is known beforehand
-        cases: joint values of people's choices, with the lengths that are told apart
+        exceeded: a limit on parts of the plan that take too long together
+        parts: of the plan, which were decided apart
+        cases: joint values of people's choices in each part, with the lengths that are told apart
         policies: that were tried
         strategy: one that was found
     """
@@ -80,6 +102,8 @@ class PikeControllable(JsonObject, tag_field="schema", tag="robust/pike-controll
     verdict: Annotated[str, one_of("controllable", "uncontrollable", "unknown")]
     reason: str | None
     situations: list[BrokenSituation]
+    exceeded: BrokenLimit | None
+    parts: Count
     cases: Count
     policies: Count
     strategy: list[StrategyBranch] | None
@@ -93,14 +117,14 @@ has_table(TeamControllability, "situations")
 @documenting.register(TeamControllability)
 def controllable_document(found: TeamControllability) -> Document:
     """`robust/pike-controllable/1`."""
-    game, strategy = found.game, found.strategy
     return document(
         like(
             PikeControllable,
             found,
             verdict=found.verdict.value,
-            situations=[] if game is None else [_situation(game, each) for each in found.situations],
-            strategy=None if strategy is None else [_branch(strategy.game, each) for each in strategy.branches],
+            situations=list(map(_situation, found.situations)),
+            exceeded=None if found.exceeded is None else _broken_limit(found.exceeded),
+            strategy=None if found.strategy is None else list(_branches(found.strategy)),
             limits=[
                 like(MovedBound, each, name=each.parameter.name, meaning=each.parameter.meaning)
                 for each in found.limits
@@ -110,31 +134,34 @@ def controllable_document(found: TeamControllability) -> Document:
     )
 
 
-def _situation(game: Game, situation: GameSituation) -> BrokenSituation:
-    activities = game.plan.network.activities
-    lengths = [
-        TakenLength(activities[place].action, activities[place].source, length)
-        for place, length in situation.lengths.items()
-    ]
+def _situation(situation: GameSituation) -> BrokenSituation:
+    lengths = [TakenLength(each.action, each.source, length) for each, length in situation.lengths.items()]
     return BrokenSituation(dict(sorted(situation.values)), lengths)
 
 
-def _branch(game: Game, branch: GameBranch) -> StrategyBranch:
-    longer = {
-        activity.source: low
-        for (_, activity), (low, _) in zip(game.contingent, branch.case.spans, strict=True)
-        if low > activity.lower
-    }
-    return StrategyBranch(dict(sorted(branch.case.values)), longer, _chosen(game, branch))
+def _broken_limit(exceeded: ExceededLimit) -> BrokenLimit:
+    parts = [
+        LongPart(part.first, part.last, takes, list(map(_situation, each))) for part, takes, each in exceeded.spans
+    ]
+    return BrokenLimit(exceeded.limit, exceeded.needed, parts)
 
 
-def _chosen(game: Game, branch: GameBranch) -> dict[str, str]:
-    """What the executive chooses in a branch, where it comes to that."""
-    return {
-        choice.name: branch.scenario[choice.name]
-        for choice in game.choices.values()
-        if choice.controllable and choice.event in branch.points
-    }
+def _branches(strategy: Strategy) -> Iterator[StrategyBranch]:
+    for number, each in enumerate(strategy.parts, start=1):
+        policy = each.policy
+        for branch in policy.branches:
+            longer = {
+                activity.source: low
+                for (_, activity), (low, _) in zip(policy.game.contingent, branch.case.spans, strict=True)
+                if low > activity.lower
+            }
+            chosen = {name: branch.scenario[name] for name, event in _made(policy).items() if event in branch.points}
+            yield StrategyBranch(number, dict(sorted(branch.case.values)), longer, chosen)
+
+
+def _made(policy: Policy) -> dict[str, str]:
+    """The executive's choices with their events."""
+    return {each.name: str(each.event) for each in policy.game.choices.values() if each.controllable}
 
 
 @printing.register(TeamControllability)
@@ -143,28 +170,40 @@ def print_controllable(out: Console, found: TeamControllability, *, quiet: bool)
     for line in headline(found):
         out.print(line, soft_wrap=True)
     if found.strategy is not None and not quiet:
-        for line in _strategy_lines(found.strategy.game, found.strategy.branches):
-            out.print(f"  {line}", soft_wrap=True)
+        _print_some(out, [line for each in found.strategy.parts for line in _policy_lines(each.policy)])
+    if found.exceeded is not None and not quiet:
+        _print_some(out, [_span_text(*span) for span in found.exceeded.spans])
     for limit in found.limits:
-        out.print(_limit_text(limit, rational=found.game is not None and found.game.rules.rational), soft_wrap=True)
+        out.print(_limit_text(limit, rational=found.rules.rational), soft_wrap=True)
     if not quiet:
         cases, policies = plural(found.cases, "case"), plural(found.policies, "policy").replace("policys", "policies")
-        out.print(f"{cases} of what people choose, {policies} tried, {duration(found.seconds)}.")
+        apart = f"{found.parts} parts, " if found.parts > 1 else ""
+        out.print(f"{apart}{cases} of what people choose, {policies} tried, {duration(found.seconds)}.")
+
+
+def _print_some(out: Console, lines: list[str]) -> None:
+    for line in lines[:MOST_LINES]:
+        out.print(f"  {line}", soft_wrap=True)
+    if len(lines) > MOST_LINES:
+        out.print(f"  ... and {len(lines) - MOST_LINES} more (--json lists them)")
 
 
 def headline(found: TeamControllability) -> Iterator[str]:
     """The verdict with its reason, in a line, or several for several situations."""
-    game = found.game
     match found.verdict:
         case ControllabilityVerdict.CONTROLLABLE:
             yield "Controllable: a strategy succeeds whatever people choose and however long activities take."
-        case ControllabilityVerdict.UNCONTROLLABLE if game is not None and len(found.situations) == 1:
-            words = _words(game, found.situations[0])
+        case ControllabilityVerdict.UNCONTROLLABLE if found.exceeded is not None:
+            most, needed = readable(found.exceeded.limit), readable(found.exceeded.needed)
+            known = ", even if all of this is known beforehand" if found.situations else ""
+            yield f"Not controllable: a limit of {most} is exceeded by parts of the plan that can take {needed}{known}:"
+        case ControllabilityVerdict.UNCONTROLLABLE if len(found.situations) == 1:
+            words = _words(found.situations[0])
             yield f"Not controllable: no correct execution exists {words}, even if that is known beforehand."
-        case ControllabilityVerdict.UNCONTROLLABLE if game is not None and found.situations:
+        case ControllabilityVerdict.UNCONTROLLABLE if found.situations:
             yield "Not controllable: no strategy serves all of these, whose differences are not seen in time:"
             for situation in found.situations:
-                yield f"  {_words(game, situation)}"
+                yield f"  {_words(situation)}"
         case ControllabilityVerdict.UNCONTROLLABLE:
             yield f"Not controllable: {found.reason}."
         case _:
@@ -172,34 +211,44 @@ def headline(found: TeamControllability) -> Iterator[str]:
             yield f"Undecided: {found.reason or ended.get(found.status, found.status)}."
 
 
-def _words(game: Game, situation: GameSituation) -> str:
+def _words(situation: GameSituation) -> str:
     """`with xA1 = mug, where (make-coffee human) takes 5`."""
-    activities = game.plan.network.activities
     lengths = [
-        f"{activities[place].action} takes {readable(length)}"
-        for place, length in situation.lengths.items()
-        if not contradicts(activities[place].guard, situation.values)
+        f"{each.action} takes {readable(length)}"
+        for each, length in situation.lengths.items()
+        if not contradicts(each.guard, situation.values)
     ]
     values = [f"with {guard_text(situation.values)}"] if situation.values else []
     return ", ".join([*values, *(["where " + " and ".join(lengths)] if lengths else [])]) or "whatever happens"
 
 
-def _strategy_lines(game: Game, branches: tuple[GameBranch, ...]) -> Iterator[str]:
-    lines: dict[str, None] = {}
-    for branch in branches:
-        told = _branch(game, branch)
-        longer = [
-            f"{activity.action} takes {readable(low)} to {readable(high)}"
-            for (_, activity), (low, high) in zip(game.contingent, branch.case.spans, strict=True)
-            if (low, high) != (activity.lower, game.greatest(activity))
-        ]
-        chosen = ", ".join(f"{name} = {value}" for name, value in told.chosen.items())
-        when = ", ".join([guard_text(branch.case.values), *longer]).strip(", ")
-        if chosen:
-            lines[f"if {when}: {chosen}" if when else chosen] = None
-    yield from list(lines)[:MOST_BRANCHES]
-    if len(lines) > MOST_BRANCHES:
-        yield f"... and {len(lines) - MOST_BRANCHES} more (--json lists them)"
+def _span_text(part: GamePart, takes: Fraction, situations: tuple[GameSituation, ...]) -> str:
+    told = " or ".join(map(_words, situations))
+    return f"{part.first} to {part.last} takes {readable(takes)} {told}"
+
+
+def _policy_lines(policy: Policy) -> list[str]:
+    """What a policy chooses, by what it waits for: what all cases that it does not tell apart then have in common."""
+    common: dict[tuple[str, object], set[str]] = {}
+    chosen: dict[tuple[str, object], str] = {}
+    for name, event in _made(policy).items():
+        for branch in policy.branches:
+            if (point := branch.points.get(event)) is not None:
+                seen = set(_seen(policy, branch, event))
+                common[name, point] = seen & common.get((name, point), seen)
+                chosen[name, point] = f"{name} = {branch.scenario[name]}"
+    whens = ((key, ", ".join(sorted(seen))) for key, seen in common.items())
+    return list(dict.fromkeys(f"if {when}: {chosen[key]}" if when else chosen[key] for key, when in whens))
+
+
+def _seen(policy: Policy, branch: GameBranch, event: str) -> Iterator[str]:
+    """What an event waits for in a branch, as it turns out."""
+    awaited = [sign for waiting, sign in branch.waits if waiting == event]
+    values = dict(branch.case.values)
+    yield from (f"{sign.choice} = {values[sign.choice]}" for sign in awaited if sign.choice in values)
+    for number in {sign.number for sign in awaited if sign.choice is None}:
+        low, high = branch.case.spans[number]
+        yield f"{policy.game.contingent[number][1].action} takes {readable(low)} to {readable(high)}"
 
 
 def _limit_text(limit: MovableBound, *, rational: bool) -> str:

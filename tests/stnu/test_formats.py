@@ -11,7 +11,8 @@ import pytest
 
 from robust import InputError, InputWarning, UnsupportedError, pike, stnu
 from robust.pike_bridge.conditional import plan_of_network
-from robust.pike_bridge.game.controllability import ControllabilityVerdict, DecidingControllability
+from robust.pike_bridge.game.controllability import DecidingControllability
+from robust.pike_bridge.game.deciding import ControllabilityVerdict
 from robust.stnu.files import read
 from tests.cli.running import command
 from tests.network import oracles

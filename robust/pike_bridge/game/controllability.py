@@ -1,56 +1,46 @@
-"""Whether a plan with choices is dynamically controllable: a strategy, situations that no strategy serves, or unknown.
+"""Whether a plan with choices is dynamically controllable, part by part, and how far bounds can move.
 
-1. *One situation.* For each joint value of people's choices, all activities as long, then as short as they can be: is
-   there a correct execution at all, everything known beforehand? If not, values and lengths that do not matter go.
-2. *Policies* (:mod:`~robust.pike_bridge.game.plays`), first for the greatest lengths alone. One that is confirmed is a
-   strategy. The fault of another adds lengths, and excludes it and its like.
-3. *Several situations.* Once no policy is left, choices, supports and orders may differ with lengths, which only makes
-   it easier: if there are no schedules even so, no strategy serves these situations together; few are kept by deletion.
-4. *Lengths that decide.* Otherwise policies may have to depend on lengths. A fault's negative cycle says how short, or
-   how long, an activity would have to be not to have it: its length is cut there, and either part is a case of its own.
+Each part (:mod:`~robust.pike_bridge.game.dividing`) is decided without the limits that it shares with others
+(:mod:`~robust.pike_bridge.game.deciding`). The span of a part lies between one that is refuted and one within which a
+policy ends the part; both are narrowed only until it is known whether the spans fit into each limit.
 
-What is found is certain either way. It is unknown if time runs out, or nothing is left to cut: what depends on sums of
-lengths, for instance, may need more and more cuts.
+*Rational people.* What they may choose in one part can depend on what they choose in others, if the limits are so tight
+that not all of it fits, however favourable. More to choose from is never easier: a strategy for all is one for them. A
+refutation counts only if they may choose all that it is made of; otherwise the plan is decided as a whole.
 
 *Limits.* More time for a requirement, and a narrower range of a contingent length, never hurt: a bound that is a
 parameter is moved by bisection, on the grid of the plan's numbers, to where controllability ends. Rational people may
 have more values to choose from with more time, so that for them only the two values are known between which it ends.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from fractions import Fraction
-from itertools import pairwise, product
-from typing import TypeVar
+from itertools import accumulate, product
+from math import prod
 
 from robust.errors import InputError, Location, UnsupportedError
 from robust.pike_bridge.envelopes.parameters import ParametricPlan, TeamParameter, TeamParameterKind
-from robust.pike_bridge.game.plays import Fault, Plays, Share, Strategy
+from robust.pike_bridge.game.deciding import (
+    NO_EXECUTION,
+    ControllabilityVerdict,
+    DecidingGame,
+    GameOutcome,
+    GameSituation,
+    is_possible,
+)
+from robust.pike_bridge.game.dividing import GamePart, GameParts, PartPolicy, SpanLimit, least_span
+from robust.pike_bridge.game.plays import Policy
 from robust.pike_bridge.game.rules import STRICT, Game, GameCase, GameRules
-from robust.pike_bridge.model import ALWAYS, Guard, TeamPlan, common_measure, contradicts
-from robust.pike_bridge.semantics import ExecutionExistence, Oracle, restrict
-from robust.presented import VerdictEnum
+from robust.pike_bridge.model import ALWAYS, INITIAL, Assignment, Guard, TeamPlan, common_measure
+from robust.pike_bridge.online.progress import Progress
+from robust.pike_bridge.online.semantic import SemanticReasoner
+from robust.pike_bridge.semantics import Oracle, restrict
 from robust.searching import Announce, Searching, Status, Stoppable, unheard
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
-_BASES = 3
-"""How many of the lengths found before are tried with another length of one activity."""
-
-
-class ControllabilityVerdict(VerdictEnum):
-    """Whether some strategy succeeds whatever people choose and however long activities take."""
-
-    CONTROLLABLE = "controllable"
-    UNCONTROLLABLE = "uncontrollable"
-    UNKNOWN = "unknown"
-
-
-@dataclass(frozen=True, slots=True)
-class GameSituation:
-    """Values of people's choices, and lengths of contingent activities, by their places in the game's network."""
-
-    values: Guard
-    lengths: Mapping[int, Fraction]
+_MOST_JOINT = 64
+"""Joint values of people's choices in several parts, of which it is asked whether rational people may choose them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +59,29 @@ class MovableBound:
     fails: Fraction | None
 
 
+@dataclass(frozen=True)
+class Strategy:
+    """What the executive does in each part of the plan; it has all the time that the limits leave for that."""
+
+    parts: tuple[PartPolicy, ...]
+    limits: tuple[SpanLimit, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class ExceededLimit:
+    """A limit on several parts that is shorter than what nature can make them take.
+
+    `spans` has the situations in which no strategy ends a part in less, and how long it then takes.
+    """
+
+    limit: Fraction
+    spans: tuple[tuple[GamePart, Fraction, tuple[GameSituation, ...]], ...]
+
+    @property
+    def needed(self) -> Fraction:
+        return sum((span for _, span, _ in self.spans), Fraction(0))
+
+
 @dataclass
 class TeamControllability(Stoppable, ask="verdict"):
     """The answer; if it is no, no strategy serves the `situations`: a single one not even if it is known beforehand.
@@ -80,7 +93,12 @@ class TeamControllability(Stoppable, ask="verdict"):
     status: str = "complete"
     reason: str | None = None
     situations: tuple[GameSituation, ...] = ()
+    exceeded: ExceededLimit | None = None
+    """Why not, if parts of the plan take too long together. If each of them does in a single situation, all of these
+    are the one of the plan; otherwise there are no other `situations`."""
     strategy: Strategy | None = field(default=None, repr=False)
+    parts: int = 0
+    """How many were decided apart."""
     cases: int = 0
     """Joint values of people's choices, each with the lengths that the strategy tells apart."""
     policies: int = 0
@@ -88,12 +106,80 @@ class TeamControllability(Stoppable, ask="verdict"):
     seconds: float = 0.0
     limits: list[MovableBound] = field(default_factory=list)
     """How far bounds can move, where that was asked for."""
-    game: Game | None = field(default=None, repr=False)
+    rules: GameRules = STRICT
+
+
+class _PartSearch:
+    """A part of a plan, and between which values its span is known to lie.
+
+    Attributes:
+        holds: what the policy needs; None: it may take for ever.
+        fails: what is not enough, which the `situations` show once it was refuted.
+    """
+
+    def __init__(self, whole: "DecidingControllability", part: GamePart, grain: Fraction) -> None:
+        self._whole, self.part, self._grain = whole, part, grain
+        self._game = part.game()
+        self.cases = whole.possible_cases(self._game)
+        self.outcome = whole.decide_game(self._game, self.cases)
+        self.holds: Fraction | None = None
+        self.fails: Fraction | None = None
+        self.situations: tuple[GameSituation, ...] = ()
+        self._given_up = False
+        self._probes = 0
+
+    @property
+    def least(self) -> Fraction:
+        """What nature can make the part take, or as little less as it likes."""
+        return max(self.fails or Fraction(0), Fraction(0))
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the span may be found more exactly."""
+        exact = self.holds is not None and self.fails is not None and self.holds - self.fails <= self._grain
+        return not exact and not self._given_up
+
+    def tighten(self, policy: Policy) -> None:
+        """Know what a policy needs."""
+        span = least_span(policy, self.part.last, self._whole.deadline)
+        if span is not None:
+            self.holds, self.outcome.policy = span, policy
+
+    def look_ahead(self) -> None:
+        """Know what is needed in single situations, with all activities as long as they can be."""
+        lengths = [self._game.greatest(activity) for _, activity in self._game.contingent]
+        progress = Progress(self._game.fixed(lengths), times={INITIAL: Fraction(0)})
+        reasoner = SemanticReasoner(progress, solver=self._whole.solver)
+        found = (reasoner.soonest(self.part.last, case.values, self._whole.deadline, late=False) for case in self.cases)
+        self.fails = max((each for each in found if each is not None), default=Fraction(0)) - self._grain
+
+    def refute(self, span: Fraction) -> None:
+        """Show by situations that a span is not enough, which is known to be so."""
+        if not self.situations or span < self.least:
+            self.situations = self._whole.decide_game(self.part.game(span), self.cases).situations
+
+    def narrow(self, most: Fraction) -> None:
+        """Narrow the span down: first just below what is known to do, then by bisection."""
+        fails = self.least
+        if self.holds is None:
+            span = most
+        elif self._probes:
+            span = fails + max((self.holds - fails) / 2 // self._grain, 1) * self._grain
+        else:
+            span = self.holds - self._grain
+        self._probes += 1
+        outcome = self._whole.decide_game(self.part.game(span), self.cases)
+        if outcome.policy is not None:
+            self.tighten(outcome.policy)
+        elif outcome.verdict is ControllabilityVerdict.UNCONTROLLABLE:
+            self.fails, self.situations = span, outcome.situations
+        else:
+            self._given_up = True
 
 
 @dataclass
 class DecidingControllability(Searching[TeamControllability]):
-    """Decides it.
+    """Decides whether a plan is controllable.
 
     Args:
         plan: the plan.
@@ -109,7 +195,8 @@ class DecidingControllability(Searching[TeamControllability]):
 
     def __post_init__(self) -> None:
         super().__init__()
-        self._known = TeamControllability()
+        self._known = TeamControllability(rules=self.rules)
+        self._stage = ""
 
     def _result(self, status: Status, reason: str | None = None) -> TeamControllability:
         self._known.status, self._known.seconds = status.value, self._seconds()
@@ -117,200 +204,138 @@ class DecidingControllability(Searching[TeamControllability]):
         return self._known
 
     def _search(self) -> None:
-        known = self._known
         try:
-            game = known.game = Game(self.plan, self.rules)
-            cases = self._cases(game)
+            game = Game(self.plan, self.rules)
+            self._decide(game, GameParts(game))
         except UnsupportedError as unsupported:
-            known.reason = unsupported.message
-            return
-        known.cases = len(cases)
-        if not cases:
-            known.verdict, known.reason = ControllabilityVerdict.UNCONTROLLABLE, "there is no correct execution at all"
-        elif not self._refuted_by_one(game, cases):
-            self._by_policies(game, cases)
+            self._known.reason = unsupported.message
 
-    def _cases(self, game: Game) -> list[GameCase]:
+    def possible_cases(self, game: Game) -> list[GameCase]:
+        """The joint values of people's choices that a strategy has to serve.
+
+        Raises:
+            UnsupportedError: if there are too many.
+            OutOfTimeError: if the deadline passes.
+        """
         cases = game.cases()
         if not self.rules.rational:
             return cases
-        self.on_stage("what people may choose")
+        self.on_stage(f"{self._stage}what people may choose")
         oracle = Oracle(game.plan, solver=self.solver)
-        return [case for case in cases if self._possible(oracle, case.values)]
+        return [case for case in cases if is_possible(oracle, case.values, self.deadline)]
 
-    def _possible(self, oracle: Oracle, values: Guard) -> bool:
-        answer = oracle.decide(values, deadline=self.deadline)
-        if answer.verdict is ExecutionExistence.UNKNOWN:
-            raise OutOfTimeError
-        return answer.verdict is ExecutionExistence.EXISTS
+    def decide_game(self, game: Game, cases: Sequence[GameCase]) -> GameOutcome:
+        """Decide a game as a whole.
 
-    # -- one situation -----------------------------------------------------------------------------------------------
+        Raises:
+            OutOfTimeError: if the deadline passes.
+        """
 
-    def _refuted_by_one(self, game: Game, cases: Sequence[GameCase]) -> bool:
-        """Whether one situation with extreme lengths has no correct execution."""
-        self.on_stage("single situations")
-        for extreme in (1, 0):
-            lengths = [span[extreme] for span in cases[0].spans]
-            oracle = Oracle(game.fixed(lengths), solver=self.solver)
-            case = next((case for case in cases if not self._possible(oracle, case.values)), None)
-            if case is not None:
-                situation = self._essential(game, oracle, case.values, lengths)
-                self._known.verdict, self._known.situations = ControllabilityVerdict.UNCONTROLLABLE, (situation,)
-                return True
-        return False
+        def announce(stage: str) -> None:
+            self.on_stage(f"{self._stage}{stage}")
 
-    def _essential(self, game: Game, oracle: Oracle, values: Guard, lengths: Sequence[Fraction]) -> GameSituation:
-        """The situation without values and lengths that may be any, and still there is no correct execution."""
-        for assignment in sorted(values):
-            if not self._possible(oracle, values - {assignment}):
-                values = values - {assignment}
-        kept = {place: length for (place, _), length in zip(game.contingent, lengths, strict=True)}
-        for place, activity in game.contingent:
-            if contradicts(activity.guard, values) or not self._needs(game, kept, values, place):
-                del kept[place]
-        return GameSituation(values, kept)
-
-    def _needs(self, game: Game, kept: Mapping[int, Fraction], values: Guard, place: int) -> bool:
-        activities = list(game.plan.network.activities)
-        for at, length in kept.items():
-            if at != place:
-                activities[at] = replace(activities[at], lower=length, upper=length)
-        network = replace(game.plan.network, activities=tuple(activities))
-        return self._possible(Oracle(replace(game.plan, network=network), solver=self.solver), values)
-
-    # -- policies ----------------------------------------------------------------------------------------------------
-
-    def _by_policies(self, game: Game, cases: list[GameCase]) -> None:
-        whole, cuts = cases, list[tuple[int, Fraction]]()
-        wanted = {case.values for case in cases}
-        lengths: list[Share] = [(Fraction(1),) * len(game.contingent)]
-        refuting = Plays(game, whole, shared=False, solver=self.solver)
-        while True:
-            self._known.cases = len(cases)
-            plays = Plays(game, cases, shared=True, solver=self.solver)
-            for share in lengths:
-                plays.add(share, self.deadline)
-            faults = self._confirmed(plays)
-            if faults is None:
-                return
-            lengths = list(plays.lengths)
-            self.on_stage("several situations")
-            if not cuts:
-                for share in lengths:
-                    refuting.add(share, self.deadline)
-            faults += self._sliced(game, refuting)
-            if self._known.verdict is not ControllabilityVerdict.UNKNOWN:
-                return
-            cut = next((each for fault in faults for each in fault.cuts if each not in cuts), None)
-            if cut is None:
-                self._between(game, refuting, cuts)
-                return
-            cuts.append(cut)
-            for share in _within_parts(game, refuting.lengths[:_BASES], cuts, cut[0]):
-                refuting.add(share, self.deadline)
-            cases = [case for case in game.cases(cuts) if case.values in wanted]
-
-    def _between(self, game: Game, refuting: Plays, cuts: Sequence[tuple[int, Fraction]]) -> None:
-        """The last attempt: lengths between those that were tried, one activity after the other."""
-        for number in range(len(game.contingent)):
-            for share in _within_parts(game, refuting.lengths[:_BASES], cuts, number):
-                refuting.add(share, self.deadline)
-        self._sliced(game, refuting)
-        if self._known.verdict is ControllabilityVerdict.UNKNOWN:
-            self._known.reason = "no policy was found, and no lengths on which one might depend"
-
-    def _confirmed(self, plays: Plays) -> list[Fault] | None:
-        """Try policies until one is confirmed, or else none is left: their faults."""
-        faults: list[Fault] = []
-        while True:
-            self.on_stage(f"policies: {self._known.policies}")
-            if not plays.exist(self.deadline):
-                return faults
-            found = self._tried(plays, 0)
-            if found is None:
-                return None
-            faults.append(found)
-            for share in found.lengths:
-                plays.add(share, self.deadline)
-
-    def _tried(self, plays: Plays, at: int) -> Fault | None:
-        """The fault of a policy; None if it is confirmed."""
-        self._known.policies += 1
-        found = plays.policy(at, self.deadline)
-        if isinstance(found, Fault):
-            return found
-        self._known.verdict, self._known.strategy = ControllabilityVerdict.CONTROLLABLE, found
-        return None
-
-    def _sliced(self, game: Game, refuting: Plays) -> list[Fault]:
-        """Try what each of the lengths has in common, until there is nothing new; no strategy if there is no model."""
-        faults: list[Fault] = []
-        while refuting.exist(self.deadline):
-            fresh = []
-            for at in range(len(refuting.lengths)):
-                fault = self._tried(refuting, at)
-                if fault is None:
-                    return faults
-                faults.append(fault)
-                fresh += fault.lengths
-            known = len(refuting.lengths)
-            for share in fresh:
-                refuting.add(share, self.deadline)
-            if len(refuting.lengths) == known:
-                return faults
-        self._known.verdict = ControllabilityVerdict.UNCONTROLLABLE
-        self._known.situations = self._few(game, refuting)
-        return faults
-
-    def _few(self, game: Game, refuting: Plays) -> tuple[GameSituation, ...]:
-        """Few situations of those that no strategy serves: cases, and lengths, that are not needed go."""
-        cases, lengths = list(refuting.cases), list(refuting.lengths)
-
-        def refuted(cases: Sequence[GameCase], lengths: Sequence[Share]) -> bool:
-            plays = Plays(game, cases, shared=False, solver=self.solver)
-            for share in lengths:
-                plays.add(share, self.deadline)
-            return not plays.exist(self.deadline)
-
+        deciding = DecidingGame(game, cases, solver=self.solver, deadline=self.deadline, on_stage=announce)
         try:
-            lengths = _without(lengths, lambda rest: refuted(cases, rest))
-            cases = _without(cases, lambda rest: refuted(rest, lengths))
-        except OutOfTimeError:
-            pass  # they are more than needed
-        return tuple(_situation(game, case, share) for case, share in product(cases, lengths))
+            return deciding.decide()
+        finally:
+            self._known.policies += deciding.outcome.policies
+
+    # -- parts ---------------------------------------------------------------------------------------------------------
+
+    def _decide(self, game: Game, parts: GameParts) -> None:
+        known, searches = self._known, list[_PartSearch]()
+        known.parts = len(parts.parts)
+        for number, part in enumerate(parts.parts, start=1):
+            self._stage = f"part {number} of {known.parts}: " if known.parts > 1 else ""
+            search = _PartSearch(self, part, parts.grain)
+            searches.append(search)
+            known.cases += search.outcome.cases
+            if search.outcome.verdict is ControllabilityVerdict.UNCONTROLLABLE:
+                known.verdict, known.reason = search.outcome.verdict, search.outcome.reason
+                known.situations = search.outcome.situations
+                return
+        unknown = next((search.outcome for search in searches if search.outcome.policy is None), None)
+        if unknown is not None:
+            known.reason = unknown.reason
+        elif self._fits(game, parts, searches):
+            known.verdict = ControllabilityVerdict.CONTROLLABLE
+            found = [(search.part, search.outcome.policy, search.holds) for search in searches]
+            policies = (PartPolicy(part, policy, span) for part, policy, span in found if policy is not None)
+            known.strategy = Strategy(tuple(policies), tuple(parts.limits))
+
+    def _fits(self, game: Game, parts: GameParts, searches: Sequence[_PartSearch]) -> bool:
+        """Whether the spans are known to fit into all limits; if not, it is said what else is known."""
+        for search in {at: searches[at] for limit in parts.limits for at in limit.parts}.values():
+            if search.outcome.policy is not None:
+                search.tighten(search.outcome.policy)
+        while (limit := next((each for each in parts.limits if not _is_met(each, searches)), None)) is not None:
+            inside = [searches[at] for at in limit.parts]
+            unseen = [search for search in inside if search.fails is None]
+            coming = [search for search in inside if search.is_open]
+            certain = sum((search.least for search in inside), Fraction(0))
+            if certain >= limit.most and (certain or limit.most < 0):
+                self._exceeded(game, limit, inside)
+                return False
+            if not unseen and not coming:
+                self._known.reason = "the least spans of some parts are not known exactly enough"
+                return False
+            search = max(unseen or coming, key=lambda each: (each.holds or limit.most) - each.least)
+            self._stage = f"the span from {search.part.first} to {search.part.last}: "
+            if search in unseen:
+                self.on_stage(f"{self._stage}single situations")
+                search.look_ahead()
+            else:
+                search.narrow(limit.most)
+        return True
+
+    def _exceeded(self, game: Game, limit: SpanLimit, inside: Sequence[_PartSearch]) -> None:
+        """A limit that is exceeded, unless people would have to be irrational for that."""
+        known = self._known
+        inside = sorted(inside, key=lambda each: each.least, reverse=True)
+        sums = list(accumulate((each.least for each in inside), initial=Fraction(0)))
+        inside = inside[: next((count for count, each in enumerate(sums) if each > 0 and each >= limit.most), 0)]
+        for search in inside:
+            search.refute(limit.most if len(inside) == 1 else search.least)
+        if self.rules.rational:
+            oracle = Oracle(game.plan, solver=self.solver)
+            if not is_possible(oracle, ALWAYS, self.deadline):
+                known.verdict, known.reason = ControllabilityVerdict.UNCONTROLLABLE, NO_EXECUTION
+                return
+            if not self._may_choose(oracle, inside):
+                known.cases = 0
+                self._decide(game, GameParts(game, apart=False))
+                return
+        known.verdict = ControllabilityVerdict.UNCONTROLLABLE
+        if len(inside) == 1:
+            known.situations = inside[0].situations
+            return
+        spans = [(each.part, _span(each), each.situations) for each in inside]
+        known.exceeded = ExceededLimit(limit.most, tuple(spans))
+        if all(len(each.situations) == 1 for each in inside):
+            single = [each.situations[0] for each in inside]
+            lengths = {activity: length for each in single for activity, length in each.lengths.items()}
+            known.situations = (GameSituation(_union(each.values for each in single), lengths),)
+
+    def _may_choose(self, oracle: Oracle, inside: Sequence[_PartSearch]) -> bool:
+        """Whether rational people may choose the values of the situations that refute spans, in all combinations."""
+        options = [{each.values for each in search.situations} for search in inside]
+        if prod(map(len, options)) > _MOST_JOINT:
+            return False
+        return all(is_possible(oracle, _union(each), self.deadline) for each in product(*options))
 
 
-def _within_parts(
-    game: Game, lengths: Sequence[Share], cuts: Sequence[tuple[int, Fraction]], number: int
-) -> list[Share]:
-    """Lengths of which one activity's is in the middle of a part, or where it is cut."""
-    activity = game.contingent[number][1]
-    low, high = activity.lower, game.greatest(activity)
-    places = sorted({low, high, *(place for at, place in cuts if at == number)})
-    places = sorted({*places[1:-1], *((one + other) / 2 for one, other in pairwise(places))})
-    shares = [(place - low) / (high - low) for place in places]
-    return [(*each[:number], share, *each[number + 1 :]) for each in lengths for share in shares]
+def _union(guards: Iterable[Guard]) -> Guard:
+    return frozenset[Assignment]().union(*guards)
 
 
-Item = TypeVar("Item")
+def _span(search: _PartSearch) -> Fraction:
+    """What a part takes, exactly if that is known."""
+    return search.least if search.is_open or search.holds is None else search.holds
 
 
-def _without(items: list[Item], suffices: Callable[[list[Item]], bool]) -> list[Item]:
-    """The items without those that are not needed, one after the other."""
-    for item in list(items):
-        rest = [each for each in items if each is not item]
-        if rest and suffices(rest):
-            items = rest
-    return items
-
-
-def _situation(game: Game, case: GameCase, share: Share) -> GameSituation:
-    lengths = {
-        place: low + part * (high - low)
-        for (place, each), (low, high), part in zip(game.contingent, case.spans, share, strict=True)
-        if not contradicts(each.guard, case.values)
-    }
-    return GameSituation(case.values, lengths)
+def _is_met(limit: SpanLimit, searches: Sequence[_PartSearch]) -> bool:
+    spans = [searches[at].holds for at in limit.parts]
+    return None not in spans and sum((span for span in spans if span is not None), Fraction(0)) <= limit.most
 
 
 # -- limits ------------------------------------------------------------------------------------------------------------

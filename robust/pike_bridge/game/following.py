@@ -17,12 +17,16 @@ from typing import NamedTuple
 from robust.errors import RefutedError, UnsupportedError
 from robust.network.dispatchable import Windows
 from robust.network.dispatchable import strategy as dispatch_network
-from robust.pike_bridge.game.controllability import ControllabilityVerdict, DecidingControllability
-from robust.pike_bridge.game.plays import GameBranch, Strategy
+from robust.network.uncertain import DynamicAnswer
+from robust.pike_bridge.game.controllability import DecidingControllability, Strategy
+from robust.pike_bridge.game.deciding import ControllabilityVerdict
+from robust.pike_bridge.game.dividing import PartPolicy, within
+from robust.pike_bridge.game.plays import GameBranch
 from robust.pike_bridge.game.rules import GameRules
 from robust.pike_bridge.model import Guard, TeamPlan
 from robust.pike_bridge.online.progress import Progress
-from robust.pike_bridge.online.semantic import News, Reasoner, SemanticReasoner
+from robust.pike_bridge.online.reasoners import make_semantic
+from robust.pike_bridge.online.semantic import News, Reasoner
 from robust.pike_bridge.online.world import Ending, ExecutionRecord, Human, Rehearsal
 from robust.searching import Announce, Status, unheard
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
@@ -45,27 +49,28 @@ class StrategyReasoner(Reasoner):
 
     def __init__(self, progress: Progress, strategy: Strategy, *, solver: str = "z3") -> None:
         super().__init__(progress)
-        links = strategy.answer.form.stnu.contingents
-        self._people = strategy.game.people
         self._solver = solver
-        self._network = dispatch_network(strategy.answer, links)
-        self._windows = Windows(self._network)
-        self._begins = {self._network.index[link.target]: self._network.index[link.source] for link in links}
-        self._spans = {self._network.index[link.target]: (link.lower or Fraction(0), link.upper) for link in links}
-        shown = progress.structure.guards
-        self._shown = {
-            id(each): frozenset(self._network.index[point] for event, point in each.points.items() if event in shown)
-            for each in strategy.branches
-        }
-        """The nodes of each branch that are events of the plan; those of asking are simulated, whatever happens."""
-        self._branches = list(strategy.branches)
-        """Those that are left by what was seen at events that have happened."""
-        self._now = Fraction(0)
-        """Until when the network was simulated."""
+        self._strategy, self._at = strategy, 0
+        self._under_way = _PolicyFollower(progress, strategy.parts[0], strategy.parts[0].policy.answer)
         self._taken = 0
         """How many events of the plan were taken account of."""
-        self._without: SemanticReasoner | None = None
+        self._without: Reasoner | None = None
         """Decides once something was not as the strategy supposes."""
+
+    def _next_part(self) -> "_PolicyFollower | None":
+        """The next part with all the time that is left for it; None if that is not enough."""
+        strategy, times = self._strategy, self.progress.times
+        self._at += 1
+        coming = strategy.parts[self._at]
+        left = []
+        for limit in strategy.limits:
+            if self._at in limit.parts:
+                first = strategy.parts[limit.parts[0]].part.first
+                later = (strategy.parts[at].span or Fraction(0) for at in limit.parts if at > self._at)
+                left.append(limit.most - (times[coming.part.first] - times[first]) - sum(later, Fraction(0)))
+        policy = coming.policy
+        answer = within(policy, coming.part.last, min(left)) if left else policy.answer
+        return None if answer.cycle is not None else _PolicyFollower(self.progress, coming, answer)
 
     # -- questions ---------------------------------------------------------------------------------------------------
 
@@ -73,35 +78,26 @@ class StrategyReasoner(Reasoner):
         self.catch_up()
         if self._without is not None:
             return self._without.executable(event, deadline)
-        nodes = {self._node(each, event) for each in self._branches}
-        node = nodes.pop() if len(nodes) == 1 else None
-        if node is None:
-            return False
-        if node in self._begins:  # a choice that was asked for
-            return self._begins[node] in self._windows.times
-        ready = self._ready(node)
-        return ready is not None and ready <= self.progress.now
+        return self._under_way.executable(event)
 
     def could(self, environment: Guard, deadline: Deadline) -> bool:
         self.catch_up()
         if self._without is not None:
             return self._without.could(environment, deadline)
-        wanted = [*environment, *self.progress.chosen.items()]
-        return any(
-            all(each.scenario.get(variable, value) == value for variable, value in wanted) for each in self._branches
+        if not self.progress.compatible(environment):
+            return False
+        wanted = {**dict(environment), **self.progress.chosen}
+        coming = [each.policy.branches for each in self._strategy.parts[self._at + 1 :]]
+        return all(
+            any(all(wanted.get(name, value) == value for name, value in branch.scenario.items()) for branch in branches)
+            for branches in (self._under_way.branches, *coming)
         )
 
     def next_time(self, deadline: Deadline) -> Fraction | None:
         self.catch_up()
         if self._without is not None:
             return self._without.next_time(deadline)
-        moments = [each.time for each in self._moments()]
-        for node in self._real():
-            if node not in self._windows.times:
-                ready, upper = self._ready(node), self._windows.upper[node]
-                moments += [] if ready is None else [ready]
-                moments += [] if upper is None else [upper + self.progress.grid]  # late, if nothing happens
-        return min((moment for moment in moments if moment > self.progress.now), default=None)
+        return min((moment for moment in self._under_way.moments() if moment > self.progress.now), default=None)
 
     # -- what has happened -------------------------------------------------------------------------------------------
 
@@ -110,26 +106,83 @@ class StrategyReasoner(Reasoner):
         if self._without is not None:
             return
         for event, time in list(progress.times.items())[self._taken :]:
-            self._advance(time)
-            self._happened(event, time)
+            self._under_way.happened(event, time)
             self._taken += 1
-        self._advance(progress.now)
-        late = any(
-            self._windows.is_late(node, progress.now) for node in self._real() if node not in self._windows.times
-        )
-        if progress.void or late or not self._branches:
-            self._without = SemanticReasoner(progress, solver=self._solver)
+            if event == self._under_way.last and self._at + 1 < len(self._strategy.parts):
+                following = self._next_part()
+                if following is None:
+                    break
+                self._under_way = following
+                following.happened(event, time)
+        else:
+            self._under_way.advance(progress.now)
+            if not progress.void and not self._under_way.is_lost():
+                return
+        self._without = make_semantic(progress, solver=self._solver)
 
-    def _happened(self, event: str, time: Fraction) -> None:
-        """An event of the plan, and the choices and lengths that show with it."""
+
+class _PolicyFollower:
+    """Follows the policy of one part of a plan, which is under way or comes next."""
+
+    def __init__(self, progress: Progress, own: PartPolicy, answer: DynamicAnswer) -> None:
+        part, policy, links = own.part, own.policy, answer.form.stnu.contingents
+        self._progress, self._people = progress, policy.game.people
+        self._first, self.last = part.first, part.last
+        self._network = dispatch_network(answer, links)
+        self._windows = Windows(self._network)
+        self._begins = {self._network.index[link.target]: self._network.index[link.source] for link in links}
+        self._spans = {self._network.index[link.target]: (link.lower or Fraction(0), link.upper) for link in links}
+        shown = part.events & progress.structure.guards.keys()
+        self._shown = {
+            id(each): frozenset(self._network.index[point] for event, point in each.points.items() if event in shown)
+            for each in policy.branches
+        }
+        """The nodes of each branch that are events of the plan; those of asking are simulated, whatever happens."""
+        self.branches = list(policy.branches)
+        """Those that are left by what was seen at events that have happened."""
+        self._now = Fraction(0)
+        """Until when the network was simulated."""
+
+    def executable(self, event: str) -> bool:
+        """Whether the policy executes an event now."""
+        nodes = {self._node(each, event) for each in self.branches}
+        node = nodes.pop() if len(nodes) == 1 else None
+        if node is None:
+            return False
+        if node in self._begins:  # a choice that was asked for
+            return self._begins[node] in self._windows.times
+        ready = self._ready(node)
+        return ready is not None and ready <= self._progress.now
+
+    def moments(self) -> Iterator[Fraction]:
+        """Times from which on more is executed, or known not to have happened."""
+        yield from (each.time for each in self._moments())
+        for node in self._real():
+            if node not in self._windows.times:
+                ready, upper = self._ready(node), self._windows.upper[node]
+                if ready is not None:
+                    yield ready
+                if upper is not None:
+                    yield upper + self._progress.grid  # late, if nothing happens
+
+    def is_lost(self) -> bool:
+        """Whether something is not as the policy supposes."""
+        late = (node for node in self._real() - self._windows.times.keys())
+        return not self.branches or any(self._windows.is_late(node, self._progress.now) for node in late)
+
+    def happened(self, event: str, time: Fraction) -> None:
+        """Take account of an event of the plan, and of the choices and lengths that show with it."""
+        self.advance(time)
+        if event == self._first and 0 not in self._windows.times:
+            self._windows.happened(0, time)
         made = {choice.name for choice in self._people if choice.event == event}
-        seen = {name: value for name, value in self.progress.chosen.items() if name in made}
-        self._branches = [
+        seen = {name: value for name, value in self._progress.chosen.items() if name in made}
+        self.branches = [
             each
-            for each in self._branches
+            for each in self.branches
             if all(each.scenario.get(name) == value for name, value in seen.items()) and self._fits(each, event, time)
         ]
-        for node in {self._node(each, event) for each in self._branches}:
+        for node in {self._node(each, event) for each in self.branches}:
             if node is not None:
                 self._windows.happened(node, time)
 
@@ -144,13 +197,13 @@ class StrategyReasoner(Reasoner):
 
     # -- what is simulated -------------------------------------------------------------------------------------------
 
-    def _advance(self, now: Fraction) -> None:
+    def advance(self, now: Fraction) -> None:
         """Simulate until a time."""
         while (moment := min(self._moments(), default=None)) is not None and moment.time <= now:
             self._now = moment.time
             self._windows.happened(moment.node, moment.time)
             if moment.exceeded:
-                self._branches = [each for each in self._branches if moment.node not in self._nodes(each)]
+                self.branches = [each for each in self.branches if moment.node not in self._nodes(each)]
         self._now = max(self._now, now)
 
     def _moments(self) -> Iterator[_SimulatedMoment]:
@@ -162,7 +215,7 @@ class StrategyReasoner(Reasoner):
             begun = happened.get(self._begins[node]) if node in self._begins else None
             if node in real:
                 high = self._spans[node][1] if begun is not None else None
-                if begun is not None and high is not None and any(node not in self._nodes(b) for b in self._branches):
+                if begun is not None and high is not None and any(node not in self._nodes(b) for b in self.branches):
                     yield _SimulatedMoment(begun + high, node, True)
             elif node in self._begins:
                 if begun is not None:
@@ -184,7 +237,7 @@ class StrategyReasoner(Reasoner):
         return self._shown[id(branch)]
 
     def _real(self) -> frozenset[int]:
-        return frozenset[int]().union(*map(self._nodes, self._branches))
+        return frozenset[int]().union(*map(self._nodes, self.branches))
 
 
 def find_strategy(

@@ -99,15 +99,16 @@ class Fault(NamedTuple):
 
 @dataclass(frozen=True)
 class GameBranch:
-    """What a policy does in a case: which choices are made, and where each event is in the policy's network."""
+    """What a policy does in a case: which choices are made, where each event is in its network, what that waits for."""
 
     case: GameCase
     scenario: Mapping[str, str]
     points: Mapping[str, TimePoint]
+    waits: frozenset[tuple[str, Sign]]
 
 
 @dataclass(frozen=True)
-class Strategy:
+class Policy:
     """A policy that was confirmed; `answer` is about its network."""
 
     game: Game
@@ -317,15 +318,15 @@ class Plays:
 
     # -- policies ----------------------------------------------------------------------------------------------------
 
-    def policy(self, at: int, deadline: Deadline) -> Strategy | Fault:
+    def policy(self, at: int, deadline: Deadline) -> Policy | Fault:
         """The policy of the last model, for all lengths if it is shared, or as of one of them: confirmed, or its fault.
 
         Policies with the same fault are excluded from then on, if they are shared.
         """
-        policy = _Policy(self, at, self._values(at))
+        policy = _PolicyNetwork(self, at, self._values(at))
         answer = dynamic(Stnu(policy.points, tuple(policy.links)), deadline)
         if answer.cycle is None:
-            return Strategy(self.game, tuple(policy.branches), answer)
+            return Policy(self.game, tuple(policy.branches), answer)
         weight, steps = weight_in(answer.form.stnu), answer.cycle.steps
         infinite, finite = total(steps, weight)
         literals: set[Formula] = set()
@@ -359,7 +360,7 @@ class Plays:
         return self._session.values(symbols)
 
 
-class _Policy:
+class _PolicyNetwork:
     """The network of a policy: the links of all cases between events that are merged where nothing tells them apart."""
 
     def __init__(self, plays: Plays, at: int, values: Mapping[str, Value]) -> None:
@@ -373,7 +374,12 @@ class _Policy:
         self._parent = {(case, event): (case, event) for case, live in enumerate(self._live) for event in live}
         self._merge()
         self.branches = [
-            GameBranch(play.case, scenario, {event: self._point(case, event) for event in sorted(self._live[case])})
+            GameBranch(
+                play.case,
+                scenario,
+                {event: self._point(case, event) for event in sorted(self._live[case])},
+                frozenset(awaited for awaited, waits in play.known.items() if self._true(waits)),
+            )
             for case, (play, scenario) in enumerate(zip(self._all, chosen, strict=True))
         ]
         self.points = tuple(dict.fromkeys([ZERO, *(point for each in self.branches for point in each.points.values())]))

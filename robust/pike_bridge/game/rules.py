@@ -235,6 +235,7 @@ def _with_rules(plan: TeamPlan, rules: GameRules) -> TeamPlan:
         for variable, _ in event.guard
         if made[variable] is not None and made[variable] != event.name
     }
+    known -= set(network.constraints)
     constraints = (*network.constraints, *sorted(known, key=lambda each: (each.source, each.target)))
     activities = (*network.activities, *asking)
     whole = replace(network, events=tuple(events), constraints=constraints, activities=activities)

@@ -118,7 +118,8 @@ class Division:
         """The part of an event; a node is in the part that it ends."""
         if event in self.rank:
             return max(0, self.rank[event] - 1)
-        return max(rank for node, rank in self.rank.items() if self._orders.ordered(node, event))
+        after = (rank for node, rank in self.rank.items() if node != GOAL and self._orders.ordered(node, event))
+        return max(after)  # of the last part also if, by contradicting bounds, it comes after the goal
 
     def _place_constraint(self, constraint: Constraint) -> set[int]:
         """Put a bound where it belongs; the parts that it is in."""
@@ -192,10 +193,20 @@ class Division:
             yield from ((condition.last, threat) for threat in threats)
             yield from product(threats, producers)
 
+    def is_apart(self, earlier: str, later: str) -> bool:
+        """Whether an event is earlier than another by ε at least."""
+        return self._orders.apart(earlier, later)
+
     # -- plans of parts ----------------------------------------------------------------------------------------------
 
     def window(
-        self, first: int, last: int, more: Sequence[Constraint] = (), classes: Sequence[str] = ()
+        self,
+        first: int,
+        last: int,
+        more: Sequence[Constraint] = (),
+        classes: Sequence[str] = (),
+        *,
+        gridded: bool = True,
     ) -> tuple[TeamPlan, dict[Effect, Effect], dict[Condition, Condition]]:
         """The parts from one up to another as a plan of their own, and what their effects and conditions are in it.
 
@@ -204,6 +215,7 @@ class Division:
         Args:
             more: further bounds.
             classes: the values of the choice after the parts, if there are several.
+            gridded: whether a bound tells that times are on the grid of the whole plan, which no other has to be on.
         """
         network, inside = self.plan.network, range(first, last)
         nodes = {INITIAL, *self.nodes[first : last + 1]}
@@ -226,8 +238,7 @@ class Division:
                 end = f"e_{LATER}"
             events.append(Event(GOAL))
             constraints.append(Constraint(end, GOAL, self.plan.separation, None))
-        # Times are on the grid of the whole plan, which no bound has to be in a part.
-        constraints.append(Constraint(INITIAL, GOAL, self._structure.grid, None))
+        constraints += [Constraint(INITIAL, GOAL, self._structure.grid, None)] if gridded else []
         effects = {each: replace(each, activity=place[each.activity]) for each in self._effects_in(inside)}
         for atom, parts in self._atom_in.items():
             if not parts.isdisjoint(inside) or (not parts and not first):

@@ -14,7 +14,8 @@ from robust import pike
 from robust.errors import InputError, UnsupportedError
 from robust.network.uncertain import Stnu, UncertainLink, dynamic
 from robust.pike_bridge.action_model import with_ends
-from robust.pike_bridge.game.controllability import ControllabilityVerdict, DecidingControllability
+from robust.pike_bridge.game.controllability import DecidingControllability
+from robust.pike_bridge.game.deciding import ControllabilityVerdict
 from robust.pike_bridge.game.rules import Game, GameRules
 from robust.pike_bridge.model import INITIAL, Activity, Choice, Constraint, Event, TeamPlan, Tpnu, guard
 from robust.pike_bridge.semantics import ExecutionExistence, Oracle
@@ -238,8 +239,8 @@ def depending(least, most, low=1):
 def test_a_choice_can_depend_on_a_length():
     found = decided(depending(2, 4))
     assert found.verdict is YES
-    assert {branch.case.spans[0] for branch in found.strategy.branches} == {(1, 2), (2, 4)}
-    assert {branch.scenario["r"] for branch in found.strategy.branches} == {"a", "b"}
+    assert {branch.case.spans[0] for branch in found.strategy.parts[0].policy.branches} == {(1, 2), (2, 4)}
+    assert {branch.scenario["r"] for branch in found.strategy.parts[0].policy.branches} == {"a", "b"}
     assert decided(depending(3, 4)).verdict is NO
     assert decided(depending(4, 4, low=2)).verdict is NO
 
@@ -278,8 +279,8 @@ def test_the_kitchen_is_not_and_says_why():
     found = pike.controllable(KITCHEN)
     assert found.verdict is NO
     [situation] = found.situations
-    assert situation.values == guard({"xA4": "bagel"})
-    assert "where (get robot cream-cheese) takes 2 and (toast-bagel human) takes 4, even if" in str(found)
+    assert situation.values == guard({"xA1": "mug", "xA2": "juice"})
+    assert "with xA1 = mug, xA2 = juice, even if" in str(found)
     jsonschema.validate(found.as_dict(), schema("robust/pike-controllable/1"))
 
 
@@ -293,7 +294,7 @@ def test_the_kitchen_with_rational_people_needs_a_longer_limit():
 def test_the_wing_is_and_says_what_is_chosen():
     found = pike.controllable(WING)
     assert found.verdict is YES
-    assert "if h1 = both, h2 = pliers: b1 = wait" in str(found)
+    assert "if h2 = pliers: b2 = cleco" in str(found)
     jsonschema.validate(found.as_dict(), schema("robust/pike-controllable/1"))
     assert pike.controllable(WING, hesitate=5, free="baxter").verdict is YES
     assert pike.controllable(WING, assume={"b1": "cleco"}).verdict is NO
@@ -326,7 +327,7 @@ def test_out_of_time_is_unknown():
 @pytest.mark.parametrize(
     ("options", "code", "words"),
     [
-        ([KITCHEN, "--controllable"], 1, "Not controllable: no correct execution exists with xA4 = bagel"),
+        ([KITCHEN, "--controllable"], 1, "Not controllable: no correct execution exists with xA1 = mug, xA2 = juice"),
         ([WING, "--rational"], 2, "needs --controllable"),
         ([WING, "--controllable", "--patience"], 2, "cannot be combined with --patience; choose one"),
         ([WING, "--controllable", "--free", "bxter"], 2, "did you mean"),

@@ -7,6 +7,7 @@ from random import Random
 
 import pytest
 
+from benchmarks.generators.team_plans import blocks
 from robust import pike
 from robust.errors import RefutedError, UnsupportedError
 from robust.pike_bridge.game import following
@@ -47,6 +48,11 @@ def test_the_kitchen_succeeds_with_rational_people_and_time_enough(monkeypatch):
     constraints = (replace(each, upper=each.upper and Fraction("14.517")) for each in plan.network.constraints)
     plan = replace(plan, network=replace(plan.network, constraints=tuple(constraints)))
     assert max(followed(monkeypatch, plan, range(often(4, 200)), Human.RATIONAL)) <= Fraction("14.517")
+
+
+def test_blocks_succeed_part_by_part(monkeypatch):
+    plan = blocks(2, slack=Fraction("1.01")).plan()
+    assert max(followed(monkeypatch, plan, range(often(3, 100)), Human.RATIONAL)) <= Fraction("24.24")
 
 
 def test_small_controllable_plans_succeed(monkeypatch):
