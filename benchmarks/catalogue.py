@@ -335,6 +335,19 @@ class StepsOptions(LongOptions):
     limit: float | None = _limit("120", "seconds for each execution")
 
 
+class StrategiesOptions(LongOptions):
+    """Decide whether plans with choices are controllable, and execute them as the strategy says.
+
+    Controllability of plans with choices.
+    """
+
+    plans: tuple[str, ...] = _many(
+        "only these plans; kitchen, wing, and blocks-N for N = 1, 4, 8 and 16", "--plan", "NAME"
+    )
+    runs: int = _count(100, "how often each controllable plan is executed")
+    limit: float | None = _limit("300", "seconds for each verdict")
+
+
 class RatesOptions(LongOptions):
     """Carry plans with choices out by PIKE, Kirk and Drake: how often each succeeds with the same people.
 
@@ -414,6 +427,7 @@ EXPERIMENTS = {
         Entry("hesitation", "pike.hesitation", HesitationOptions),
         Entry("steps", "pike.steps", StepsOptions),
         Entry("rates", "pike.rates", RatesOptions),
+        Entry("strategies", "pike.strategies", StrategiesOptions),
         Entry("figure21", "pike.figure20a_21", Figure21Options),
         Entry("figure17", "pike.figure17_18", Figure17Options),
         Entry("figure18", "pike.figure17_18", Figure18Options),

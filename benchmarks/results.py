@@ -49,6 +49,7 @@ FILES = {
     **dict.fromkeys(("figure20b", "hesitation", "steps"), "3-latency.md"),
     "figure18": "4-k-intents.md",
     "rates": "4-rates.md",
+    "strategies": "4-strategies.md",
     **dict.fromkeys(("table1", "table2", "conversions", "figure4"), "5-execution.md"),
     "certificates": "6-certificates.md",
     "logs": "7-logs.md",

@@ -57,6 +57,11 @@ class StrategyReasoner(Reasoner):
         self._without: Reasoner | None = None
         """Decides once something was not as the strategy supposes."""
 
+    @property
+    def is_followed(self) -> bool:
+        """Whether everything was as the strategy supposes, so far."""
+        return self._without is None
+
     def _next_part(self) -> "_PolicyFollower | None":
         """The next part with all the time that is left for it; None if that is not enough."""
         strategy, times = self._strategy, self.progress.times
@@ -276,10 +281,11 @@ def find_strategy(
 
 @dataclass
 class StrategyRehearsal(Rehearsal):
-    """Executes a plan with a simulated team, as a strategy says that is found before the start."""
+    """Executes a plan with a simulated team, as a strategy says; without one, it is found before the start."""
 
     _: KW_ONLY
     on_stage: Announce = unheard
+    known_strategy: Strategy | None = None
 
     def run(self) -> ExecutionRecord:
         """The record of the run, as of :class:`Rehearsal`.
@@ -288,20 +294,29 @@ class StrategyRehearsal(Rehearsal):
             RefutedError: if there is no strategy.
             UnsupportedError: if it is not known whether there is one.
         """
-        self._strategy = find_strategy(
-            self.plan,
-            human=self.story.human,
-            delay=self.story.delay,
-            solver=self.solver,
-            deadline=self.deadline,
-            on_stage=self.on_stage,
-        )
+        if self.known_strategy is None:
+            self.known_strategy = find_strategy(
+                self.plan,
+                human=self.story.human,
+                delay=self.story.delay,
+                solver=self.solver,
+                deadline=self.deadline,
+                on_stage=self.on_stage,
+            )
         self.patience = None  # waiting is part of the strategy
         return super().run()
 
     def _reasoner(self, deciding: Callable[[Progress], Reasoner], progress: Progress) -> Reasoner:
+        if self.known_strategy is None:
+            return super()._reasoner(deciding, progress)
         super()._reasoner(deciding, progress)
-        return StrategyReasoner(progress, self._strategy, solver=self.solver)
+        self._following = StrategyReasoner(progress, self.known_strategy, solver=self.solver)
+        return self._following
+
+    @property
+    def was_followed(self) -> bool:
+        """Whether everything was as the strategy supposes, so far."""
+        return self._following.is_followed
 
     def _record(self, ending: Ending) -> ExecutionRecord:
         return replace(super()._record(ending), reasoner=STRATEGY)
