@@ -501,7 +501,9 @@ def test_tiles_follow_the_window_and_fold(width, columns, tmp_path):
         window.get((tmp_path / "plan.svg").as_uri())
         settle(window)
         right = "return document.documentElement.getBoundingClientRect().right"
-        assert window.execute_script(right) <= width + 1
+        assert window.execute_script(right) <= max(width, 680) + 1  # one tile is as wide as that
+        heights = "return [...document.querySelectorAll('text')].map(each => each.getBoundingClientRect().height)"
+        assert min(each for each in window.execute_script(heights) if each) > 8
         lefts = "return [...document.querySelectorAll('.fold')].map(mark => mark.getBoundingClientRect().x)"
         assert max(map(round, window.execute_script(lefts))) // 500 == columns - 1
         high = "return document.documentElement.getBoundingClientRect().height"

@@ -66,10 +66,10 @@
       }
       top = middle + Math.max(...line.map(([piece]) => below(piece)));
     }
-    const size = [widest + 2 * margin, top + margin], scale = Math.min(1, view / pixels / size[0]);
+    const size = [widest + 2 * margin, top + margin];  // a tile that is wider than the window is scrolled to, and stays readable
     svg.setAttribute("viewBox", `0 0 ${size[0] * inch} ${size[1] * inch}`);
-    svg.setAttribute("width", size[0] * scale * pixels);
-    svg.setAttribute("height", size[1] * scale * pixels);
+    svg.setAttribute("width", size[0] * pixels);
+    svg.setAttribute("height", size[1] * pixels);
   }
 
   svg.querySelector("#patch_1")?.remove();  // the ground, which is as large as what was drawn
