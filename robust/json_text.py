@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import json
 import re
+import typing
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
@@ -21,18 +22,7 @@ from fractions import Fraction
 from functools import cache, singledispatch
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import (
-    Annotated,
-    Any,
-    ClassVar,
-    TypeAlias,
-    TypeVar,
-    Union,
-    assert_never,
-    get_args,
-    get_origin,
-    get_type_hints,
-)
+from typing import Annotated, Any, ClassVar, TypeAlias, TypeVar, Union, assert_never, get_args, get_origin
 
 import msgspec
 from msgspec import UNSET, Meta, Struct
@@ -432,7 +422,7 @@ def _is_record(kind: Any) -> bool:
 @cache
 def _fields(kind: Any) -> tuple[tuple[str, Field[Any], Any], ...]:
     """The fields of a dataclass with their names in JSON and their types."""
-    hints = get_type_hints(kind)
+    hints = typing.get_type_hints(kind)
     return tuple((member.metadata.get("json", member.name), member, hints[member.name]) for member in fields(kind))
 
 

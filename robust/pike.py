@@ -29,19 +29,10 @@ from robust.numbers import Number, exact, shorten
 from robust.options import pike as asking
 from robust.options.declare import Options, Verb, named_values, not_negative, place_of, setting, spelled, texts
 from robust.options.shared import Solving
+from robust.pike_bridge import compile as compiling
 from robust.pike_bridge.action_model import Instance
 from robust.pike_bridge.builder import act, build, choose, k_intents, parallel, sequence, within
-from robust.pike_bridge.compile import (
-    Checking,
-    Compilation,
-    Compiling,
-    Measuring,
-    PikeCheck,
-    PlanVerdict,
-    Sizes,
-    Temporal,
-    checked_assumptions,
-)
+from robust.pike_bridge.compile import Checking, Compilation, Measuring, PikeCheck, PlanVerdict, Sizes, Temporal
 from robust.pike_bridge.conditional import read_any
 from robust.pike_bridge.cross_check import CrossCheck, Crossed, Crossing, Disagreement
 from robust.pike_bridge.envelopes.parameters import ParametricPlan, parametrize, specifications
@@ -131,7 +122,7 @@ def assumed(plan: TeamPlan, given: asking.Assumptions) -> Guard:
     Raises:
         InputError: for an unknown choice or value, and for two different values of one choice.
     """
-    return checked_assumptions(plan, named_values(given, "assume"), place_of("assume"))
+    return compiling.checked_assumptions(plan, named_values(given, "assume"), place_of("assume"))
 
 
 Searching = TypeVar("Searching")
@@ -214,7 +205,7 @@ def knowledge_base(plan: TeamPlan, options: asking.KnowledgeBaseOptions) -> Comp
         InputError: if a back end or a file is unknown or wrong.
         OutOfTimeError: if the time is over before it is there.
     """
-    return _searching(Compiling, plan, options, temporal=Temporal(options.temporal)).compile()
+    return _searching(compiling.Compiling, plan, options, temporal=Temporal(options.temporal)).compile()
 
 
 def searching_chance(plan: TeamPlan, options: asking.ChanceOptions) -> ChanceSearch:

@@ -20,33 +20,10 @@ from enum import Enum
 from fractions import Fraction
 from functools import cache, cached_property
 
-from robust.encode import settled
-from robust.encode.interface import (
-    EPSILON,
-    Auxiliary,
-    Definitions,
-    Encoding,
-    Linear,
-    Obligation,
-    Range,
-    Stage,
-    constant,
-    initial_value,
-    variable,
-)
-from robust.encode.network import (
-    AtomWrite,
-    Flow,
-    FluentWrite,
-    IndependentParts,
-    Orders,
-    TemporalNetwork,
-    Writes,
-    duration_rules,
-    is_never_negative,
-    mutex_pairs,
-    names_in,
-)
+from robust.encode import interface, settled
+from robust.encode import network as networks
+from robust.encode.interface import EPSILON, Auxiliary, Encoding, Linear, Obligation, Range, Stage, constant, variable
+from robust.encode.network import Flow, FluentWrite, IndependentParts, Orders, TemporalNetwork, Writes, names_in
 from robust.encode.validity import Validity
 from robust.errors import UnsupportedError
 from robust.plan import model
@@ -137,7 +114,7 @@ class States:
         self.clock = clock
         self.terms = clock.terms
         self.writes = writes
-        self.definitions = Definitions(self.terms)
+        self.definitions = interface.Definitions(self.terms)
         self._values: dict[tuple[model.Fluent, StateMoment], Linear] = {}
         self._truths: dict[tuple[model.Atom, StateMoment], Formula] = {}
         self._open_values: dict[tuple[model.Fluent, StateMoment], Auxiliary | None] = {}
@@ -219,7 +196,7 @@ class States:
                 cases.append(self.terms.conjunction((done, self.terms.negation(undone))))
         return self.terms.disjunction(cases)
 
-    def _happened(self, write: AtomWrite | FluentWrite, moment: StateMoment) -> Formula:
+    def _happened(self, write: networks.AtomWrite | FluentWrite, moment: StateMoment) -> Formula:
         """Whether a write lies in the past of a moment and took effect."""
         passed = self.clock.passed(write.point, moment)
         if passed is self.terms.false or write.condition == model.Truth(True):
@@ -247,7 +224,7 @@ class States:
         return value
 
     def _fluent(self, fluent: model.Fluent, moment: StateMoment) -> Linear:
-        initial = initial_value(self.plan, fluent)
+        initial = interface.initial_value(self.plan, fluent)
         assignments = [
             (write, done)
             for write in self.writes.of_fluent.get(fluent, ())
@@ -482,7 +459,7 @@ class RelationalEncoding(Encoding):
         self.network = TemporalNetwork(plan)
         self.places = self.network.places
         writes = Writes(plan)
-        self._rules = tuple(duration_rules(plan, writes))
+        self._rules = tuple(networks.duration_rules(plan, writes))
         self.validity = Validity(self.network, self._rules, self.terms)
         self._writes = writes
 
@@ -490,7 +467,7 @@ class RelationalEncoding(Encoding):
     def obligations(self) -> tuple[Obligation, ...]:  # type: ignore[override]
         """All obligations by stage; formulas are built when they are asked for."""
         plan = self.plan
-        self._mutex = mutex_pairs(plan)
+        self._mutex = networks.mutex_pairs(plan)
         self._proved = settled.proved(self._settling, self.epsilon, self._mutex)
         self._orders = self._known_orders()
         self._states = States(plan, self._writes, MomentOrder(self.network, self._orders, self.terms))
@@ -548,7 +525,7 @@ class RelationalEncoding(Encoding):
 
     def _duration_obligations(self) -> Iterator[Obligation]:
         for rule in self._rules:
-            if rule.exact and all(map(is_never_negative, map(self.network.slack, rule.bounds))):
+            if rule.exact and all(map(networks.is_never_negative, map(self.network.slack, rule.bounds))):
                 yield Obligation(rule.name, Stage.DURATION, None)
             else:
                 read = before(rule.instance.start)
@@ -628,7 +605,7 @@ class RelationalEncoding(Encoding):
         """All bounds are assumed, also those that the network implies: its slices may leave out what implies them."""
         for rule in self._rules:
             for bound, slack in zip(rule.bounds, map(self.network.slack, rule.bounds), strict=True):
-                if not is_never_negative(slack):
+                if not networks.is_never_negative(slack):
                     yield slack
                     for learnt in () if rule.name in self._proved else self.network.bounds((bound,)):
                         self._orders.learn(*learnt)

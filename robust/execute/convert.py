@@ -17,16 +17,9 @@ from typing import TypedDict, Unpack
 
 from robust.encode.interface import EPSILON
 from robust.errors import Location, SolverError
+from robust.execute import causal as causality
 from robust.execute import distances, snap
-from robust.execute.causal import (
-    Tightener,
-    Tightening,
-    UndecidedError,
-    causal_network,
-    check_plan,
-    undecided,
-    verdict_of,
-)
+from robust.execute.causal import Tightener, Tightening, UndecidedError, check_plan, undecided, verdict_of
 from robust.execute.parametrization import Parametrization, parametrization, with_deadline, with_relative_weights
 from robust.execute.room import esterel_edges
 from robust.irr.check import Answer, CheckResult
@@ -224,7 +217,7 @@ class Converting:
         original, chosen, _ = self._original
         has_parameters = bool(chosen.parameters or chosen.beside)
         tightener = Tightener(original, self.solver, self._deadline, self._say)
-        causal = causal_network(original, self._pinned, chosen.pinned_durations)
+        causal = causality.causal_network(original, self._pinned, chosen.pinned_durations)
         fixed = (*causal.durations, *chosen.pinned_starts(original.times), *self._ties)
         network = distances.EdgeNetwork(causal.points, (*causal.certain, *causal.edges))
         irredundant = network.needed(causal.edges, causal.certain)

@@ -25,16 +25,9 @@ from robust.encode.settled import FINALLY, Settled, Write
 from robust.irr.containment import Containment
 from robust.irr.corners import corner_containment
 from robust.irr.stops import NO_SCHEDULE, Stop, Tolerance
+from robust.network import slack as slacks
 from robust.network.differences import DifferenceNetwork
-from robust.network.slack import (
-    FaceBound,
-    FaceNumber,
-    FaceStop,
-    LinearForm,
-    OutsideFragmentError,
-    SlackGraph,
-    SlackRequirement,
-)
+from robust.network.slack import FaceBound, FaceStop, LinearForm, OutsideFragmentError, SlackGraph, SlackRequirement
 from robust.plan import model
 from robust.plan.polynomial import Polynomial
 from robust.qe.box import Box, Face, Interval, Side
@@ -195,7 +188,7 @@ class SlackPlan:
         nominal = self.plan.nominal
         return expression.evaluate({unknown: nominal[str(unknown)] for unknown in expression.variables})
 
-    def _face(self, weight: Linear) -> FaceNumber | None:
+    def _face(self, weight: Linear) -> slacks.FaceNumber | None:
         """The face that loosens a bound: the lower end of what it adds, the upper end of what it takes away."""
         uses = list(weight.coefficients())
         if not uses:
@@ -243,7 +236,7 @@ class SlackPlan:
     @cached_property
     def _certain(self) -> DifferenceNetwork:
         """What the network says wherever faces may move to."""
-        limits: dict[FaceNumber, Fraction] = {}
+        limits: dict[slacks.FaceNumber, Fraction] = {}
         for form in self.forms:
             for face, factor in form.factors.items():
                 limits[face] = min(form.budget / factor, limits.get(face, form.budget / factor))

@@ -23,20 +23,10 @@ from robust import errors, searching
 from robust.encode.encoding import RelationalEncoding
 from robust.encode.interface import EPSILON, Facet
 from robust.irr import containment, widen
+from robust.irr import quantities as amounts
 from robust.irr.check import Answer, Checker, CheckResult, within
 from robust.irr.conflicts import Candidate, Chosen, Clause, Point, RepairSearching, RepairStatus
-from robust.irr.quantities import (
-    Changeable,
-    Cost,
-    Quantity,
-    QuantityChange,
-    Unchanged,
-    bound_name,
-    change_of,
-    changed,
-    lifted,
-    quantities,
-)
+from robust.irr.quantities import Changeable, Cost, Quantity, QuantityChange, Unchanged, bound_name, lifted, quantities
 from robust.plan.model import ParameterReference, ParametrizedPlan
 from robust.plan.polynomial import Polynomial
 from robust.presented import Presented
@@ -530,7 +520,7 @@ class RepairSearch(RepairSearching[Cost, Repair]):
     # -- results -------------------------------------------------------------------------------------------------------
 
     def _changed(self, candidate: Candidate[Cost]) -> ParametrizedPlan:
-        return changed(self.plan, list(self._quantities.values()), candidate.point)
+        return amounts.changed(self.plan, list(self._quantities.values()), candidate.point)
 
     def _result(self, status: searching.Status, reason: str | None = None) -> Repair:
         best, changes = self.best, () if self.best is None else tuple(self._changes_of(self.best))
@@ -560,7 +550,7 @@ class RepairSearch(RepairSearching[Cost, Repair]):
     def _changes_of(self, repair: Candidate[Cost]) -> Iterator[QuantityChange]:
         for name, quantity in self._quantities.items():
             if name in repair.point:
-                yield change_of(self.plan, quantity, repair.point[name], self._served(name, repair.point))
+                yield amounts.change_of(self.plan, quantity, repair.point[name], self._served(name, repair.point))
 
     def _served(self, name: str, values: Point) -> tuple[str, ...]:
         """What breaks if a change is undone, together with that of the bound which would be on the wrong side of it."""

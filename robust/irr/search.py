@@ -18,19 +18,10 @@ from typing import Any, TypedDict, Unpack
 
 from robust.errors import InputError, did_you_mean
 from robust.irr import containment, templates
+from robust.irr import stops as stopping
 from robust.irr.check import Counterexample, require_some_schedule
 from robust.irr.containment import Containment, Margins
-from robust.irr.stops import (
-    APPROACHED,
-    CUT_SHORT,
-    NO_SCHEDULE,
-    NOT_EXAMINED,
-    Advice,
-    Stop,
-    Tolerance,
-    advice,
-    declared_stop,
-)
+from robust.irr.stops import APPROACHED, CUT_SHORT, NO_SCHEDULE, NOT_EXAMINED, Advice, Stop, Tolerance, advice
 from robust.plan.model import Parameter, ParametrizedPlan
 from robust.presented import Presented
 from robust.qe.box import Box, Face, Side
@@ -257,7 +248,7 @@ class BoxSearch(Searching[EnvelopeResult]):
         for parameter, side in product(self.encoding.plan.parameters, Side):
             face = parameter.name, side
             if (end := self.box[parameter.name].end(side)) is not None:
-                stops[face] = declared_stop(parameter, side, end) or self._stops.get(face, unknown)
+                stops[face] = stopping.declared_stop(parameter, side, end) or self._stops.get(face, unknown)
         return stops
 
     def _accept(self, box: Box) -> None:

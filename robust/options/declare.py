@@ -12,6 +12,7 @@ from __future__ import annotations
 import inspect
 import os
 import textwrap
+import typing
 import warnings
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -20,20 +21,7 @@ from fractions import Fraction
 from functools import wraps
 from importlib.util import find_spec
 from pathlib import Path
-from typing import (
-    TYPE_CHECKING,
-    Any,
-    ClassVar,
-    Concatenate,
-    Generic,
-    NamedTuple,
-    ParamSpec,
-    Protocol,
-    Self,
-    TypeVar,
-    cast,
-    dataclass_transform,
-)
+from typing import TYPE_CHECKING, Any, ClassVar, Concatenate, Generic, ParamSpec, Protocol, Self, TypeVar, cast
 
 from robust.errors import InputError, InputWarning, Location, did_you_mean, missing
 from robust.numbers import EXPECTED_NUMBER, Number, exact, parse_number, quoted, shorten
@@ -53,7 +41,7 @@ _NAMED = 3
 """Files that a message names, of several."""
 
 
-class Option(NamedTuple):
+class Option(typing.NamedTuple):
     """The declaration of an option, without its name and type.
 
     Attributes:
@@ -183,7 +171,7 @@ def setting(name: str, *values: str) -> str:
     return f"{spelled(name)} {' or '.join(values)}"
 
 
-@dataclass_transform(kw_only_default=True, frozen_default=True)
+@typing.dataclass_transform(kw_only_default=True, frozen_default=True)
 class Options:
     """Options that have been checked: classes whose fields are declared by :func:`option`, and given by keywords.
 

@@ -18,19 +18,9 @@ from robust.json_text import Count, JsonObject, Rational, Seconds, like, on_wire
 from robust.numbers import duration, plural, readable
 from robust.qe.box import Box, interval_text
 from robust.qe.region import Region
+from robust.show import documents
 from robust.show.console import Console, Text, colour_of, printing
-from robust.show.documents import (
-    ENDS,
-    Document,
-    Ended,
-    Noted,
-    Range,
-    bounds_text,
-    document_of,
-    documenting,
-    has_table,
-    range_of,
-)
+from robust.show.documents import ENDS, Document, Ended, Noted, Range, document_of, documenting, has_table, range_of
 from robust.show.regions import in_form, region_lines
 from robust.show.tables import show_table, table
 from robust.show.text import stopped
@@ -412,7 +402,7 @@ def print_ranking(out: Console, ranking: Ranking, *, quiet: bool) -> None:
 def _ranked_cells(number: int, plan: RankedPlan, random: bool) -> tuple[str, ...]:
     borne = "" if plan.tolerance is None else f"± {rounded_percent(plan.tolerance.ratio)}"
     end = "" if plan.end is None else readable(plan.end)
-    success = [] if not random else ["" if plan.success is None else bounds_text(plan.success, _PLACES)]
+    success = [] if not random else ["" if plan.success is None else documents.bounds_text(plan.success, _PLACES)]
     fitness = "" if plan.fitness is Fitness.VALID else plan.fitness.value
     return str(number), plan.name, fitness, end, borne, *success
 

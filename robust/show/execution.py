@@ -27,18 +27,9 @@ from robust.json_text import Count, JsonObject, Rational, Seconds, like, on_wire
 from robust.numbers import end, format_number, plural, readable
 from robust.plan.stn import write_stn
 from robust.qe.box import Box, Side, interval_text
+from robust.show import documents
 from robust.show.console import Console, Text, colour_of, printing
-from robust.show.documents import (
-    Document,
-    Ended,
-    Noted,
-    Rationals,
-    Solver,
-    document,
-    document_of,
-    documenting,
-    has_table,
-)
+from robust.show.documents import Document, Ended, Noted, Rationals, Solver, document, document_of, has_table
 from robust.show.tables import show_table, table
 from robust.show.text import percentages, print_advice
 
@@ -123,7 +114,7 @@ class Convert(Noted, tag_field="schema", tag="robust/convert/1"):
     unkept: list[str] | UnsetType = UNSET
 
 
-@documenting.register(convert.Conversion)
+@documents.documenting.register(convert.Conversion)
 def converted(
     conversion: convert.Conversion, written: Mapping[str, str] = MappingProxyType({}), made: MadeTree | None = None
 ) -> Document:

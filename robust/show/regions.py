@@ -21,19 +21,11 @@ from robust.qe.constraint import LinearConstraint, Sense
 from robust.qe.polyhedron import Point, Polyhedron
 from robust.qe.region import Region, absorb, signed_sum
 from robust.searching import Status
+from robust.show import text as texts
 from robust.show.console import Console, Text, printing
 from robust.show.documents import bounds_text, decimal
 from robust.show.tables import show_table, table
-from robust.show.text import (
-    Words,
-    percentage,
-    percentages,
-    print_advice,
-    print_counterexample,
-    print_tolerance,
-    stopped,
-    words_of,
-)
+from robust.show.text import Words, percentage, percentages, print_advice, print_tolerance, stopped, words_of
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -489,7 +481,7 @@ def _print_box(out: Console, result: EnvelopeResult, counterexample: Counterexam
         where = "the plan can fail at the nominal values: " if result.values else ""
         out.line(Text.assemble(("invalid", "bold red"), f": {where}{result.reason}"))
         if counterexample is not None and not quiet:
-            print_counterexample(out, counterexample, words_of(result.plan))
+            texts.print_counterexample(out, counterexample, words_of(result.plan))
         if not quiet:
             print_advice(out, result.advice)
         return
