@@ -515,7 +515,11 @@ class RelationalEncoding(Encoding):
         The converse holds but for conditions over all instants of continuous change, of which only one is looked at.
         """
         held = [self.terms.negation(known.violation) for known in kept if known.violation is not None]
-        return [*self.network_formulas(), *held, *self._states.definitions.needed_by(held)]
+        return [*self.network_formulas(), *held, *self.definitions(held)]
+
+    def definitions(self, formulas: Iterable[Formula]) -> list[Formula]:
+        """What the symbols mean that formulas speak of."""
+        return list(self._states.definitions.needed_by(formulas))
 
     def network_formulas(self) -> list[Formula]:
         """enc_tn over parameters and free time points."""

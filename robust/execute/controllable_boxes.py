@@ -25,15 +25,15 @@ The result is max–min fair, and no controllable box between it and the given o
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 
 from robust import errors, presented
 from robust.irr.widen import BadSet, Obstacle, Widening, faces_of
 from robust.network.differences import Distances
-from robust.network.uncertain import EdgeStep, Stnu, UncertainLink, dynamic
+from robust.network.uncertain import DynamicAnswer, EdgeStep, Stnu, UncertainLink, dynamic
 from robust.plan import model
 from robust.plan.polynomial import Polynomial
 from robust.qe.box import Box, Face, Growing, Side
@@ -111,6 +111,21 @@ class ParametricStnu:
     points: tuple[model.TimePoint, ...]
     links: tuple[ParametricLink, ...]
     vague: Mapping[str, str]
+    _answers: dict[frozenset[tuple[Face, Fraction | None]], DynamicAnswer] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+
+    def dynamic(self, ends: Ends, deadline: Deadline = NEVER) -> DynamicAnswer:
+        """Whether the network of a box is dynamically controllable; each box is asked about once.
+
+        Raises:
+            InputError: as for :meth:`at`.
+            OutOfTimeError: if the deadline passes first.
+        """
+        asked = frozenset(ends.items())
+        if asked not in self._answers:
+            self._answers[asked] = dynamic(self.at(ends), deadline)
+        return self._answers[asked]
 
     def at(self, ends: Ends) -> Stnu:
         """The network of a box.
@@ -123,7 +138,13 @@ class ParametricStnu:
         if endless:
             names = ", ".join(sorted({name for name, _ in endless}))
             raise errors.InputError(f"a requirement becomes infinitely strong; expected finite ends for {names}")
-        return Stnu(self.points, tuple(_concrete(link, ends) for link in self.links))
+        pairs = zip(self.links, self._fixed, strict=True)
+        return Stnu(self.points, tuple(fixed or _concrete(link, ends) for link, fixed in pairs))
+
+    @cached_property
+    def _fixed(self) -> Sequence[UncertainLink[Fraction] | None]:
+        """The links that are the same for every box."""
+        return [None if variables_of(link) else _concrete(link, {}) for link in self.links]
 
     def early(self, ends: Ends) -> Iterator[tuple[int, Form]]:
         """Contingent links that may end before they start in a box, by index, with the form that is negative.
@@ -132,8 +153,8 @@ class ParametricStnu:
         """
         for index, link in enumerate(self.links):
             if link.is_contingent and link.lower is not None and not link.lower.is_constant:
-                low, high = value(least(link.lower), ends), value(greatest(link.lower), ends)
-                if low < NOTHING and low != high:
+                low, high = _extreme(Side.LOWER, link.lower, ends), _extreme(Side.UPPER, link.lower, ends)
+                if low is None or (low < 0 and low != high):
                     yield index, least(link.lower)
 
     def endless(self, ends: Ends) -> frozenset[Face]:
@@ -180,11 +201,11 @@ class ParametricStnu:
 
 def _concrete(link: ParametricLink, ends: Ends) -> UncertainLink[Fraction]:
     if not link.is_contingent:
-        lower = None if link.lower is None else _extreme(greatest, link.lower, ends)
-        upper = None if link.upper is None else _extreme(least, link.upper, ends)
+        lower = None if link.lower is None else _extreme(Side.UPPER, link.lower, ends)
+        upper = None if link.upper is None else _extreme(Side.LOWER, link.upper, ends)
         return UncertainLink(link.source, link.target, lower, upper, origin=link.origin)
     length = link.lower or _NOTHING
-    low, high = _extreme(least, length, ends), _extreme(greatest, length, ends)
+    low, high = _extreme(Side.LOWER, length, ends), _extreme(Side.UPPER, length, ends)
     if low is not None and low == high and low < 0:
         return UncertainLink(link.source, link.target, low, low, origin=link.origin)
     if low is None:
@@ -192,9 +213,15 @@ def _concrete(link: ParametricLink, ends: Ends) -> UncertainLink[Fraction]:
     return UncertainLink(link.source, link.target, low, high, True, str(length), link.origin)
 
 
-def _extreme(which: Callable[[Length], Form], length: Length, ends: Ends) -> Fraction | None:
-    """An extreme value in the box; most lengths are numbers."""
-    return length.constant_term if length.is_constant else finite_value(which(length), ends)
+def _extreme(side: Side, length: Length, ends: Ends) -> Fraction | None:
+    """The least or the greatest value in the box; None if it is infinite."""
+    total = length.constant_term
+    for name, factor in length.coefficients():
+        end = ends[name, side if factor > 0 else Side.LOWER if side is Side.UPPER else Side.UPPER]
+        if end is None:
+            return None
+        total += factor * end
+    return total
 
 
 # -- from a plan -----------------------------------------------------------------------------------------------------
@@ -359,7 +386,7 @@ class Dynamically:
     def reason(self, ends: Ends) -> Reason | None:
         for _, form in self.network.early(ends):
             return (form,)
-        answer = dynamic(self.network.at(ends), self.deadline)
+        answer = self.network.dynamic(ends, self.deadline)
         if answer.cycle is None:
             return None
         return tuple(sum(map(self.network.form, piece), _NO_FORM) for piece in answer.cycle.pieces)

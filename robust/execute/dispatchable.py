@@ -168,23 +168,23 @@ def first_windows(
     if answer is None:
         links = [_natural(link, box, Dreex()) for link in network.links if link.is_contingent]
         edges = list(_possible_edges(network, box, links))
+        size, scale = len(network.points), lcm(*(weight.denominator for _, _, weight in edges))
+        bounds = [(y, x, -int(weight * scale)) for x, y, weight in edges]
     else:
-        edges, _ = dispatchable.strategy_edges(answer)
-    scale = lcm(*(weight.denominator for _, _, weight in edges))
-    bounds = [(y, x, -int(weight * scale)) for x, y, weight in edges]
-    found = differences.windows(range(len(network.points)), bounds, {}, 0)
+        size, scale = answer.form.size, answer.form.scale
+        bounds = dispatchable.strategy_bounds(answer)
+    found = differences.windows(range(size), bounds, {}, 0)
     if found is None:
         raise InputError("the network has no schedule; expected one for every value in the box")
     times = ((Fraction(low, scale), None if high is None else Fraction(high, scale)) for low, high in found)
-    return dict(zip(network.points, times, strict=True))
+    return dict(zip(network.points, times, strict=False))
 
 
 def _controllable(network: boxes.ParametricStnu, box: Box) -> uncertain.DynamicAnswer | None:
     """How a plan is dispatched under a box; None if that is not certain to succeed."""
     with suppress(InputError):  # if a face is infinitely far out, or a link may end before it starts: none is certain
-        stnu = network.at(boxes.ends_of(box))
-        if stnu is not None and (answer := uncertain.dynamic(stnu)).is_controllable:
-            return answer
+        answer = network.dynamic(boxes.ends_of(box))
+        return answer if answer.is_controllable else None
     return None
 
 

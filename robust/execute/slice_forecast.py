@@ -19,7 +19,7 @@ from robust.execute import controllable_boxes as boxes
 from robust.execute.dispatchable import Dreex, dispatch_network, first_windows
 from robust.execute.forecast import PlanForecast, Prospect, StepAhead, Window
 from robust.execute.messages import StepProgress
-from robust.execute.slices import Observations, SliceAnswer, Slices, continued
+from robust.execute.slices import Observations, SliceAnswer, Slices
 from robust.irr.stops import NO_SCHEDULE
 from robust.plan import model
 from robust.qe.box import Box, Interval
@@ -36,7 +36,7 @@ LATER_SECONDS = 0.5
 """For the envelope of the rest of a plan."""
 SLICE_SECONDS = 0.2
 """For a promise."""
-GROWTH_SECONDS = 0.01
+GROWTH_SECONDS = 0.005
 """For making it wider, once it is found; the next answer goes on from there."""
 
 
@@ -74,7 +74,7 @@ class SliceForecaster:
         self._last_asked: tuple[Mapping[model.TimePoint, Fraction], Fraction, Fraction] | None = None
         self._seconds = REGION_SECONDS if running is None else LATER_SECONDS
         if running is None:
-            self._slices  # noqa: B018 - worked out before the execution begins
+            self._slices, self._waits_for, self._as_planned  # noqa: B018 - worked out before the execution begins
 
     @cached_property
     def planned(self) -> Mapping[str, Fraction]:
@@ -155,23 +155,26 @@ class SliceForecaster:
                 return PlanForecast(Prospect.BROKEN, self._reasons([*self._facts(times), *still], deadline))
         except OutOfTimeError:
             return self._last or PlanForecast(Prospect.UNDECIDED)
-        promised = self._promise(times)
-        steps = self._windows(times, self._box if promised is None else promised)
+        promised, network = self._promise(times)
+        steps = self._windows(times, network, self._box if promised is None else promised)
         promise = None if promised is None else {self._lasting[n]: _window(promised[n]) for n in self._open}
         reasons = (
             () if prospect is Prospect.ON_TRACK else ("no durations are left of which all are at least as planned",)
         )
-        free = frozenset(s for s in steps if self._known(s).start is None and not self._waits(s, times))
+        happened = frozenset(times)
+        free = frozenset(s for s in steps if self._known(s).start is None and self._waits_for[s] <= happened)
         ready = frozenset(step for step in free if steps[step].start[0] <= time)
         self._last = PlanForecast(prospect, reasons, steps, ready, free, promise, exact=False)
         self._last_asked = asked
         return self._last
 
-    def _waits(self, step: str, times: Mapping[model.TimePoint, Fraction]) -> bool:
-        """Whether a step waits for what has not happened."""
-        points = self._tables.points
-        blockers = (points[n] for n in self._tables.blockers[self._tables.index[self._plan.instance[step].start]])
-        return any(p not in times and p.instance is not None for p in blockers)
+    @cached_property
+    def _waits_for(self) -> Mapping[str, frozenset[model.TimePoint]]:
+        """What has to have happened before each step."""
+        tables = self._tables
+        blockers = {step.identifier: tables.blockers[tables.index[step.start]] for step in self._plan.instances}
+        points = ((step, (tables.points[number] for number in known)) for step, known in blockers.items())
+        return {step: frozenset(p for p in known if p.instance is not None) for step, known in points}
 
     def _known(self, step: str) -> StepProgress:
         return self._progress.get(step, StepProgress())
@@ -228,7 +231,7 @@ class SliceForecaster:
         return {step: terms.at_least(length - constant(self.planned[step])) for step, length in steps}
 
     def _is_possible(self, facts: Sequence[Formula], deadline: Deadline) -> bool:
-        with self._session.frame(*facts):
+        with self._session.frame(self._encoding.terms.conjunction(facts)):
             answer = self._session.check("possible", deadline)
         if answer is Satisfiability.UNKNOWN:
             raise OutOfTimeError
@@ -236,21 +239,29 @@ class SliceForecaster:
 
     def _reasons(self, facts: Sequence[Formula], deadline: Deadline) -> tuple[str, ...]:
         """The first obligation that cannot be kept together with those before it."""
-        encoding = self._encoding
-        known = [each for each in encoding.obligations if each.violation is not None]
-        session = Session(encoding.terms)
-        session.add(*facts)
-        low, high = 0, len(known)
+        encoding, terms = self._encoding, self._encoding.terms
+        known = [
+            (each.name, terms.negation(each.violation)) for each in encoding.obligations if each.violation is not None
+        ]
+        session = Session(terms)
+        session.add(*facts, *encoding.network_formulas(), *encoding.definitions(formula for _, formula in known))
+        kept, low, high = 0, 0, len(known)
         while low < high and not deadline.passed:
             middle = (low + high) // 2
-            with session.frame(*encoding.valid_formulas(known[:middle])):
+            more = terms.conjunction(formula for _, formula in known[kept:middle])
+            with session.frame(more):
                 is_kept = session.check("possible", deadline) is not Satisfiability.UNSATISFIABLE
-            low, high = (middle + 1, high) if is_kept else (low, middle)
-        return (known[high - 1].name,) if 0 < high <= len(known) and low == high else (NO_SCHEDULE,)
+            if is_kept:
+                session.add(more)
+                kept, low = middle, middle + 1
+            else:
+                high = middle
+        return (known[high - 1][0],) if 0 < high <= len(known) and low == high else (NO_SCHEDULE,)
 
     # -- promises and windows ------------------------------------------------------------------------------------------
 
-    def _promise(self, times: Mapping[model.TimePoint, Fraction]) -> Box | None:
+    def _promise(self, times: Mapping[model.TimePoint, Fraction]) -> tuple[Box | None, boxes.ParametricStnu]:
+        """A box that is promised, None if there is none, and the network of what is left."""
         happened = {model.ZERO: Fraction(0), **times}
         seen, possible = {}, {}
         for name, (source, target, offset) in self._lengths.items():
@@ -260,18 +271,19 @@ class SliceForecaster:
             if source in happened and target in happened:
                 seen[name] = possible[name]
         facts = Observations(self._now, seen, frozenset(seen), possible, happened)
-        remainder, _ = self._slices.after(facts, "", self._box)
+        remainder, network = self._slices.after(facts, "", self._box)
         if remainder.answer is SliceAnswer.PROMISED and remainder.box is not None:
             self._box = remainder.box
-            return self._box
-        return None
+            return self._box, network
+        return None, network
 
-    def _windows(self, times: Mapping[model.TimePoint, Fraction], box: Box) -> dict[str, StepAhead]:
+    def _windows(
+        self, times: Mapping[model.TimePoint, Fraction], network: boxes.ParametricStnu, box: Box
+    ) -> dict[str, StepAhead]:
         """Windows of a dispatcher under a box; only lower bounds where no schedule is left for some of its values."""
         lower: Mapping[model.TimePoint, Window] = {}
-        facts = Observations(self._now, times={model.ZERO: Fraction(0), **times})
         with suppress(InputError):
-            lower = first_windows(continued(self._stnu, facts), box)
+            lower = first_windows(network, box)
         most = {self._lasting[name]: box[name].upper for name in self._open}
         found = {}
         for instance in self._plan.instances:

@@ -295,6 +295,7 @@ class Widening:
             near = [piece for piece, stretch in self._stretches(moving) if stretch == least]
             going: list[Face] = []
             for face in moving:
+                self.deadline.enforce()
                 # A piece that does not stop the faces that go does not stop a face that it does not mention.
                 around = [piece for piece in near if face[0] in piece.mentioned]
                 if self._can_go([*going, face], moving, least, around):

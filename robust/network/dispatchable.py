@@ -233,6 +233,22 @@ def strategy_edges(answer: uncertain.DynamicAnswer) -> tuple[list[tuple[int, int
     return edges, waits
 
 
+def strategy_bounds(answer: uncertain.DynamicAnswer) -> list[differences.Bound]:
+    """The edges of :func:`strategy_edges` as greatest lower bounds between all nodes of the form, in its units."""
+    form, links = answer.form, answer.form.stnu.links
+    node = {point: number for number, point in enumerate(form.stnu.points)}
+    bounds = [
+        (edge.target, edge.source, -edge.weight)
+        for edge in (*form.edges, *answer.derived)
+        if edge.case is uncertain.Case.ORDINARY and 2 * abs(edge.weight) <= form.infinity
+    ]
+    for source, target, upper in ((links[n].source, links[n].target, links[n].upper) for n in form.start):
+        if upper is not None:
+            bounds.append((node[target], node[source], -int(upper * form.scale)))
+    bounds += ((start, node[links[number].target], 0) for number, start in form.start.items())
+    return bounds
+
+
 # -- the minimal network -----------------------------------------------------------------------------------------------
 
 

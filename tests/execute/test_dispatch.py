@@ -11,12 +11,22 @@ from benchmarks.irr.figure4 import recorded_instances
 from robust import Box, InputError, envelope
 from robust.execute import dispatcher as told
 from robust.execute.controllable_boxes import Dynamically, ends_of, parametric_stnu
-from robust.execute.dispatchable import Blex, Dreex, Guarantee, Slice, make_dispatchable, parse_executor
+from robust.execute.dispatchable import (
+    Blex,
+    Dreex,
+    Guarantee,
+    Slice,
+    dispatch_network,
+    first_windows,
+    make_dispatchable,
+    parse_executor,
+)
 from robust.execute.dispatcher import Completed, Dispatcher, DispatchFailed, Observed, Phase, StateEstimate
 from robust.execute.drive import run_in_world
 from robust.execute.replan import ReplanningOptions, prepare_plan
 from robust.execute.slices import Observations, SliceAnswer, continued
 from robust.execute.worlds import Luck, SimulatedWorld
+from robust.network.dispatchable import Windows
 from robust.plan.model import ZERO, Atom, Fluent, Parameter
 from robust.plan.simulate import simulate
 from robust.qe.compute import RegionSearch
@@ -453,3 +463,16 @@ def test_the_network_with_what_has_happened_is_the_plans(seed):
         facts = Observations(now=now, seen=box.intervals, settled=frozenset(values), times=times)
         stnu = continued(parametric_stnu(plan, Box.nominal(plan.parameters)), facts)
         assert (Dynamically(stnu, NEVER).reason(ends_of(box)) is None) == can_go_on(plan, values, times, now)
+
+
+@pytest.mark.parametrize("name", PLANS)
+def test_first_windows_are_those_of_all_tables(name):
+    dispatchable = with_box(*name)
+    for box in (dispatchable.box, Box.nominal(dispatchable.plan.parameters)):
+        stnu = parametric_stnu(dispatchable.plan, box)
+        tables, guarantee = dispatch_network(stnu, box, Dreex())
+        windows = Windows(tables)
+        windows.happened(0, Fraction(0))
+        expected = {point: windows.window(number) for number, point in enumerate(tables.points) if number}
+        assert guarantee is Guarantee.DYNAMIC
+        assert {point: found for point, found in first_windows(stnu, box).items() if point != ZERO} == expected
