@@ -72,15 +72,12 @@ Lemma holds_at_true strict time a : holds_at strict time a = true <->
     forall d, takes deletes a d -> over strict (point d) time = true -> ~ t (point w) < t (point d).
 Proof using P t fired.
   unfold holds_at. rewrite orb_true_iff, andb_true_iff, negb_true_iff.
-  assert (I : existsb (Nat.eqb a) (true_at_first P) = true <-> In a (true_at_first P)).
-  { rewrite existsb_exists. split; [intros [x [J E]]; apply Nat.eqb_eq in E; now subst|].
-    intros J. exists a. split; auto. apply Nat.eqb_refl. }
   assert (D : existsb (fun d => deletes a d && fired d && over strict (point d) time) (effects P) = false <->
     forall d, takes deletes a d -> over strict (point d) time = false).
   { rewrite <- not_true_iff_false, some_takes. split.
     - intros N d T. apply not_true_iff_false. intros O. apply N. eauto.
     - intros N [d [T O]]. apply N in T. congruence. }
-  rewrite I, D. apply or_iff_compat_l.
+  rewrite listed_true, D. apply or_iff_compat_l.
   rewrite existsb_exists. split.
   - intros [w [J H]]. rewrite !andb_true_iff, negb_true_iff in H. destruct H as [[[K F] O] N].
     exists w. split; [now split|]. split; auto. intros d [DI [DK DF]] DO L. apply not_true_iff_false in N. apply N.
@@ -89,9 +86,6 @@ Proof using P t fired.
     intros H. apply existsb_exists in H as [d [DI H]]. rewrite !andb_true_iff in H. destruct H as [[[DK DF] DO] L].
     destruct Rlt_dec; [|easy]. apply (N d); auto. now split.
 Qed.
-
-Lemma iff_bool (b c : bool) : (b = true <-> c = true) -> b = c.
-Proof. destruct b, c; intuition congruence. Qed.
 
 Lemma closed_first time : (forall p, In p (happenings P) -> time <= t p) -> same (closed true time) (initially P g t).
 Proof.

@@ -233,25 +233,14 @@ Open Scope R_scope.
 Let g (i : nat) : R := Q2R (nth i values 0%Q).
 Let t (p : nat) : R := Q2R (q_t p).
 
-Lemma Q2R_red q : Q2R (Qred q) = Q2R q.
-Proof. apply Qeq_eqR, Qred_correct. Qed.
-
-Lemma Q2R_0 : Q2R 0 = 0. Proof. unfold Q2R. simpl. lra. Qed.
-
-Lemma Qle_R x y : Qle_bool x y = true <-> Q2R x <= Q2R y.
-Proof. rewrite Qle_bool_iff. split; [apply Qle_Rle | apply Rle_Qle]. Qed.
-
 Lemma less_R x y : less x y = true <-> Q2R x < Q2R y.
 Proof. unfold less. rewrite negb_true_iff, <- not_true_iff_false, Qle_R. lra. Qed.
 
 Lemma less_false x y : less x y = false <-> Q2R y <= Q2R x.
 Proof. rewrite <- not_true_iff_false, less_R. lra. Qed.
 
-Lemma Qeq_R x y : Qeq_bool x y = true <-> Q2R x = Q2R y.
-Proof. rewrite Qeq_bool_iff. split; [apply Qeq_eqR | apply eqR_Qeq]. Qed.
-
 Lemma q_sum_R {A} (f : A -> Q) (h : A -> R) l : (forall x, Q2R (f x) = h x) -> Q2R (q_sum f l) = sum h l.
-Proof. intros E. induction l as [|x l IH]; simpl; [apply Q2R_0|]. now rewrite Q2R_red, Q2R_plus, E, IH. Qed.
+Proof. intros E. induction l as [|x l IH]; simpl; [apply zero_R|]. now rewrite Q2R_red, Q2R_plus, E, IH. Qed.
 
 Lemma q_ev_R e : Q2R (q_ev e) = ev g t e.
 Proof.
@@ -281,12 +270,6 @@ Proof.
   - now rewrite (nth_tabled (q_value q)).
 Qed.
 
-Lemma Q2R_quotient x y : Q2R (x / y) = Q2R x / Q2R y.
-Proof.
-  destruct (Qeq_dec y 0) as [Z|Z]; [|now apply Q2R_div]. unfold Qdiv, Rdiv. rewrite Q2R_mult, (Qeq_eqR _ _ Z), Q2R_0, Rinv_0.
-  rewrite (Qeq_eqR (/ y) 0), Q2R_0; auto. now rewrite Z.
-Qed.
-
 Lemma q_amount_R q s e : alike q s -> Q2R (q_amount q e) = amount g t s e.
 Proof.
   intros [_ V]. induction e as [e | f | o x IHx y IHy]; simpl; [apply q_ev_R | apply V |].
@@ -295,10 +278,7 @@ Proof.
 Qed.
 
 Lemma q_above_R strict x : q_above strict x = true <-> above strict (Q2R x).
-Proof. destruct strict; simpl; [rewrite less_R | rewrite Qle_R]; rewrite Q2R_0; reflexivity. Qed.
-
-Lemma iff_bool (b c : bool) : (b = true <-> c = true) -> b = c.
-Proof. destruct b, c; intuition congruence. Qed.
+Proof. destruct strict; simpl; [rewrite less_R | rewrite Qle_R]; rewrite zero_R; reflexivity. Qed.
 
 Lemma q_sat_R q s c : alike q s -> q_sat q c = sat g t s c.
 Proof.
@@ -323,8 +303,8 @@ Proof.
     + assert (V : Q2R (q_value q f) = value s f) by apply S. revert V. generalize (q_value q f), (value s f).
       induction l as [|w l IH]; simpl; intros x y E; auto. apply IH.
       unfold q_assigned, assigned. destruct (makes w); auto. destruct Nat.eqb; auto. now apply q_amount_R.
-    + apply q_sum_R. intros w. unfold q_increased, increased. destruct (makes w); auto using Q2R_0.
-      destruct Nat.eqb; auto using Q2R_0. now apply q_amount_R.
+    + apply q_sum_R. intros w. unfold q_increased, increased. destruct (makes w); auto using zero_R.
+      destruct Nat.eqb; auto using zero_R. now apply q_amount_R.
 Qed.
 
 (** Without a happening in between, continuous effects act as they do right after the first of two times. *)
@@ -333,14 +313,14 @@ Lemma q_slope_R from until f : Q2R from < until -> (forall p, In p (happenings P
 Proof.
   intros L N. assert (H : forall k, In k (flows P) -> Q2R (q_slope from f k) = slope P g t (Q2R from) until f k).
   { intros k I. pose proof (N _ (start_happens _ _ I)). pose proof (N _ (end_happens _ _ I)). unfold q_slope, slope.
-    destruct Nat.eqb; simpl; [|apply Q2R_0]. unfold t in *.
-    destruct (Qle_bool _ from) eqn:A; destruct Rle_dec as [B|B]; simpl; try apply Q2R_0.
-    - destruct (less from _) eqn:C; destruct Rle_dec as [D|D]; auto using Q2R_0, q_amount_R, alike_initially.
+    destruct Nat.eqb; simpl; [|apply zero_R]. unfold t in *.
+    destruct (Qle_bool _ from) eqn:A; destruct Rle_dec as [B|B]; simpl; try apply zero_R.
+    - destruct (less from _) eqn:C; destruct Rle_dec as [D|D]; auto using zero_R, q_amount_R, alike_initially.
       + apply less_R in C. lra.
       + apply less_false in C. lra.
     - apply Qle_R in A. easy.
     - apply Qle_R in B. congruence. }
-  induction (flows P) as [|k l IH]; simpl; [apply Q2R_0|].
+  induction (flows P) as [|k l IH]; simpl; [apply zero_R|].
   rewrite Q2R_red, Q2R_plus, IH, H; auto; intros; try (apply H; now right); now left.
 Qed.
 
@@ -499,9 +479,9 @@ Proof. intros U. apply (between _ _ _ _ _ C); [lra|]. intros p I H. apply (N p I
 
 Lemma flat_grade s e : flat e = true -> Q2R (q_grade x s e) = 0.
 Proof.
-  induction e as [e | f | o y IHy z IHz]; simpl; [intros _; apply Q2R_0 | |].
-  - induction (flows P) as [|k l IH]; simpl; [intros _; apply Q2R_0|]. intros F. apply negb_true_iff, orb_false_iff in F as [K F].
-    rewrite Q2R_red, Q2R_plus, IH by now rewrite F. unfold q_slope. rewrite K. simpl. rewrite Q2R_0. lra.
+  induction e as [e | f | o y IHy z IHz]; simpl; [intros _; apply zero_R | |].
+  - induction (flows P) as [|k l IH]; simpl; [intros _; apply zero_R|]. intros F. apply negb_true_iff, orb_false_iff in F as [K F].
+    rewrite Q2R_red, Q2R_plus, IH by now rewrite F. unfold q_slope. rewrite K. simpl. rewrite zero_R. lra.
   - rewrite andb_true_iff. intros [Y Z]. specialize (IHy Y). specialize (IHz Z).
     destruct o; rewrite ?Q2R_plus, ?Q2R_minus, ?Q2R_quotient, ?Q2R_mult, ?IHy, ?IHz; unfold Rdiv; lra.
 Qed.
@@ -511,7 +491,7 @@ Lemma amount_drifting u e : straight e = true -> r1 < u < r2 ->
 Proof.
   intros E U. rewrite (amount_same _ _ _ _ _ (drifting u U)). destruct (after_alike x) as [_ V]. revert E.
   set (s := q_after trace x) in *. clearbody s. induction e as [e | f | o y IHy z IHz]; simpl.
-  - intros _. rewrite q_ev_R, Q2R_0. ring.
+  - intros _. rewrite q_ev_R, zero_R. ring.
   - intros _. rewrite V, (q_slope_R x u); [reflexivity | lra | intros p I H; apply (N p I); lra].
   - unfold q_calculated. rewrite Q2R_red. destruct o; rewrite !andb_true_iff; intros E; cbn [calculated].
     + rewrite IHy, IHz, !Q2R_plus by tauto. ring.
@@ -721,7 +701,7 @@ Theorem allowed_right : is_allowed r = true <-> kept P g t.
 Proof.
   unfold is_allowed, kept. rewrite andb_true_iff.
   rewrite (all_verdicts _ (fun e => match e with (x, y, w) => ev g t w <= t y - t x end) (edges P)).
-  - simpl at_zero. rewrite Qeq_R, Q2R_0. fold (t 0%nat). apply and_iff_compat_l. split.
+  - simpl at_zero. rewrite Qeq_R, zero_R. fold (t 0%nat). apply and_iff_compat_l. split.
     + intros H x y w I. exact (H _ I).
     + intros H [[x y] w] I. now apply H.
   - pose proof edges_right as H. induction H as [|b [[x y] w] bs l E F IH]; constructor; auto.

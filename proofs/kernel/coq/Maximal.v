@@ -200,7 +200,7 @@ Proof.
     { pose proof B as B'. unfold begins in B'. rewrite !andb_true_iff in B'. destruct B' as [[B1 B2] _].
       apply Qeq_bool_eq, Qeq_eqR in B1. unfold on_segment. destruct (Nat.eq_dec i (length b)); [lia|]. rewrite B1.
       destruct closed.
-      - apply positive_q_true in B2. unfold Qminus in B2. rewrite Q2R_plus, Q2R_opp, B1 in B2.
+      - apply positive_q_dec in B2. unfold Qminus in B2. rewrite Q2R_plus, Q2R_opp, B1 in B2.
         destruct (step_to _ (Q2R q - x i) B2) as [s [S1 S2]]; [lra|]. exists s. split; [exact S1|]. split; nra.
       - apply Qeq_bool_eq, Qeq_eqR in B2. unfold Qminus in B2. rewrite Q2R_plus, Q2R_opp, B1, zero_R in B2.
         exists 1. split; [lra|]. split; nra. }
@@ -223,7 +223,7 @@ Proof.
     { pose proof B as B'. unfold begins in B'. rewrite !andb_true_iff in B'. destruct B' as [[B1 B2] _].
       apply Qeq_bool_eq, Qeq_eqR in B1. unfold on_segment. destruct (Nat.eq_dec i (length b)); [lia|]. rewrite B1.
       destruct closed.
-      - apply positive_q_true in B2. unfold Qminus in B2. rewrite Q2R_plus, Q2R_opp, B1 in B2.
+      - apply positive_q_dec in B2. unfold Qminus in B2. rewrite Q2R_plus, Q2R_opp, B1 in B2.
         destruct (step_to _ (x i - Q2R q) B2) as [s [S1 S2]]; [lra|]. exists s. split; [exact S1|]. split; nra.
       - apply Qeq_bool_eq, Qeq_eqR in B2. unfold Qminus in B2. rewrite Q2R_plus, Q2R_opp, B1, zero_R in B2.
         exists 1. split; [lra|]. split; nra. }

@@ -98,9 +98,6 @@ Hypothesis I : in_it i.
 Lemma sure_true s q : sure s q = true <-> above s (Q2R q).
 Proof. destruct s; simpl; [apply positive_q_dec | apply Qle_bool_R]. Qed.
 
-Lemma Qeq_bool_R q r : Qeq_bool q r = true -> Q2R q = Q2R r.
-Proof. intros H. now apply Qeq_eqR, Qeq_bool_eq. Qed.
-
 Lemma minus_one_R : Q2R (-(1)) = -1.
 Proof. rewrite Q2R_opp, one_R. lra. Qed.
 
@@ -109,10 +106,10 @@ Proof.
   destruct l as [|[[j | x | | w r m | k m | w | w | x s m | k m] q] [|[[j' | y | | w' r' m' | k' m' | w' | w' | x' s' m' | k' m'] q'] [|? ?]]]; try easy. simpl.
   unfold terms_at. simpl.
   destruct (Qeq_bool q 1 && Qeq_bool q' (-(1))) eqn:E.
-  - apply andb_true_iff in E as [A B]. apply Qeq_bool_R in A. apply Qeq_bool_R in B.
+  - apply andb_true_iff in E as [A B]. apply Qeq_R in A. apply Qeq_R in B.
     rewrite A, B, one_R, minus_one_R. intros H. inversion H. subst. lra.
   - destruct (Qeq_bool q (-(1)) && Qeq_bool q' 1) eqn:E'; [|easy].
-    apply andb_true_iff in E' as [A B]. apply Qeq_bool_R in A. apply Qeq_bool_R in B.
+    apply andb_true_iff in E' as [A B]. apply Qeq_R in A. apply Qeq_R in B.
     rewrite A, B, one_R, minus_one_R. intros H. inversion H. subst. lra.
 Qed.
 
@@ -148,7 +145,7 @@ Proof.
     + destruct l as [|[[j | p | | w b m | k m | w | w | y s' m | k m] q'] [|? ?]]; try (simpl; easy).
       destruct (Qeq_bool q 1 && Qeq_bool q' (-(1)) && Qeq_bool (fst e) 0) eqn:Z; [|easy].
       apply andb_true_iff in Z as [Z C]. apply andb_true_iff in Z as [A B].
-      apply Qeq_bool_R in A. apply Qeq_bool_R in B. apply Qeq_bool_R in C.
+      apply Qeq_R in A. apply Qeq_R in B. apply Qeq_R in C.
       unfold at_. rewrite E, C, zero_R. unfold terms_at. simpl. rewrite A, B, one_R, minus_one_R.
       destruct i as [| from until | happening]; [easy| |]; simpl in I.
       * destruct (at_least_zero (bound o p from)) eqn:K; [|destruct (at_least_zero (bound o until p)) eqn:K'; [|easy]].

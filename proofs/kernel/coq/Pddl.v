@@ -202,15 +202,13 @@ Fixpoint with_points (next : nat) (l : list instance) : list (instance * nat * n
   end.
 
 (** A duration that the plan makes a parameter is equal to it, instead of what the action says. *)
-Definition instead (s : instance) (c : formula) : formula :=
-  match varied s, c with Some x, Equals Duration _ => Equals Duration (Unknown x) | _, _ => c end.
-
-Fixpoint replaced (s : instance) (c : formula) : formula :=
-  match c with
-  | Every l => Every (map (replaced s) l)
-  | ForAll xs c => ForAll xs (replaced s c)
-  | During w c => During w (replaced s c)
-  | c => instead s c
+Fixpoint instead (s : instance) (c : formula) : formula :=
+  match c, varied s with
+  | Equals Duration _, Some x => Equals Duration (Unknown x)
+  | Every l, _ => Every (map (instead s) l)
+  | ForAll xs c, _ => ForAll xs (instead s c)
+  | During w c, _ => During w (instead s c)
+  | c, _ => c
   end.
 
 (** A step that is of no action, or of other types than its action takes, breaks an obligation. *)
@@ -222,7 +220,7 @@ Definition duties_of (x : instance * nat * nat) : list duty :=
       let e := combine (map fst (takes a)) (of_objects s) in
       let all c := map (duty_of p q) (parts p q (unknowns s) AtStart e c) in
       (if lasts s then [AtPoint p (at_least p q (unknowns s) e false Duration (Number 0))] else []) ++
-      all (replaced s (durations a)) ++ all (conditions a)
+      all (instead s (durations a)) ++ all (conditions a)
   end.
 
 Definition outcomes_of (x : instance * nat * nat) : list (effect + flow) :=
@@ -232,8 +230,8 @@ Definition outcomes_of (x : instance * nat * nat) : list (effect + flow) :=
   | Some a => ground_outcome p q (unknowns s) p Always (combine (map fst (takes a)) (of_objects s)) (outcomes a)
   end.
 
-Definition effects_in (l : list (effect + flow)) : list effect := flat_map (fun x => match x with inl w => [w] | _ => [] end) l.
-Definition flows_in (l : list (effect + flow)) : list flow := flat_map (fun x => match x with inr k => [k] | _ => [] end) l.
+Definition effects_in : list (effect + flow) -> list effect := flat_map (fun x => match x with inl w => [w] | _ => [] end).
+Definition flows_in : list (effect + flow) -> list flow := flat_map (fun x => match x with inr k => [k] | _ => [] end).
 
 (** By their time points. *)
 Definition effects_of (x : instance * nat * nat) : list effect :=

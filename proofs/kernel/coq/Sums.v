@@ -143,7 +143,7 @@ Proof.
   rewrite !andb_true_iff, !Nat.eqb_eq in H. destruct H as [[-> ->] H]. destruct w' as [y| | | | |]; try easy.
   apply negb_true_iff in H. apply K in I, J. simpl in I, J.
   assert (L : Q2R (- x) < Q2R y).
-  { apply Qlt_Rlt. apply Qnot_le_lt. intros L. apply Qle_bool_iff in L. congruence. }
+  { apply Rnot_le_lt. rewrite <- Qle_R. congruence. }
   rewrite Q2R_opp in L. lra.
 Qed.
 
