@@ -104,7 +104,9 @@ def confirm_impossible(plan: ParametrizedPlan, data: st.DataObject) -> None:
     searching = RepairSearch(plan, require=required)
     searching._hopeful = True
     slow = searching.run()
-    assert (quick.status, quick.cost, quick.bound) == (slow.status, slow.cost, slow.bound)
+    assert (quick.status, quick.cost) == (slow.status, slow.cost)
+    # How far a bound rose before nothing was left depends on the models that a solver happens to find.
+    assert quick.bound == slow.bound or quick.status is RepairStatus.IMPOSSIBLE
     assert bool(quick.contradiction) == (quick.status is RepairStatus.IMPOSSIBLE)
 
 
