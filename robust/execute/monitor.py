@@ -17,16 +17,9 @@ from math import lcm
 
 from robust.encode.interface import EPSILON
 from robust.errors import did_you_mean
+from robust.execute import messages
 from robust.execute.forecast import FINEST, OPEN, Forecaster, PathForecaster, PlanForecast, Prospect, StepAhead, Window
-from robust.execute.messages import (
-    OBSERVED,
-    STEPS,
-    ContradictionError,
-    MessageKind,
-    MonitorMessage,
-    StepProgress,
-    time_text,
-)
+from robust.execute.messages import OBSERVED, STEPS, MessageKind, MonitorMessage, StepProgress, time_text
 from robust.execute.remaining import History, MonitorState, read_by, variable_called
 from robust.network.slack import OutsideFragmentError
 from robust.numbers import Number, format_number, parse_number, shorten
@@ -301,7 +294,7 @@ class Monitor:
                 return "found a time that has no common unit of 60 digits with those before, expected a coarser one"
             try:
                 progress = StepProgress.of([*self._said[step], message], self.plan.instance[step])
-            except ContradictionError as error:
+            except messages.ContradictionError as error:
                 return f"{error}; retract what was wrong first"
             self._said[step].append(message)
             self._fineness = fineness
@@ -334,7 +327,7 @@ class Monitor:
             rest.remove(wrong)
             try:
                 progress = StepProgress.of(rest, self.plan.instance[wrong.step])
-            except ContradictionError as error:
+            except messages.ContradictionError as error:
                 return f"{error}: without message {number} the others contradict each other; retract them first"
             self._said[wrong.step] = rest
             times = (known.at for several in self._said.values() for known in several)

@@ -16,15 +16,8 @@ from graphlib import TopologicalSorter
 
 from robust.encode import interface
 from robust.errors import RefutedError, SolverError, UnsupportedError
-from robust.execute.trees import (
-    BehaviorTree,
-    StepMoment,
-    distances_within,
-    earliest_starts,
-    parse_tree,
-    sides_of,
-    unkept,
-)
+from robust.execute import trees
+from robust.execute.trees import BehaviorTree, StepMoment, earliest_starts, parse_tree, sides_of, unkept
 from robust.irr import check
 from robust.numbers import format_number
 from robust.plan import model
@@ -275,7 +268,7 @@ def _in_parallel(level: int, chains: list[_TreePart]) -> list[_TreePart]:
 def _orders(plan: model.ParametrizedPlan, *, following: bool) -> Iterator[tuple[model.TimePoint, model.TimePoint]]:
     """The pairs of time points of different steps that a network orders at nominal values: as it states, or all."""
     nominal = {name: (value, value) for name, value in plan.nominal.items()}
-    distances = distances_within(plan, nominal)
+    distances = trees.distances_within(plan, nominal)
     if following:
         points = plan.time_points
         closure = distances.network.closure()

@@ -20,18 +20,11 @@ from typing import Unpack
 from robust.encode import create_encoding
 from robust.encode.interface import Encoding, Facet
 from robust.errors import SolverError, UnsupportedError
+from robust.irr import search as searching
 from robust.irr.check import Answer, Checker, CheckResult, Counterexample, require_some_schedule
 from robust.irr.containment import Containment, Margins, Refutation
 from robust.irr.rates import Rates, multiplied, part_of, rates_of
-from robust.irr.search import (
-    BoxSearch,
-    Conduct,
-    EnvelopeResult,
-    IncrementalRobustification,
-    InnerBox,
-    OuterPoint,
-    OutsideError,
-)
+from robust.irr.search import BoxSearch, Conduct, EnvelopeResult, InnerBox, OuterPoint, OutsideError
 from robust.irr.stops import Stop
 from robust.plan import model
 from robust.plan.model import Parameter, ParametrizedPlan
@@ -468,7 +461,7 @@ def searching_corners(
         return CornerWidening(corners, **conduct)
     if method != "irr":
         return None
-    search = IncrementalRobustification(corners, beta=beta, doubling=doubling, order=order, **conduct)
+    search = searching.IncrementalRobustification(corners, beta=beta, doubling=doubling, order=order, **conduct)
     search.fallback = corners.reason
     return search
 

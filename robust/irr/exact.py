@@ -18,19 +18,12 @@ from typing import Unpack
 from robust.encode.interface import Encoding, Linear, variable
 from robust.errors import UnsupportedError
 from robust.irr import corners, proposals, stops, templates
+from robust.irr import search as searching
 from robust.irr.check import require_some_schedule
 from robust.irr.conflicts import Candidate, Chosen, Clause, MasterProblem, Point
 from robust.irr.containment import Containment, Margins
 from robust.irr.questions import Manner, PlanQuestion
-from robust.irr.search import (
-    BoxSearch,
-    Conduct,
-    EnvelopeResult,
-    IncrementalRobustification,
-    OutsideError,
-    Step,
-    ordered,
-)
+from robust.irr.search import BoxSearch, Conduct, EnvelopeResult, OutsideError, Step, ordered
 from robust.irr.widen import BadSet, DiscoveredBadSet, Obstacle, Widening, faces_of
 from robust.network.slack import OutsideFragmentError
 from robust.plan.model import ParameterReference, ParametrizedPlan
@@ -410,7 +403,7 @@ class BoxMethod:
                 return found
         if self.name == "irr":
             containment = Containment(formulas, solver=solver, exporter=exporter)
-            return IncrementalRobustification(
+            return searching.IncrementalRobustification(
                 containment, beta=self.beta, doubling=self.doubling, order=self.order, **conduct
             )
         return ExactSearch(

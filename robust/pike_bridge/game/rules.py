@@ -31,19 +31,8 @@ from itertools import combinations
 
 from robust.errors import InputError, Location, UnsupportedError, did_you_mean
 from robust.numbers import shorten
-from robust.pike_bridge.model import (
-    ALWAYS,
-    INITIAL,
-    Activity,
-    Assignment,
-    Choice,
-    Constraint,
-    Event,
-    Guard,
-    TeamPlan,
-    circular,
-    contradicts,
-)
+from robust.pike_bridge import model
+from robust.pike_bridge.model import ALWAYS, INITIAL, Activity, Choice, Constraint, Event, Guard, TeamPlan, contradicts
 
 MOST_CASES = 512
 """Joint values of people's choices, each of which the strategy serves with a schedule of its own."""
@@ -120,7 +109,7 @@ class Game:
         self._check()
 
     def _check(self) -> None:
-        if cycle := circular(self.plan.network):
+        if cycle := model.circular(self.plan.network):
             raise InputError(f"found choices that depend on one another in a cycle: {', '.join(cycle)}; expected none")
         problem = next(self._unsupported(), None)
         if problem is not None:
@@ -167,7 +156,7 @@ class Game:
             self.choices[name].controllable or known.get(name) == value
             for name, value in self.guards[str(choice.event)]
         )
-        return [values | {Assignment(choice.name, value)} for value in choice.domain] if asked else [values]
+        return [values | {model.Assignment(choice.name, value)} for value in choice.domain] if asked else [values]
 
     def _spans(self, values: Guard, cuts: Sequence[tuple[int, Fraction]]) -> list[tuple[Span, ...]]:
         whole = tuple((each.lower, self.greatest(each)) for _, each in self.contingent)

@@ -12,18 +12,8 @@ from fractions import Fraction
 from math import lcm, prod
 from typing import TYPE_CHECKING, TypeAlias
 
-from robust.pike_bridge.model import (
-    ALWAYS,
-    INITIAL,
-    Assignment,
-    Condition,
-    Constraint,
-    Effect,
-    Guard,
-    TeamPlan,
-    contradicts,
-    guard,
-)
+from robust.pike_bridge import model
+from robust.pike_bridge.model import ALWAYS, Assignment, Condition, Constraint, Effect, Guard, contradicts, guard
 from robust.pike_bridge.online.parts import LATER, SOON, Division
 from robust.pike_bridge.online.patience import JOINT, intents, openings, values_of
 from robust.pike_bridge.online.progress import Progress
@@ -338,11 +328,11 @@ class _Alone:
     ) -> None:
         self._choices = {name for name, place in division.choice_in.items() if place == part}
         self._start, self._end = division.nodes[part : part + 2]
-        plan: TeamPlan
+        plan: model.TeamPlan
         plan, self._effects, self._conditions = division.window(part, part + 1)
         known = Progress(plan)
         known.now = plan.separation if part else Fraction(0)
-        for event, time in {INITIAL: Fraction(0), self._start: known.now}.items():
+        for event, time in {model.INITIAL: Fraction(0), self._start: known.now}.items():
             known.times[event] = time
             known.pending.pop(event, None)
         self._reasoner = reasoning(known)

@@ -13,21 +13,9 @@ from dataclasses import replace
 from fractions import Fraction
 from itertools import product
 
+from robust.pike_bridge import model
 from robust.pike_bridge.distance_graph import KnownOrders
-from robust.pike_bridge.model import (
-    ALWAYS,
-    GOAL,
-    INITIAL,
-    Activity,
-    Choice,
-    Condition,
-    Constraint,
-    Effect,
-    Event,
-    Guard,
-    TeamPlan,
-    Tpnu,
-)
+from robust.pike_bridge.model import GOAL, INITIAL, Choice, Condition, Constraint, Effect, Event, Guard, TeamPlan, Tpnu
 from robust.pike_bridge.online.progress import Structure
 from robust.plan.model import Atom
 
@@ -230,7 +218,7 @@ class Division:
             end = self.nodes[last]
             if any(each.target == SOON for each in more):
                 events.append(Event(SOON))
-                known.append(Activity("(soon)", end, SOON, Fraction(0), None))
+                known.append(model.Activity("(soon)", end, SOON, Fraction(0), None))
             if len(classes) > 1:
                 events.append(Event(f"e_{LATER}"))
                 choices.append(Choice(LATER, tuple(classes), False, f"e_{LATER}"))
@@ -243,7 +231,7 @@ class Division:
         for atom, parts in self._atom_in.items():
             if not parts.isdisjoint(inside) or (not parts and not first):
                 entering = self._entering(atom, first) or ()
-                effects |= {each: Effect(each.literal, INITIAL, ALWAYS, None) for each in entering}
+                effects |= {each: Effect(each.literal, INITIAL, model.ALWAYS, None) for each in entering}
         conditions = {
             each: replace(each, activity=place[each.activity])
             for each in self.plan.conditions
