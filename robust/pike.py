@@ -188,6 +188,11 @@ def searching_sizes(plan: TeamPlan, options: asking.PikeCompileOptions) -> Measu
 def compile(plan: TeamPlan, options: asking.PikeCompileOptions) -> Sizes:
     """Compile a knowledge base of all correct executions, and measure it; :func:`knowledge_base` returns it.
 
+    Labeled links and conflicts are those of [PIKE, Algorithms 4 and 5], labels those of Algorithms 6 and 7.
+
+    Returns:
+        How many links, conflicts, implicants and models there are, and the seconds of each stage.
+
     Raises:
         InputError: if a back end or a file is unknown or wrong.
         UnsupportedError: more prime implicants are to be listed than anybody can read, or of a back end without any.
@@ -199,7 +204,12 @@ def compile(plan: TeamPlan, options: asking.PikeCompileOptions) -> Sizes:
 def knowledge_base(plan: TeamPlan, options: asking.KnowledgeBaseOptions) -> Compilation:
     """The knowledge base of all correct executions, with what it was compiled from: labeled links and conflicts.
 
+    It is what [PIKE, Algorithms 4 and 5] make of a plan.
+
     Its `knowledge` answers whether one could still commit to choices, orders and times, and commits to them.
+
+    Returns:
+        The plan, its labeled causal links and conflicts, and the knowledge base.
 
     Raises:
         InputError: if a back end or a file is unknown or wrong.
@@ -227,6 +237,9 @@ def chance(plan: TeamPlan, options: asking.ChanceOptions) -> TeamChance:
     People choose by the tables of the plan, independently of each other as far as these say nothing else; the team
     chooses what makes success most likely by what was decided before.
 
+    Returns:
+        Bounds of the probability, and the probability of each value that people may choose, as fractions.
+
     Raises:
         InputError: if a choice, a value, a probability or a file is unknown or wrong.
         SolverError: if the solver is not installed, or an answer is not confirmed.
@@ -243,6 +256,9 @@ def searching_moments(plan: TeamPlan, options: asking.MomentsOptions) -> LatestM
 def moments(plan: TeamPlan, options: asking.MomentsOptions) -> Moments:
     """The latest moment at which people can make each choice, with each value, if everything else is in its favour.
 
+    Returns:
+        For each choice and value the latest time, in the plan's unit of time, and what comes too late after it.
+
     Raises:
         InputError: if a choice, a value or a file is unknown or wrong.
         SolverError: if the solver is unknown or not installed.
@@ -258,6 +274,9 @@ def searching_differences(plan: TeamPlan, options: asking.CrossOptions) -> Cross
 @_verb(asking.CrossOptions)
 def cross_check(plan: TeamPlan, options: asking.CrossOptions) -> Crossed:
     """Ask all knowledge bases and the oracle the same questions about a plan, and compare.
+
+    Returns:
+        What each of them answered, and every disagreement.
 
     Raises:
         InputError: if a file is wrong.
@@ -304,6 +323,9 @@ def run(plan: TeamPlan, options: asking.PikeRunOptions) -> ExecutionRecord:
 @_verb(asking.StoryOptions)
 def story(plan: TeamPlan, options: asking.StoryOptions) -> Story:
     """Facts known in advance of a simulated execution; the arguments are those of :func:`run`.
+
+    Returns:
+        What :func:`run` takes as the facts of the execution.
 
     Raises:
         InputError: if a choice, a value, an atom or a time is not what it should be.
@@ -406,6 +428,9 @@ def searching_region(plan: ParametricPlan, options: asking.PikeRegionOptions) ->
 def region(plan: ParametricPlan, options: asking.PikeRegionOptions) -> LabeledRegion:
     """For which parameter values which choices lead to a correct execution.
 
+    Returns:
+        Polyhedra over the parameters, in the plan's unit of time, each with the choices that it belongs to.
+
     Raises:
         InputError: if a parameter, a choice or a value is unknown or wrong.
         SolverError: if the solver is unknown, not installed, or fails.
@@ -421,6 +446,11 @@ def searching_envelope(plan: ParametricPlan, options: asking.PikeEnvelopeOptions
 @_parametric_verb.with_first(asking.PikeEnvelopeOptions, "parameters")
 def envelope(plan: ParametricPlan, options: asking.PikeEnvelopeOptions) -> TeamEnvelope:
     """A box of parameter values around the nominal ones that no other such box contains.
+
+    The exact widening of :func:`robust.envelope`, over the polyhedra of :func:`region`.
+
+    Returns:
+        The box, with exact ends in the plan's unit of time, what ends each side, and how the search ended.
 
     Raises:
         InputError: if a parameter, a choice or a value is unknown or wrong.
@@ -449,6 +479,9 @@ def controllable(plan: ParametricPlan, options: asking.ControllableOptions) -> T
 
     Choices and lengths are seen only as they happen; :mod:`robust.pike_bridge.game.rules` has the definition.
     Parameters are single bounds (at-least or at-most): also find how far each can move, the others as they are.
+
+    Returns:
+        PROVED with a strategy, REFUTED with schedules that no strategy serves, or UNKNOWN.
 
     Raises:
         InputError: if a parameter, a choice, a value or an agent is unknown or wrong.

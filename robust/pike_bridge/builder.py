@@ -129,6 +129,9 @@ def _elements(given: Iterable[Element]) -> tuple[Element, ...]:
 def build(name: str, element: Element, *, epsilon: Number = model.EPSILON) -> model.Tpnu:
     """The network of a program.
 
+    Returns:
+        A plan as [PIKE, Definitions 2.1 to 2.4] describe it, with events for the start and the end of each element.
+
     Raises:
         InputError: if two choices have the same name, a choice has no branch, or something is no element.
     """
@@ -237,6 +240,9 @@ class KIntents:
 
 def k_intents(structure: Sequence[int], seed: int = 0) -> KIntents:
     """The problem of a structure; the seed decides the durations [1 + w, 2 + w], 0 ≤ w ≤ 1/2, one w for each pair.
+
+    Returns:
+        Alternating choices of a human and the robot, of the domain of [PIKE, §6.2.1].
 
     Raises:
         InputError: if the structure is empty or has an entry below 1.

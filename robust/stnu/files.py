@@ -40,6 +40,9 @@ def read(path: str | os.PathLike[str]) -> Network | ConditionalNetwork:
 def load(path: str | os.PathLike[str]) -> Network:
     """The network in a file, of the format of its content.
 
+    Returns:
+        Time points, requirements and contingent links, with exact bounds in the unit of time of the file.
+
     Raises:
         InputError: at the place of whatever is wrong.
         UnsupportedError: for a network with choices or observations, about which :func:`robust.pike.controllable` can

@@ -360,6 +360,9 @@ def with_quantile(network: Asked, quantile: Fraction) -> Asked:
     Each length is below its interval with probability `quantile` at most, and above it as well; intervals are as narrow
     as multiples of a millionth of a distribution's width allow.
 
+    Returns:
+        The network with such intervals, and without distributions.
+
     Raises:
         InputError: unless the quantile is at least 0 and below 1/2.
     """

@@ -78,13 +78,16 @@ class NetworkCheck(Presented, ask="verdict"):
 
 
 def check(network: Source, *, timeout: Number | None = None) -> NetworkCheck:
-    """Whether a network is dynamically controllable.
+    """Whether a network is dynamically controllable, by backward propagation from negative nodes (Morris, 2014).
 
     Reaction at the moment of an observation is allowed; where time must pass, a requirement says so.
 
     Args:
         network: a network, or the path of one.
         timeout: seconds after which the verdict is UNKNOWN.
+
+    Returns:
+        CONTROLLABLE, UNCONTROLLABLE with a closed walk that refutes it, or UNKNOWN.
 
     Raises:
         InputError: if there is anything wrong in the file.
@@ -259,11 +262,14 @@ class DispatchResult(Presented, ask="checked"):
 
 
 def dispatch(network: Source, *, timeout: Number | None = None) -> DispatchResult:
-    """The minimal dispatchable form of a network; only the verdict if it is not controllable.
+    """The minimal dispatchable form of a network (Morris, 2014); only the verdict if it is not controllable.
 
     Args:
         network: a network, or the path of one.
         timeout: seconds after which the verdict is UNKNOWN.
+
+    Returns:
+        Edges and waits that a dispatcher needs, in the unit of time of the network.
 
     Raises:
         InputError: if there is anything wrong in the file.
@@ -418,6 +424,9 @@ def repair(
         contingent: what a unit of change costs of each contingent link.
         weights: what it costs of links between two time points, by the names of both.
         timeout: seconds after which the best repair so far is returned.
+
+    Returns:
+        The changed bounds with their cost, whether that is the least, or why there is none.
 
     Raises:
         InputError: if there is anything wrong in the file, a weight is not above 0, or of a link that there is not.

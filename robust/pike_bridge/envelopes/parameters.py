@@ -243,6 +243,9 @@ def specifications(
 def parametrize(plan: TeamPlan, specs: Iterable[TeamParameterSpec]) -> ParametricPlan:
     """The plan with parameters in place of bounds.
 
+    Returns:
+        The plan, its parameters with nominal values in the plan's unit of time, and where they stand.
+
     Raises:
         InputError: for what is not in the plan, for a name or a bound used twice, and for missing nominal values.
     """
