@@ -81,7 +81,8 @@ class Report(Generic[Row]):
         """The same, what more than one process at a time does to timings, and what is missing."""
         jobs = self.options.jobs
         disturbed = [f"{jobs} processes ran at a time and disturbed each other's timings"] if jobs > 1 else []
-        missing = [f"incomplete: interrupted after {len(self.rows)} of {self.total} {self.experiment.unit}"]
+        of = f" of {self.total}" if self.total > len(self.rows) else ""
+        missing = [f"incomplete: interrupted after {len(self.rows)}{of} {self.experiment.unit}"]
         if self.complete or self.sweep_notes:
             missing = []
         return tuple(dict.fromkeys((*self.remarks(), *disturbed, *self.sweep_notes, *missing)))
