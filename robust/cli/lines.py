@@ -8,6 +8,7 @@ import os
 import queue
 import select
 import threading
+from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 
@@ -88,30 +89,47 @@ class LineReader:
 class LineWriter:
     """Writes JSON objects to a file descriptor, a line for each.
 
-    What a signal cuts off is completed before anything else is written.
+    What a signal cuts off is completed before anything else is written. What was offered, and nobody has read, waits:
+    objects that need not stay in `room` bytes; if these do not suffice, the oldest are left out, never the last.
     """
 
-    def __init__(self, descriptor: int, stopped: Callable[[], bool], deadline: Deadline) -> None:
+    def __init__(self, descriptor: int, stopped: Callable[[], bool], deadline: Deadline, room: int = 0) -> None:
         self._descriptor = descriptor
         self._stopped = stopped
         self._deadline = deadline
+        self._room = room
         self._pending = memoryview(b"")
-        self._latest = b""
+        self._waiting = deque[list[bytes]]()
+        """Lines that have not been begun, each alone in a list; one that was left out is empty."""
+        self._passing = deque[list[bytes]]()
+        """Those of them that may be left out."""
+        self._size = 0
 
-    def offer(self, value: Mapping[str, Any]) -> None:
-        """Write an object as far as it is read at once; while nothing of it has been, the next one replaces it.
+    @property
+    def is_behind(self) -> bool:
+        """Whether something that was offered has not been read."""
+        return bool(self._pending or self._waiting)
+
+    def offer(self, value: Mapping[str, Any], *, stays: bool = False) -> None:
+        """Write an object as far as it is read at once; later ones may replace it unless it `stays`.
 
         Raises:
             BrokenPipeError: if nobody reads any more.
         """
-        self._latest = json.dumps(value).encode() + b"\n"
+        line = [json.dumps(value).encode() + b"\n"]
+        self._waiting.append(line)
+        if not stays:
+            self._passing.append(line)
+            self._size += len(line[0])
+            while self._size > self._room and len(self._passing) > 1:
+                oldest = self._passing.popleft()
+                self._size -= len(oldest[0])
+                oldest[0] = b""
         self.go_on()
 
     def go_on(self) -> None:
         """Write what was offered as far as it is read at once; BrokenPipeError if nobody reads any more."""
-        while (self._pending or self._latest) and self._is_writable(0.0):
-            if not self._pending:
-                self._pending, self._latest = memoryview(self._latest), b""
+        while self.is_behind and self._is_writable(0.0):
             self._advance()
 
     def write(self, value: Mapping[str, Any]) -> None:
@@ -121,12 +139,12 @@ class LineWriter:
             BrokenPipeError: if nobody reads any more.
             KeyboardInterrupt, OutOfTimeError: if nobody has read until it was stopped, or until the deadline.
         """
-        self.finish(json.dumps(value).encode() + b"\n")
+        self.offer(value, stays=True)
+        self.finish()
 
-    def finish(self, last: bytes = b"") -> None:
-        """Wait until all that was offered is read, and something last; errors as for :meth:`write`."""
-        self._pending, self._latest = memoryview(bytes(self._pending) + self._latest + last), b""
-        while self._pending:
+    def finish(self) -> None:
+        """Wait until all that was offered is read; errors as for :meth:`write`."""
+        while self.is_behind:
             if self._is_writable(GLANCE):
                 self._advance()
             elif self._stopped():
@@ -136,17 +154,21 @@ class LineWriter:
 
     def write_last(self, value: Mapping[str, Any]) -> None:
         """Write an object if somebody reads it now, before the process ends."""
-        self._pending = memoryview(bytes(self._pending) + json.dumps(value).encode() + b"\n")
         try:
-            while self._pending and self._is_writable(0.0):
-                self._advance()
+            self.offer(value, stays=True)
         except BrokenPipeError:
             self._pending = memoryview(b"")
+            self._waiting.clear()
 
     def _is_writable(self, seconds: float) -> bool:
         return bool(select.select([], [self._descriptor], [], seconds)[1])
 
     def _advance(self) -> None:
+        if not self._pending:
+            line = self._waiting.popleft()
+            self._pending = memoryview(line[0])
+            if self._passing and self._passing[0] is line:
+                self._size -= len(self._passing.popleft()[0])
         try:
             written = os.write(self._descriptor, self._pending[:_ATOMIC])
         except OSError as error:

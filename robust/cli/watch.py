@@ -184,6 +184,8 @@ def record(found: NewPlan | None) -> Mapping[str, Any]:
 
 LOOK = 0.05
 """Seconds between two looks for signals and the time limit, in real time."""
+BACKLOG = 1 << 26
+"""Bytes of answers that wait for who reads them, where time passes by messages alone."""
 EVERY_DURATION = ("duration:*",)
 NETWORKS = {".stn"}
 """Suffixes of plans whose orders are statements, and not what a planner happened to choose."""
@@ -255,7 +257,8 @@ class _WatchServer:
         self._deadline = Deadline.after(run.remaining)
         self._reader = LineReader(sys.stdin.fileno())
         sys.stdout.flush()
-        self._writer = LineWriter(sys.stdout.fileno(), lambda: run.guard.cause is not None, self._deadline)
+        room = BACKLOG if options.clock == "given" else 0  # by a clock, only the last answer is about the present
+        self._writer = LineWriter(sys.stdout.fileno(), lambda: run.guard.cause is not None, self._deadline, room)
         self._busy = threading.RLock()
         self._before: Outlook | None = None
         self._failure: BaseException | None = None
@@ -281,6 +284,8 @@ class _WatchServer:
                 self._ask_again()
         if self._options.clock == "given":
             while True:
+                while self._writer.is_behind and not self._reader.wait(LOOK):
+                    self._go_on()
                 with self._run.working():
                     heard = self._hear(None)
                 if heard is None:
@@ -289,8 +294,9 @@ class _WatchServer:
         else:
             self._serve_real_time()
         while self._is_waiting():
-            self._look()
+            self._go_on()
             self._replanning.wait(LOOK)
+        self._writer.finish()
 
     def _is_waiting(self) -> bool:
         with self._busy:  # an answer that has come is said first
@@ -302,18 +308,17 @@ class _WatchServer:
         if self._failure is not None:
             raise self._failure
 
-    def _look(self) -> None:
-        """Raise what ends the run."""
+    def _go_on(self) -> None:
+        """Raise what ends the run; say what has not been read."""
         self._raise_failure()
         self._run.enforce(self._deadline)
+        with self._busy:
+            self._writer.go_on()
 
     def _say(self, outlook: Outlook, news: Mapping[str, Any] | None = None) -> None:
         before, self._before = self._before, outlook
         line = outlook_line(outlook, self._options.numbers, self._options.coming, news)
-        if self._options.clock == "real" and news is None:
-            self._writer.offer(line)  # time goes on while nobody reads
-        else:
-            self._writer.write(line)
+        self._writer.offer(line, stays=news is not None)  # things happen while nobody reads
         if self._page is not None:
             self._page.show(self.monitor, outlook, before, news)
 
@@ -337,7 +342,7 @@ class _WatchServer:
                 self._ask_if_broken()
 
     def _complain(self, error: str) -> None:
-        self._writer.write(not_a_message(error))
+        self._writer.offer(not_a_message(error), stays=True)
         if self._page is not None:
             self._page.complain(self.monitor, error)
 
@@ -418,9 +423,7 @@ class _WatchServer:
         clock = WallClock(Fraction(self._options.rate or 1), self.monitor.time)
         inbox = listening(partial(self._hear, clock))
         while True:
-            self._look()
-            with self._busy:
-                self._writer.go_on()
+            self._go_on()
             wake = None if self._before is None else self._before.wake
             try:
                 heard = inbox.get(timeout=LOOK if wake is None else min(LOOK, max(0, clock.seconds_until(wake))))
@@ -429,8 +432,6 @@ class _WatchServer:
                     continue
                 heard = MonitorMessage(MessageKind.TICK, at=_on_grid(clock.now()))
             if heard is None:
-                with self._busy:
-                    self._writer.finish()
                 return
             if isinstance(heard, OSError):
                 raise heard

@@ -9,7 +9,7 @@ from where it is, in whatever order a solver finds (:mod:`robust.execute.reorder
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
@@ -151,6 +151,7 @@ class Monitor:
     def __post_init__(self) -> None:
         self._own = _forecaster(self.plan, self.epsilon, self.plan.lasting)
         self._count = 0
+        self._latest_tick = 0
         self._fineness = 1
         self._said: dict[str, list[MonitorMessage]] = {step.identifier: [] for step in self.plan.instances}
         self._progress = {step: StepProgress() for step in self._said}
@@ -282,7 +283,9 @@ class Monitor:
     def _take(self, message: MonitorMessage) -> str | None:
         if message.kind is MessageKind.RETRACT:
             return self._retract(message)
-        wrong = _wrong_times(message) or (self._wrong_observation(message) if message.kind in OBSERVED else None)
+        wrong = _wrong_times(message)
+        if wrong is None and message.kind in {*OBSERVED, MessageKind.TICK}:
+            wrong = self._wrong_clock(message) if message.kind is MessageKind.TICK else self._wrong_observation(message)
         if wrong is None and message.kind not in {*OBSERVED, MessageKind.TICK}:
             step = message.step if message.step in self._said else self._meant(message)
             if step is None:
@@ -302,7 +305,21 @@ class Monitor:
         if wrong is None:
             self.taken[self._count] = message
             self.time = max(self.time, message.time)
+            self._note_ticks({self._latest_tick, self._count})
         return wrong
+
+    def _note_ticks(self, numbers: Iterable[int]) -> None:
+        """Find the message with the latest tick."""
+        ticks = [number for number in numbers if number and self.taken[number].kind is MessageKind.TICK]
+        self._latest_tick = max(ticks, key=lambda number: self.taken[number].time, default=0)
+
+    def _wrong_clock(self, message: MonitorMessage) -> str | None:
+        """Clocks do not go back, by more than messages may be late."""
+        latest = self.taken[self._latest_tick].time if self._latest_tick else Fraction(0)
+        if message.time >= latest - self.lateness:
+            return None
+        found = f"found tick {time_text(message.at)} after tick {time_text(latest)}"
+        return f"{found}, expected a clock that does not go back; retract message {self._latest_tick} if that was wrong"
 
     def _wrong_observation(self, message: MonitorMessage) -> str | None:
         variable = variable_called(self.plan, message.step)
@@ -334,6 +351,8 @@ class Monitor:
             self._fineness = lcm(*(at.denominator for at in times if at is not None))
             self._follow(wrong.step, progress)
         del self.taken[number]
+        if number == self._latest_tick:
+            self._note_ticks(self.taken)
         self.time = max((known.time for known in self.taken.values()), default=Fraction(0))
         self._other = None
         return None

@@ -1,6 +1,7 @@
 """`robust watch`: lines in, lines out, journals that survive, clocks."""
 
 import json
+import os
 import signal
 import subprocess
 import time
@@ -13,8 +14,10 @@ import jsonschema
 import pytest
 
 from robust import Monitor, load_plan
+from robust.cli.lines import LineWriter
 from robust.execute.messages import MessageKind, MonitorMessage
 from robust.show.execution import outlook_line
+from robust.smt.limits import Deadline
 from tests.cli.running import assert_one_line, process, started
 from tests.execute.test_monitor import replay
 from tests.sampling import often
@@ -118,6 +121,10 @@ def test_a_line_that_is_no_message_is_answered_and_the_run_goes_on(line, message
         ('{"end": "n0", "at": 14}', "found n0 end at 14 and at 13, expected one time; retract what was wrong first"),
         ('{"start": "n0", "at": -1}', "found time -1, expected at least 0"),
         ('{"start": "n2", "at": 3, "arrived": 2}', "found time 3, expected at least 0 and at most 2, when it arrived"),
+        (
+            '{"tick": 19.9}',
+            "found tick 19.9 after tick 20, expected a clock that does not go back; retract message 4 if",
+        ),
         ('{"retract": 77}', "found message '77', expected the number of one that was taken"),
         ('{"start": "n1", "at": 12}', "found n1 start at 13.5 and at 12, expected one time"),
     ],
@@ -224,6 +231,47 @@ def test_a_slow_reader_does_not_keep_time_from_passing():
     assert len(lines) < 400, "what was not read in time is not said any more"
     assert lines[-1]["message"] >= 402
     assert [line["message"] for line in lines] == sorted({line["message"] for line in lines})
+
+
+def test_who_reads_nothing_keeps_no_message_from_being_taken(tmp_path):
+    journal = tmp_path / "journal.jsonl"
+    with started("watch", *FILES, *OPTIONS, "--journal", str(journal), stdin=subprocess.PIPE) as running:
+        said = [f'{" " * 500}{{"tick": {number}}}' for number in range(300)]  # more than pipes hold
+        running.stdin.write("\n".join([*said[:150], "nonsense", *said[150:], ""]))
+        running.stdin.close()
+        patient = time.monotonic() + 60
+        while not journal.exists() or len(journal.read_text().splitlines()) < 301:
+            assert time.monotonic() < patient
+            time.sleep(0.05)
+        lines = [json.loads(line) for line in running.stdout]
+        assert running.wait(60) == 1
+    assert [line.get("message") for line in lines] == [*range(151), None, *range(151, 301)]
+
+
+@pytest.mark.parametrize("room", [0, 100, 1 << 20])
+def test_of_what_nobody_reads_the_oldest_is_left_out_unless_it_has_to_stay(room):
+    source, target = os.pipe()
+    writer = LineWriter(target, lambda: False, Deadline.after(60), room)
+    os.set_blocking(source, False)
+    for number in range(20_000):
+        writer.offer({"number": number}, stays=number % 1000 == 0)
+    assert writer.is_behind
+    text = b""
+    while writer.is_behind:
+        writer.go_on()
+        text += os.read(source, 1 << 20)
+    found = [json.loads(line)["number"] for line in text.splitlines()]
+    assert found == sorted(found)
+    assert {number for number in range(20_000) if number % 1000 == 0} <= {*found}
+    first = next(number for number in range(20_000) if number not in found) if room < 1 << 20 else 20_000
+    behind = [number for number in found if number > first and number % 1000]
+    assert found[-1] == 19_999
+    assert sum(len(json.dumps({"number": number})) + 1 for number in behind[:-1]) <= room or room == 1 << 20
+    assert (len(found) == 20_000) == (room == 1 << 20)
+    os.close(source)
+    with pytest.raises(BrokenPipeError):
+        writer.write({})
+    os.close(target)
 
 
 def test_plans_with_continuous_effects_are_followed_by_slices():
