@@ -38,9 +38,10 @@ from robust.pike_bridge.cross_check import CrossCheck, Crossed, Crossing, Disagr
 from robust.pike_bridge.envelopes.parameters import ParametricPlan, parametrize, specifications
 from robust.pike_bridge.envelopes.search import LabeledRegion, LabeledRegionSearch, TeamEnvelope, TeamEnvelopeSearch
 from robust.pike_bridge.files import read_tpnu, write_tpnu
-from robust.pike_bridge.game.controllability import FindingLimits, TeamControllability
+from robust.pike_bridge.game.controllability import TeamControllability
 from robust.pike_bridge.game.deciding import ControllabilityVerdict
 from robust.pike_bridge.game.following import StrategyRehearsal
+from robust.pike_bridge.game.moving import FindingLimits
 from robust.pike_bridge.game.rules import GameRules
 from robust.pike_bridge.knowledge import knowledge_bases
 from robust.pike_bridge.likelihood import ChanceBounds, ChanceSearch, IntentChance, TeamChance, learnt
@@ -478,7 +479,8 @@ def controllable(plan: ParametricPlan, options: asking.ControllableOptions) -> T
     """Decide whether some strategy succeeds whatever people choose and however long activities take.
 
     Choices and lengths are seen only as they happen; :mod:`robust.pike_bridge.game.rules` has the definition.
-    Parameters are single bounds (at-least or at-most): also find how far each can move, the others as they are.
+    Parameters are single bounds (at-least or at-most): also find how far each can move, the others as they are; or,
+    with `repair`, the least change of all together after which the plan is controllable.
 
     Returns:
         PROVED with a strategy, REFUTED with schedules that no strategy serves, or UNKNOWN.

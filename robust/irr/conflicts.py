@@ -7,13 +7,17 @@ on from there with the cheapest inequality of one clause after the other finds a
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from math import inf
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
+from robust.encode.interface import variable
 from robust.plan.model import ParameterReference
+from robust.plan.polynomial import Polynomial
 from robust.presented import VerdictEnum
+from robust.qe import simplex
 from robust.qe.constraint import LinearConstraint
 from robust.qe.eliminate.enumerate import satisfiable
 from robust.searching import DECIDED, Searching, Status
@@ -240,3 +244,83 @@ class RepairSearching(ConflictSearch[CostT], Searching[RepairT]):
         if self.best is None:
             return RepairStatus.IMPOSSIBLE
         return RepairStatus.OPTIMAL if self.best.point else RepairStatus.UNNEEDED
+
+
+class WeightedRepairSearching(RepairSearching[Fraction, RepairT]):
+    """A search for the least weighted sum of changes, each of which is not negative; those not in a point are 0.
+
+    `weight` is what a unit of each change costs.
+    """
+
+    def __init__(self, *, solver: str, deadline: Deadline) -> None:
+        super().__init__(solver=solver, deadline=deadline, lowest=Fraction(0))
+        self.weight: dict[str, Fraction] = {}
+
+    @abstractmethod
+    def limits(self, names: Sequence[str]) -> Iterator[LinearConstraint]:
+        """What holds of the changes with some names, in addition to that they are not negative."""
+
+    def room(self, _name: str, _point: Point) -> Fraction | float:
+        """How much more can be changed at a point."""
+        return inf
+
+    def rank(self, _name: str) -> int:
+        """Of changes with equal costs, which comes first: that with the least rank."""
+        return 0
+
+    def symbols(self) -> list[str]:
+        return sorted({n for clause in self.clauses for choice in clause.choices for n in choice.parameters})
+
+    def always(self) -> Iterator[LinearConstraint]:
+        return self._limits(self.symbols())
+
+    def _limits(self, names: Sequence[str]) -> Iterator[LinearConstraint]:
+        yield from (LinearConstraint.of({name: 1}, ">=", 0) for name in names)
+        yield from self.limits(names)
+
+    def holds(self, choice: LinearConstraint, point: Point) -> bool:
+        return choice.evaluate(_Zeros(point))
+
+    def cheaper(self, cost: Fraction) -> Formula:
+        price = (variable(ParameterReference(name)).scaled(self.weight[name]) for name in self.symbols())
+        return self.terms.greater(Polynomial.constant(cost) - sum(price, Polynomial({})))
+
+    def cheapest(self, chosen: Chosen, _point: Point) -> Candidate[Fraction] | None:
+        """The cheapest changes that satisfy inequalities; None if none do."""
+        names = sorted({name for choice in chosen.values() for name in choice.parameters})
+        constraints = [*chosen.values(), *self._limits(names)]
+        best = simplex.maximize(names, constraints, {name: -self.weight[name] for name in names})
+        if best is None or best.value is None:
+            return None
+        return Candidate(chosen, {name: value for name, value in best.point.items() if value}, -best.value)
+
+    def accept(self, candidate: Candidate[Fraction]) -> None:
+        """Keep the best repair so far, or a cheaper one under its inequalities."""
+        self.best = candidate
+        if candidate.cost == self.lowest:
+            return
+        polished = self.cheapest(candidate.chosen, candidate.point)
+        if polished is not None and polished.cost < candidate.cost and self.violated(polished) is None:
+            self.best = polished
+
+    def step(self, candidate: Candidate[Fraction], number: int) -> Candidate[Fraction] | None:
+        """A candidate with one more change, which resolves the conflict."""
+        best: tuple[Fraction, int] | None = None
+        cheapest: Candidate[Fraction] | None = None
+        for choice in self.clauses[number].choices:
+            missing = choice.value(_Zeros(candidate.point)) - choice.constant
+            for name, factor in choice.coefficients:
+                amount = missing / -factor
+                rank = amount * self.weight[name], self.rank(name)
+                if factor < 0 and amount <= self.room(name, candidate.point) and (best is None or rank < best):
+                    best = rank
+                    point = {**candidate.point, name: candidate.point.get(name, Fraction(0)) + amount}
+                    cheapest = Candidate({**candidate.chosen, number: choice}, point, candidate.cost + rank[0])
+        return cheapest
+
+
+class _Zeros(dict[str, Fraction]):
+    """Changes that are not mentioned are none."""
+
+    def __missing__(self, _name: str) -> Fraction:
+        return Fraction(0)

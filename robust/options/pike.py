@@ -137,6 +137,12 @@ class GameOptions(declare.Options):
 class ControllableOptions(ParametricOptions, Staged, GameOptions):
     """Options of :func:`robust.pike.controllable`."""
 
+    repair: bool = declare.option(
+        False,
+        "with --controllable and parameters: find the least sum of changes of all of them together, by their weights, "
+        "after which the plan is controllable, instead of how far each can move alone",
+    )
+
 
 class PikeCheckCommand(PikeCheckOptions, CrossOptions, ControllableOptions, PikeCommand):
     """Options of `robust pike check`."""
@@ -160,7 +166,7 @@ class PikeCheckCommand(PikeCheckOptions, CrossOptions, ControllableOptions, Pike
                     raise InputError(f"cannot be combined with --{alone}; choose one", declare.place_of(name))
         if self.patience and self.controllable:
             raise InputError("cannot be combined with --patience; choose one", declare.place_of("controllable"))
-        for name in ("rational", "free", "hesitate", "parameters", "parameter_file"):
+        for name in ("rational", "free", "hesitate", "repair", "parameters", "parameter_file"):
             if name in given and not self.controllable:
                 raise InputError("needs --controllable", declare.place_of(name))
 

@@ -4,9 +4,16 @@ from collections.abc import Iterator
 from fractions import Fraction
 from typing import Annotated
 
+from robust.irr.conflicts import RepairStatus
 from robust.json_text import Count, JsonObject, Rational, Seconds, like, one_of
 from robust.numbers import duration, format_number, plural, readable
-from robust.pike_bridge.game.controllability import ExceededLimit, MovableBound, Strategy, TeamControllability
+from robust.pike_bridge.game.controllability import (
+    BoundsRepair,
+    ExceededLimit,
+    MovableBound,
+    Strategy,
+    TeamControllability,
+)
 from robust.pike_bridge.game.deciding import ControllabilityVerdict, GameSituation
 from robust.pike_bridge.game.dividing import GamePart
 from robust.pike_bridge.game.plays import GameBranch, Policy
@@ -86,6 +93,32 @@ class MovedBound(JsonObject):
     fails: Rational | None
 
 
+class ChangedBound(JsonObject):
+    """a bound that is moved"""
+
+    name: str
+    meaning: str
+    old: Rational
+    new: Rational
+    cost: Rational
+
+
+class RepairedBounds(JsonObject):
+    """the least change of bounds after which the plan is controllable
+
+    Attributes:
+        status: whether it is proved to be the least
+        bound: no repair costs less
+        conflicts: that were met
+    """
+
+    status: Annotated[str, one_of("unneeded", "optimal", "feasible", "impossible", "unknown")]
+    cost: Rational
+    bound: Rational | None
+    changes: list[ChangedBound]
+    conflicts: Count
+
+
 class PikeControllable(JsonObject, tag_field="schema", tag="robust/pike-controllable/1", kw_only=True):
     """what `robust pike check --controllable --json` prints
 
@@ -108,6 +141,7 @@ class PikeControllable(JsonObject, tag_field="schema", tag="robust/pike-controll
     policies: Count
     strategy: list[StrategyBranch] | None
     limits: list[MovedBound]
+    repair: RepairedBounds | None
     seconds: Seconds
 
 
@@ -129,9 +163,17 @@ def controllable_document(found: TeamControllability) -> Document:
                 like(MovedBound, each, name=each.parameter.name, meaning=each.parameter.meaning)
                 for each in found.limits
             ],
+            repair=None if found.repair is None else _repaired(found.repair),
             seconds=round(found.seconds, 6),
         )
     )
+
+
+def _repaired(repair: BoundsRepair) -> RepairedBounds:
+    changes = [
+        like(ChangedBound, each, name=each.parameter.name, meaning=each.parameter.meaning) for each in repair.changes
+    ]
+    return like(RepairedBounds, repair, status=repair.status.value, changes=changes)
 
 
 def _situation(situation: GameSituation) -> BrokenSituation:
@@ -175,6 +217,9 @@ def print_controllable(out: Console, found: TeamControllability, *, quiet: bool)
         _print_some(out, [_span_text(*span) for span in found.exceeded.spans])
     for limit in found.limits:
         out.print(_limit_text(limit, rational=found.rules.rational), soft_wrap=True)
+    if found.repair is not None:
+        for line in _repair_lines(found.repair):
+            out.print(line, soft_wrap=True)
     if not quiet:
         cases, policies = plural(found.cases, "case"), plural(found.policies, "policy").replace("policys", "policies")
         apart = f"{found.parts} parts, " if found.parts > 1 else ""
@@ -249,6 +294,21 @@ def _seen(policy: Policy, branch: GameBranch, event: str) -> Iterator[str]:
     for number in {sign.number for sign in awaited if sign.choice is None}:
         low, high = branch.case.spans[number]
         yield f"{policy.game.contingent[number][1].action} takes {readable(low)} to {readable(high)}"
+
+
+def _repair_lines(repair: BoundsRepair) -> Iterator[str]:
+    match repair.status:
+        case RepairStatus.UNNEEDED:
+            yield "No bound has to be changed."
+        case RepairStatus.IMPOSSIBLE:
+            yield "No change of these bounds makes the plan controllable."
+        case RepairStatus.UNKNOWN:
+            yield "No change of these bounds is known to make the plan controllable."
+        case RepairStatus.OPTIMAL | RepairStatus.FEASIBLE:
+            least = "The least change" if repair.status is RepairStatus.OPTIMAL else "A change, perhaps not the least,"
+            yield f"{least} after which the plan is controllable, in all {format_number(repair.cost)}:"
+            for each in repair.changes:
+                yield f"  {each.parameter.words}: {format_number(each.old)} to {format_number(each.new)}"
 
 
 def _limit_text(limit: MovableBound, *, rational: bool) -> str:

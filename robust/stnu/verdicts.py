@@ -24,18 +24,16 @@ from random import Random
 from typing import Any
 
 from robust import errors, searching
-from robust.encode.interface import variable
 from robust.errors import InputError, RefutedError
-from robust.irr.conflicts import Candidate, Chosen, Clause, Point, RepairSearching, RepairStatus
+from robust.irr.conflicts import Candidate, Clause, Point, RepairStatus, WeightedRepairSearching
 from robust.network import dispatchable, uncertain
 from robust.network.uncertain import EdgeStep, NegativeCycle, Way, dynamic, explain
 from robust.numbers import Number, exact, format_number
-from robust.plan.model import ZERO, ParameterReference, TimePoint
-from robust.plan.polynomial import Polynomial
+from robust.plan.model import ZERO, TimePoint
 from robust.presented import NoTruthValue, Presented, VerdictEnum
-from robust.qe import constraint, simplex
+from robust.qe import constraint
 from robust.qe.box import Side
-from robust.smt import limits, session
+from robust.smt import limits
 from robust.smt.limits import OutOfTimeError
 from robust.stnu.files import Source, deadline, network_of
 from robust.stnu.network import ConditionalNetwork, Edge, Link, Network, Role, edges_of, instant
@@ -452,7 +450,7 @@ def _weight(value: Number | None, name: str) -> Fraction | None:
     return weight
 
 
-class NetworkRepairSearch(RepairSearching[Fraction, NetworkRepair]):
+class NetworkRepairSearch(WeightedRepairSearching[NetworkRepair]):
     """One search for the least change of a network; a point has the change of each bound."""
 
     def __init__(
@@ -463,70 +461,26 @@ class NetworkRepairSearch(RepairSearching[Fraction, NetworkRepair]):
         weights: Mapping[tuple[str, str], Fraction | None],
         deadline: limits.Deadline,
     ) -> None:
-        super().__init__(solver="z3", deadline=deadline, lowest=_NOTHING)
+        super().__init__(solver="z3", deadline=deadline)
         self._network = network
-        self._weight: dict[str, Fraction] = {}
         self._bound_of: dict[str, Bound] = {}
         for number, link in enumerate(network.links):
             weight = weights.get((link.source, link.target), contingent if link.is_contingent else requirement)
             for side in Side:
                 if weight is not None and link.bound(side) is not None:
                     name = _name((number, side))
-                    self._weight[name], self._bound_of[name] = weight, (number, side)
+                    self.weight[name], self._bound_of[name] = weight, (number, side)
 
     # -- the search ----------------------------------------------------------------------------------------------------
 
-    def symbols(self) -> list[str]:
-        return sorted({n for clause in self.clauses for choice in clause.choices for n in choice.parameters})
-
-    def always(self) -> Iterator[constraint.LinearConstraint]:
-        return self._limits(self.symbols())
-
-    def holds(self, choice: constraint.LinearConstraint, point: Point) -> bool:
-        return choice.evaluate(_Zeros(point))
-
-    def cheaper(self, cost: Fraction) -> session.Formula:
-        price = (variable(ParameterReference(name)).scaled(self._weight[name]) for name in self.symbols())
-        return self.terms.greater(Polynomial.constant(cost) - sum(price, Polynomial({})))
-
-    def cheapest(self, chosen: Chosen, _point: Point) -> Candidate[Fraction] | None:
-        """The cheapest changes that satisfy inequalities and leave contingent links some length; None if none do."""
-        names = sorted({name for choice in chosen.values() for name in choice.parameters})
-        constraints = [*chosen.values(), *self._limits(names)]
-        best = simplex.maximize(names, constraints, {name: -self._weight[name] for name in names})
-        if best is None or best.value is None:
-            return None
-        return Candidate(chosen, {name: value for name, value in best.point.items() if value}, -best.value)
-
-    def accept(self, candidate: Candidate[Fraction]) -> None:
-        """Keep the best repair so far, or a cheaper one under its inequalities."""
-        self.best = candidate
-        if candidate.cost == self.lowest:
-            return
-        polished = self.cheapest(candidate.chosen, candidate.point)
-        if polished is not None and polished.cost < candidate.cost and self.violated(polished) is None:
-            self.best = polished
-
-    def step(self, candidate: Candidate[Fraction], number: int) -> Candidate[Fraction] | None:
-        """A candidate with one more change of one bound, which resolves the conflict."""
-        best: tuple[Fraction, bool] | None = None
-        cheapest: Candidate[Fraction] | None = None
-        for choice in self.clauses[number].choices:
-            missing = choice.value(_Zeros(candidate.point)) - choice.constant
-            for name, factor in choice.coefficients:
-                amount = missing / -factor
-                # Of equal costs, a requirement is easier to change than nature.
-                rank = amount * self._weight[name], self._link(name).is_contingent
-                if factor < 0 and amount <= self._room(name, candidate.point) and (best is None or rank < best):
-                    best = rank
-                    point = {**candidate.point, name: candidate.point.get(name, _NOTHING) + amount}
-                    cheapest = Candidate({**candidate.chosen, number: choice}, point, candidate.cost + rank[0])
-        return cheapest
+    def rank(self, name: str) -> int:
+        """Of equal costs, a requirement is easier to change than nature."""
+        return int(self._link(name).is_contingent)
 
     def _link(self, name: str) -> Link:
         return self._network.links[self._bound_of[name][0]]
 
-    def _room(self, name: str, point: Point) -> Fraction | float:
+    def room(self, name: str, point: Point) -> Fraction | float:
         """The distance that a bound may still move: a contingent link keeps a length."""
         number, link = self._bound_of[name][0], self._link(name)
         if not link.is_contingent or link.lower is None or link.upper is None:
@@ -559,15 +513,14 @@ class NetworkRepairSearch(RepairSearching[Fraction, NetworkRepair]):
             for (number, side), factor in form.items():
                 length += factor * (self._network.links[number].bound(side) or 0)
                 name = _name((number, side))
-                if factor and name in self._weight:
+                if factor and name in self.weight:
                     coefficients[name] = factor * _direction(self._network.links[number], side)
             if length >= 0 or any(factor > 0 for factor in coefficients.values()):
                 yield constraint.LinearConstraint.of(coefficients, ">=", -length)
 
-    def _limits(self, names: Sequence[str]) -> Iterator[constraint.LinearConstraint]:
-        """Changes go one way, and leave contingent links some length."""
+    def limits(self, names: Sequence[str]) -> Iterator[constraint.LinearConstraint]:
+        """Contingent links keep some length."""
         for name in names:
-            yield constraint.LinearConstraint.of({name: 1}, ">=", 0)
             number, _ = self._bound_of[name]
             link = self._network.links[number]
             if link.is_contingent and link.lower is not None and link.upper is not None:
@@ -604,14 +557,7 @@ class NetworkRepairSearch(RepairSearching[Fraction, NetworkRepair]):
             chosen = repair.chosen.items()
             serves = dict.fromkeys(self.clauses[known].reason for known, choice in chosen if name in choice.parameters)
             new = (link.bound(side) or _NOTHING) + _direction(link, side) * amount
-            yield LinkChange(link, side, new, amount, amount * self._weight[name], tuple(serves))
-
-
-class _Zeros(dict[str, Fraction]):
-    """Changes that are not mentioned are none."""
-
-    def __missing__(self, _name: str) -> Fraction:
-        return _NOTHING
+            yield LinkChange(link, side, new, amount, amount * self.weight[name], tuple(serves))
 
 
 def _name(bound: Bound) -> str:

@@ -1,4 +1,4 @@
-"""Whether a plan with choices is dynamically controllable, part by part, and how far bounds can move.
+"""Whether a plan with choices is dynamically controllable, part by part.
 
 Each part (:mod:`~robust.pike_bridge.game.dividing`) is decided without the limits that it shares with others
 (:mod:`~robust.pike_bridge.game.deciding`). The span of a part lies between one that is refuted and one within which a
@@ -7,20 +7,17 @@ policy ends the part; both are narrowed only until it is known whether the spans
 *Rational people.* What they may choose in one part can depend on what they choose in others, if the limits are so tight
 that not all of it fits, however favourable. More to choose from is never easier: a strategy for all is one for them. A
 refutation counts only if they may choose all that it is made of; otherwise the plan is decided as a whole.
-
-*Limits.* More time for a requirement, and a narrower range of a contingent length, never hurt: a bound that is a
-parameter is moved by bisection, on the grid of the plan's numbers, to where controllability ends. Rational people may
-have more values to choose from with more time, so that for them only the two values are known between which it ends.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import accumulate, product
 from math import prod
 
-from robust.errors import InputError, Location, UnsupportedError
-from robust.pike_bridge.envelopes.parameters import ParametricPlan, TeamParameter, TeamParameterKind
+from robust.errors import UnsupportedError
+from robust.irr.conflicts import RepairStatus
+from robust.pike_bridge.envelopes.parameters import TeamParameter
 from robust.pike_bridge.game.deciding import (
     NO_EXECUTION,
     ControllabilityVerdict,
@@ -32,12 +29,12 @@ from robust.pike_bridge.game.deciding import (
 from robust.pike_bridge.game.dividing import GamePart, GameParts, PartPolicy, SpanLimit, least_span
 from robust.pike_bridge.game.plays import Policy
 from robust.pike_bridge.game.rules import STRICT, Game, GameCase, GameRules
-from robust.pike_bridge.model import ALWAYS, INITIAL, Assignment, Guard, TeamPlan, common_measure
+from robust.pike_bridge.model import ALWAYS, INITIAL, Assignment, Guard, TeamPlan
 from robust.pike_bridge.online.progress import Progress
 from robust.pike_bridge.online.semantic import SemanticReasoner
-from robust.pike_bridge.semantics import Oracle, restrict
+from robust.pike_bridge.semantics import Oracle
 from robust.searching import Announce, Searching, Status, Stoppable, unheard
-from robust.smt.limits import NEVER, Deadline, OutOfTimeError
+from robust.smt.limits import NEVER, Deadline
 
 _MOST_JOINT = 64
 """Joint values of people's choices in several parts, of which it is asked whether rational people may choose them."""
@@ -57,6 +54,30 @@ class MovableBound:
     least: bool
     holds: Fraction | None
     fails: Fraction | None
+
+
+@dataclass(frozen=True, slots=True)
+class EasedBound:
+    """A bound that is moved, and what that costs."""
+
+    parameter: TeamParameter
+    old: Fraction
+    new: Fraction
+    cost: Fraction
+
+
+@dataclass(frozen=True, slots=True)
+class BoundsRepair:
+    """The least change of bounds after which a plan is controllable; no other one costs less than `bound`, if given."""
+
+    status: RepairStatus
+    changes: tuple[EasedBound, ...]
+    bound: Fraction | None
+    conflicts: int
+
+    @property
+    def cost(self) -> Fraction:
+        return sum((change.cost for change in self.changes), Fraction(0))
 
 
 @dataclass(frozen=True)
@@ -106,6 +127,8 @@ class TeamControllability(Stoppable, ask="verdict"):
     seconds: float = 0.0
     limits: list[MovableBound] = field(default_factory=list)
     """How far bounds can move, where that was asked for."""
+    repair: BoundsRepair | None = None
+    """The least change of bounds, where that was asked for."""
     rules: GameRules = STRICT
 
 
@@ -336,108 +359,3 @@ def _span(search: _PartSearch) -> Fraction:
 def _is_met(limit: SpanLimit, searches: Sequence[_PartSearch]) -> bool:
     spans = [searches[at].holds for at in limit.parts]
     return None not in spans and sum((span for span in spans if span is not None), Fraction(0)) <= limit.most
-
-
-# -- limits ------------------------------------------------------------------------------------------------------------
-
-
-@dataclass
-class FindingLimits(Searching[TeamControllability]):
-    """Decides whether a plan is controllable, and how far bounds of it can move.
-
-    Args:
-        plan: the plan; each of its parameters is a bound that moves while all others stay as they are.
-        rules: who decides what.
-        assume: choices that are made already.
-        solver: `z3` or `cvc5`.
-
-    Raises:
-        InputError: if a parameter is no single bound, or of both sides' activities.
-    """
-
-    plan: ParametricPlan
-    rules: GameRules = STRICT
-    assume: Guard = ALWAYS
-    solver: str = "z3"
-    deadline: Deadline = NEVER
-    on_stage: Announce = unheard
-
-    def __post_init__(self) -> None:
-        super().__init__()
-        self._asked = [(each, self._is_least(each)) for each in self.plan.parameters]
-        self._nominal = self._deciding({})
-        self._limits: list[MovableBound] = []
-
-    def _result(self, status: Status, reason: str | None = None) -> TeamControllability:
-        known = self._nominal._result(status, reason)
-        known.limits, known.seconds = self._limits, self._seconds()
-        return known
-
-    def _search(self) -> None:
-        self._nominal._search()
-        for parameter, least in self._asked:
-            self._limits.append(self._limit(parameter, least))
-
-    def _deciding(self, values: Mapping[str, Fraction]) -> DecidingControllability:
-        plan = restrict(self.plan.at({**self.plan.nominal, **values}), self.assume)
-        return DecidingControllability(plan, self.rules, self.solver, self.deadline, self.on_stage)
-
-    def _is_least(self, parameter: TeamParameter) -> bool:
-        """Whether smaller values make it harder."""
-        network = self.plan.plan.network
-        if parameter.kind not in {TeamParameterKind.AT_LEAST, TeamParameterKind.AT_MOST}:
-            message = f"found {parameter.kind.value} as {parameter.name}, expected at-least or at-most"
-            raise InputError(message, Location("parameters"))
-        activities = [
-            network.activities[place - len(network.constraints)]
-            for place in parameter.places
-            if place >= len(network.constraints)
-        ]
-        nature = {each.lower != each.upper and each.agent not in self.rules.free for each in activities} or {False}
-        if len(nature) > 1:
-            message = f"{parameter.name} is of activities of both sides, expected either nature's or the executive's"
-            raise InputError(message, Location("parameters"))
-        return (parameter.kind is TeamParameterKind.AT_LEAST) == (nature == {True})
-
-    def _limit(self, parameter: TeamParameter, least: bool) -> MovableBound:
-        """Bisection on the grid of the plan's numbers, from the nominal value towards where the verdict is another."""
-        plan, name = self.plan.plan, parameter.name
-        grid = common_measure((plan.separation, *plan.network.bounds))
-        hardest, easiest = self._range(parameter)
-        if not least:
-            hardest, easiest = easiest, hardest
-        holds: Fraction | None = None
-        fails: Fraction | None = None
-
-        def is_enough(value: Fraction) -> bool:
-            nonlocal holds, fails
-            deciding = self._deciding({name: value})
-            self.on_stage(f"{name} = {value}")
-            deciding._search()
-            verdict = deciding._known.verdict
-            if verdict is ControllabilityVerdict.CONTROLLABLE:
-                holds = value
-            elif verdict is ControllabilityVerdict.UNCONTROLLABLE:
-                fails = value
-            return verdict is ControllabilityVerdict.CONTROLLABLE
-
-        try:
-            if is_enough(easiest) and not is_enough(hardest):
-                good, bad = easiest, hardest
-                while abs(good - bad) > grid:
-                    middle = bad + round((good - bad) / grid / 2) * grid
-                    good, bad = (middle, bad) if is_enough(middle) else (good, middle)
-        except OutOfTimeError:
-            self._limits.append(MovableBound(parameter, least, holds, fails))
-            raise
-        return MovableBound(parameter, least, holds, fails)
-
-    def _range(self, parameter: TeamParameter) -> tuple[Fraction, Fraction]:
-        """The least and the greatest value that are tried: the other bound, or so great that more is no help."""
-        most = sum(map(abs, self.plan.plan.network.bounds), Fraction(1))
-        [side] = parameter.kind.sides
-        others = [self.plan.bounds[place][1 - side] for place in parameter.places]
-        numbers = [each.constant_term for each in others if each is not None and each.is_constant]
-        if side:
-            return max(numbers, default=Fraction(0)), most
-        return Fraction(0), min(numbers, default=most)
