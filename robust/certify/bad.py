@@ -8,14 +8,14 @@ critical region of a parametric linear program [Gal and Nedoma 1972]).
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cache
+from functools import cache, cached_property
 from math import lcm
 from typing import Any
 
 from robust.certify import tape
 from robust.certify.checker.formulas import FALSE, Formulas, plus, replaced
 from robust.certify.checker.reader import Ground, Linear, constant
-from robust.certify.hints import Fact, KnownFacts, Line, LinearSide, Model, implied, model, refutation
+from robust.certify.hints import Fact, KnownFacts, Line, LinearSide, Model, SolverModels, implied, model, refutation
 from robust.encode.interface import Encoding, Range
 from robust.errors import UnsupportedError
 from robust.irr.templates import Shape
@@ -81,6 +81,8 @@ class Reasons:
         Those about the same as `like`, the name of one that may break as this package writes it, are tried first, and
         those about instants inside of actions not without `instants`.
         """
+        if not like and instants:
+            return self._broken_somewhere(assumed)
         about = _about(like)
         tried = list(dict.fromkeys([*reversed(self._first), *range(len(self._obligations))]))
         tried.sort(key=lambda number: _about(self._obligations[number][0]) != about)
@@ -95,6 +97,30 @@ class Reasons:
                 self._first[number] = None
                 return number, how
         return None
+
+    def _broken_somewhere(self, assumed: Sequence[LinearSide]) -> tuple[int, Model] | None:
+        """One of all obligations that breaks where the assumptions hold, and how; rather one that broke before."""
+        literals = self._all_literals
+        for some in ([literals[number] for number in reversed(self._first)], list(literals.values())):
+            found = self._models.model(some, self._deadline, assumed) if some else None
+            if found is not None:
+                number = next(number for number, literal in literals.items() if literal == found[0])
+                self._first.pop(number, None)
+                self._first[number] = None
+                return number, found[1]
+        return None
+
+    @cached_property
+    def _all_literals(self) -> dict[int, int]:
+        """What breaks each obligation, but for those that nothing breaks."""
+        for number, (_, broken) in enumerate(self._obligations):
+            if number not in self._literals:
+                self._literals[number] = broken()
+        return {number: literal for number, literal in sorted(self._literals.items()) if literal != FALSE}
+
+    @cached_property
+    def _models(self) -> SolverModels:
+        return SolverModels(self.formulas, self._network, list(self._all_literals.values()))
 
     def piece(self, point: tape.Point, bounds: Sequence[Fact]) -> tuple[Polyhedron, list[Line]]:
         """A polyhedron of bad values around a point that is bad, and why: a line, and a refutation if it has one.

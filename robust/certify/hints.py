@@ -18,9 +18,13 @@ from typing import Any
 
 from robust.certify.checker.formulas import Formulas
 from robust.certify.checker.reader import Linear
+from robust.encode.interface import constant, variable
 from robust.errors import RobustError
-from robust.qe import constraint, simplex
-from robust.smt.limits import Deadline
+from robust.plan.model import ParameterReference
+from robust.qe import constraint as constraints
+from robust.qe import simplex
+from robust.smt.limits import Deadline, OutOfTimeError
+from robust.smt.session import Formula, Satisfiability, Session, Terms
 
 Clause = tuple[int, ...]
 """Literals: a positive number is a variable, its negative the negation."""
@@ -290,6 +294,12 @@ class LinearSide:
         return level > 0 or (level == 0 and not self.strict)
 
 
+def compared(said: tuple[dict[str, int], bool]) -> LinearSide:
+    """What a literal of a comparison says."""
+    form, strict = said
+    return LinearSide(tuple((name, value) for name, value in form.items() if name), form.get("", 0), strict)
+
+
 @dataclass(frozen=True, slots=True)
 class Conflict:
     """Sides that contradict each other: positive multiples of these, by place, add up to less than nothing."""
@@ -306,7 +316,7 @@ def contradiction(sides: Sequence[LinearSide]) -> Conflict | dict[str, Fraction]
         form = [0] * len(names)
         for name, factor in side.factors:
             form[place[name]] = -factor
-        tableau.add(form, constraint.Sense.LESS if side.strict else constraint.Sense.AT_MOST, side.constant)
+        tableau.add(form, constraints.Sense.LESS if side.strict else constraints.Sense.AT_MOST, side.constant)
     if tableau.restore():
         return dict(zip(names, tableau.point(), strict=True))
     divisor = gcd(*tableau.weights.values())
@@ -383,6 +393,80 @@ class Model:
     point: Mapping[str, Fraction]
 
 
+class SolverModels:
+    """Models of literals that z3 finds, for which no proof is wanted: the circuit below them is written down once.
+
+    Args:
+        formulas: the checker's formulas.
+        facts: what holds.
+        literals: those that are asked about.
+    """
+
+    def __init__(self, formulas: Formulas, facts: KnownFacts, literals: Sequence[int]) -> None:
+        self._formulas = formulas
+        self._facts = facts
+        self._terms = Terms()
+        definitions = [each for defining in formulas.definitions.values() for each in defining]
+        self._nodes = sorted(_below(formulas, [*literals, *definitions]))
+        gates = formulas.circuit
+        self._sides = {number: compared(gates.said(number)) for number in self._nodes if not gates.is_gate(number)}
+        self._names = dict.fromkeys(name for side in (*self._sides.values(), *facts.sides) for name, _ in side.factors)
+        self._written: dict[int, Formula] = {}
+        for number in self._nodes:
+            side, inputs = self._sides.get(number), gates.nodes[number]
+            whole = self._terms.conjunction(map(self._formula, inputs)) if side is None else self._comparison(side)
+            self._written[number] = whole
+        self._session = Session(self._terms)
+        self._session.add(*map(self._comparison, facts.sides), *map(self._formula, definitions))
+
+    def model(
+        self, literals: Sequence[int], deadline: Deadline, assumed: Sequence[LinearSide] = ()
+    ) -> tuple[int, Model] | None:
+        """The first of the literals that are true in some model where facts and assumptions hold, and how.
+
+        Raises:
+            OutOfTimeError: if the deadline passes.
+        """
+        some = self._terms.disjunction(map(self._formula, literals))
+        with self._session.frame(some, *map(self._comparison, assumed)):
+            verdict = self._session.check("a model for a certificate", deadline)
+            if verdict is Satisfiability.UNKNOWN:
+                raise OutOfTimeError(self._session.failure)
+            if verdict is Satisfiability.UNSATISFIABLE:
+                return None
+            values = self._session.values(self._terms.real(ParameterReference(name)) for name in self._names)
+        point = {name: Fraction(values.get(name, 0)) for name in self._names}
+        truths: dict[int, bool] = {}
+        for number in self._nodes:
+            side, inputs = self._sides.get(number), self._formulas.circuit.nodes[number]
+            all_hold = all(truths[abs(each)] == (each > 0) for each in inputs) if side is None else side.holds(point)
+            truths[number] = all_hold
+        found = next(each for each in literals if truths[abs(each)] == (each > 0))
+        search = _Search(self._formulas, self._facts, self._formulas.roots(found), deadline, assumed)
+        return found, Model(tuple(search.sides_of(truths)), point)
+
+    def _formula(self, literal: int) -> Formula:
+        return self._written[literal] if literal > 0 else self._terms.negation(self._written[-literal])
+
+    def _comparison(self, side: LinearSide) -> Formula:
+        form = constant(side.constant)
+        for name, factor in side.factors:
+            form += variable(ParameterReference(name)).scaled(Fraction(factor))
+        return self._terms.greater(form) if side.strict else self._terms.at_least(form)
+
+
+def _below(formulas: Formulas, roots: Iterable[int]) -> Iterable[int]:
+    """Every node below the roots."""
+    seen = dict.fromkeys(abs(root) for root in roots)
+    queue = list(seen)
+    for number in queue:
+        if formulas.circuit.is_gate(number):
+            new = dict.fromkeys(abs(literal) for literal in formulas.circuit.nodes[number] if abs(literal) not in seen)
+            seen.update(new)
+            queue += new
+    return seen
+
+
 def model(
     formulas: Formulas, facts: KnownFacts, literal: int, deadline: Deadline, assumed: Sequence[LinearSide] = ()
 ) -> Model | None:
@@ -391,7 +475,20 @@ def model(
     Raises:
         OutOfTimeError: if the deadline passes.
     """
-    return _Search(formulas, facts, formulas.roots(literal), deadline, assumed).search()
+    search = _Search(formulas, facts, formulas.roots(literal), deadline, assumed)
+    try:
+        return search.search(ROUNDS)
+    except _TooLongError:
+        found = SolverModels(formulas, facts, [literal]).model([literal], deadline, assumed)
+        return None if found is None else found[1]
+
+
+ROUNDS = 20
+"""Contradictions that a search for a model finds by itself; z3 is asked after that, because no proof is wanted."""
+
+
+class _TooLongError(Exception):
+    """A search has found as many contradictions as it may."""
 
 
 class _Search:
@@ -411,7 +508,7 @@ class _Search:
         self._solver = PropositionalSolver()
         self._origins: dict[int, _Origin] = {}
         self._sides: dict[int, LinearSide] = {}
-        nodes = list(self._cone())
+        nodes = list(_below(formulas, roots))
         for number in nodes:
             if self._circuit.is_gate(number):
                 inputs = self._circuit.nodes[number]
@@ -423,10 +520,18 @@ class _Search:
         for index, root in enumerate(roots):
             self._add((root,), index)
 
-    def search(self) -> Model | None:
-        """A model; None if the clauses that have been added refute the roots."""
+    def search(self, rounds: int | None = None) -> Model | None:
+        """A model; None if the clauses that have been added refute the roots.
+
+        Raises:
+            _TooLongError: if that takes more than some rounds.
+        """
         while (truths := self._solver.solve(self._deadline)) is not None:
             self._deadline.enforce()
+            if rounds is not None:
+                rounds -= 1
+                if rounds < 0:
+                    raise _TooLongError
             literals = self._justification(truths)
             sides = [self._side(literal) for literal in literals]
             answer = self._facts.contradiction([*sides, *self._assumed])
@@ -442,21 +547,12 @@ class _Search:
 
     def _side(self, literal: int) -> LinearSide:
         if literal not in self._sides:
-            form, strict = self._circuit.said(literal)
-            factors = tuple((name, value) for name, value in form.items() if name)
-            self._sides[literal] = LinearSide(factors, form.get("", 0), strict)
+            self._sides[literal] = compared(self._circuit.said(literal))
         return self._sides[literal]
 
-    def _cone(self) -> Iterable[int]:
-        """Every node below the roots."""
-        seen = dict.fromkeys(abs(root) for root in self._roots)
-        queue = list(seen)
-        for number in queue:
-            if self._circuit.is_gate(number):
-                new = dict.fromkeys(abs(literal) for literal in self._circuit.nodes[number] if abs(literal) not in seen)
-                seen.update(new)
-                queue += new
-        return seen
+    def sides_of(self, truths: dict[int, bool]) -> Iterator[LinearSide]:
+        """Comparisons that are enough to make all roots true."""
+        return map(self._side, self._justification(truths))
 
     def _orders(self, nodes: Iterable[int]) -> Iterator[_Lemma]:
         """Tighter comparisons of one linear form imply looser ones; stated before the search needs it."""
