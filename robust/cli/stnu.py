@@ -65,14 +65,18 @@ def _conditional(network: ConditionalNetwork, run: Run) -> NetworkCheck:
 def risk(options: batch.StnuRiskCommand, run: Run) -> int:
     """How likely can all requirements be met if the lengths of contingent links are random?"""
     from robust.show.documents import bounds_text
-    from robust.stnu.chances import searching_risk
+    from robust.stnu.chances import open_links, searching_risk
+    from robust.stnu.files import load
+
+    network = run.only(lambda: load(options.file))
+    if unknown := open_links(network):
+        links = ", ".join(map(str, unknown))
+        run.note(f"found no distribution of {links}: success is that a schedule exists whatever these lengths are")
 
     def follow(bounds: Bounds) -> None:
         run.display.say(f"probability of success: {bounds_text(bounds, 4)}")
 
-    result = run.reply(
-        lambda: searching_risk(options.file, within=options.within, timeout=run.remaining, on_bounds=follow)
-    )
+    result = run.reply(lambda: searching_risk(network, within=options.within, timeout=run.remaining, on_bounds=follow))
     return UNDECIDED if result.cut_short else 0
 
 

@@ -52,7 +52,7 @@ def load(path: str | os.PathLike[str]) -> Network:
     if isinstance(network, ConditionalNetwork):
         names = ", ".join(choice.name for choice in network.choices)
         found = f"found a network with choices or observations ({names}), expected an STNU"
-        remedy = "robust pike check FILE --controllable answers for this one"
+        remedy = "robust stnu check decides whether this one is controllable, and robust pike run executes it"
         raise UnsupportedError(f"{found}; {remedy}", Location(network.name))
     return network
 
@@ -109,7 +109,7 @@ def parse_text(text: str, file: str) -> Network:
     """
     lines = list(_lines(text, file))
     if not lines or len(lines[0][0]) != 1 or lines[0][0][0].lower() not in _KINDS:
-        start = shorten(" ".join(lines[0][0])) if lines else "an empty file"
+        start = shorten(" ".join(lines[0][0])) if lines else _nothing(text)
         expected = "a network as GraphML, CCTP, JSON, or text that begins with STN or STNU"
         raise InputError(f"found {start}, expected {expected}", lines[0][1] if lines else Location(file, 1))
     rest = lines[1:]
@@ -129,6 +129,11 @@ def parse_text(text: str, file: str) -> Network:
         if number != said:
             raise InputError(f"found {plural(number, what)}, expected {said} as the file says", Location(file))
     return Network(file, tuple(nodes), tuple(links), "Z" if "Z" in nodes else None)
+
+
+def _nothing(text: str) -> str:
+    """What there is in a text without a word."""
+    return "only comments" if text.strip() else "only blank lines" if text else "an empty file"
 
 
 def _lines(text: str, file: str) -> Iterator[tuple[list[str], Location]]:

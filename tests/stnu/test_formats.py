@@ -163,13 +163,13 @@ def test_observations_in_either_command(tmp_path):
         assert (done.code, done.out.startswith("controllable")) == (int(not controllable), controllable)
     both = "uncontrollable: no strategy serves all of these, whose differences are not seen in time: with p = "
     assert done.out.startswith(both)
-    with pytest.raises(UnsupportedError, match=r"choices or observations \(p\), expected an STNU; robust pike check"):
+    with pytest.raises(UnsupportedError, match=r"choices or observations \(p\), expected an STNU; robust stnu check"):
         stnu.load(path)
 
 
 WRONG = {
     "kind": ("STPU\n3\n", "^n:1: found 'STPU', expected a network as GraphML, CCTP, JSON, or text that begins with"),
-    "nothing": ("# nothing\n", "^n:1: found an empty file, expected a network"),
+    "nothing": ("# nothing\n", "^n:1: found only comments, expected a network"),
     "fewer edges": ("STN\n2\n2\nA B\nA 5 B\n", "^n: found 1 edge, expected 2 as the file says$"),
     "no edge": ("STN\nA B\nA five B\n", "^n:3: found 'A five B', expected A NUMBER B for an edge, or"),
     "unknown name": ("STN\nA B\nA 5 C\n", "^n:3: found unknown time point 'C', expected one of the names$"),
