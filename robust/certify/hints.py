@@ -329,6 +329,8 @@ class KnownFacts:
     def __init__(self, facts: Sequence[Fact]) -> None:
         self.sides = [LinearSide.of(form, strict) for form, strict in facts]
         self._active: dict[int, None] = {}
+        self.lemmas: dict[Clause, _Lemma] = {}
+        """Of one circuit, by its literals: what searches have found, for those that come after them."""
 
     def imply(self, form: Mapping[str, Fraction]) -> bool:
         """Whether a form is negative nowhere where the facts hold."""
@@ -379,7 +381,10 @@ def refutation(
         NotRefutedError: if it can be true.
         OutOfTimeError: if the deadline passes.
     """
+    also = list(also)
     search = _Search(formulas, facts, [*formulas.roots(literal), *also], deadline)
+    if also:
+        search.learn_from_others()
     if search.search() is not None:
         raise NotRefutedError("found a formula that can be satisfied, expected one that cannot")
     return search.line()
@@ -509,6 +514,8 @@ class _Search:
         self._origins: dict[int, _Origin] = {}
         self._sides: dict[int, LinearSide] = {}
         nodes = list(_below(formulas, roots))
+        self._cone = set(nodes)
+        self._shares = False
         for number in nodes:
             if self._circuit.is_gate(number):
                 inputs = self._circuit.nodes[number]
@@ -539,8 +546,21 @@ class _Search:
                 return Model(tuple(sides), answer)
             multiples = {place: factor for place, factor in answer[0].items() if place < len(sides)}
             clause = tuple(-literals[place] for place in multiples)
-            self._add(clause, _Lemma(clause, tuple(multiples.values()), tuple(answer[1])))
+            lemma = _Lemma(clause, tuple(multiples.values()), tuple(answer[1]))
+            self._add(clause, lemma)
+            if self._shares:
+                self._facts.lemmas.setdefault(clause, lemma)
         return None
+
+    def learn_from_others(self) -> None:
+        """Take in what earlier searches with these facts have found, and share what this one finds.
+
+        All other literals of a region are the same from obligation to obligation, and so are most contradictions.
+        """
+        self._shares = True
+        for clause, lemma in self._facts.lemmas.items():
+            if all(abs(literal) in self._cone for literal in clause):
+                self._add(clause, lemma)
 
     def _add(self, clause: Clause, origin: _Origin) -> None:
         self._origins[self._solver.add(clause)] = origin
