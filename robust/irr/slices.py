@@ -40,7 +40,7 @@ class RateSlice:
     """A box of rates, with bounds of the other values that are good for all of it, and for some of it.
 
     `cuts` is how often the rates were cut for it; `open` is the volume between the bounds, None if that is not finite
-    or not known.
+    or not known, and `share` its share of that of the outer bound.
     """
 
     rates: Box
@@ -48,18 +48,21 @@ class RateSlice:
     outer: Region
     cuts: int = 0
     open: Fraction | None = None
+    share: Fraction = Fraction(1)
 
     @staticmethod
     def between(rates: Box, inner: Region, outer: Region, cuts: int) -> RateSlice:
         """A slice with these bounds, measured."""
         if outer.is_subset_of(inner):
-            return RateSlice(rates, inner, outer, cuts, Fraction(0))
+            return RateSlice(rates, inner, outer, cuts, Fraction(0), Fraction(0))
         size = rates.volume
         few = size is not None and len(inner.parameters) <= estimate.EXACT_DIMENSION
         volumes = (outer.volume(), inner.volume()) if few else (None, None)
         if size is None or volumes[0] is None or volumes[1] is None:
             return RateSlice(rates, inner, outer, cuts)
-        return RateSlice(rates, inner, outer, cuts, size * (volumes[0] - volumes[1]))
+        between = volumes[0] - volumes[1]
+        share = between / volumes[0] if volumes[0] else Fraction(1)
+        return RateSlice(rates, inner, outer, cuts, size * between, share)
 
 
 class EnvelopeRegion:
@@ -72,7 +75,7 @@ class EnvelopeRegion:
     """
 
     def __init__(
-        self, asked: RegionSearch, *, importance: Callable[[Box], Fraction] | None = None, most: int = SLICES
+        self, asked: RegionSearch, *, importance: Callable[[RateSlice], Fraction] | None = None, most: int = SLICES
     ) -> None:
         self._asked = asked
         self._importance = importance
@@ -108,7 +111,7 @@ class SlicedRegion(Searching[RegionResult]):
     Args:
         asked: the search that found that the plan is not linear.
         products: where.
-        importance: how important it is to cut a slice, by its box of rates; without, the less it was cut the more.
+        importance: how important it is to cut a slice; without, by the volume that it leaves open.
         most: how many slices there are at most.
 
     Raises:
@@ -120,7 +123,7 @@ class SlicedRegion(Searching[RegionResult]):
         asked: RegionSearch,
         products: UnsupportedError,
         *,
-        importance: Callable[[Box], Fraction] | None = None,
+        importance: Callable[[RateSlice], Fraction] | None = None,
         most: int = SLICES,
     ) -> None:
         super().__init__()
@@ -172,7 +175,7 @@ class SlicedRegion(Searching[RegionResult]):
     def _order(self, known: RateSlice, total: Fraction) -> Fraction:
         """How important it is to cut a slice: how much of the total it leaves open, or the less it was cut."""
         if self._importance is not None:
-            return self._importance(known.rates)
+            return self._importance(known)
         return Fraction(1, 2**known.cuts) if known.open is None else known.open / total
 
     def _widest(self) -> Box | None:

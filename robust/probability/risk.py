@@ -250,7 +250,7 @@ class Risk(Searching[RiskResult]):
             solver=self.solver,
             timeout=self._share(Fraction(1, 3)),
         )
-        self._region = region = slices.EnvelopeRegion(search, importance=self._probable, most=FINE_SLICES).run()
+        self._region = region = slices.EnvelopeRegion(search, importance=self._important, most=FINE_SLICES).run()
         if region.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
         self._on_stage("probability")
@@ -268,9 +268,10 @@ class Risk(Searching[RiskResult]):
             self._go_without_region(region)
         self._deadline.enforce()
 
-    def _probable(self, rates: Box) -> Fraction:
-        """How probable values of some parameters are at most."""
-        return box_probability(rates, {name: self._distributions[name] for name in rates}).upper
+    def _important(self, known: slices.RateSlice) -> Fraction:
+        """About how probable it is that values are between the bounds of a slice."""
+        rates = {name: self._distributions[name] for name in known.rates}
+        return box_probability(known.rates, rates).upper * known.share
 
     def _supports(self) -> Box:
         """All values that can be drawn."""
@@ -358,6 +359,8 @@ class Risk(Searching[RiskResult]):
         width = Fraction(1)
         try:
             while width > within and self._bounds.width > self.within:
+                if region.sliced and width < self._bounds.width / FINER:
+                    break  # what is left lies between the bounds of slices
                 width = max(width / 2, within)
                 for measure in measures:
                     _run_telling(measure, width, deadline, tell)
