@@ -35,6 +35,14 @@ REFUSED = (Rejected, Unsupported, NotRefutedError, UnsupportedError, *tools.MALF
 
 def said(ground, lines, path, epsilon=tools.EPSILON):
     """What the kernel says of a certificate; None if nothing can be made of it."""
+    try:
+        return asked(ground, lines, path, epsilon)
+    except REFUSED:
+        return None
+
+
+def asked(ground, lines, path, epsilon=tools.EPSILON):
+    """What the kernel says of a certificate, with errors; None if it rejects it."""
 
     def kernel(*words):
         return subprocess.run([KERNEL, *words, path], capture_output=True, text=True, check=False)
@@ -47,12 +55,8 @@ def said(ground, lines, path, epsilon=tools.EPSILON):
         return answer.stdout
 
     tape = Tape(line if isinstance(line, str) else json.dumps(line) for line in lines[1:])
-    try:
-        _, kind, stated = lines[0]
-        whole = Translation(ground, epsilon, Deadline.after(60)).file(tape, kind, stated, ["a plan"], ask)
-    except REFUSED:
-        return None
-    path.write_text(whole)
+    _, kind, stated = lines[0]
+    path.write_text(Translation(ground, epsilon, Deadline.after(60)).file(tape, kind, stated, ["a plan"], ask))
     answer = kernel()
     assert (answer.returncode, answer.stderr) in ((0, ""), (1, "")), answer
     return answer.stdout if answer.returncode == 0 else None
@@ -148,6 +152,9 @@ def test_expressions_are_read_as_they_are_written(tmp_path):
     ):
         files = steady_plan(divisor, other, tmp_path / "wrong")
         assert said(tools.grounded(files), lines, tmp_path / "wrong.kernel") is None
+    ground = tools.grounded(steady_plan("speed", "(at end (increase (f) (* (f) ?duration)))", tmp_path / "wrong"))
+    with pytest.raises(UnsupportedError, match="not linear"):
+        asked(ground, lines, tmp_path / "wrong.kernel")
 
 
 @built

@@ -12,7 +12,7 @@ from typing import Any
 from robust.certify.checker.formulas import TRUE, Circuit, add, plus
 from robust.certify.checker.reader import Linear
 from robust.certify.hints import Fact, KnownFacts, Line, refutation
-from robust.certify.kernel.terms import listed, truth
+from robust.certify.kernel.terms import listed, truth, unsupported
 from robust.smt.limits import Deadline
 
 Multiples = Iterable[tuple[int, Fraction | int]]
@@ -46,7 +46,13 @@ class OpenFormulas:
 
     @staticmethod
     def of(words: Sequence[str]) -> "OpenFormulas":
-        """The formulas of a line, its number left out."""
+        """The formulas of a line, its number left out.
+
+        Raises:
+            UnsupportedError: if something in them is not linear.
+        """
+        if "?" in words:
+            raise unsupported("a product, or a quotient, that is not linear")
         circuit, literals, rest = Circuit(), list[int](), iter(words)
         for word in rest:
             literals.append(_literal(circuit, word, rest))
