@@ -53,7 +53,6 @@ FILES = {
     **dict.fromkeys(("table1", "table2", "conversions", "figure4"), "5-execution.md"),
     "certificates": "6-certificates.md",
     "logs": "7-logs.md",
-    "widening": "7-widening.md",
     "stnu": "8-stnu.md",
     "envelopes": "9-envelopes.md",
     "risk": "9-risk.md",
