@@ -164,7 +164,7 @@ class _PartSearch:
 
     def tighten(self, policy: Policy) -> None:
         """Know what a policy needs."""
-        span = least_span(policy, self.part.last, self._whole.deadline)
+        span = least_span(policy, self.part, self._whole.deadline)
         if span is not None:
             self.holds, self.outcome.policy = span, policy
 
@@ -174,7 +174,8 @@ class _PartSearch:
         progress = Progress(self._game.fixed(lengths), times={INITIAL: Fraction(0)})
         reasoner = SemanticReasoner(progress, solver=self._whole.solver)
         found = (reasoner.soonest(self.part.last, case.values, self._whole.deadline, late=False) for case in self.cases)
-        self.fails = max((each for each in found if each is not None), default=Fraction(0)) - self._grain
+        longest = max((each for each in found if each is not None), default=self.part.begins)
+        self.fails = longest - self.part.begins - self._grain
 
     def refute(self, span: Fraction) -> None:
         """Show by situations that a span is not enough, which is known to be so."""

@@ -36,11 +36,13 @@ class GamePart:
     plan: TeamPlan
     rules: GameRules
     events: frozenset[str]
+    begins: Fraction = Fraction(0)
+    """How much later than its initial event, at which what is true before it becomes so, it begins."""
 
     def game(self, span: Fraction | None = None) -> Game:
         """The part's game; if a span is given, it has to be done within that."""
         network = self.plan.network
-        bounds = () if span is None else (Constraint(INITIAL, self.last, None, span),)
+        bounds = () if span is None else (Constraint(INITIAL, self.last, None, self.begins + span),)
         whole = replace(network, constraints=(*network.constraints, *bounds))
         return Game(replace(self.plan, network=whole), self.rules)
 
@@ -104,11 +106,12 @@ class GameParts:
             cuts -= between
 
     def _is_blind(self, rank: int) -> bool:
-        """Whether all that can be seen after a node is seen later than it."""
+        """Whether what is true from the start comes before a node, and all that can be seen after it is seen later."""
         game, division = self._game, self._division
         shown = {str(choice.event) for choice in game.people} | game.ends
         coming = [event for event in shown if division.part_of[event] >= rank]
-        return all(division.is_apart(division.nodes[rank], event) for event in coming)
+        node = division.nodes[rank]
+        return division.is_apart(INITIAL, node) and all(division.is_apart(node, event) for event in coming)
 
     def _part(self, bounds: Sequence["_NodeBound"], first: int, last: int) -> GamePart:
         division, nodes, rules = self._division, self._division.nodes, self._game.rules
@@ -117,12 +120,13 @@ class GameParts:
             for each in bounds
             if first <= each.first and each.last <= last
         ]
-        more += [Constraint(INITIAL, nodes[first], Fraction(0), Fraction(0))] if first else []
+        begins = self._game.plan.separation if first else Fraction(0)
+        more += [Constraint(INITIAL, nodes[first], begins, begins)] if first else []
         plan, _, _ = division.window(first, last, more, gridded=False)
         agents = {each.agent for each in plan.network.activities}
         own = replace(rules, free=tuple(each for each in rules.free if each in agents), hesitate=None)
         events = frozenset(event for event, part in division.part_of.items() if first <= part < last)
-        return GamePart(nodes[first], nodes[last], plan, own, events - {INITIAL})
+        return GamePart(nodes[first], nodes[last], plan, own, events - {INITIAL}, begins)
 
 
 class _NodeBound(NamedTuple):
@@ -139,15 +143,15 @@ def _whole(game: Game) -> GamePart:
     return GamePart(INITIAL, GOAL, game.plan, replace(game.rules, hesitate=None), events)
 
 
-def least_span(policy: Policy, event: str, deadline: Deadline) -> Fraction | None:
-    """The least time in which a policy certainly gets to an event; None if that may take for ever.
+def least_span(policy: Policy, part: GamePart, deadline: Deadline) -> Fraction | None:
+    """The least time in which a policy certainly ends a part; None if that may take for ever.
 
     Raises:
         OutOfTimeError: if the deadline passes.
     """
     span = Fraction(0)
     while True:
-        answer = within(policy, event, span, deadline)
+        answer = within(policy, part, span, deadline)
         if answer.cycle is None:
             return span
         stnu, needed = answer.form.stnu, list[Fraction]()
@@ -161,9 +165,9 @@ def least_span(policy: Policy, event: str, deadline: Deadline) -> Fraction | Non
         span = min(needed)
 
 
-def within(policy: Policy, event: str, span: Fraction, deadline: Deadline = NEVER) -> DynamicAnswer:
-    """Whether a policy gets to an event in some time, as controllability of its network with this limit."""
+def within(policy: Policy, part: GamePart, span: Fraction, deadline: Deadline = NEVER) -> DynamicAnswer:
+    """Whether a policy ends a part in some time, as controllability of its network with this limit."""
     stnu = policy.answer.form.stnu
-    ends = sorted({branch.points[event] for branch in policy.branches})
-    limits = (UncertainLink(ZERO, end, None, span) for end in ends)
+    ends = sorted({branch.points[part.last] for branch in policy.branches})
+    limits = (UncertainLink(ZERO, end, None, part.begins + span) for end in ends)
     return dynamic(Stnu(stnu.points, (*stnu.links, *limits)), deadline)

@@ -74,7 +74,7 @@ class StrategyReasoner(Reasoner):
                 later = (strategy.parts[at].span or Fraction(0) for at in limit.parts if at > self._at)
                 left.append(limit.most - (times[coming.part.first] - times[first]) - sum(later, Fraction(0)))
         policy = coming.policy
-        answer = within(policy, coming.part.last, min(left)) if left else policy.answer
+        answer = within(policy, coming.part, min(left)) if left else policy.answer
         return None if answer.cycle is not None else _PolicyFollower(self.progress, coming, answer)
 
     # -- questions ---------------------------------------------------------------------------------------------------
@@ -132,7 +132,7 @@ class _PolicyFollower:
     def __init__(self, progress: Progress, own: PartPolicy, answer: DynamicAnswer) -> None:
         part, policy, links = own.part, own.policy, answer.form.stnu.contingents
         self._progress, self._people = progress, policy.game.people
-        self._first, self.last = part.first, part.last
+        self._part, self.last = part, part.last
         self._network = dispatch_network(answer, links)
         self._windows = Windows(self._network)
         self._begins = {self._network.index[link.target]: self._network.index[link.source] for link in links}
@@ -178,8 +178,8 @@ class _PolicyFollower:
     def happened(self, event: str, time: Fraction) -> None:
         """Take account of an event of the plan, and of the choices and lengths that show with it."""
         self.advance(time)
-        if event == self._first and 0 not in self._windows.times:
-            self._windows.happened(0, time)
+        if event == self._part.first and 0 not in self._windows.times:
+            self._windows.happened(0, time - self._part.begins)
         made = {choice.name for choice in self._people if choice.event == event}
         seen = {name: value for name, value in self._progress.chosen.items() if name in made}
         self.branches = [

@@ -14,8 +14,19 @@ from robust.pike_bridge.game.controllability import DecidingControllability
 from robust.pike_bridge.game.deciding import ControllabilityVerdict
 from robust.pike_bridge.game.dividing import GameParts
 from robust.pike_bridge.game.rules import Game, GameRules
-from robust.pike_bridge.model import Constraint, TeamPlan, contradicts, guard
+from robust.pike_bridge.model import (
+    ALWAYS,
+    INITIAL,
+    Condition,
+    Constraint,
+    Effect,
+    Literal,
+    TeamPlan,
+    contradicts,
+    guard,
+)
 from robust.pike_bridge.semantics import ExecutionExistence, Oracle
+from robust.plan.model import Atom
 from robust.smt.limits import Deadline
 from tests.pike_bridge.game.minimax import PLACEHOLDER, Minimax, TooLargeError, limited, longest
 from tests.pike_bridge.game.test_controllability import NO, YES, decided
@@ -158,6 +169,18 @@ def test_no_part_ends_within_a_lower_bound():
         longer = replace(plan, network=replace(network, constraints=(*network.constraints, bound)))
         game = Game(longer, GameRules(rational=True))
         assert len(GameParts(game).parts) == parts
+
+
+def test_what_is_true_from_the_start_is_not_made_so_by_a_part():
+    """The second part begins with a condition, ε after the first one's beginning and not after its own."""
+    steps = [builder.act("(one)", 1, 2, agent="ann"), builder.act("(two)", 1, 2, agent="ann")]
+    network = builder.build("conditions", builder.within(builder.sequence(*steps), upper=4), epsilon=0)
+    begins = network.activities[1].source
+    literal = Literal(Atom("p"))
+    conditions = Condition(literal, begins, begins, ALWAYS, 1)
+    effects = Effect(literal, INITIAL, ALWAYS, None)
+    found = decided(TeamPlan(with_ends(network, Fraction(0)), (conditions,), (effects,), Fraction(1)))
+    assert (found.verdict, found.parts > 1) == (YES, True)
 
 
 def test_bounds_that_contradict_each_other_are_no_error():
