@@ -23,7 +23,6 @@ from robust.encode.interface import Linear, constant, is_over_parameters, over_p
 from robust.encode.network import TemporalNetwork, mutex_pairs
 from robust.encode.settled import FINALLY, Settled, Write
 from robust.irr.containment import Containment
-from robust.irr.corners import corner_containment
 from robust.irr.stops import NO_SCHEDULE, Stop, Tolerance
 from robust.network import slack as slacks
 from robust.network.differences import DifferenceNetwork
@@ -473,6 +472,8 @@ def is_inside(
     declared = ((known.name, Interval(known.lower, known.upper)) for known in plan.parameters)
     if not all(box[name].is_within(bounds) for name, bounds in declared):
         return False
+    from robust.irr.corners import corner_containment  # noqa: PLC0415 - where a box is to be proved only
+
     encoding = create_encoding("relational", model.within(plan, box.ranges), epsilon, deadline)
     known = corner_containment(encoding, solver=solver, statistics=statistics)
     return (known or Containment(encoding, solver=solver, statistics=statistics)).contains(box, deadline)
