@@ -40,9 +40,7 @@ Fixpoint each {A} (f : positive -> A -> bool) (k : positive) (l : list A) : bool
   match l with [] => true | x :: l => f k x && each f (Pos.succ k) l end.
 
 Lemma each_in {A} (f : positive -> A -> bool) l x : forall k, each f k l = true -> In x l -> exists n, f n x = true.
-Proof.
-  induction l as [|a l IH]; simpl; [easy|]. intros k. rewrite andb_true_iff. intros [A1 A2] [->|I]; eauto.
-Qed.
+Proof. induction l as [|a l IH]; simpl; [easy|]. intros k. rewrite andb_true_iff. intros [A1 A2] [->|I]; eauto. Qed.
 
 (** ** Regions of parameter values, and multiples of what is known *)
 
@@ -215,7 +213,7 @@ Qed.
 Definition place_of (happening : M.t unit) (b : obligation) : place :=
   match b with
   | Keep (OverAll s e _) => Inside s e
-  | Keep (Goal _) => AtEnd happening
+  | Keep (Goal _) => AfterAll happening
   | _ => Anywhere
   end.
 

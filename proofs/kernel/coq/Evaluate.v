@@ -243,9 +243,7 @@ Lemma q_sum_R {A} (f : A -> Q) (h : A -> R) l : (forall x, Q2R (f x) = h x) -> Q
 Proof. intros E. induction l as [|x l IH]; simpl; [apply zero_R|]. now rewrite Q2R_red, Q2R_plus, E, IH. Qed.
 
 Lemma q_ev_R e : Q2R (q_ev e) = ev g t e.
-Proof.
-  induction e; simpl; auto; rewrite ?Q2R_red, ?Q2R_plus, ?Q2R_minus, ?Q2R_mult; congruence.
-Qed.
+Proof. induction e; simpl; auto; rewrite ?Q2R_red, ?Q2R_plus, ?Q2R_minus, ?Q2R_mult; congruence. Qed.
 
 (** A table and a state that are the same. *)
 Definition alike (q : q_state) (s : state) : Prop :=
@@ -437,9 +435,7 @@ Lemma before_alike time : alike (q_before trace time) (before (Q2R time)).
 Proof. apply last_before_alike; simpl; auto. split; [apply moments_ascend | apply happens_at]. Qed.
 
 Lemma after_alike time : alike (q_after trace time) (after (Q2R time)).
-Proof.
-  eapply alike_same; [apply alike_updated, before_alike|]. apply same_sym, (at_times _ _ _ _ _ C).
-Qed.
+Proof. eapply alike_same; [apply alike_updated, before_alike|]. apply same_sym, (at_times _ _ _ _ _ C). Qed.
 
 Lemma sat_before time c : q_sat (q_before trace time) c = sat g t (before (Q2R time)) c.
 Proof. apply q_sat_R, before_alike. Qed.
@@ -451,9 +447,7 @@ Proof. apply q_sat_R, after_alike. Qed.
 
 Lemma after_idle time c : (forall p, In p (happenings P) -> t p <> time) ->
   sat g t (after time) c = sat g t (before time) c.
-Proof.
-  intros N. apply sat_same. eapply same_trans; [apply (at_times _ _ _ _ _ C)|]. now apply updated_idle.
-Qed.
+Proof. intros N. apply sat_same. eapply same_trans; [apply (at_times _ _ _ _ _ C)|]. now apply updated_idle. Qed.
 
 (** A linear function without a zero in an open interval is on one side of zero there. *)
 Lemma one_side strict a m x r1 r2 u w : (m <> 0 -> ~ r1 < x - a / m < r2) -> r1 < u < r2 -> r1 < w < r2 ->

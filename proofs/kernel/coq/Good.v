@@ -58,6 +58,3 @@ Proof.
     + eexists. eapply scheduled_kept; eauto.
     + intros t K. now apply (none_breaks_safe P epsilon region [] (checked c)).
 Qed.
-
-Lemma robust_valid P epsilon region : robust P epsilon region <-> forall g, inside g region -> in_envelope P epsilon g.
-Proof. reflexivity. Qed.

@@ -28,7 +28,7 @@ Definition sure (s : bool) (q : Q) : bool := if s then positive_q q else Qle_boo
 Definition at_least_zero (k : option Q) : bool := match k with Some k => Qle_bool 0 k | None => false end.
 
 (** Where the free instant [VNow] is: inside of an action, after everything that happens, or anywhere. *)
-Inductive place := Anywhere | Inside (s e : nat) | AtEnd (happening : M.t unit).
+Inductive place := Anywhere | Inside (s e : nat) | AfterAll (happening : M.t unit).
 
 Definition decide (o : orders) (i : place) (s : bool) (e : lin) : option bool :=
   match snd e with
@@ -39,7 +39,7 @@ Definition decide (o : orders) (i : place) (s : bool) (e : lin) : option bool :=
         | Inside from until =>
             if at_least_zero (bound o p from) then Some true
             else if at_least_zero (bound o until p) then Some false else None
-        | AtEnd happening => match M.find (key p) happening with Some _ => if s then None else Some true | None => None end
+        | AfterAll happening => match M.find (key p) happening with Some _ => if s then None else Some true | None => None end
         | Anywhere => None
         end
       else None
@@ -79,7 +79,7 @@ Definition in_it (i : place) : Prop :=
   match i with
   | Anywhere => True
   | Inside s e => t s < time < t e
-  | AtEnd happening => forall p x, M.find (key p) happening = Some x -> t p <= time
+  | AfterAll happening => forall p x, M.find (key p) happening = Some x -> t p <= time
   end.
 
 Lemma learnt_ordered a b k o' : ordered o' -> Q2R k <= t b - t a -> ordered (learnt o' a b k).

@@ -298,9 +298,7 @@ Qed.
 
 Theorem choices_are e' x l rest : In e' (choices e ((x, l) :: rest)) <->
   exists o, In o (map fst (objects D)) /\ has_type o l = true /\ In e' (choices ((x, o) :: e) rest).
-Proof.
-  cbn [choices]. rewrite in_flat_map. split; intros [o H]; exists o; rewrite filter_In in *; tauto.
-Qed.
+Proof. cbn [choices]. rewrite in_flat_map. split; intros [o H]; exists o; rewrite filter_In in *; tauto. Qed.
 
 End Quantifiers.
 

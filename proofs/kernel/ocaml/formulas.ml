@@ -4,7 +4,7 @@ open Kernel
 
 let out = Buffer.create 65536
 let add = Buffer.add_string out
-let moment = function Now -> "" | Before p -> Printf.sprintf "@%d" p
+let moment = function Now -> "" | Before p -> Printf.sprintf "@%d" p | Halfway (p, q) -> Printf.sprintf "@%d/%d" p q
 let variable = function
   | VPar i -> Printf.sprintf "#%d" i
   | VTime p -> Printf.sprintf "@%d" p
@@ -36,8 +36,8 @@ let forms number i o first others =
       List.iter (fun f -> form (simp o i f)) (others ());
       add "\n"
 
-let orders plan region lemmas =
-  match start plan region lemmas with Some (_, o) -> o | None -> Text.fail "an order lemma does not follow"
+(* As if all lemmas followed: the checker finds out. *)
+let orders lemmas = List.fold_left (fun o (((a, b), k), _) -> learnt o a b k) M.empty lemmas
 
 let happening plan = marked (happenings plan)
 
@@ -55,7 +55,7 @@ let number plan tree =
 let asked (file : Pddl.file) = function
   | Text.List [ Text.Word "obligations"; region; lemmas; removed ] ->
       let plan = file.plan in
-      let o = orders plan (Text.list Text.side region) (Text.list Text.lemma lemmas) in
+      let o = orders (Text.list Text.lemma lemmas) in
       let also = outside (Text.list (Text.list Text.side) removed) in
       let at_end = happening plan in
       List.iteri (fun n b ->
@@ -66,12 +66,9 @@ let asked (file : Pddl.file) = function
       forms 0 (end_only (happening file.plan) b) M.empty (FNot (root file.plan file.epsilon b)) (fun () -> meant file.plan b)
   | Text.List [ Text.Word "each"; which; region; lemmas ] ->
       let plan = file.plan in
-      let o = orders plan (Text.list Text.side region) (Text.list Text.lemma lemmas) in
-      let all = Array.of_list (obligations plan) in
-      let denied n =
-        let b = all.(number plan n) in
-        FNot (simp o (end_only (happening plan) b) (root plan file.epsilon b)) in
-      forms 0 Anywhere o FTrue (fun () -> Text.list denied which)
+      let o = orders (Text.list Text.lemma lemmas) in
+      let named = Text.both (fun tree -> Text.positive (1 + number plan tree)) (Text.both Text.name Text.name) in
+      forms 0 (AfterAll (happening plan)) o FTrue (fun () -> none_broken plan file.epsilon (Text.list named which))
   | Text.List [ Text.Word "outside"; polyhedra ] ->
       forms 0 Anywhere M.empty FTrue (fun () -> outside (Text.list (Text.list Text.side) polyhedra))
   | tree -> Text.bad "a question" tree

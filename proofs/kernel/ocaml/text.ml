@@ -97,13 +97,19 @@ let operation = function
 let lit tree = match integer (word tree) with Zpos p -> (true, p) | Zneg p -> (false, p) | Z0 -> bad "a literal" tree
 
 (* `#i`, `@p`, `now`, `f3` and `a3` (whether effect 3 fires, and its amount); and by now or, with `@7`, just before time point 7,
-   `k3` (what the continuous effect 3 has done), `j3b` and `j3a` (what effect 3 has contributed, before and after effects at that time). *)
+   or with `@7/9` halfway between 7 and 9, `k3` (what the continuous effect 3 has done), `j3b` and `j3a` (what effect 3 has
+   contributed, before and after effects at that time). *)
 let variable tree =
   let w = word tree in
   let from, length = if w = "" then bad "a variable" tree else 1, String.length w in
   let number last = name (Word (String.sub w from (last - from))) in
   let until, moment = match String.rindex_opt w '@' with
-    | Some i when i > 0 -> (i, Before (name (Word (String.sub w (i + 1) (length - i - 1)))))
+    | Some i when i > 0 ->
+        let points = String.split_on_char '/' (String.sub w (i + 1) (length - i - 1)) in
+        (i, match List.map (fun p -> name (Word p)) points with
+          | [ p ] -> Before p
+          | [ p; q ] -> Halfway (p, q)
+          | _ -> bad "a variable" tree)
     | _ -> (length, Now) in
   match w.[0] with
   | 'n' when w = "now" -> VNow
@@ -158,7 +164,7 @@ let ends tree = match tree with
 let rec reason = function
   | List [ Word "none"; ms ] -> NoSchedule (multiples ms)
   | List [ Word "breaks"; s; instant; which; proof ] -> Breaks (placement s, expr instant, pos which, refutation proof)
-  | List [ Word "each"; which; lemmas; proof ] -> EachBreaks (list pos which, list lemma lemmas, refutation proof)
+  | List [ Word "each"; which; lemmas; proof ] -> EachBreaks (list (both pos (both name name)) which, list lemma lemmas, refutation proof)
   | List [ Word "split"; one; r; other ] -> Split (side one, reason r, reason other)
   | tree -> bad "a reason" tree
 

@@ -18,7 +18,8 @@ from robust.certify.checker.formulas import mutex, names_in, plus, replaced
 from robust.certify.checker.proofs import Tape, demand, linear, sides
 from robust.certify.checker.reader import Fact, Ground, Linear, constant
 from robust.certify.hints import NotRefutedError
-from robust.certify.kernel.questions import IndexedFacts, OpenFormulas, facts_of, multiples
+from robust.certify.kernel.evaluation import IndexedFacts, Place
+from robust.certify.kernel.questions import OpenFormulas, facts_of, multiples, renamed
 from robust.certify.kernel.terms import PlanTerms, listed, truth
 from robust.smt.limits import Deadline
 
@@ -182,12 +183,30 @@ class Translation:
         keeps = (multiples([*_sums(m), *region.through(s)]) for m, s in zip(kept, slacks, strict=True))
         return listed((listed(map(self._terms.expression, times)), listed(keeps)))
 
-    def _known(self, facts: Sequence[Fact]) -> IndexedFacts:
-        return IndexedFacts(facts_of(facts, self._numbers))
+    def _known(self, region: Sequence[Fact]) -> IndexedFacts:
+        """What is known of a region and of the network."""
+        numbers = {(a, b, frozenset(w.items())): len(region) + n for n, (a, b, w) in enumerate(self._ground.edges)}
+        places = {}
+        for (a, b, w), number in numbers.items():
+            back = numbers.get((b, a, frozenset((name, -value) for name, value in w)))
+            if back is not None and a < b:
+                form = renamed(plus({f"@{a}": Fraction(1)}, dict(w)), self._numbers)
+                places[f"@{b}"] = Place(number, back, form)
+        return IndexedFacts(facts_of([*region, *self._edges], self._numbers), len(region), places)
+
+    def _placed(self, region: Sides, more: Sequence[Fact], times: Mapping[str, Linear]) -> IndexedFacts:
+        """What is known where times, and parameters on a segment, are forms over the unknowns of a region."""
+        sides = [*region.facts, *more]
+        given = {f"#{self._numbers[name]}": form for name, form in region.given.items()}
+        first = [*range(2, 2 + 2 * len(given), 2), *range(len(sides), len(sides) + 2 * len(times), 2)]
+        forms = [(name, renamed(form, self._numbers)) for name, form in ({**given, **times}).items()]
+        places = {name: Place(n, n + 1, form) for (name, form), n in zip(forms, first, strict=True)}
+        facts = [*sides, *(fact for name, form in times.items() for fact in _equal(name, form))]
+        return IndexedFacts(facts_of(facts, self._numbers), len(sides), places)
 
     def _obligations(self, region: Sides, lemmas: str, removed: Sequence[Sequence[Fact]]) -> str:
         def answered(lines: Sequence[Sequence[str]]) -> str:
-            known = self._known([*region.facts, *self._edges]) if lines else None
+            known = self._known(region.facts) if lines else None
             found = []
             for number, *words in lines:
                 refuted = OpenFormulas.of(words).refutation(known, self._deadline)  # type: ignore[arg-type]
@@ -197,11 +216,9 @@ class Translation:
         outside = listed(self._terms.sides(piece) for piece in removed)
         return self._asked(listed(("obligations", self._terms.sides(region.facts), lemmas, outside)), answered)
 
-    def _refuted(self, lines: Sequence[Sequence[str]], facts: Sequence[Fact]) -> str:
+    def _refuted(self, lines: Sequence[Sequence[str]], known: IndexedFacts) -> str:
         """The refutation of the one formula, if there is something to refute."""
-        if not lines:
-            return "(() () ())"
-        return OpenFormulas.of(lines[0][1:]).refutation(self._known(facts), self._deadline)
+        return OpenFormulas.of(lines[0][1:]).refutation(known, self._deadline) if lines else "(() () ())"
 
     # -- bad values ----------------------------------------------------------------------------------------------------
 
@@ -227,13 +244,15 @@ class Translation:
         tape.next("refute")
         if kind == "broken":
             return self._broken(region, *rest)
-        names = [self._name(number) for number in rest[0]]
+        names = [(self._name(number), halves) for number in rest[0] for halves in self._halves(number)]
 
         def answered(lines: Sequence[Sequence[str]]) -> str:
-            proof = self._refuted(lines, [*region.facts, *self._edges])
-            return listed(("each", listed(map(self._number, names)), EMPTY, proof))
+            proof = self._refuted(lines, self._known(region.facts))
+            which = (listed((self._number(name), listed(halves))) for name, halves in names)
+            return listed(("each", listed(which), EMPTY, proof))
 
-        words = listed(("each", listed(map(listed, names)), self._terms.sides(region.facts), EMPTY))
+        which = (listed((listed(name), listed(halves))) for name, halves in names)
+        words = listed(("each", listed(which), self._terms.sides(region.facts), EMPTY))
         return self._asked(words, answered)
 
     def _broken(self, region: Sides, number: int, texts: Sequence[Any], kept: Sequence[Any], instant: Any) -> str:
@@ -241,8 +260,10 @@ class Translation:
         times = [Linear(), *(linear(text, names) for text in texts)]
         place = self._placement(times, kept, region)
         name = self._name(number)
-        at = [linear(instant, names)] if instant is not None else [*self._instants(number, times)]
-        placed = [(form, f"@{point}") for point, form in enumerate(times)]
+        half = Fraction(1, 2)
+        halves = (plus(plus({}, times[p], half), times[q], half) for p, q in self._halves(number))
+        at = [linear(instant, names)] if instant is not None else [*halves]
+        placed = {f"@{point}": form for point, form in enumerate(times)}
         looked_at = (
             len(name) == 2 or number >= len(self._ground.duties) or self._ground.duties[number].first is not None
         )
@@ -250,10 +271,9 @@ class Translation:
         def at_one(lines: Sequence[Sequence[str]], more: Sequence[Fact]) -> str | None:
             """One of the instants will do, all over the region and some more sides."""
             for tried in at:
-                now = [(tried, "now")] if looked_at else []
-                facts = [*region.facts, *more, *(fact for form, each in (*now, *placed) for fact in _equal(each, form))]
+                now = {"now": tried} if looked_at else {}
                 with suppress(NotRefutedError):
-                    proof = self._refuted(lines, facts)
+                    proof = self._refuted(lines, self._placed(region, more, {**now, **placed}))
                     return listed(("breaks", place, self._terms.expression(tried), self._number(name), proof))
             return None
 
@@ -283,19 +303,18 @@ class Translation:
         """The kernel's number of an obligation."""
         return len(self._pairs) + name[0] + 1 if len(name) == 1 else self._pairs.index((name[0], name[1])) + 1
 
-    def _instants(self, number: int, times: Sequence[Linear]) -> Iterator[Linear]:
-        """At which instants an obligation may be broken, where the certificate does not say it."""
+    def _halves(self, number: int) -> Iterator[tuple[int, int]]:
+        """Between which time points, halfway, an obligation may be broken where the certificate does not say when."""
         duty = self._ground.duties[number] if number < len(self._ground.duties) else None
         if duty is None or duty.first is None:
-            yield Linear()
+            yield 0, 0
         elif duty.last is None:
-            yield times[duty.first]
+            yield duty.first, duty.first
         else:
             written = {*names_in(duty.condition)}
             points = [p for p, effects in enumerate(self._ground.effects) if {e.target for e in effects} & written]
-            yield from (times[point] for point in points)
-            half = Fraction(1, 2)
-            yield from (plus(plus({}, times[duty.first], half), times[p], half) for p in (duty.last, *points))
+            yield from ((point, point) for point in points)
+            yield from ((duty.first, point) for point in (duty.last, *points))
 
     # -- the whole envelope --------------------------------------------------------------------------------------------
 
@@ -320,7 +339,8 @@ class Translation:
         cover = EMPTY
         if line[0] == "rest":
             words = listed(("outside", listed(map(terms.sides, (*removed, *pieces)))))
-            cover = self._asked(words, lambda lines: self._refuted(lines, good))
+            known = IndexedFacts(facts_of(good, self._numbers), len(good), {})
+            cover = self._asked(words, lambda lines: self._refuted(lines, known))
         return listed(("envelope", terms.bounds(), listed(reasons), proofs, listed(schedules), cover))
 
 
