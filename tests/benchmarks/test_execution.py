@@ -7,11 +7,12 @@ import pytest
 
 from benchmarks.engine.stats import Pairing, Proportion
 from benchmarks.generators.plans import delivery_order, delivery_plan, drawn_plan
-from benchmarks.irr import conversions, tables
+from benchmarks.irr import conversions, monitored, tables
 from benchmarks.irr.conversions import Kind, Removal, Source
 from benchmarks.irr.tables import DREEX, EVERY_ACTION, EXECUTORS, SLICE, TABLE1, ExecutionRow, PaperCell, Table1Report
 from robust.execute.causal import check_plan
 from robust.execute.planners.interface import PlannerAnswer, PlannerStatus
+from robust.execute.replan import first_plan as first_prepared
 from robust.irr.check import Answer
 from robust.plan.model import TemporalConstraint
 from robust.plan.pddl.reader import parse_domain, parse_problem
@@ -294,3 +295,19 @@ def test_no_plan_to_begin_with(monkeypatch):
     monkeypatch.setattr(tables, "create_planner", lambda _name: Planner(first_plan(), lambda *_: False))
     runs = run("table1", problems=1, columns=(1,), executors=(DREEX, "blex:60"))
     assert [(one.succeeded, one.reason) for one in runs.rows] == [(False, "no plan: knows no plan")] * 2
+
+
+def test_a_monitor_follows_the_worlds_of_table_2(monkeypatch, capsys):
+    planner = Planner(first_plan(), lambda _, problem: "(robot_at robot1 dock1)" in map(str, problem.atoms))
+    monkeypatch.setattr(monitored, "create_planner", lambda _name: planner)
+    plenty, _ = monitored.missions(0, Fraction(520), 7)
+    run = monitored.follow(plenty, "0/0", first_prepared(plenty))
+    assert (run.fault, run.replans) == ("", 0)
+    assert len(run.seconds) > 2 * len(STEPS_TO_THE_NEARER_ORDER)
+    scarce, _ = monitored.missions(0, Fraction(300), 7)
+    prepared = first_prepared(scarce)
+    faults = {monitored.follow(scarce, f"0/{seed}", prepared).fault for seed in (1, 2)}
+    assert "" in faults, "nature takes less than planned"
+    assert any("battery" in fault and fault.endswith("knows no plan") for fault in faults), "or more, and it is noticed"
+    assert monitored.main(["--problems", "1"]) == 0
+    assert "succeeded: monitor 1, execute 1" in capsys.readouterr().out
