@@ -139,32 +139,34 @@ class _TreeWriter:
                 of_ends.append((first, second))
             else:
                 self._later[first].add(second)
+        self._reduce()
         for first, second in of_ends:
             if not self._leads(first, second):
                 self._add(first, StepMoment(second.name, is_end=False))
 
     def _leads(self, first: StepMoment, second: StepMoment) -> bool:
-        seen, pending = {first}, [first]
-        while pending:
-            new = self._later[pending.pop()] - seen
-            seen |= new
-            pending += new
-        return second in seen
+        return bool(self._reached[first] >> self._rank[second] & 1)
 
     def _add(self, first: StepMoment, second: StepMoment) -> None:
         """One more order, unless it contradicts others."""
         if not self._leads(second, first):
             self._later[first].add(second)
+            for moment, known in self._reached.items():
+                if known >> self._rank[first] & 1:
+                    self._reached[moment] = known | self._reached[second]
 
     def _reduce(self) -> None:
-        """Leave out what other orders imply; `_rank` is where moments are in an order of all of them."""
+        """Leave out what other orders imply.
+
+        `_rank` is where moments are in an order of all of them, `_reached` has the ranks of all that each one leads to.
+        """
         earlier = defaultdict[StepMoment, list[StepMoment]](list)
         for first, later in self._later.items():
             for second in later:
                 earlier[second].append(first)
         order = list(TopologicalSorter({moment: earlier[moment] for moment in self._later}).static_order())
         self._rank = {moment: number for number, moment in enumerate(order)}
-        reached: dict[StepMoment, int] = {}
+        self._reached = reached = dict[StepMoment, int]()
         for first in reversed(order):
             known = 0
             for second in sorted(self._later[first], key=self._rank.__getitem__):
