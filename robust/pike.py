@@ -49,7 +49,7 @@ from robust.pike_bridge.model import EPSILON, Guard, Literal, TeamPlan, Tpnu, ch
 from robust.pike_bridge.online.executive import LatestMoments, Moment, Moments, PlanExecutive
 from robust.pike_bridge.online.field import FieldExecutive, FieldState
 from robust.pike_bridge.online.inquiry import why, why_failed, why_not
-from robust.pike_bridge.online.kirk import KirkRehearsal
+from robust.pike_bridge.online.kirk_world import KirkRehearsal
 from robust.pike_bridge.online.progress import Chosen, Completion, Decision, Estimate, Message, Outcome, parse_atom
 from robust.pike_bridge.online.reasoners import make_reasoner, reasoner_names
 from robust.pike_bridge.online.service import Journal, JournalStep, read_journal, resume

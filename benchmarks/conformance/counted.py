@@ -1,11 +1,12 @@
-"""The 600 plans whose correct executions have been counted, and the count of them by each back end.
+"""The 700 plans whose correct executions have been counted, and the count of them by each back end.
 
     python -m benchmarks.conformance.counted write DIRECTORY
-    python -m benchmarks.conformance.counted count [--limit SECONDS] [--first N] [--every N] [FILE]
+    python -m benchmarks.conformance.counted count [--limit SECONDS] [--family NAME] [--again] [FILE]
 
 The plans are those of the generator of [PIKE §6.2.2] (`benchmarks/generators/team_plans.py`): 500 random ones, most of
-which admit no correct execution, and 100 that admit many. `counts.csv` has what is known of them; `count` counts again,
-by five knowledge bases, and ends with code 1 where they or the file disagree.
+which admit no correct execution, 100 that admit few enough for every back end, and 100 that admit many. `counts.csv`
+has what is known of them; `count` counts what FILE does not have, by five knowledge bases, and ends with code 1 where
+they or `counts.csv` disagree. It can be ended at any time, and goes on where it was.
 """
 
 from __future__ import annotations
@@ -13,10 +14,11 @@ from __future__ import annotations
 import argparse
 import csv
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from hashlib import sha256
+from io import StringIO
+from itertools import count, islice
 from pathlib import Path
 
 from robust.pike_bridge.action_model import Instance
@@ -25,17 +27,22 @@ from robust.pike_bridge.files import tpnu_text
 from robust.pike_bridge.model import TeamPlan
 from robust.pike_bridge.semantics import ExecutionExistence, Oracle
 from robust.pike_bridge.theory import HasImplicants
-from robust.smt.limits import Deadline, OutOfTimeError
+from robust.records import atomic_write
+from robust.smt.limits import NEVER, OutOfTimeError
 
-from ..generators.team_plans import DEFAULT, FEASIBLE, random_plan
+from ..generators.team_plans import DEFAULT, FEASIBLE, SMALL, Shape, random_plan
 
 COUNTS = Path(__file__).with_name("counts.csv")
 BACKENDS = ("bdd", "pitms", "pitms-labels", "atms", "sat")
-RANDOM, MANY = 500, 100
+RANDOM, CHOSEN = 500, 100
 FEWEST, MOST = 50, 120
 """Activities of the plans that admit many executions."""
-LISTED = 5000
+LEAST = 8
+"""Activities of those that admit few."""
+LISTED = 1000
 """Models that a solver is asked for one by one."""
+COMPLETE = ("5/5/3", "5/4/3")
+"""Answers where every back end has said what it can: three know prime implicants, and a solver only lists models."""
 FIELDS = ("plan", "digest", "activities", "choices", "subplans", "exists", "models", "implicants", "answers")
 
 
@@ -61,29 +68,38 @@ class Answers:
         return texts | {"answers": "/".join(str(len(known)) for known in columns.values())}
 
 
-def plans() -> Iterator[tuple[str, Instance]]:
-    """The 600 plans, by name, in the order of the file."""
-    for index in range(RANDOM):
-        yield f"random-{index:03}", random_plan(0, index, DEFAULT)
-    for index in many():
-        yield f"many-{index:03}", random_plan(0, index, FEASIBLE)
+def random_ones() -> Iterator[tuple[int, Instance]]:
+    """The first plans as in the paper."""
+    return ((index, random_plan(0, index, DEFAULT)) for index in range(RANDOM))
 
 
-@cache
-def many() -> tuple[int, ...]:
-    """The first plans of the second family of that size which admit an execution."""
-    found: list[int] = []
-    index = 0
-    while len(found) < MANY:
-        instance = random_plan(0, index, FEASIBLE)
-        if FEWEST <= len(instance.network.activities) <= MOST and _exists(instance.plan()):
-            found.append(index)
-        index += 1
-    return tuple(found)
+def few() -> Iterator[tuple[int, Instance]]:
+    """Plans that admit executions, but not more than can be listed."""
+    return ((at, each) for at, each in _drawn(SMALL) if len(each.network.activities) >= LEAST and _listed(each.plan()))
 
 
-def _exists(plan: TeamPlan) -> bool:
-    return Oracle(plan).decide().verdict is ExecutionExistence.EXISTS
+def many() -> Iterator[tuple[int, Instance]]:
+    """Large plans that admit executions."""
+    sized = ((at, each) for at, each in _drawn(FEASIBLE) if FEWEST <= len(each.network.activities) <= MOST)
+    return ((at, each) for at, each in sized if Oracle(each.plan()).decide().verdict is ExecutionExistence.EXISTS)
+
+
+def _drawn(shape: Shape) -> Iterator[tuple[int, Instance]]:
+    return ((index, random_plan(0, index, shape)) for index in count())
+
+
+def _listed(plan: TeamPlan) -> bool:
+    return 0 < Compiling(plan, BACKENDS[0], Temporal.LAZY).compile().knowledge.count_models() <= LISTED
+
+
+FAMILIES = {"random": random_ones, "few": few, "many": many}
+
+
+def plans(families: Iterable[str] = FAMILIES) -> Iterator[tuple[str, Instance]]:
+    """The plans of some families, by name, in the order of the file."""
+    for family in families:
+        for index, instance in islice(FAMILIES[family](), RANDOM if family == "random" else CHOSEN):
+            yield f"{family}-{index:03}", instance
 
 
 def digest(instance: Instance) -> str:
@@ -93,10 +109,10 @@ def digest(instance: Instance) -> str:
 
 
 def answers(plan: TeamPlan, limit: float) -> Answers:
-    """What each back end finds out within so many seconds."""
+    """What each back end finds out within so many seconds of processor time."""
     found = Answers({}, {}, {})
     for backend in BACKENDS:
-        deadline = Deadline.after(limit)
+        deadline = NEVER.within(limit)
         try:
             knowledge = Compiling(plan, backend, Temporal.LAZY, deadline=deadline).compile().knowledge
             found.exists[backend] = knowledge.satisfiable(deadline)
@@ -116,35 +132,45 @@ def write(directory: Path) -> None:
         instance.write(directory / name, name)
 
 
-def count(path: Path, limit: float, first: int, every: int) -> int:
-    """Count again, and write what is known after each plan; how many plans are disagreed about."""
-    recorded = {row["plan"]: row for row in _rows(COUNTS)}
+def recount(path: Path, limit: float, families: Iterable[str], *, again: bool) -> int:
+    """Count what a file does not have, and write it after each plan; how many plans are disagreed about.
+
+    Args:
+        again: whether plans are counted anew that fewer back ends have answered for than can be.
+    """
+    recorded, rows = ({row["plan"]: row for row in _rows(each)} for each in (COUNTS, path))
     differences = 0
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, FIELDS)
+    for name, instance in plans(families):
+        if name in rows and not (again and rows[name]["answers"] not in COMPLETE):
+            continue
+        network, found = instance.network, answers(instance.plan(), limit)
+        row = {
+            "plan": name,
+            "digest": digest(instance),
+            "activities": str(len(network.activities)),
+            "choices": str(len(network.choices)),
+            "subplans": str(candidate_subplans(network)),
+            **found.row,
+        }
+        before = [known[name] for known in (recorded, rows) if name in known]
+        changed = [
+            field for field in FIELDS[:-1] for each in before if row[field] and each[field] not in {"", row[field]}
+        ]
+        if changed or not found.agree:
+            differences += 1
+            sys.stderr.write(f"{name}: {', '.join(changed)} {found}\n")
+        if name not in rows or _answered(row) >= _answered(rows[name]):
+            rows[name] = row
+        text = StringIO()
+        writer = csv.DictWriter(text, FIELDS, lineterminator="\n")
         writer.writeheader()
-        for number, (name, instance) in enumerate(plans()):
-            if number % every != first:
-                continue
-            network, found = instance.network, answers(instance.plan(), limit)
-            row = {
-                "plan": name,
-                "digest": digest(instance),
-                "activities": str(len(network.activities)),
-                "choices": str(len(network.choices)),
-                "subplans": str(candidate_subplans(network)),
-                **found.row,
-            }
-            writer.writerow(row)
-            file.flush()
-            before = recorded.get(name, {})
-            changed = [
-                field for field in FIELDS[:-1] if row[field] and before.get(field) and row[field] != before[field]
-            ]
-            if changed or not found.agree:
-                differences += 1
-                sys.stderr.write(f"{name}: {', '.join(changed)} {found}\n")
+        writer.writerows(rows.values())
+        atomic_write(path, text.getvalue(), None)
     return differences
+
+
+def _answered(row: Mapping[str, str]) -> int:
+    return sum(map(int, row["answers"].split("/")))
 
 
 def _rows(path: Path) -> Sequence[Mapping[str, str]]:
@@ -160,14 +186,16 @@ def main() -> int:
     commands.add_parser("write").add_argument("directory", type=Path)
     counting = commands.add_parser("count")
     counting.add_argument("file", type=Path, nargs="?", default=Path("counts.csv"))
-    counting.add_argument("--limit", type=float, default=10.0, help="seconds for each back end and plan")
-    counting.add_argument("--first", type=int, default=0)
-    counting.add_argument("--every", type=int, default=1, help="each so many-th plan, from the first on")
+    counting.add_argument(
+        "--limit", type=float, default=10.0, help="seconds of processor time, for each back end and plan"
+    )
+    counting.add_argument("--family", choices=FAMILIES, action="append", help="of plans (default: all)")
+    counting.add_argument("--again", action="store_true", help="count anew where back ends gave no answer before")
     given = parser.parse_args()
     if given.command == "write":
         write(given.directory)
         return 0
-    return int(count(given.file, given.limit, given.first, given.every) > 0)
+    return int(recount(given.file, given.limit, given.family or FAMILIES, again=given.again) > 0)
 
 
 if __name__ == "__main__":

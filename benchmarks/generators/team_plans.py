@@ -14,7 +14,7 @@ of conditions and threats were chosen for that.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from random import Random
 from typing import assert_never
@@ -70,6 +70,9 @@ MEDIUM = Shape(top=5, deepest=2, squeeze=Fraction(0), threat_share=0.3)
 FEASIBLE = Shape(squeeze=Fraction(0), threat_share=0.02, producer_share=0.9, inner_share=0.6)
 """Many producers, few threats and time enough: about two in three of the larger plans admit correct executions, so many
 that no list holds their prime implicants."""
+
+SMALL = replace(FEASIBLE, top=5, deepest=2, conditions=2, producers=2)
+"""Few producers as well, so that all models of about one plan in four can be listed."""
 
 
 def random_plan(seed: int, index: int = 0, shape: Shape = DEFAULT) -> Instance:

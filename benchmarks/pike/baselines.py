@@ -21,7 +21,8 @@ from robust.execute.drive import Executive
 from robust.pike_bridge import model
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.executive import PlanExecutive, Ranking, as_written
-from robust.pike_bridge.online.kirk import Kirk, KirkDecision, Replanned, is_seen
+from robust.pike_bridge.online.kirk import Kirk, KirkDecision, Replanned
+from robust.pike_bridge.online.kirk_world import is_seen
 from robust.pike_bridge.online.reasoners import without_states
 from robust.pike_bridge.online.semantic import Reasoner
 from robust.smt.limits import NEVER, Deadline
@@ -142,8 +143,8 @@ def draw_script(plan: model.TeamPlan, seed: int | str, slack: Fraction = Fractio
 class ScriptedTeam:
     """The world of one execution, a :class:`robust.execute.drive.World`.
 
-    A choice is seen when somebody acts on it, as :func:`~robust.pike_bridge.online.kirk.is_seen` says; and is told of
-    later by `notice`.
+    A choice is seen when somebody acts on it, as :func:`~robust.pike_bridge.online.kirk_world.is_seen` says; and is
+    told of later by `notice`.
 
     Activities take the time of the script; those that are not in it, such as recoveries, their least.
     """

@@ -22,7 +22,7 @@ from robust.execute.drive import run_in_world
 from robust.json_text import plain
 from robust.pike_bridge.builder import KIntents, k_intents
 from robust.pike_bridge.model import TeamPlan
-from robust.pike_bridge.online.kirk import execution_faults
+from robust.pike_bridge.online.kirk_world import execution_faults
 from robust.pike_bridge.online.progress import Succeeded
 from robust.pike_bridge.online.reasoners import make_reasoner
 from robust.smt.limits import Deadline, OutOfTimeError

@@ -12,7 +12,8 @@ from robust.pike_bridge.action_model import Instance, load_team_plan, shipped
 from robust.pike_bridge.model import EPSILON, guard
 from robust.pike_bridge.online import kirk as guessing
 from robust.pike_bridge.online import progress as said
-from robust.pike_bridge.online.kirk import Kirk, execution_faults
+from robust.pike_bridge.online.kirk import Kirk
+from robust.pike_bridge.online.kirk_world import execution_faults
 from robust.plan.model import Atom
 from robust.plan.pddl.write import ActionText, sketched_domain, sketched_problem
 from robust.smt.limits import Deadline, OutOfTimeError
