@@ -18,19 +18,18 @@ order they came in, so that a message may be late, or be taken back.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, TypeAlias, assert_never
 
 from robust.errors import InputError
 from robust.pike_bridge import model
 from robust.pike_bridge.online import progress as said
+from robust.pike_bridge.online.course import COMPLETED, Course, FieldNote
 from robust.pike_bridge.online.executive import PlanExecutive, Thrift, objection
 from robust.pike_bridge.online.semantic import Reasoner
 from robust.plan.model import Atom
 from robust.presented import NoTruthValue
-
-COMPLETED = said.Completion.kind()
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,29 +55,6 @@ class FieldState:
 
 Planner: TypeAlias = Callable[[FieldState], model.TeamPlan | None]
 """Makes another plan for where an execution has come to, with times from then on; None if it has none."""
-
-
-@dataclass(frozen=True, slots=True)
-class FieldNote:
-    """A report that was taken: when what it says happened, and the places of the activities that it is about."""
-
-    report: said.Report
-    at: Fraction
-    places: tuple[int, ...] = ()
-
-
-@dataclass(slots=True)
-class _Course:
-    """What has happened, as it follows from own acts and from notes."""
-
-    times: dict[str, Fraction]
-    chosen: dict[str, str]
-    reported: set[str] = field(default_factory=set)
-    begun: dict[int, Fraction] = field(default_factory=dict)
-    ended: dict[int, tuple[str, Fraction]] = field(default_factory=dict)
-    seen: list[tuple[Fraction, model.Literal]] = field(default_factory=list)
-    inferred: set[str] = field(default_factory=set)
-    """Choices of people that only what was seen tells."""
 
 
 class _ReportError(Exception):
@@ -118,12 +94,11 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         self.plan = plan
         """As it was written."""
         self._structure = said.Structure(plan)
-        self._relevant = frozenset(condition.literal.atom for condition in plan.conditions)
         self.notes: list[FieldNote] = []
         """All reports that were taken and not taken back, as they came."""
         self.mended = False
         """Whether it went on after a failure with what is left from there on."""
-        self._course = _Course({}, {})
+        self._course = Course(plan, self._structure, {}, {})
         """What has happened; its own acts and choices are those that no note is about."""
         self._acts: dict[str, Fraction] = {}
         self._choices: dict[str, str] = {}
@@ -189,7 +164,7 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         """When to step again if nothing is reported before."""
         if self.ended:
             return None
-        moments = [self._executive.wake, *(self._counts_from(place) for place in self._awaited)]
+        moments = [self._executive.wake, *(self._course.counts_from(place) for place in self._awaited)]
         return min((moment for moment in moments if moment is not None), default=None)
 
     def prepare(self) -> bool:
@@ -217,7 +192,7 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         )
         executive.notes.append(FieldNote(said.Estimate(true, false), state.time))
         executive.judge_anew(state.time)
-        early = executive._early()
+        early = executive._course.early()
         executive._held = {place for place in early if plan.network.activities[place].target not in state.schedule}
         executive.judge_anew(state.time)
         return executive
@@ -231,7 +206,7 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
             {event: time for event, time in progress.times.items() if event in self._structure.guards},
             {said.goal_of(place): since for place, since in self.running.items()},
             {said.goal_of(place): end for place, end in self._course.ended.items()},
-            self._facts(self._course, progress.now),
+            self._course.facts(progress.now),
         )
 
     def step(self, now: Fraction, messages: Sequence[said.Message] = ()) -> list[said.Decision]:
@@ -293,7 +268,7 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
                 case said.Resumed():
                     self._release()
                 case said.Deviated() if decision.counts is not None:
-                    self._held |= self._early()
+                    self._held |= self._course.early()
         self._acted(decisions)
         self.judge_anew(now)
         self._newly_deviated(now)  # it was announced then
@@ -332,7 +307,7 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         elif isinstance(message, said.Completion | said.NotAchieved):
             self._course.ended.update(dict.fromkeys(note.places, (message.kind(), at)))
             if self._waits:
-                self._held |= self._early()
+                self._held |= self._course.early()
         return not usual
 
     def _places(self, message: said.Report, at: Fraction) -> tuple[int, ...]:
@@ -363,7 +338,7 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
             case said.Outcome(choice):
                 return note.report.at is None and choice not in self._course.inferred
             case said.Estimate():
-                return not self._unexpected(note.report, self._facts(self._course, note.at))
+                return not self._course.unexpected(note.report, note.at)
             case said.Began():
                 return all(self.running.get(place) == note.at for place in note.places)
             case said.Completion():
@@ -445,7 +420,7 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
 
     def _counts(self, now: Fraction) -> bool:
         """Whether an early end has begun to count."""
-        return any(self._counts_from(place) <= now for place in self._awaited)
+        return any(self._course.counts_from(place) <= now for place in self._awaited)
 
     @property
     def _awaited(self) -> list[int]:
@@ -453,23 +428,14 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         activities = self.plan.network.activities
         return [place for place in self._held if activities[place].target not in self._course.times]
 
-    def _counts_from(self, place: int) -> Fraction:
-        """When the least duration of an activity is over."""
-        activity = self.plan.network.activities[place]
-        return self._course.begun.get(place, self._course.times[activity.source]) + activity.lower
-
-    def _early(self) -> set[int]:
-        """Activities that were completed before their least duration was over."""
-        ended = self._course.ended.items()
-        return {place for place, (how, at) in ended if how == COMPLETED and at < self._counts_from(place)}
-
     # -- what follows --------------------------------------------------------------------------------------------------
 
     def judge_anew(self, now: Fraction) -> None:
         """Derive what has happened and the plan that it shows, for an executive of their own."""
         self._stale, self._recorded = False, None
-        course = self._derived(now)
-        plan = self._as_it_shows(course, now)
+        course = self._course = Course(self.plan, self._structure, dict(self._acts), dict(self._choices))
+        course.take(self.notes, self._held, now)
+        plan = course.as_it_shows(self._past, now)
         times = dict(sorted(course.times.items(), key=lambda item: item[1]))
         progress = said.Progress(plan, now, times, course.chosen, set(), course.reported)
         thrift, self._executive = self._executive.thrift, self._make(plan, progress)
@@ -480,175 +446,13 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
     def _judge_with_early_ends(self, now: Fraction) -> None:
         """Early ends count at once if something correct is left then, and else later if something is left so."""
         self.judge_anew(now)
-        early = self._early() - self._held
+        early = self._course.early() - self._held
         if early and not self._executive.prepare():
             self._held |= early
             self.judge_anew(now)
             if not self._executive.prepare():
                 self._held -= early
                 self.judge_anew(now)
-
-    def _derived(self, now: Fraction) -> _Course:
-        course = self._course = _Course(dict(self._acts), dict(self._choices))
-        notes = sorted(self.notes, key=lambda note: note.at)
-        for note in notes:
-            match note.report:
-                case said.Outcome(choice, value):
-                    course.chosen[choice] = value
-                    event = next(each.event for each in self.plan.network.choices if each.name == choice)
-                    if note.report.at is not None and event is not None and not self._structure.ends[event]:
-                        self._backdate(course, event, note.at)
-                case said.Began():
-                    for place in note.places:
-                        course.begun[place] = note.at
-                        self._backdate(course, self.plan.network.activities[place].source, note.at)
-                case said.Completion() | said.NotAchieved():
-                    course.ended.update((place, (note.report.kind(), note.at)) for place in note.places)
-                    course.chosen |= note.report.outcomes if isinstance(note.report, said.Completion) else {}
-        self._note_guards(course)
-        self._note_ends(course, now)
-        self._note_guards(course)
-        for note in notes:
-            if isinstance(note.report, said.Estimate):
-                self._note_seen(course, note.report, note.at)
-        return course
-
-    def _note_guards(self, course: _Course) -> None:
-        """Guards of what has happened hold."""
-        for event in course.times:
-            for variable, value in self._structure.guards[event]:
-                course.chosen.setdefault(variable, value)
-
-    def _backdate(self, course: _Course, event: str, at: Fraction) -> None:
-        """An event that the executive has not executed was at a time, and what has to be before it was before."""
-        latest = {event: at}
-        for each in self._backwards(event):
-            if each in latest and each not in course.times:
-                course.times[each] = max(latest[each], Fraction(0))
-                course.reported.add(each)
-                for bound in self._structure.incoming[each]:
-                    if (
-                        bound.lower is not None
-                        and bound.lower >= 0
-                        and bound.source in self._structure.not_before[each]
-                    ):
-                        latest[bound.source] = min(latest.get(bound.source, at), latest[each] - bound.lower)
-
-    def _backwards(self, event: str) -> list[str]:
-        """The event and all that are not after it, each before those that it must not be after."""
-        order: list[str] = []
-        remaining = self._structure.preceding(event)
-        while remaining:
-            free = [each for each in remaining if not any(each in self._structure.not_before[o] for o in remaining)]
-            order += sorted(free)
-            remaining -= set(free)
-        return order
-
-    def _note_ends(self, course: _Course, now: Fraction) -> None:
-        """Events where activities end, once all that have begun and end there have ended."""
-        activities = self.plan.network.activities
-        in_order = sorted(course.ended, key=lambda place: course.ended[place][1])
-        targets = dict.fromkeys(activities[place].target for place in in_order)
-        for target in (target for target in targets if target not in self._acts):
-            there = [
-                place
-                for place, each in enumerate(activities)
-                if each.target == target and each.source in course.times and _certain(each.guard, course.chosen)
-            ]
-            if there and all(place in course.ended for place in there):
-                held = (self._counts_from(place) for place in there if place in self._held)
-                time = max([course.ended[place][1] for place in there] + list(held))
-                if time <= now:
-                    course.times[target] = time
-                    course.reported.add(target)
-
-    def _facts(self, course: _Course, until: Fraction) -> dict[Atom, bool]:
-        """What was true at a time of what conditions are about, by what was done and seen."""
-        changes = sorted(self._changes_of_state(course), key=lambda change: change[:2])
-        known = {literal.atom: literal.positive for time, _, literal in changes if time <= until}
-        return dict.fromkeys(sorted(self._relevant), False) | known
-
-    def _changes_of_state(self, course: _Course) -> Iterator[tuple[Fraction, int, model.Literal]]:
-        """When literals began to hold; at one time deletions first, and what was seen last."""
-        lost = {place for place, (how, _) in course.ended.items() if how != COMPLETED}
-        for effect in self.plan.effects:
-            happened = effect.event in course.times and _certain(effect.guard, course.chosen)
-            if happened and effect.literal.atom in self._relevant and not self._is_lost(effect, lost):
-                yield course.times[effect.event], int(effect.literal.positive), effect.literal
-        for time, literal in course.seen:
-            yield time, 2, literal
-
-    def _is_lost(self, effect: model.Effect, lost: set[int]) -> bool:
-        return effect.activity in lost and effect.event == self.plan.network.activities[effect.activity].target
-
-    def _unexpected(self, estimate: said.Estimate, facts: Mapping[Atom, bool]) -> list[model.Literal]:
-        """What conditions are about and is not as it should be."""
-        seen = dict.fromkeys(estimate.true, True) | dict.fromkeys(estimate.false, False)
-        if estimate.complete:
-            seen = {atom: atom in estimate.true for atom in self._relevant}
-        return [
-            model.Literal(atom, positive)
-            for atom, positive in sorted(seen.items())
-            if atom in self._relevant and facts[atom] != positive
-        ]
-
-    def _note_seen(self, course: _Course, estimate: said.Estimate, at: Fraction) -> None:
-        """What was seen otherwise than it should be; and choices of people that all its possible causes need."""
-        for literal in self._unexpected(estimate, self._facts(course, at)):
-            course.seen.append((at, literal))
-            guards = [
-                effect.guard | self._structure.guards[effect.event]
-                for effect in self.plan.effects
-                if effect.literal == literal and effect.event not in course.times
-            ]
-            guards = [
-                label for label in guards if all(course.chosen.get(name, value) == value for name, value in label)
-            ]
-            common = frozenset.intersection(*guards) if guards else model.ALWAYS
-            theirs = {choice.name for choice in self.plan.network.choices if not choice.controllable}
-            for name, value in common:
-                if name in theirs and name not in course.chosen:
-                    course.chosen[name] = value
-                    course.inferred.add(name)
-
-    def _as_it_shows(self, course: _Course, now: Fraction) -> model.TeamPlan:
-        """The plan as it would have been written by somebody who had known what would happen."""
-        network = self.plan.network
-        lost = {place for place, (how, _) in course.ended.items() if how != COMPLETED}
-        events = list(network.events)
-        effects = [effect for effect in self.plan.effects if not self._is_lost(effect, lost)]
-        names = {event.name for event in events}
-        for number, (time, literal) in enumerate(course.seen):
-            name = f"seen {number}"
-            while name in names:
-                name += "'"
-            events.append(model.Event(name))
-            effects.append(model.Effect(literal, name, model.ALWAYS, None))
-            course.times[name] = time
-            course.reported.add(name)
-        conditions = (
-            condition
-            for condition in self.plan.conditions
-            if condition.last not in self._past
-            and not (condition.activity in lost and condition.last == network.activities[condition.activity].target)
-        )
-        constraints = (each for each in network.constraints if not {each.source, each.target} <= self._past)
-        activities = (self._with_bounds(place, course, now) for place in range(len(network.activities)))
-        shown = replace(network, events=tuple(events), constraints=tuple(constraints), activities=tuple(activities))
-        return replace(self.plan, network=shown, conditions=tuple(conditions), effects=tuple(effects))
-
-    def _with_bounds(self, place: int, course: _Course, now: Fraction) -> model.Activity:
-        """An activity with bounds that what happened keeps to."""
-        activity = self.plan.network.activities[place]
-        source, target = (course.times.get(event) for event in (activity.source, activity.target))
-        if source is None:
-            return activity
-        late = course.begun.get(place, source) - source
-        lower, upper = activity.lower + late, None if activity.upper is None else activity.upper + late
-        if target is not None:
-            lasted = target - source
-            return replace(activity, lower=min(lower, lasted), upper=None if upper is None else max(upper, lasted))
-        return replace(activity, lower=lower, upper=None if upper is None or now - source > upper else upper)
 
     # -- what is announced ---------------------------------------------------------------------------------------------
 
@@ -683,7 +487,7 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
                 yield said.Dispatched(each.action, each.agent, progress.now, each.target, *limits, goal)
         for place in self._newly_deviated(progress.now):
             each = activities[place]
-            counts = self._counts_from(place) if place in self._held else None
+            counts = self._course.counts_from(place) if place in self._held else None
             lasted = self._lasted(place, progress.now)
             yield said.Deviated(each.action, progress.now, lasted, each.lower, each.upper, counts)
 
@@ -745,11 +549,6 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
 
 
 TeamExecutive: TypeAlias = PlanExecutive | FieldExecutive
-
-
-def _certain(guard: model.Guard, chosen: Mapping[str, str]) -> bool:
-    """Whether a guard holds by what is known."""
-    return all(chosen.get(name) == value for name, value in guard)
 
 
 def _within(lasted: Fraction, lower: Fraction, upper: Fraction | None) -> bool:
