@@ -198,7 +198,7 @@ class CornerChecker(Searching[CheckResult]):
         except UnsupportedError as undecided:
             names = multiplied(plan)
             if not names:
-                raise UnsupportedError(f"{products.message}; {undecided.message}", products.location) from None
+                raise products from None
             self._undecided = f"{undecided.message}; with one value each for {', '.join(names)} by --at it is decided"
             sides = tuple((name, tuple(Side)) for name in names)
             every = Rates(names, {sides: frozenset()}, plan.nominal)
@@ -430,6 +430,8 @@ def corner_containment(
     try:
         encoding.obligations  # noqa: B018 - which is where products are met
     except UnsupportedError as products:
+        if not multiplied(encoding.plan):
+            raise
         try:
             rates = rates_of(encoding.plan)
         except UnsupportedError as undecided:
