@@ -275,6 +275,15 @@ def _contradiction(facet: Facet) -> str:
     return f"{'; '.join(facet.origins)} {'contradict each other' if len(facet.origins) > 1 else 'cannot hold'}"
 
 
+class NoScheduleError(InputError):
+    """No parameter values leave a schedule; `why` names statements that contradict each other."""
+
+    def __init__(self, why: str, location: Location | None) -> None:
+        message = f"the plan's network has no schedule: {why}; expected constraints that can hold together"
+        super().__init__(message, location)
+        self.why = why
+
+
 def require_some_schedule(encoding: Encoding, session: Session, deadline: Deadline) -> None:
     """Tell a plan that can never be executed from parameter values that leave no schedule.
 
@@ -284,17 +293,14 @@ def require_some_schedule(encoding: Encoding, session: Session, deadline: Deadli
         deadline: when to give up, as if there were a schedule.
 
     Raises:
-        InputError: if no parameter values leave a schedule; the message names statements that contradict each other.
+        NoScheduleError: if no parameter values leave a schedule.
     """
     session.add(*encoding.network_formulas())
     if session.check("enc_tn", deadline) is Satisfiability.UNSATISFIABLE:
         facet = encoding.validity.contradiction(encoding.plan.nominal)
         place = next((item.location for item in encoding.plan.constraints if item.location), None)
         why = _contradiction(facet) if facet is not None else "its constraints contradict each other"
-        raise InputError(
-            f"the plan's network has no schedule: {why}; expected constraints that can hold together",
-            Location(place.file) if place else None,
-        )
+        raise NoScheduleError(why, Location(place.file) if place else None)
 
 
 def worst_point(facet: Facet, box: Box) -> dict[str, Fraction]:

@@ -21,7 +21,7 @@ from robust.encode import create_encoding
 from robust.encode.interface import Encoding, Facet
 from robust.errors import SolverError, UnsupportedError
 from robust.irr import search as searching
-from robust.irr.check import Answer, Checker, CheckResult, Counterexample, require_some_schedule
+from robust.irr.check import Answer, Checker, CheckResult, Counterexample, NoScheduleError, require_some_schedule
 from robust.irr.containment import Containment, Margins, Refutation
 from robust.irr.rates import Rates, multiplied, part_of, rates_of
 from robust.irr.search import BoxSearch, Conduct, EnvelopeResult, InnerBox, OuterPoint, OutsideError
@@ -219,7 +219,10 @@ class CornerChecker(Searching[CheckResult]):
         """Add what is found with these values; False if that is enough."""
         limits.raise_if_interrupted()
         rest = Box({name: interval for name, interval in self._box.intervals.items() if name not in values})
-        found = self._ask(part_of(self._plan, values, counts), rest).run()
+        try:
+            found = self._ask(part_of(self._plan, values, counts), rest).run()
+        except NoScheduleError as none:
+            found = self._without_schedule(values, none.why)
         if found.answer is Answer.REFUTED and any(value not in self._box[name] for name, value in values.items()):
             self._undecided = "the plan breaks where an open end of the box is; give closed ends"
             return True
@@ -237,6 +240,18 @@ class CornerChecker(Searching[CheckResult]):
         if found.timed_out:
             raise limits.OutOfTimeError
         return known.answer is not Answer.REFUTED or self._nothing.every
+
+    def _without_schedule(self, values: Mapping[str, Fraction], why: str) -> CheckResult:
+        """The refutation by values that leave no schedule.
+
+        Raises:
+            NoScheduleError: if no other values leave one either.
+        """
+        encoding = create_encoding("relational", self._plan, self._nothing.epsilon)
+        session = Containment(encoding, solver=self._nothing.solver).open_session()
+        require_some_schedule(encoding, session, limits.NEVER)
+        where = ", ".join(f"{name} = {value}" for name, value in values.items())
+        return replace(self._nothing, answer=Answer.REFUTED, reason=f"no schedule with {where}: {why}")
 
     def _worse(self, name: str, found: CheckResult) -> Answer:
         """The worst verdict on an obligation so far."""

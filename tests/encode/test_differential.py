@@ -97,12 +97,13 @@ def compare(plan: ParametrizedPlan, at: dict[str, Fraction], random: Random, sol
         assert full.reason
         return Counter(["no schedule here"])
     assert full.reason is None
-    names = (obligation.name for obligation in RelationalEncoding(plan).obligations)
+    fixed = model.at_values(plan, at)
+    names = (obligation.name for obligation in RelationalEncoding(fixed).obligations)
     assert list(full.obligations) == list(dict.fromkeys(names)), "goals that are drawn may say a thing twice"
     for schedule in sample_schedules(plan, at, random, 8):
         labels = breaks(plan, at, schedule)
         assert labels <= set(full.obligations), "the encoding lacks an obligation"
-        assert all(full.obligations[name] is Answer.REFUTED for name in first_broken(plan, labels)), schedule
+        assert all(full.obligations[name] is Answer.REFUTED for name in first_broken(fixed, labels)), schedule
     for result in (full, stopped):
         assert result.answer in {Answer.PROVED, Answer.REFUTED}
         labels = {name for name, answer in result.obligations.items() if answer is Answer.REFUTED}
@@ -143,7 +144,7 @@ def test_check_agrees_with_simulations(kind, solver, count) -> None:
     run()
     assert outcomes["refuted obligation"] >= 2, outcomes
     assert outcomes["proved obligation"] >= 5, outcomes
-    assert (outcomes["unsupported"] > 0) == (kind == "products"), outcomes
+    assert outcomes["unsupported"] == 0 or kind == "products", outcomes
     assert "there is a schedule" not in outcomes
 
 

@@ -223,10 +223,11 @@ def test_what_is_to_be_typed_where_fluents_or_nominal_values_leave_no_room() -> 
 
 
 def test_the_shipped_delivery_says_what_to_type() -> None:
-    result = envelope(shipped("delivery"))
+    texts = [(EXAMPLES / "delivery" / name).read_text() for name in ("domain.pddl", "problem.pddl", "plan.stn")]
+    result = envelope(assembled(*texts))
     (advice,) = result.advice
     assert with_room(result) == []
-    typed = envelope(shipped("delivery", *advice.options))
+    typed = envelope(assembled(*texts, *advice.options))
     assert with_room(typed) == list(typed.box.intervals)
 
 

@@ -27,6 +27,12 @@ function room(lane, time) {
   return latestStart === null ? `${from}, no limit` : `${from}, until ${short(latestStart)}`;
 }
 
+function roundNumbers(from, to) {  // six at most
+  const power = 10 ** Math.floor(Math.log10((to - from) / 5)), step = power * [1, 2, 5, 10].find(each => each * power >= (to - from) / 5);
+  const first = Math.ceil(from / step);
+  return Array.from({length: Math.floor(to / step) - first + 1}, (_, count) => (first + count) * step);
+}
+
 function draw() {
   const time = now(), lanes = shown.lanes;
   at("now").textContent = short(time);
@@ -52,8 +58,8 @@ function draw() {
     row.append(what, track);
     return row;
   }));
-  put("ticks", [0, .25, .5, .75, 1].map(share => {
-    const tick = made("span", "", short(first + share * span)); tick.style.left = `${100 * share}%`; return tick;
+  put("ticks", roundNumbers(first, first + span).map(value => {
+    const tick = made("span", "", short(value)); tick.style.left = `${place(value)}%`; return tick;
   }));
 }
 
