@@ -8,6 +8,7 @@ file that any solver can read.
 
 from __future__ import annotations
 
+import gc
 import logging
 import re
 import sys
@@ -328,6 +329,18 @@ def _context_class() -> Any:
     return OwnContext
 
 
+@contextmanager
+def _keeping_terms() -> Iterator[None]:
+    """Nothing collects garbage meanwhile: in another thread, that would free terms of a context that this one uses."""
+    usual = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if usual:
+            gc.enable()
+
+
 class Z3(Backend):
     """z3 stops at once on Ctrl-C and keeps time limits by itself."""
 
@@ -360,6 +373,11 @@ class Z3(Backend):
             solver.z3 = z3.SolverFor("QF_LRA", context)
         return solver
 
+    @_keeping_terms()
+    def add(self, formula: Formula) -> None:
+        super().add(formula)
+
+    @_keeping_terms()
     def check(self, deadline: Deadline, symbols: Callable[[], Iterable[Formula]], effort: int = 0) -> Satisfiability:
         remaining = deadline.remaining
         # Zero means "no limit" to z3, and a limit that has passed must still return at once.
@@ -379,6 +397,7 @@ class Z3(Backend):
             raise KeyboardInterrupt
         return verdict
 
+    @_keeping_terms()
     def values(self, symbols: Iterable[Formula]) -> dict[str, Value]:
         """Values of symbols in the model of the last check; 0 or false for those that it says nothing about.
 

@@ -29,11 +29,12 @@ from robust.certify import FOLDER
 from tests.certify.tools import Checker, put
 
 ACCEPTED = Path(__file__).with_name("mutants_accepted.txt")
-MODULES = ("reader", "formulas", "proofs", "claims", "choices", "__main__")
+MODULES = ("reader", "formulas", "proofs", "corners", "claims", "choices", "__main__")
 ASKED = {
     "reader": ("texts", "reading", "forged plan", "oracle", "honest"),
     "formulas": ("reading", "free", "forged", "oracle", "honest"),
     "proofs": ("small", "forged", "leaves of plan", "leaves of network", "honest two"),
+    "corners": ("forged", "honest"),
     "claims": ("within", "small", "forged plan", "leaves of plan", "honest", "main of_plans", "main of_boxes"),
     "choices": ("oracle", "executions", "wrong network", "knowledge", "leaves of ex", "leaves of kn",
                 "main of_choices"),

@@ -400,7 +400,8 @@ def test_random_texts(seeds, broken, valid):
 def test_examples():
     for path in sorted(tools.EXAMPLES.rglob("*.stn")):
         files = (path.parent / "domain.pddl", path.parent / "problem.pddl", path)
-        judged(load_plan(*files), tools.grounded(files), Random(1), 2)
+        beside = [path.with_suffix(".toml")] if path.with_suffix(".toml").is_file() else []
+        judged(load_plan(*files), tools.grounded([*files, *beside]), Random(1), 2)
 
 
 @pytest.mark.parametrize("every", [4, pytest.param(1, marks=pytest.mark.slow)])

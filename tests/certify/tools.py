@@ -12,7 +12,7 @@ from typing import Any
 
 from robust import Box, ParametrizedPlan, envelope, region
 from robust.certify.checker import __main__ as main
-from robust.certify.checker import choices, claims, formulas, proofs, reader
+from robust.certify.checker import choices, claims, corners, formulas, proofs, reader
 from robust.certify.hints import Line
 from robust.certify.produce import PlanCertificate
 from robust.certify.tape import write
@@ -42,12 +42,13 @@ class Checker:
     reader: Any
     formulas: Any
     proofs: Any
+    corners: Any
     claims: Any
     choices: Any
     main: Any
 
 
-CHECKER = Checker(reader, formulas, proofs, claims, choices, main)
+CHECKER = Checker(reader, formulas, proofs, corners, claims, choices, main)
 
 MALFORMED = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
 """What the checker's command takes for a malformed certificate; anything else is a fault of the checker."""

@@ -151,7 +151,8 @@ def test_bounds_and_numbers_are_exact_and_copies_stay_as_they_are():
         ("begin", {}, 0, False),
         ("own", {}, 0, True),  # it is later than the beginning, which is to come
         ("own", {"begin": 2}, "2.9", True),
-        ("own", {"begin": 2}, 3, False),  # the end may be at the same time
+        ("own", {"begin": 2}, 3, True),  # it waits for the end, which somebody else reports
+        ("own", {"begin": 2, "end": 3}, 3, False),
         ("end", {"begin": 2}, "3.9", True),
         ("end", {"begin": 2}, 4, False),
     ):
