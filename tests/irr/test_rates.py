@@ -9,7 +9,7 @@ import pytest
 
 import robust
 from robust.encode import create_encoding
-from robust.errors import UnsupportedError
+from robust.errors import InputError, UnsupportedError
 from robust.irr.containment import Containment
 from robust.irr.corners import CornerContainment, CornerWidening
 from robust.irr.rates import rates_of
@@ -20,6 +20,7 @@ from robust.qe.box import Side
 from robust.smt.limits import NEVER
 from tests.cli.running import answer_of, command
 from tests.irr.rovers import random_rover, rover
+from tests.plan.building import between
 from tests.sampling import often, sample_schedules
 
 EPSILON = Fraction(1, 1000)
@@ -124,6 +125,21 @@ def test_what_reads_a_level_keeps_apart_from_what_changes_it():
     assert stops["d0", Side.UPPER] == stops["d1", Side.UPPER] == separation
     longest = found.box["d0"].upper + found.box["d1"].upper
     assert Fraction(6996, 1000) <= longest <= Fraction(6997, 1000)
+
+
+def test_values_that_leave_no_schedule_refute():
+    plan = rover([("drive", 4), ("work", 2)], {"drain": 2, "gain": 3, "load": 1}, ["drain", 0])
+    drive = plan.instances[0]
+
+    def limited(longest):
+        return replace(plan, constraints=(*plan.constraints, between(drive.start, drive.end, 0, longest)))
+
+    found = robust.check(limited(5), at={"d0": 9})
+    assert (found.answer, found.counterexamples) == (robust.Answer.REFUTED, {})
+    assert found.reason.startswith("no schedule with ")
+    assert "d0 = 9" in found.reason
+    with pytest.raises(InputError, match="the plan's network has no schedule"):
+        robust.check(limited(-1), at={"d0": 9})
 
 
 def test_what_corners_do_not_decide():
