@@ -65,7 +65,8 @@ class PageServer:
             raise InputError(f"cannot serve at {shorten(host)}, port {port}: {reason}", Location("--page")) from None
         self._server.page = self
         self.host, self.port = host, self._server.server_address[1]
-        threading.Thread(target=self._server.serve_forever, daemon=True).start()
+        self._serving = threading.Thread(target=self._server.serve_forever, args=(_PAUSE,), daemon=True)
+        self._serving.start()
 
     @property
     def address(self) -> str:
@@ -90,6 +91,8 @@ class PageServer:
             self._closed = True
             self._changed.notify_all()
             self._changed.wait_for(lambda: not self._looking, 2 * _PAUSE + 0.3)
+        self._server.shutdown()  # else its thread goes on, with a descriptor that is another file's by then
+        self._serving.join()
         self._server.server_close()
 
     def next_state(self, seen: int) -> tuple[int, bytes]:

@@ -4,6 +4,7 @@ import http.client
 import json
 import socket
 import subprocess
+import threading
 import time
 from contextlib import contextmanager
 from fractions import Fraction
@@ -206,6 +207,15 @@ def test_the_last_state_is_sent_before_the_end():
         states = [json.loads(line[6:]) for line in client.read().splitlines() if line.startswith(b"data: ")]
     assert states[-1] == {"number": 49}
     assert len(states) < 10
+
+
+def test_nothing_goes_on_when_it_is_closed():
+    """A thread that waits for a descriptor would keep the file open that gets its number next."""
+    before = {*threading.enumerate()}
+    server = PageServer("", "127.0.0.1", 0)
+    assert {*threading.enumerate()} > before
+    server.close()
+    assert {*threading.enumerate()} <= before
 
 
 def test_choices_and_what_is_still_possible():
