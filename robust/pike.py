@@ -96,6 +96,9 @@ def load(path: str | os.PathLike[str], *, epsilon: Number = EPSILON) -> TeamPlan
         path: the file; those of PDDL are beside it. Conditional networks are GraphML of the CSTNU tool or `.cctp`.
         epsilon: how much earlier is "before", for producers, consumers and threats; 0: strictly.
 
+    Returns:
+        The network, with the actions, the initial state and the goal that it is about; times are in the unit of the file.
+
     Raises:
         InputError: with the place, if a file cannot be read, is wrong, or does not fit the others.
         UnsupportedError: if the actions or the goal need more than conjunctions of literals.
@@ -312,6 +315,9 @@ def run(plan: TeamPlan, options: asking.PikeRunOptions) -> ExecutionRecord:
 
     In Python an outcome may also be a value, or a value and a time, by choice, and a disturbance a
     :class:`Disturbance`; `patience=None` does not wait.
+
+    Returns:
+        How it ended, and its steps with what was reported and decided; times are in the plan's unit.
 
     Raises:
         InputError: if a choice, a value, an atom, a time, a back end or a file is unknown or wrong.

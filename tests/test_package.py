@@ -7,7 +7,7 @@ import json
 import re
 import sys
 from enum import Enum
-from functools import cache
+from functools import cache, cached_property
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
@@ -16,7 +16,7 @@ import networkx
 import pytest
 
 import robust
-from robust import pike, stnu
+from robust import pike, stnu, unified_planning
 from robust.presented import NoTruthValue, VerdictEnum
 from tests.cli.running import REPOSITORY as ROOT
 from tests.cli.running import example, ran
@@ -203,16 +203,31 @@ def test_public_names_exist_and_are_documented(module):
             assert not (value.__doc__ or "").startswith(f"{name}("), f"{name} has no words of its own"
 
 
-def test_public_functions_say_what_they_take_return_and_raise():
-    functions = [getattr(robust, name) for name in robust.__all__ if inspect.isfunction(getattr(robust, name))]
-    assert len(functions) > 15
-    for function in functions:
-        sections = re.findall(r"^(Args|Returns|Raises):$", inspect.getdoc(function), re.MULTILINE)
-        assert sections == ["Args", "Returns", "Raises"], function.__name__
-        parameters = inspect.signature(function).parameters
-        lacking = [
-            name for name in parameters if not re.search(rf"^    {name}: ", inspect.getdoc(function), re.MULTILINE)
-        ]
+@pytest.mark.parametrize("module", [robust, pike, stnu], ids=lambda module: module.__name__)
+def test_what_public_classes_offer_is_documented(module):
+    for kind in filter(inspect.isclass, (getattr(module, name) for name in module.__all__)):
+        own = [base for base in kind.__mro__ if base.__module__.startswith("robust.")]
+        for name, value in ((name, value) for base in own for name, value in vars(base).items() if name[0] != "_"):
+            if isinstance(value, property | cached_property | staticmethod | classmethod) or inspect.isfunction(value):
+                assert (inspect.getdoc(value) or inspect.getdoc(getattr(kind, name)) or "").strip(), (kind, name)
+
+
+NEVER_WRONG = {"drive", "knowledge_bases", "reasoner_names", "refutes", "run_in_world"}
+"""Public functions that raise no errors of their own."""
+
+
+@pytest.mark.parametrize("module", [robust, pike, stnu, unified_planning], ids=lambda module: module.__name__)
+def test_public_functions_say_what_they_take_return_and_raise(module):
+    for function in filter(inspect.isfunction, (getattr(module, name) for name in module.__all__)):
+        words, signature = inspect.getdoc(function), inspect.signature(function)
+        parts = {
+            "Args": bool(signature.parameters),
+            "Returns": signature.return_annotation not in {None, "None"},
+            "Raises": function.__name__ not in NEVER_WRONG,
+        }
+        sections = re.findall(r"^(Args|Returns|Raises):$", words, re.MULTILINE)
+        assert sections == [part for part, wanted in parts.items() if wanted], function.__name__
+        lacking = [name for name in signature.parameters if not re.search(rf"^    {name}: ", words, re.MULTILINE)]
         assert lacking == [], function.__name__
 
 

@@ -69,9 +69,11 @@ class WallClock:
         self._origin = time.monotonic_ns()
 
     def now(self) -> Fraction:
+        """The time, in the plan's unit."""
         return self._start + Fraction(time.monotonic_ns() - self._origin, 10**9) / self._unit
 
     def seconds_until(self, moment: Fraction) -> float:
+        """Seconds until a moment; below 0 once it has passed."""
         return float((moment - self.now()) * self._unit)
 
 
@@ -82,9 +84,18 @@ def run_in_world(
     start: Fraction = Fraction(0),
     horizon: Fraction | None = None,
 ) -> Fraction:
-    """Run until the executive has ended, nothing more will happen, or the horizon has passed; returns the last time.
+    """Run until the executive has ended, nothing more will happen, or the horizon has passed.
 
     Messages that a decision causes at once are delivered in another step of the same time.
+
+    Args:
+        executive: what decides, such as :class:`robust.pike.PlanExecutive`.
+        world: what sends messages and receives decisions.
+        start: the time of the first step, in the plan's unit.
+        horizon: the time after which there is no step; None: none.
+
+    Returns:
+        The time of the last step, or the horizon.
     """
     now = start
     while True:
@@ -107,9 +118,18 @@ async def drive(
     announce: Callable[[Fraction, Sequence[Decision]], None],
     clock: Clock,
 ) -> Fraction:
-    """Run in the time of a clock until the executive has ended or None closes the inbox; returns the last time.
+    """Run in the time of a clock until the executive has ended or None closes the inbox.
 
     The executive decides in a thread of its own, one step at a time, so that the event loop goes on meanwhile.
+
+    Args:
+        executive: what decides, such as :class:`robust.pike.PlanExecutive`.
+        inbox: the messages as they come; None is the last.
+        announce: called with the time of each step, in the plan's unit, and what was decided.
+        clock: tells the time, such as :class:`WallClock`.
+
+    Returns:
+        The time of the last step.
     """
     messages: list[Message] = []
     closed = False

@@ -343,6 +343,7 @@ class Instance:
 
     @property
     def name(self) -> str:
+        """The name of the network."""
         return self.network.name
 
     def plan(self, epsilon: Fraction = model.EPSILON) -> model.TeamPlan:

@@ -62,7 +62,20 @@ Element: TypeAlias = Act | InSequence | InParallel | Choose | Within
 
 
 def act(action: str, lower: Number, upper: Number | None, *, agent: str | None = None) -> Act:
-    """An activity: a ground PDDL action that takes between `lower` and `upper` time units."""
+    """An activity: a ground PDDL action that takes some time [PIKE, Definition 2.2].
+
+    Args:
+        action: `(name arguments ...)`.
+        lower: the least time that it takes, in the plan's unit.
+        upper: the greatest; None: as long as it likes.
+        agent: who does it, such as `human`; None: nobody in particular.
+
+    Returns:
+        An element of a program, for :func:`build`.
+
+    Raises:
+        InputError: if `action` is no ground action, or a bound is no number.
+    """
     ground = model.as_ground_action(action) if isinstance(action, str) else None
     if ground is None:
         raise InputError(f"found {shorten(str(action))}, expected {model.PROPER_ACTION}", Location("action"))
@@ -70,12 +83,32 @@ def act(action: str, lower: Number, upper: Number | None, *, agent: str | None =
 
 
 def sequence(*elements: Element) -> InSequence:
-    """One after the other; without elements, nothing but a moment."""
+    """One after the other; without elements, nothing but a moment.
+
+    Args:
+        elements: what :func:`act`, :func:`sequence`, :func:`parallel`, :func:`choose` and :func:`within` return.
+
+    Returns:
+        An element, in which each begins at least `epsilon` of :func:`build` after the one before has ended.
+
+    Raises:
+        InputError: if something is no element.
+    """
     return InSequence(_elements(elements))
 
 
 def parallel(*elements: Element) -> InParallel:
-    """All at the same time, in any order; it ends when the last of them has ended."""
+    """All at the same time, in any order.
+
+    Args:
+        elements: as of :func:`sequence`.
+
+    Returns:
+        An element that ends when the last of them has ended.
+
+    Raises:
+        InputError: if something is no element.
+    """
     return InParallel(_elements(elements))
 
 
@@ -89,8 +122,16 @@ def choose(
     """Exactly one of the branches, by the value of a choice variable that is decided when the element starts.
 
     Args:
+        name: the variable.
+        branches: for each of its values the element that is carried out.
         controllable: whether the executive decides, and not people or nature.
         probability: how likely each value is, of a choice that is not controllable.
+
+    Returns:
+        An element, for :func:`build`.
+
+    Raises:
+        InputError: if a name, a branch or a probability is none.
     """
     if not isinstance(branches, Mapping):
         raise InputError(f"found {shorten(repr(branches))}, expected an element for each value", Location("branches"))
@@ -102,7 +143,19 @@ def choose(
 
 
 def within(element: Element, *, lower: Number | None = None, upper: Number | None = None) -> Within:
-    """The element, with bounds on the time from its start to its end."""
+    """The element, with bounds on the time from its start to its end.
+
+    Args:
+        element: as of :func:`sequence`.
+        lower: the least time, in the plan's unit; None: any.
+        upper: the greatest; None: any.
+
+    Returns:
+        An element, for :func:`build`.
+
+    Raises:
+        InputError: if `element` is none, or a bound is no number.
+    """
     _elements([element])
     return Within(
         element, None if lower is None else exact(lower, LOWER), None if upper is None else exact(upper, UPPER)
@@ -128,6 +181,11 @@ def _elements(given: Iterable[Element]) -> tuple[Element, ...]:
 
 def build(name: str, element: Element, *, epsilon: Number = model.EPSILON) -> model.Tpnu:
     """The network of a program.
+
+    Args:
+        name: what the plan is called.
+        element: the whole program.
+        epsilon: how long after what comes before it an element begins, at least, in the plan's unit of time.
 
     Returns:
         A plan as [PIKE, Definitions 2.1 to 2.4] describe it, with events for the start and the end of each element.
@@ -240,6 +298,10 @@ class KIntents:
 
 def k_intents(structure: Sequence[int], seed: int = 0) -> KIntents:
     """The problem of a structure; the seed decides the durations [1 + w, 2 + w], 0 ≤ w ≤ 1/2, one w for each pair.
+
+    Args:
+        structure: how many options each pair of choices has.
+        seed: of the durations.
 
     Returns:
         Alternating choices of a human and the robot, of the domain of [PIKE, §6.2.1].

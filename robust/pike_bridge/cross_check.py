@@ -65,6 +65,7 @@ class CrossCheck(presented.NoTruthValue, ask="agree"):
 
     @property
     def agree(self) -> bool:
+        """Whether there is no disagreement."""
         return not self.disagreements
 
     @property

@@ -321,7 +321,13 @@ class TpnuDocument:
 
 
 def read_tpnu(path: str | os.PathLike[str]) -> TpnuDocument:
-    """Read a `.tpnu.json` file.
+    """Read a `.tpnu.json` file, without its domain and problem, which :func:`robust.pike.load` reads as well.
+
+    Args:
+        path: the file.
+
+    Returns:
+        The network, with exact numbers, and the paths of its domain and problem.
 
     Raises:
         InputError: with line and column, if the file cannot be read or is not of the format.
@@ -352,6 +358,8 @@ def write_tpnu(path: str | os.PathLike[str], network: model.Tpnu, *, domain: str
     """Write a network as a `.tpnu.json` file.
 
     Args:
+        path: the file, which is replaced as a whole or not at all.
+        network: the network.
         domain: the path of the domain as it is to be written: relative to the file.
         problem: the path of the problem, likewise.
 

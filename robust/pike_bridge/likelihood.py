@@ -214,6 +214,8 @@ class DecisionTree(Generic[State]):
         self._outlooks: dict[Subtree[State], Share] = {}
         self._branchings: dict[Subtree[State], dict[str, tuple[Fraction, Subtree[State]]]] = {}
         self._root: Subtree[State] = (0, leaves.start, ())
+        self._is_open = False
+        """Whether it is not known which value is the best where what is known depends on it."""
 
     def outlook(self) -> Share:
         """From the beginning.
@@ -221,7 +223,8 @@ class DecisionTree(Generic[State]):
         Raises:
             OutOfTimeError: if the deadline passes.
         """
-        return evaluate(self._root, self._outlooks, self._step, self._deadline)
+        share = evaluate(self._root, self._outlooks, self._step, self._deadline)
+        return share._replace(upper=share.known) if self._is_open else share
 
     def intents(self) -> list[IntentChance]:
         """Each value of each of people's choices that are not made, if the team decides for the best."""
@@ -284,6 +287,9 @@ class DecisionTree(Generic[State]):
         if self._is_ours(self._order[branch[0]]):
             ahead = [self._outlooks[after] for _, after in branches.values()]
             best = self._outlooks[branches[self._best(branches)][1]]
+            if len({each.known for each in ahead}) > 1:  # each value makes what is known as likely as it likes
+                self._is_open = self._is_open or any(each.lower < each.upper for each in ahead)
+                return best
             return best._replace(upper=max(each.upper for each in ahead))
         outlook = NOWHERE
         for weight, after in branches.values():
@@ -496,9 +502,19 @@ def learnt(plan: model.TeamPlan, observations: Iterable[Mapping[str, str]]) -> m
     nothing is impossible because it has not been seen. Choices that were never observed stay as they are.
 
     Args:
-        observations: the choices of each execution.
+        plan: what :func:`robust.pike.load` returns.
+        observations: for each execution the values of the choices that were made in it, by their names.
+
+    Returns:
+        The plan with these probabilities in place of its own.
+
+    Raises:
+        InputError: for a choice that the plan does not have, and a value that its choice does not have.
     """
     seen = [dict(each) for each in observations]
+    for each in seen:
+        for name, value in each.items():
+            model.check_choice(plan.network.domains, name, value)
 
     def with_table(choice: model.Choice) -> model.Choice:
         counts = Counter(each[choice.name] for each in seen if choice.name in each)

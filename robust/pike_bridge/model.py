@@ -251,6 +251,7 @@ class TeamPlan:
 
     @property
     def name(self) -> str:
+        """The name of the network."""
         return self.network.name
 
     @property

@@ -45,6 +45,7 @@ class Bounds:
 
     @property
     def width(self) -> Fraction:
+        """`upper − lower`."""
         return self.upper - self.lower
 
     def within(self, other: Bounds) -> Bounds:
@@ -53,6 +54,7 @@ class Bounds:
 
     @staticmethod
     def of(enclosure: Enclosure) -> Bounds:
+        """The bounds that an enclosure in integers says."""
         return Bounds(Fraction(max(0, enclosure[0]), UNIT), Fraction(min(UNIT, enclosure[1]), UNIT))
 
 

@@ -162,6 +162,7 @@ class Box(Mapping[str, Interval]):
 
     @staticmethod
     def nominal(parameters: Iterable[Parameter]) -> Box:
+        """The degenerate box that holds the nominal values."""
         return Box.point({parameter.name: parameter.nominal for parameter in parameters})
 
     @staticmethod
@@ -205,6 +206,7 @@ class Box(Mapping[str, Interval]):
         return all(interval.is_within(other[name]) for name, interval in self.intervals.items())
 
     def replace(self, name: str, interval: Interval) -> Box:
+        """The box with another interval for one parameter."""
         return self.changed({name: interval})
 
     def changed(self, intervals: Mapping[str, Interval]) -> Box:

@@ -307,6 +307,7 @@ class RegionResult(Presented, ask="status"):
 
     @property
     def is_exact(self) -> bool:
+        """Whether the region is the envelope itself, and not a bound of it."""
         return self.status is Status.COMPLETE
 
     @property

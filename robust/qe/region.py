@@ -217,10 +217,12 @@ class Region:
     """The union of `pieces` if `base` is None, else `base` without the union of `pieces`.
 
     Pieces may overlap or be empty. Objects are equal if their parts are; `equals` compares the sets of points.
-    Without parameters a region is true (it has the one empty point) or false.
+    Without parameters a region is true (it has the one empty point) or false. Points and ends are exact, in the units
+    of the parameters.
 
     Raises:
-        InputError: if the base or a piece is over other parameters.
+        InputError: if the base or a piece is over other parameters; likewise from each method that takes another
+            region.
     """
 
     parameters: tuple[str, ...]
@@ -318,10 +320,12 @@ class Region:
 
     @property
     def is_empty(self) -> bool:
+        """Whether there is no point."""
         return self.some_point() is None
 
     @property
     def is_universal(self) -> bool:
+        """Whether every point is in it."""
         return self.point_outside() is None
 
     def some_point(self) -> dict[str, Fraction] | None:

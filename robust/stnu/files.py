@@ -40,6 +40,9 @@ def read(path: str | os.PathLike[str]) -> Network | ConditionalNetwork:
 def load(path: str | os.PathLike[str]) -> Network:
     """The network in a file, of the format of its content.
 
+    Args:
+        path: GraphML of the CSTNU tool, JSON of DREAM or pstnlib, or the text of `.stn` and `.stnu` files.
+
     Returns:
         Time points, requirements and contingent links, with exact bounds in the unit of time of the file.
 
@@ -81,7 +84,14 @@ def deadline(timeout: Number | None) -> Deadline:
 
 
 def write(network: Network, path: str | os.PathLike[str]) -> tuple[str, int]:
-    """The text of a network in the format of a suffix, and the factor of its times, which is 1 but in GraphML.
+    """The text of a network in the format of a suffix; nothing is written.
+
+    Args:
+        network: the network.
+        path: a name that ends in `.json`, or in `.stnu`, `.graphml` or `.xml`: GraphML of the CSTNU tool.
+
+    Returns:
+        The text, and the factor of its times, which is 1 but in GraphML: there, lengths are whole numbers.
 
     Raises:
         InputError: for a suffix that is neither `.json` nor that of GraphML.

@@ -47,6 +47,7 @@ class Link:
     distribution: Distribution | None = None
 
     def bound(self, side: Side) -> Fraction | None:
+        """The bound on one side; None is infinite."""
         return self.lower if side is Side.LOWER else self.upper
 
     def __str__(self) -> str:
@@ -103,6 +104,7 @@ class ConditionalNetwork:
 
     @property
     def contingents(self) -> tuple[Link, ...]:
+        """The contingent links, whatever their labels."""
         return tuple(link for link, _ in self.links if link.is_contingent)
 
     def mapped(self, change: Callable[[Link], Link]) -> ConditionalNetwork:
@@ -196,6 +198,7 @@ class Network:
 
     @property
     def contingents(self) -> tuple[Link, ...]:
+        """The contingent links."""
         return tuple(link for link in self.links if link.is_contingent)
 
     @property
@@ -359,6 +362,10 @@ def with_quantile(network: Asked, quantile: Fraction) -> Asked:
 
     Each length is below its interval with probability `quantile` at most, and above it as well; intervals are as narrow
     as multiples of a millionth of a distribution's width allow.
+
+    Args:
+        network: the network, with or without choices.
+        quantile: how probable it is at most that a length is below its interval; 0: the interval is the whole support.
 
     Returns:
         The network with such intervals, and without distributions.

@@ -72,6 +72,7 @@ class NetworkCheck(Presented, ask="verdict"):
 
     @property
     def is_controllable(self) -> bool:
+        """Whether it is known to be dynamically controllable."""
         return self.verdict is NetworkVerdict.CONTROLLABLE
 
 
@@ -111,7 +112,15 @@ def _decided(network: Network, timeout: Number | None) -> tuple[NetworkCheck, un
 
 
 def refutes(network: Network, cycle: Sequence[Edge]) -> bool:
-    """Whether edges are a closed walk through the distance graph of the network that refutes controllability."""
+    """Whether edges are a closed walk through the distance graph of the network that refutes controllability.
+
+    Args:
+        network: the network.
+        cycle: the edges of a `CheckResult`, or anybody's.
+
+    Returns:
+        True if the walk is semi-reducible and its length is negative (Morris, 2014).
+    """
     known = set(_distance_graph(network))
     closed = all(cycle[at - 1].target == edge.source for at, edge in enumerate(cycle))
     if not cycle or not closed or any(_key(edge) not in known for edge in cycle) or _length(cycle) >= (0, 0):
@@ -369,6 +378,7 @@ class LinkChange:
 
     @property
     def old(self) -> Fraction:
+        """The bound before."""
         return self.link.bound(self.side) or _NOTHING
 
     def __str__(self) -> str:
@@ -394,6 +404,7 @@ class NetworkRepair(Presented, ask="status"):
 
     @property
     def cost(self) -> Fraction | None:
+        """The sum of all changes, each times its weight."""
         return None if self.network is None else sum((change.cost for change in self.changes), _NOTHING)
 
     @property
@@ -403,6 +414,7 @@ class NetworkRepair(Presented, ask="status"):
 
     @property
     def cut_short(self) -> bool:
+        """Whether the search ended before it had an answer."""
         return self.status.is_open
 
 

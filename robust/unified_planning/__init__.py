@@ -28,6 +28,9 @@ def register(environment: Environment | None = None) -> None:
 
     It validates sequential, time-triggered and STN plans. Once it is there, nothing is done.
 
+    Args:
+        environment: one of unified-planning's.
+
     Raises:
         UnsupportedError: if unified-planning is not installed.
     """

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from robust import pike
 from robust.errors import InputError
 from robust.pike_bridge.action_model import shipped
-from robust.pike_bridge.builder import k_intents
+from robust.pike_bridge.builder import build, choose, k_intents, sequence, within
 from robust.pike_bridge.files import SCHEMA_FILE, parse_tpnu, tpnu_text, validate
 from robust.pike_bridge.likelihood import LikelyChoices, learnt, order_of_choices
 from robust.pike_bridge.model import (
@@ -91,6 +91,24 @@ def test_chances_are_those_of_enumerated_trees(random):
     assert replace(results[0], backend="oracle") == results[1]
 
 
+@pytest.mark.parametrize("backend", ["pitms", "oracle"])
+@pytest.mark.parametrize("wrong", [None, "1", "2"])
+def test_what_is_known_may_depend_on_choices_of_the_team(backend, wrong):
+    """x = 1 is half as likely if z = 1 as otherwise; success is certain, if need be by the other value of z."""
+    moments = [{value: sequence() for value in "12"}, {value: sequence() for value in "12"}]
+    if wrong is not None:
+        moments[0][wrong] = within(sequence(sequence(), sequence()), upper=0)
+    network = build("n", sequence(choose("z", moments[0]), choose("x", moments[1], controllable=False)))
+    half, one = (
+        tuple((value, Fraction(n, 2)) for value, n in zip("12", each, strict=True)) for each in ((1, 1), (2, 0))
+    )
+    table = (Likelihood(half, guard({"z": "1"})), Likelihood(one, guard({})))
+    choices = tuple(each if each.name == "z" else replace(each, probability=table) for each in network.choices)
+    plan = TeamPlan(replace(network, choices=choices), (), ())
+    found = pike.chance(plan, backend=backend, assume={"x": "1"})
+    assert found.success == found.hasty == pike.ChanceBounds(Fraction(1), Fraction(1))
+
+
 def assert_intents_add_up(result):
     """Values of one choice are as likely as success and all else together."""
     for name in {intent.choice for intent in result.intents}:
@@ -165,6 +183,9 @@ def test_what_is_learnt_are_smoothed_shares():
     (choice,) = (choice for choice in known.network.choices if not choice.controllable)
     assert choice.probability == (Likelihood(((first, Fraction(7, 10)), (second, Fraction(3, 10)))),)
     assert learnt(plan, [{}]) == plan
+    for wrong in ({mine.name: "nothing"}, {"nowhere": first}):
+        with pytest.raises(InputError, match=r"expected one of 1, 2|unknown choice .nowhere"):
+            learnt(plan, [wrong])
 
 
 def test_probabilities_are_learnt_from_journals(tmp_path):

@@ -243,6 +243,10 @@ def specifications(
 def parametrize(plan: TeamPlan, specs: Iterable[TeamParameterSpec]) -> ParametricPlan:
     """The plan with parameters in place of bounds.
 
+    Args:
+        plan: what :func:`robust.pike.load` returns.
+        specs: what :func:`specifications` reads from texts such as `duration:ACTIVITY`.
+
     Returns:
         The plan, its parameters with nominal values in the plan's unit of time, and where they stand.
 

@@ -39,7 +39,11 @@ _REGISTRY = {
 
 
 def knowledge_bases() -> Mapping[str, Registration]:
-    """What is registered, by name."""
+    """The knowledge bases that there are.
+
+    Returns:
+        By name, what each is made from, and what it can do.
+    """
     return dict(_REGISTRY)
 
 

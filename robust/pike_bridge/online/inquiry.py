@@ -291,6 +291,15 @@ def why(executive: PlanExecutive, question: Question, *, solver: str = "z3", dea
 
     What is not so, and cannot be now, is answered as by :func:`why_not`.
 
+    Args:
+        executive: the execution, which goes on unchanged.
+        question: the name of an event, or a choice with a value.
+        solver: `z3` or `cvc5`.
+        deadline: when to give up.
+
+    Returns:
+        The facts that it follows from, with times in the plan's unit; `str` of it is for people.
+
     Raises:
         InputError: if there is no such event, choice or value.
         OutOfTimeError: if the deadline passes.
@@ -308,6 +317,15 @@ def why(executive: PlanExecutive, question: Question, *, solver: str = "z3", dea
 
 def why_not(executive: PlanExecutive, question: Question, *, solver: str = "z3", deadline: Deadline = NEVER) -> WhyNot:
     """Why an event may not be executed now, or a choice not have a value.
+
+    Args:
+        executive: the execution, which goes on unchanged.
+        question: the name of an event, or a choice with a value.
+        solver: `z3` or `cvc5`.
+        deadline: when to give up.
+
+    Returns:
+        The facts and bounds that exclude it, none of which could be left out; or that nothing does.
 
     Raises:
         InputError: if there is no such event, choice or value.
@@ -327,6 +345,14 @@ def why_not(executive: PlanExecutive, question: Question, *, solver: str = "z3",
 
 def why_failed(executive: PlanExecutive, *, solver: str = "z3", deadline: Deadline = NEVER) -> WhyNot:
     """Why no correct execution is left; that one is, if so.
+
+    Args:
+        executive: the execution, which goes on unchanged.
+        solver: `z3` or `cvc5`.
+        deadline: when to give up.
+
+    Returns:
+        The facts and bounds that contradict each other, none of which could be left out; or that nothing does.
 
     Raises:
         OutOfTimeError: if the deadline passes.

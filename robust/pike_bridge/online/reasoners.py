@@ -295,7 +295,11 @@ class CompiledReasoners:
 
 
 def reasoner_names() -> tuple[str, ...]:
-    """What :func:`make_reasoner` knows: `smt`, and what windows ask."""
+    """What :func:`make_reasoner` knows.
+
+    Returns:
+        `smt`, and the knowledge bases that windows ask.
+    """
     return (SMT, *knowledge_bases())
 
 
@@ -308,6 +312,9 @@ def make_reasoner(name: str, *, solver: str = "z3", deadline: Deadline = NEVER) 
             same.
         solver: `z3` or `cvc5`, for what is asked of solvers.
         deadline: for what is compiled before; the reasoner is not made, with OutOfTimeError, if it passes.
+
+    Returns:
+        A function from what has happened so far to a reasoner, for `reasoner` of :class:`PlanExecutive`.
 
     Raises:
         InputError: if there is no such reasoner.

@@ -72,6 +72,13 @@ class Journal(records.RecordFile):
 def read_journal(path: str | os.PathLike[str], plan: TeamPlan) -> tuple[JournalStep, ...]:
     """The steps of a journal, which may be in use; a last line that is not complete is left out.
 
+    Args:
+        path: the file that :class:`Journal` writes.
+        plan: the plan that was executed.
+
+    Returns:
+        For each step its time, in the plan's unit, what was reported, and what was decided.
+
     Raises:
         InputError: if the file is no journal, is of another plan, or is damaged; the message has the line.
         OSError: if it cannot be read.
@@ -84,8 +91,13 @@ def read_journal(path: str | os.PathLike[str], plan: TeamPlan) -> tuple[JournalS
 def resume(executive: TeamExecutive, steps: Iterable[JournalStep], file: str = "journal") -> None:
     """Bring an executive that has done nothing yet to where the steps end.
 
+    Args:
+        executive: the executive, which is changed.
+        steps: what :func:`read_journal` returns.
+        file: the name of the journal in messages.
+
     Raises:
-        InputError: if a step does not fit what came before it; `file` is the name of the journal in the message.
+        InputError: if a step does not fit what came before it.
     """
     for line, step in enumerate(steps, 2):
         pending = set(executive.plan.network.guards) - executive.progress.times.keys()
