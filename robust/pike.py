@@ -97,7 +97,7 @@ def load(path: str | os.PathLike[str], *, epsilon: Number = EPSILON) -> TeamPlan
         epsilon: how much earlier is "before", for producers, consumers and threats; 0: strictly.
 
     Returns:
-        The network, with the actions, the initial state and the goal that it is about; times are in the unit of the file.
+        The network, with the actions, the initial state and the goal that it is about, in the file's unit of time.
 
     Raises:
         InputError: with the place, if a file cannot be read, is wrong, or does not fit the others.

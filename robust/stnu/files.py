@@ -30,9 +30,9 @@ def read(path: str | os.PathLike[str]) -> Network | ConditionalNetwork:
     text, file = read_text(path), os.fspath(path)
     begin = text.lstrip()[:1]
     if begin == "<":
-        top = parse_markup(text, file, "GraphML")
+        top = parse_markup(text, file, "GraphML or CCTP")
         return read_cctp(top, file) if top.tag.lower() == "cctp" else read_graphml(top, file)
-    if begin == "{":
+    if begin in {"{", "["}:
         return parse_network_json(text, file)
     return parse_text(text, file)
 
@@ -123,11 +123,12 @@ def parse_text(text: str, file: str) -> Network:
         expected = "a network as GraphML, CCTP, JSON, or text that begins with STN or STNU"
         raise InputError(f"found {start}, expected {expected}", lines[0][1] if lines else Location(file, 1))
     rest = lines[1:]
-    counts: list[int] = []
+    counts: list[tuple[int, Location]] = []
     while rest and len(rest[0][0]) == 1 and rest[0][0][0].isdecimal() and len(counts) < _COUNTED:
-        counts.append(int(rest.pop(0)[0][0]))
+        words, place = rest.pop(0)
+        counts.append((int(words[0]), place))
     nodes = dict[str, None]()
-    while rest and (len(nodes) < counts[0] if counts else not nodes):
+    while rest and (len(nodes) < counts[0][0] if counts else not nodes):
         for name in rest[0][0]:
             if name in nodes:
                 raise InputError(f"found a second time point {shorten(name)}, expected one", rest[0][1])
@@ -135,9 +136,9 @@ def parse_text(text: str, file: str) -> Network:
         rest.pop(0)
     links = [_text_link(words, place, nodes) for words, place in rest]
     found = (len(nodes), sum(not link.is_contingent for link in links), sum(link.is_contingent for link in links))
-    for what, number, said in zip(("time point", "edge", "contingent link"), found, counts, strict=False):
+    for what, number, (said, place) in zip(("time point", "edge", "contingent link"), found, counts, strict=False):
         if number != said:
-            raise InputError(f"found {plural(number, what)}, expected {said} as the file says", Location(file))
+            raise InputError(f"found {plural(number, what)}, expected {said} as the file says", place)
     return Network(file, tuple(nodes), tuple(links), "Z" if "Z" in nodes else None)
 
 

@@ -159,7 +159,7 @@ def _items(top: Element, file: str) -> Iterator[_Item]:
                 item.data[key] = data.text, data.place
         yield item
     if not graphs:
-        raise InputError("found no graph, expected GraphML with one", Location(file))
+        raise InputError("found no graph, expected GraphML with one", top.place)
     note_unused(file, unused)
 
 
@@ -193,7 +193,7 @@ def read_graphml(top: Element, file: str) -> Network | ConditionalNetwork:
             layout[name] = node.text("x"), node.text("y")
     edges = [item for item in items if item.kind == "edge"]
     if not edges:
-        raise InputError("found no edges, expected at least one", Location(file))
+        raise InputError("found no edges, expected at least one", items[0].place)
     observed = _observed(nodes)
     labels = {name: _label(node.text("Label"), observed, node.data.get("Label")) for name, node in nodes.items()}
     values = _by_label(edges, nodes, observed)
@@ -246,7 +246,8 @@ def _by_label(edges: Sequence[_Item], nodes: Mapping[str, _Item], observed: Coll
     for edge in edges:
         kind = edge.text("Type") or ("contingent" if edge.text("LabeledValue") else "requirement")
         if kind not in _EDGE_TYPES:
-            raise InputError(f"found type {shorten(kind)}{did_you_mean(kind, _EDGE_TYPES)}", edge.data["Type"][1])
+            hint = did_you_mean(kind, _EDGE_TYPES)
+            raise InputError(f"found type {shorten(kind)}, expected that of an edge{hint}", edge.data["Type"][1])
         if kind in _DERIVED:
             continue
         plain = {key: edge.data[key] for key in ("Value", "LabeledValue") if edge.text(key)}

@@ -170,11 +170,13 @@ def test_observations_in_either_command(tmp_path):
 WRONG = {
     "kind": ("STPU\n3\n", "^n:1: found 'STPU', expected a network as GraphML, CCTP, JSON, or text that begins with"),
     "nothing": ("# nothing\n", "^n:1: found only comments, expected a network"),
-    "fewer edges": ("STN\n2\n2\nA B\nA 5 B\n", "^n: found 1 edge, expected 2 as the file says$"),
+    "fewer edges": ("STN\n2\n2\nA B\nA 5 B\n", "^n:3: found 1 edge, expected 2 as the file says$"),
     "no edge": ("STN\nA B\nA five B\n", "^n:3: found 'A five B', expected A NUMBER B for an edge, or"),
     "unknown name": ("STN\nA B\nA 5 C\n", "^n:3: found unknown time point 'C', expected one of the names$"),
     "name twice": ("STN\nA A\n", "^n:2: found a second time point 'A', expected one$"),
-    "no root": ("<svg/>", "^n: found no graph, expected GraphML with one$"),
+    "no root": ("<svg/>", "^n:1:1: found no graph, expected GraphML with one$"),
+    "broken": ("<CCTP>\n<EVENT>", "^n:2:8: found broken XML .*, expected GraphML or CCTP$"),
+    "a list": ("\ufeff[1,\r\n2]", "^n:1:1: found a list, expected an object$"),
     "no constraint": ("<CCTP><EVENT><ID>1</ID></EVENT></CCTP>", "^n:1:1: found no constraints, expected a network"),
     "unknown event": (
         "<CCTP><EVENT><ID>1</ID></EVENT>\n<CONSTRAINT><START>1</START><END>2</END></CONSTRAINT></CCTP>",
