@@ -52,7 +52,10 @@ def _read(plan: Plan, options: declare.Options) -> ParametrizedPlan:
 verb = declare.Verb(
     _read,
     "what :func:`load_plan` or :func:`convert` returns, or the paths of a domain, a problem and a plan",
-    dict.fromkeys(WHEN_READ, "it is chosen when the plan is read: load_plan(domain, problem, plan, parameters=...)"),
+    dict.fromkeys(
+        (*WHEN_READ, "parameter"),
+        "it is chosen when the plan is read: load_plan(domain, problem, plan, parameters=...)",
+    ),
 )
 
 

@@ -75,6 +75,16 @@ class Presented(NoTruthValue):
 
     __slots__ = ()
 
+    def __init_subclass__(cls, *, ask: str = "") -> None:
+        super().__init_subclass__(ask=ask)
+        cls.__repr__ = Presented.__repr__  # type: ignore[method-assign]  # else dataclasses make one of all fields
+
+    def __repr__(self) -> str:
+        """A line: what came of the question."""
+        answer = getattr(self, self._ask)
+        answer = repr(answer.value if isinstance(answer, Enum) else answer)
+        return f"<{type(self).__name__}: {self._ask} {answer if len(answer) < 60 else '…'}; print() shows it>"
+
     def __str__(self) -> str:
         """The text that the command prints: plain, of one screen at most."""
         return robust.presenter().text(self)

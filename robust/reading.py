@@ -10,7 +10,7 @@ from robust.errors import InputError
 from robust.numbers import Number, exact, plural, shorten
 from robust.options import declare, shared, verbs
 from robust.plan.load import File, assemble
-from robust.plan.model import ParametrizedPlan
+from robust.plan.model import HasPlan, ParametrizedPlan, plan_itself
 from robust.plan.parameters import ParameterSpec, specifications
 from robust.plan.pddl.forms import read_plan_text, read_source
 from robust.plan.pddl.reader import parse_domain, parse_problem, read_domain, read_problem
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from robust.execute.validate import Verdict
     from robust.options.batch import CertifyCommand, ConvertCommand
 
-Plan: TypeAlias = "ParametrizedPlan | Conversion | Sequence[File]"
+Plan: TypeAlias = "ParametrizedPlan | HasPlan | Sequence[File]"
 """What :func:`load_plan` or :func:`convert` returns, or the paths of a domain, a problem and a plan."""
 WHEN_READ = ("parameters", "parameter_file", "deadline", "widths", "plan_number", "tolerance", "mode", "free_durations")
 """Arguments of :func:`load_plan` that decide what is asked about."""
@@ -170,13 +170,8 @@ def plan_of(plan: Plan, epsilon: Number = "1/1000") -> ParametrizedPlan:
     Raises:
         InputError: for anything else, or anything wrong in the files.
     """
-    if isinstance(plan, ParametrizedPlan):
-        return plan
-    if not isinstance(plan, Sequence):
-        from robust.execute.convert import Conversion
-
-        if isinstance(plan, Conversion):
-            return plan.plan
+    if isinstance(plan, ParametrizedPlan) or hasattr(plan, "plan"):
+        return plan_itself(plan)
     if isinstance(plan, str | bytes) or not isinstance(plan, Sequence) or len(plan) != 3:
         expected = "a plan of load_plan(), or the paths of a domain, a problem and a plan"
         raise InputError(f"found {shorten(repr(plan))}, expected {expected}", declare.place_of("plan"))

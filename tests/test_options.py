@@ -1,6 +1,8 @@
 """Options and arguments: what people have is taken, what is wrong is said of it, commands and Python agree."""
 
 import inspect
+import pydoc
+import re
 from dataclasses import replace
 from decimal import Decimal
 from fractions import Fraction
@@ -424,35 +426,75 @@ def test_boxes_are_mappings_and_points_are_in_them_with_all_their_values(plan):
     assert (list(box), len(box), "to_ridge" in box, "to_moon" in box) == (["to_ridge", "to_crater"], 2, True, False)
     assert {"to_ridge": 25, "to_crater": 46} in box
     assert {"to_ridge": 25, "to_crater": 47} not in box
-    assert repr(box) == "Box(to_ridge ∈ [25, 36], to_crater ∈ [35, 46])"
     assert bool(robust.Box({}))
     for found in (box, robust.region(plan).region):
         with pytest.raises(InputError, match="point without a value of to_crater, expected one of each parameter"):
             _ = {"to_ridge": 30} in found
 
 
-def test_plans_are_said_in_a_line_and_on_a_screen(plan):
-    assert repr(plan) == "<plan 'plan': 2 parameters, 5 steps, 10 constraints>"
+def test_plans_are_said_on_a_screen(plan):
     long = replace(plan, instances=plan.instances * 20)
     assert "  drive_1: (drive scout base ridge)" in str(long).splitlines()
     assert len(str(long).splitlines()) < 60
     assert "  … and 85 more" in str(long)
 
 
-def test_what_is_chosen_when_a_plan_is_read_is_no_option_of_questions(plan):
-    with pytest.raises(
-        TypeError, match=r"envelope\(\) got .* 'parameters'; it is chosen when the plan is read: load_plan"
-    ):
-        robust.envelope(plan, parameters="duration:*")
-    with pytest.raises(TypeError, match="'metod'; did you mean 'method'"):
-        robust.envelope(plan, metod="irr")
+LOG = *FILES[:2], EXAMPLES / "two_sample_navigation" / "steps.plan"
+NEWCOMER = {
+    "What can I ask?": (
+        lambda _: [name for name in dir(robust) if name.islower()],
+        r"'check', .*'envelope', .*'region'",
+    ),
+    "How do I begin?": (
+        lambda _: pydoc.render_doc(robust),
+        r"plan = robust\.load_plan\(.*Questions about one: check, env",
+    ),
+    "What is this plan?": (lambda plan: plan, r"^<plan 'plan': 2 parameters, 5 steps, 10 constraints>$"),
+    "What came of it?": (robust.check, r"^<CheckResult: answer 'proved'; print\(\) shows it>$"),
+    "How far may each parameter go?": (
+        lambda plan: robust.envelope(plan).box,
+        r"^Box\(to_ridge ∈ \[25, 36\], to_crater ∈ \[35, 46\]\)$",
+    ),
+    "How do I go on with that?": (lambda plan: [*dict(robust.envelope(plan).box)], r"^\['to_ridge', 'to_crater'\]$"),
+    "Is this still all right?": (
+        lambda plan: {"to_ridge": 30, "to_crater": 40} in robust.region(plan).region,
+        "^True$",
+    ),
+    "And if I forget a value?": (
+        lambda plan: {"to_ridge": 30} in robust.envelope(plan).box,
+        "^InputError: found a point without a value of to_crater, expected one of each parameter$",
+    ),
+    "Where do I say what may vary?": (
+        lambda plan: robust.envelope(plan, parameters=["duration:*"]),
+        r"'parameters'; it is chosen when the plan is read: load_plan\(domain, problem, plan, parameters=\.\.\.\)$",
+    ),
+    "What is this option called?": (lambda plan: robust.envelope(plan, metod="irr"), "'metod'; did you mean 'method'"),
+    "Does it take a planner's log?": (lambda _: robust.check(robust.convert(*LOG)), "answer 'proved'"),
+    "Is the plan valid?": (lambda plan: bool(robust.check(plan)), "^TypeError: .* has no truth value: ask .answer"),
+}
+"""What newcomers ask in Python before they read the manual, and what the answers have to say."""
+
+
+@pytest.mark.parametrize(("ask", "says"), NEWCOMER.values(), ids=NEWCOMER)
+def test_what_newcomers_ask(plan, ask, says):
+    try:
+        answer = ask(plan)
+        said = answer if isinstance(answer, str) else repr(answer)
+    except (InputError, TypeError) as error:
+        said = f"{type(error).__name__}: {error}"
+    assert re.search(says, said, re.DOTALL), said
+
+
+def test_conversions_are_plans(tmp_path):
+    made = robust.convert(*LOG, parameters="duration:*")
+    found = robust.envelope(made)
+    assert robust.export(made, found, "csv") == robust.export(made.plan, found, "csv")
+    assert robust.Monitor(made, epsilon="1/1000").plan is made.plan
+    for ask in (robust.check, robust.Monitor, partial(robust.export, result=found, form="csv")):
+        with pytest.raises(InputError, match=r"plan: found .*, expected a plan"):
+            ask(plan=3)
     with pytest.raises(TypeError, match=r"batch\(\) got .* 'limt'; did you mean 'limit'"):
         robust.batch("check", "suite", limt=3)
-
-
-def test_conversions_are_plans():
-    made = robust.convert(*FILES[:2], EXAMPLES / "two_sample_navigation" / "steps.plan")
-    assert robust.check(made).answer is robust.Answer.PROVED
 
 
 @pytest.mark.parametrize("module", [robust, robust.pike, robust.stnu])

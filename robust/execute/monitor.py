@@ -16,13 +16,13 @@ from functools import cached_property
 from math import lcm
 
 from robust.encode.interface import EPSILON
-from robust.errors import did_you_mean
+from robust.errors import Location, did_you_mean
 from robust.execute import messages
 from robust.execute.forecast import FINEST, OPEN, Forecaster, PathForecaster, PlanForecast, Prospect, StepAhead, Window
 from robust.execute.messages import OBSERVED, STEPS, MessageKind, MonitorMessage, StepProgress, time_text
 from robust.execute.remaining import History, MonitorState, read_by, variable_called
 from robust.network.slack import OutsideFragmentError
-from robust.numbers import Number, format_number, parse_number, shorten
+from robust.numbers import Number, exact, format_number, parse_number, shorten
 from robust.plan import model
 from robust.presented import NoTruthValue
 from robust.probability.distributions import Distribution
@@ -134,10 +134,12 @@ class Monitor:
             one is missing, nothing is known of it from below.
 
     Raises:
+        InputError: if `plan` is none, or a number is none.
         UnsupportedError: if the plan has conditions that nobody here can follow.
     """
 
     plan: model.ParametrizedPlan
+    """That of a conversion if one is given."""
     epsilon: Fraction = EPSILON
     lateness: Fraction = Fraction(0)
     seconds: float | None = SECONDS
@@ -149,6 +151,11 @@ class Monitor:
     """What time it is at least."""
 
     def __post_init__(self) -> None:
+        self.plan = model.plan_itself(self.plan)
+        self.epsilon, self.lateness = (
+            exact(self.epsilon, Location("epsilon")),
+            exact(self.lateness, Location("lateness")),
+        )
         self._own = _forecaster(self.plan, self.epsilon, self.plan.lasting)
         self._count = 0
         self._latest_tick = 0

@@ -39,7 +39,7 @@ class MadeTree:
 
 
 def make_tree(
-    plan: model.ParametrizedPlan,
+    plan: model.ParametrizedPlan | model.HasPlan,
     *,
     epsilon: Fraction = interface.EPSILON,
     lag: Fraction | None = None,
@@ -54,7 +54,7 @@ def make_tree(
     it are taken.
 
     Args:
-        plan: the plan; what is proved is about its nominal values.
+        plan: the plan, or a conversion; what is proved is about its nominal values.
         epsilon: ε, the separation of mutex time points.
         lag: how late nodes may begin at most; None is any time.
         starts: when steps start in the executor's plan, which is part of their names; earliest starts if not given.
@@ -65,10 +65,12 @@ def make_tree(
         The tree as a text, its proof, and what constraints of the network it cannot keep.
 
     Raises:
+        InputError: if `plan` is none.
         RefutedError: if no tree was found all of whose executions are valid; the message says what breaks.
         SolverError: if that could not be decided.
         UnsupportedError: if two steps of the executor's plan would have one name.
     """
+    plan = model.plan_itself(plan)
     names = executor_names(plan, starts or earliest_starts(plan))
     for following in (False, True):
         text = _TreeWriter(plan, names, following=following).text()

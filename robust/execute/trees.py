@@ -189,12 +189,12 @@ def _durations(plan: model.ParametrizedPlan) -> Iterator[model.TemporalConstrain
 # -- reading -----------------------------------------------------------------------------------------------------------
 
 
-def read_tree(path: str | PathLike[str], plan: model.ParametrizedPlan) -> BehaviorTree:
+def read_tree(path: str | PathLike[str], plan: model.ParametrizedPlan | model.HasPlan) -> BehaviorTree:
     """The tree in a file, as one of a plan.
 
     Args:
         path: an XML file of PlanSys2's executor.
-        plan: the plan whose steps it executes.
+        plan: the plan whose steps it executes, or a conversion.
 
     Returns:
         What waits for what, by the steps of the plan; `faults` say why it is no tree of this plan, where it is none.
@@ -203,7 +203,7 @@ def read_tree(path: str | PathLike[str], plan: model.ParametrizedPlan) -> Behavi
         InputError: with file and line, if it cannot be read or is no tree.
         UnsupportedError: with file and line, for a node with another meaning than those of PlanSys2's own trees.
     """
-    return parse_tree(read_text(path, LARGEST_TREE), plan, fspath(path))
+    return parse_tree(read_text(path, LARGEST_TREE), model.plan_itself(plan), fspath(path))
 
 
 def parse_tree(text: str, plan: model.ParametrizedPlan, file: str = "<tree>") -> BehaviorTree:

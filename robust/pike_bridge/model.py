@@ -15,7 +15,7 @@ from operator import or_
 from typing import Final, NamedTuple, TypeAlias
 
 from robust.errors import InputError, Location, did_you_mean
-from robust.numbers import shorten
+from robust.numbers import plural, shorten
 from robust.plan.model import Atom
 
 INITIAL = "e_initial"
@@ -248,6 +248,10 @@ class TeamPlan:
     conditions: tuple[Condition, ...]
     effects: tuple[Effect, ...]
     epsilon: Fraction = EPSILON
+
+    def __repr__(self) -> str:
+        sizes = plural(len(self.network.choices), "choice"), plural(len(self.network.events), "event")
+        return f"<plan {self.name!r}: {', '.join(sizes)}>"
 
     @property
     def name(self) -> str:

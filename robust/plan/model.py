@@ -15,7 +15,7 @@ from enum import Enum, StrEnum
 from fractions import Fraction
 from functools import cached_property
 from itertools import combinations
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from robust import errors, numbers
 from robust.plan.polynomial import Polynomial
@@ -636,6 +636,26 @@ def with_values(part: _Part, values: Values) -> _Part:
         whole = replace(whole, **{name: with_values(getattr(whole, name), values) for name in names})
     replaced: _Part = whole
     return replaced
+
+
+class HasPlan(Protocol):
+    """A result with a plan, as conversions and repairs are."""
+
+    @property
+    def plan(self) -> ParametrizedPlan | None: ...
+
+
+def plan_itself(plan: ParametrizedPlan | HasPlan) -> ParametrizedPlan:
+    """A plan as it is, or that of a result.
+
+    Raises:
+        InputError: for anything else.
+    """
+    found = plan if isinstance(plan, ParametrizedPlan) else getattr(plan, "plan", None)
+    if not isinstance(found, ParametrizedPlan):
+        message = f"found {numbers.shorten(repr(plan))}, expected a plan of load_plan() or convert()"
+        raise errors.InputError(message, errors.Location("plan"))
+    return found
 
 
 def at_values(plan: ParametrizedPlan, values: Mapping[str, Fraction]) -> ParametrizedPlan:

@@ -14,6 +14,7 @@ from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 from robust.errors import InputError, SolverError
+from robust.numbers import plural
 from robust.plan.model import ParameterReference
 from robust.qe.box import Box, require_complete
 from robust.qe.constraint import LinearConstraint, Sense
@@ -510,6 +511,10 @@ class Region:
         base = polyhedron(document, "base") if form == "difference" else None
         listed = _list(document, "polyhedra" if base is None else "minus")
         return Region(parameters, tuple(polyhedron(piece, "constraints") for piece in listed), base)
+
+    def __repr__(self) -> str:
+        size = f"{plural(len(self.parameters), 'parameter')}, {self.form}, {plural(len(self.pieces), 'piece')}"
+        return f"<Region: {size}; print() shows it>"
 
     def __str__(self) -> str:
         """One line for each polyhedron."""

@@ -25,7 +25,7 @@ from robust.numbers import one_line, readable
 from robust.options.declare import place_of
 from robust.options.verbs import EXPORTS
 from robust.plan import model
-from robust.plan.model import ActionInstance, ParameterReference, ParametrizedPlan
+from robust.plan.model import ActionInstance, HasPlan, ParameterReference, ParametrizedPlan, plan_itself
 from robust.plan.polynomial import Polynomial
 from robust.qe.box import Box
 from robust.show import plan_documents
@@ -237,11 +237,13 @@ _WORDS = frozenset({"y", "n", "yes", "no", "on", "off", "true", "false", "null"}
 """What YAML reads as something else than a text."""
 
 
-def export(plan: ParametrizedPlan, result: EnvelopeResult, form: str, *, controllable: str | None = None) -> str:
+def export(
+    plan: ParametrizedPlan | HasPlan, result: EnvelopeResult, form: str, *, controllable: str | None = None
+) -> str:
     """An envelope as a file for other tools.
 
     Args:
-        plan: the plan that the envelope is of.
+        plan: the plan that the envelope is of, or a conversion.
         result: what :func:`robust.envelope` found.
         form: `plansys2`: the parameters of PlanSys2's executor, with the percentage by which each action may exceed its
             planned duration; `csv`: a line for each parameter; `yaml`: both as one document.
@@ -256,6 +258,7 @@ def export(plan: ParametrizedPlan, result: EnvelopeResult, form: str, *, control
             does not start on a list of no actions.
         UnsupportedError: if PlanSys2 has no place for an action.
     """
+    plan = plan_itself(plan)
     if form not in EXPORTS:
         raise errors.InputError(f"unknown form {form!r}, expected {', '.join(EXPORTS)}")
     if not result.verified:

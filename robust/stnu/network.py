@@ -171,6 +171,9 @@ class Network:
         for link in before.values():
             self._check_circle(link, before)
 
+    def __repr__(self) -> str:
+        return f"<network {self.name!r}: {self.size}>"
+
     def fault(self, link: Link, message: str) -> InputError:
         """An error about a link, at its place."""
         return InputError(message, link.place or Location(self.name))

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     import unified_planning.model as up
     import unified_planning.plans as up_plans
 
+    from robust.execute.convert import Conversion
+
 # -- plans in ----------------------------------------------------------------------------------------------------------
 
 
@@ -228,7 +230,7 @@ def _minus(bound: Fraction | None) -> Fraction | None:
 
 
 def to_unified_planning(
-    plan: STNPlan | TimedPlan, problem: up.Problem, values: Mapping[str, Fraction] | None = None
+    plan: STNPlan | TimedPlan | Conversion, problem: up.Problem, values: Mapping[str, Fraction] | None = None
 ) -> up_plans.Plan:
     """The plan over the actions of a unified-planning problem, with exact numbers.
 
@@ -236,7 +238,7 @@ def to_unified_planning(
     knows no time. unified-planning has no parameters: each stands for its value in `values`, or for its nominal one.
 
     Args:
-        plan: a plan as read from a file, such as `stn` of a :class:`robust.Conversion`.
+        plan: a conversion, or a plan as read from a file.
         problem: the problem whose actions and objects it names.
         values: of parameters, by name.
 
@@ -248,6 +250,7 @@ def to_unified_planning(
         InputError: for an action, an object or a parameter without counterpart in `problem` or `values`.
     """
     plans = module_of("unified_planning.plans")
+    plan = getattr(plan, "stn", plan)
     if not isinstance(plan, STNPlan | TimedPlan):
         raise InputError(f"found a {type(plan).__name__}, expected a plan with a network, or with times")
     plan = _without_parts(plan, problem)
