@@ -11,6 +11,7 @@ import queue
 import sys
 import threading
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from math import floor
@@ -205,7 +206,9 @@ def watch(options: WatchCommand, run: Run) -> int:
         steps = options.plan.suffix.lower() not in NETWORKS
         lateness, seconds = Fraction(options.lateness), float(options.answer_limit)
         chances = distributions(options, plan)
-        monitor = Monitor(plan, options.separation, lateness, seconds, reorder=steps, distributions=chances)
+        eager = options.clock == "given"
+        monitor = Monitor(plan, options.separation, lateness, seconds, steps, chances, eager)
+        monitor.assess()  # loads all that later answers need, too
         return monitor, Replanning(given, plan), plan
 
     monitor, replanning, plan = run.only(prepare)
@@ -261,6 +264,8 @@ class _WatchServer:
         self._writer = LineWriter(sys.stdout.fileno(), lambda: run.guard.cause is not None, self._deadline, room)
         self._busy = threading.RLock()
         self._before: Outlook | None = None
+        self._assessed: Outlook | None = None
+        """The last answer with the probability of success by all that was known then."""
         self._failure: BaseException | None = None
         self._page = None if page is None else _WatchPage(page, options)
 
@@ -418,12 +423,26 @@ class _WatchServer:
             except InputError as error:
                 return error
 
+    def _assess(self, clock: WallClock, idle: Callable[[], bool]) -> None:
+        """Say how probable success is, if nothing is heard and no answer is due before that is known."""
+        before = self._before
+        if before is None or before is self._assessed or not self.monitor.distributions or not idle():
+            return
+        wake = None if before.wake is None else max(0, clock.seconds_until(before.wake))
+        due = min((time for time in (wake, self._deadline.remaining) if time is not None), default=None)
+        with self._busy:
+            success = self.monitor.assess(replace(Deadline.after(due), idle=idle))
+            if success != before.success and self._before is before:
+                self._say(replace(before, success=success))
+            self._assessed = self._before
+
     def _serve_real_time(self) -> None:
         """What has come is heard, as of when it came, before time passes."""
         clock = WallClock(Fraction(self._options.rate or 1), self.monitor.time)
         inbox = listening(partial(self._hear, clock))
         while True:
             self._go_on()
+            self._assess(clock, inbox.empty)
             wake = None if self._before is None else self._before.wake
             try:
                 heard = inbox.get(timeout=LOOK if wake is None else min(LOOK, max(0, clock.seconds_until(wake))))

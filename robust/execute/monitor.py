@@ -26,7 +26,7 @@ from robust.numbers import Number, exact, format_number, parse_number, shorten
 from robust.plan import model
 from robust.presented import NoTruthValue
 from robust.probability.distributions import Distribution
-from robust.smt.limits import Deadline
+from robust.smt.limits import NEVER, Deadline
 
 TICK = Fraction(1, 1000)
 """Clocks are read in multiples of this: a moment has passed at the next one."""
@@ -132,6 +132,8 @@ class Monitor:
             plan, as in network files.
         distributions: those of durations, independent of each other, by parameter; for the probability of success. If
             one is missing, nothing is known of it from below.
+        eager: whether answers wait for the probability of success; if not, they have the one that :meth:`assess` found
+            last.
 
     Raises:
         InputError: if `plan` is none, or a number is none.
@@ -145,6 +147,7 @@ class Monitor:
     seconds: float | None = SECONDS
     reorder: bool = True
     distributions: Mapping[str, Distribution] = field(default_factory=dict)
+    eager: bool = True
     taken: dict[int, MonitorMessage] = field(default_factory=dict, init=False)
     """What has been said and was neither refused nor taken back, by number."""
     time: Fraction = field(default=Fraction(0), init=False)
@@ -276,7 +279,7 @@ class Monitor:
         """
         steps = {name: str(plan.instance[step]) for name, step in plan.lasting.items()}
         known = {name: self.chances[action] for name, action in steps.items() if action in self.chances}
-        other = Monitor(plan, self.epsilon, self.lateness, self.seconds, self.reorder, known)
+        other = Monitor(plan, self.epsilon, self.lateness, self.seconds, self.reorder, known, self.eager)
         other.chances = self.chances | other.chances
         other.retired = self.retired | self.plan.instance.keys()
         for number, message in sorted(self.taken.items()):
@@ -412,12 +415,23 @@ class Monitor:
             refused,
             prospect not in OPEN,
             forecast.promise,
-            self._success(forecast, deadline),
+            self._success(forecast, deadline) if self.eager else self._last_success,
             self._other is not None and not self._in_order,
             forecast.exact,
             self._wake(looks, forecast),
             self._assumed,
         )
+
+    def assess(self, deadline: Deadline = NEVER) -> SuccessOutlook | None:
+        """Bounds of the probability of success by all that is known; those before, if the deadline passes first.
+
+        Later answers have them, too.
+        """
+        before = self._last_success
+        self._success(self._forecast(deadline), deadline)
+        if deadline.passed:
+            self._last_success = before
+        return self._last_success
 
     @property
     def _assumed(self) -> tuple[str, ...]:

@@ -290,6 +290,7 @@ class PathBounds:
         first = self._sizes[0]
         edges, spent = self._edges, 0.0
         for share in (10, 4, 2):  # a larger part of the bounds only where much stays shared
+            deadline.enforce()
             numbers, spent, costs = pruned(self._laws(self._edges, first, upper=False), within / share)
             edges = [self._edges[number] for number in numbers]
             self.passing = {

@@ -16,7 +16,7 @@ import time
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from types import FrameType
 from typing import Any, Final, NoReturn, TypeVar
@@ -51,11 +51,13 @@ class DiedError(SolverError):
 class Deadline:
     """A moment on the monotonic clock, or never; whoever works towards it asks `remaining` before each query.
 
-    With `processor` it comes, too, when this thread has worked for so many seconds.
+    With `processor` it comes, too, when this thread has worked for so many seconds; with `idle`, as soon as that says
+    that there is something else to do.
     """
 
     moment: float | None = None
     processor: float | None = None
+    idle: Callable[[], bool] | None = None
 
     @staticmethod
     def after(seconds: float | None) -> Deadline:
@@ -75,7 +77,7 @@ class Deadline:
         if seconds is None:
             return self
         end = time.thread_time() + seconds
-        return Deadline(self.moment, end if self.processor is None else min(end, self.processor))
+        return replace(self, processor=end if self.processor is None else min(end, self.processor))
 
     @property
     def on_clock(self) -> Deadline:
@@ -85,6 +87,8 @@ class Deadline:
     @property
     def remaining(self) -> float | None:
         """Seconds left, at least zero; None without a limit."""
+        if self.idle is not None and not self.idle():
+            return 0.0
         left = [] if self.moment is None else [self.moment - time.monotonic()]
         left += [] if self.processor is None else [self.processor - time.thread_time()]
         return max(0.0, min(left)) if left else None

@@ -283,3 +283,20 @@ def test_plans_with_continuous_effects_are_followed_by_slices():
     for line in lines:
         jsonschema.validate(line, schema("robust/watch/1"))
     assert [line["prospect"] for line in lines] == ["on track"] * 5 + ["broken"]
+
+
+def test_by_a_clock_success_is_said_after_the_answer():
+    words = (*OPTIONS, "--clock", "real", "--rate", "0.05", "--distribution", "*=truncated-normal::15%")
+    with started("watch", *FILES, *words, stdin=subprocess.PIPE) as running:
+        first = json.loads(running.stdout.readline())
+        running.stdin.write('{"start": "n0"}\n')
+        running.stdin.flush()
+        lines = [first]
+        while lines[-1]["message"] == 0 or lines[-1]["success"] == first["success"]:
+            lines.append(json.loads(running.stdout.readline()))
+        running.stdin.close()
+    assert first["success"]["lower"] > 0.9
+    last, before = lines[-1], lines[-2]
+    assert last["message"] == before["message"] > 0
+    assert last["success"]["time"] == last["time"] > 0
+    assert {**last, "success": None} == {**before, "success": None}

@@ -57,8 +57,12 @@ class Case:
         """Whether the plan became a network here, all schedules of which are valid."""
         return self.files[2].suffix != ".stn"
 
+    @cache  # noqa: B019 - what planners wrote is converted and proved once for all replays
+    def plan(self, deadline: str) -> ParametrizedPlan:
+        return load_plan(*self.files, parameters=["duration:*"], deadline=deadline)
+
     def monitor(self, deadline: str, **options) -> Monitor:
-        return Monitor(load_plan(*self.files, parameters=["duration:*"], deadline=deadline), **options)
+        return Monitor(self.plan(deadline), **options)
 
 
 def cases() -> list[Case]:
@@ -127,52 +131,64 @@ class PathOracle:
     """Bounds of the plan's own constraints; durations are at least what keeps their ends apart, or as planned."""
 
     def __init__(self, plan: ParametrizedPlan) -> None:
-        self.plan = plan
+        self.points = [p for p in plan.time_points if p.time is None]
+        self.place = {point: place for place, point in enumerate(self.points)}
         self.bounds = []
         self.links = {}
         for item in plan.constraints:
             names = {str(v) for b in (item.lower, item.upper) if b is not None for v in b.variables}
+            source, target = self.place[item.source], self.place[item.target]
             if names:
                 assert item.lower == item.upper
-                self.links[plan.lasting[names.pop()]] = item.source, item.target
+                self.links[plan.lasting[names.pop()]] = source, target
             else:
                 if item.lower is not None:
-                    self.bounds.append((item.source, item.target, item.lower.constant_term))
+                    self.bounds.append((source, target, item.lower.constant_term))
                 if item.upper is not None:
-                    self.bounds.append((item.target, item.source, -item.upper.constant_term))
-        apart = {frozenset(pair) for pair in mutex_pairs(plan)}
+                    self.bounds.append((target, source, -item.upper.constant_term))
+        apart = {frozenset(self.place.get(point) for point in pair) for pair in mutex_pairs(plan)}
         self.least = {step: Fraction(frozenset(ends) in apart, 1000) for step, ends in self.links.items()}
-        self.points = [p for p in plan.time_points if p.time is None]
-        self.order = dict.fromkeys(self.points, 0)  # in which a few rounds suffice
+        self.scale, self.scaled = 0, []
+        self.order = [0] * len(self.points)  # in which a few rounds suffice
 
     def windows(self, times: Times, now: Fraction, least: Mapping[str, Fraction]):
         """Earliest and latest times, or None; `least`: of the durations of steps that have not ended."""
-        bounds = [*self.bounds]
-        for step, (source, target) in self.links.items():
-            if target not in times:
-                bounds.append((source, target, max(least.get(step, Fraction(0)), self.least[step])))
-        scale = lcm(*(value.denominator for value in (*(w for _, _, w in bounds), *times.values(), Fraction(now))))
-        forward = sorted(((a, b, int(w * scale)) for a, b, w in bounds), key=lambda each: self.order[each[0]])
-        known = {ZERO: 0} | {p: int(t * scale) for p, t in times.items()}
-        low = {p: known.get(p, int(now * scale)) for p in self.points}
-        high = {p: known.get(p) for p in self.points}
+        known = {self.place[ZERO]: Fraction(0)} | {self.place[p]: t for p, t in times.items()}
+        links = [
+            (source, target, max(least.get(step, Fraction(0)), self.least[step]))
+            for step, (source, target) in self.links.items()
+            if target not in known
+        ]
+        weights = [w for _, _, w in (links if self.scale else [*self.bounds, *links])]
+        scale = lcm(self.scale or 1, *(value.denominator for value in (*weights, *known.values(), now)))
+        if scale != self.scale:
+            self.scale, self.scaled = scale, [(a, b, int(w * scale)) for a, b, w in self.bounds]
+        forward = [*self.scaled, *((a, b, int(w * scale)) for a, b, w in links)]
+        forward.sort(key=lambda bound: self.order[bound[0]])
+        known = {place: int(time * scale) for place, time in known.items()}
+        low = [int(now * scale)] * len(self.points)
+        never = (sum(abs(w) for _, _, w in forward) + max(low[0], *known.values())) * 2 + 1
+        high = [never] * len(self.points)
+        for place, time in known.items():
+            low[place] = high[place] = time
         for _ in range(2 * len(self.points) + 2):
             changed = False
             for a, b, w in forward:
                 if low[a] + w > low[b]:
                     low[b], changed = low[a] + w, True
             for a, b, w in reversed(forward):
-                if high[b] is not None and (high[a] is None or high[b] - w < high[a]):
+                if high[b] != never and high[b] - w < high[a]:
                     high[a], changed = high[b] - w, True
-            if any(low[p] > t or high[p] < t for p, t in known.items()):
+            if any(low[place] > time or high[place] < time for place, time in known.items()):
                 return None
             if not changed:
                 break
         self.order = low
-        if any(high[p] is not None and low[p] > high[p] for p in self.points):
+        if any(early > late for early, late in zip(low, high, strict=True)):
             return None
         return {
-            p: (Fraction(low[p], scale), None if high[p] is None else Fraction(high[p], scale)) for p in self.points
+            point: (Fraction(early, scale), None if late == never else Fraction(late, scale))
+            for point, early, late in zip(self.points, low, high, strict=True)
         }
 
 

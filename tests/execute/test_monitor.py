@@ -17,6 +17,7 @@ from robust.execute.messages import MessageKind, MonitorMessage
 from robust.execute.monitor import Monitor, Outlook
 from robust.plan.model import Atom, TimePoint
 from robust.probability.distributions import Distribution
+from robust.smt.limits import Deadline
 from tests.execute.replays import EXAMPLES, OPEN, PathOracle, SolverOracle, bare
 from tests.irr.test_proposals import drawn_plan
 from tests.qe.test_lifted import job_shop
@@ -387,6 +388,21 @@ def test_success_is_certain_from_above_only_of_durations_whose_distribution_is_k
     some = workshop(distributions=known).outlook().success
     assert some.lower == 0
     assert every.upper <= some.upper < 1
+
+
+def test_answers_need_not_wait_for_the_probability_of_success():
+    plan = workshop().plan
+    eager, lazy = (workshop(distributions=random_durations(plan), eager=eager) for eager in (True, False))
+    assert lazy.outlook().success is None
+    first = lazy.assess()
+    assert first == eager.outlook().success
+    after = lazy.say("start", "n0", at=0)
+    assert after.success == first
+    assert lazy.assess(Deadline(idle=lambda: False)) == first
+    assert lazy.say("end", "n0", at=20).success == first
+    eager.say("start", "n0", at=0)
+    assert lazy.assess() == eager.say("end", "n0", at=20).success != first
+    assert lazy.outlook().success.time == 20
 
 
 def waking(monitor: Monitor) -> list[Outlook]:
