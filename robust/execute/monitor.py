@@ -20,7 +20,7 @@ from robust.errors import Location, did_you_mean
 from robust.execute import messages
 from robust.execute.forecast import FINEST, OPEN, Forecaster, PathForecaster, PlanForecast, Prospect, StepAhead, Window
 from robust.execute.messages import OBSERVED, STEPS, MessageKind, MonitorMessage, StepProgress, time_text
-from robust.execute.remaining import History, MonitorState, read_by, variable_called
+from robust.execute.remaining import History, MonitorState, read_by, variables
 from robust.network.slack import OutsideFragmentError
 from robust.numbers import Number, exact, format_number, parse_number, shorten
 from robust.plan import model
@@ -163,10 +163,13 @@ class Monitor:
         self._count = 0
         self._latest_tick = 0
         self._fineness = 1
+        self._observed: dict[int, model.TimedLiteral] = {}
+        """What has been observed of the state and not taken back, by the number of the message."""
+        self._surprised: tuple[object, Sequence[str]] = (None, ())
         self._said: dict[str, list[MonitorMessage]] = {step.identifier: [] for step in self.plan.instances}
         self._progress = {step: StepProgress() for step in self._said}
         self._other: Forecaster | None = None
-        self._seen_by_other = frozenset[tuple[object, ...]]()
+        self._seen_by_other = frozenset[model.TimedLiteral]()
         self._lost: PlanForecast | None = None
         self._lost_since = Fraction(0)
         self._in_order = True
@@ -205,8 +208,8 @@ class Monitor:
         return self._history_until(self.time).state
 
     def _history_until(self, time: Fraction) -> History:
-        observed = [message for message in self.taken.values() if message.kind in OBSERVED]
-        observed.sort(key=lambda message: (message.at or Fraction(0), message.arrived or Fraction(0)))
+        numbers = sorted(self._observed, key=lambda k: (self._observed[k].time, self.taken[k].arrived or Fraction(0)))
+        observed = [self._observed[number] for number in numbers]
         return History(self.plan, self.planned, self._progress, observed, time)
 
     @property
@@ -217,9 +220,8 @@ class Monitor:
     @property
     def _judged_from(self) -> Fraction:
         """From when on the rest of the plan is judged: after all that was observed, and after attempts that failed."""
-        observed = (message.at for message in self.taken.values() if message.kind in OBSERVED)
         attempts = (end for known in self._progress.values() for _, end in known.attempts)
-        return max((self._now, *attempts, *(at for at in observed if at is not None)))
+        return max((self._now, *attempts, *(known.time for known in self._observed.values())))
 
     # -- messages ------------------------------------------------------------------------------------------------------
 
@@ -332,16 +334,17 @@ class Monitor:
         return f"{found}, expected a clock that does not go back; retract message {self._latest_tick} if that was wrong"
 
     def _wrong_observation(self, message: MonitorMessage) -> str | None:
-        variable = variable_called(self.plan, message.step)
+        variable = self._variables.get(_bare(message.step))
         if not isinstance(variable, model.Fluent if message.kind is MessageKind.VALUE else model.Atom):
             what = "a fluent" if message.kind is MessageKind.VALUE else "an atom"
             return f"found {shorten(message.step)}, expected {what} of the plan"
-        if type(message.observed) is not OBSERVED[message.kind]:
+        if message.observed is None or type(message.observed) is not OBSERVED[message.kind]:
             return f"found {message.observed} for {variable}, expected {_WANTED[message.kind]}"
-        for known in self.taken.values():
-            differs = known.kind is message.kind and known.observed != message.observed
-            if differs and known.at == message.at and variable_called(self.plan, known.step) == variable:
+        literal = model.TimedLiteral(message.at or Fraction(0), variable, message.observed)
+        for known in self._observed.values():
+            if known.point == literal.point and known.target == variable and known != literal:
                 return f"found two values of {variable} at {time_text(message.at)}; retract what was wrong first"
+        self._observed[self._count] = literal
         return None
 
     def _retract(self, message: MonitorMessage) -> str | None:
@@ -361,6 +364,7 @@ class Monitor:
             self._fineness = lcm(*(at.denominator for at in times if at is not None))
             self._follow(wrong.step, progress)
         del self.taken[number]
+        self._observed.pop(number, None)
         if number == self._latest_tick:
             self._note_ticks(self.taken)
         self.time = max((known.time for known in self.taken.values()), default=Fraction(0))
@@ -476,23 +480,23 @@ class Monitor:
         return StepOutlook(step, self._name[step], since, start, ahead.end, slack, left)
 
     @cached_property
+    def _variables(self) -> Mapping[str, model.Atom | model.Fluent]:
+        return variables(self.plan)
+
+    @cached_property
     def _name(self) -> Mapping[str, str]:
         return {instance.identifier: str(instance)[1:-1] for instance in self.plan.instances}
 
     @property
     def _surprises(self) -> Sequence[str]:
         """What was observed, is not as the plan says, and is read by what is to come."""
-        if not self._observed:
-            return ()
-        steps = (step for step in self.plan.instances if self._progress[step.identifier].end is None)
-        read = set(read_by(steps, self.plan.goal))
-        return [text for variable, text in self._history_until(self.time).surprises if variable in read]
-
-    @property
-    def _observed(self) -> frozenset[tuple[object, ...]]:
-        """What was observed, however often that was said."""
-        observed = (message for message in self.taken.values() if message.kind in OBSERVED)
-        return frozenset((variable_called(self.plan, each.step), each.at, each.observed) for each in observed)
+        known = frozenset(self._observed.values()), tuple(self._progress.values())
+        if known != self._surprised[0]:
+            steps = (step for step in self.plan.instances if self._progress[step.identifier].end is None)
+            read = set(read_by(steps, self.plan.goal)) if self._observed else set()
+            every = self._history_until(self.time).surprises if self._observed else ()
+            self._surprised = known, [text for variable, text in every if variable in read]
+        return self._surprised[1]
 
     def _forecast(self, deadline: Deadline) -> PlanForecast:
         """The forecast: in the plan's own order if that is left, else as the rest of the plan is judged."""
@@ -510,7 +514,8 @@ class Monitor:
                 self._other = None
                 return own if own.prospect in OPEN else self._lose(own, self._now)
             causes = own.reasons
-        if self._other is None or self._seen_by_other != self._observed or not self._is_open(self._other, deadline):
+        seen = frozenset(self._observed.values())
+        if self._other is None or self._seen_by_other != seen or not self._is_open(self._other, deadline):
             from robust.execute.reorder import reordered  # noqa: PLC0415 - loads solvers, which few plans need
 
             moment = self._judged_from
@@ -518,7 +523,7 @@ class Monitor:
             judged = reordered(
                 history, _forecaster, self.epsilon, free=self.reorder, in_order=in_order, deadline=deadline
             )
-            self._other, self._seen_by_other = judged.forecaster, self._observed
+            self._other, self._seen_by_other = judged.forecaster, seen
             self._in_order = judged.in_order
             if self._other is None:
                 is_late = (
@@ -538,6 +543,11 @@ class Monitor:
 
     def _is_open(self, other: Forecaster, deadline: Deadline) -> bool:
         return other.look(self.time, deadline).prospect in OPEN
+
+
+def _bare(name: str) -> str:
+    """The name of an atom or a fluent without brackets."""
+    return " ".join(name.strip().strip("()").lower().split())
 
 
 def _wrong_times(message: MonitorMessage) -> str | None:

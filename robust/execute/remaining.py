@@ -8,7 +8,7 @@ from fractions import Fraction
 from functools import cached_property
 from itertools import pairwise
 
-from robust.execute.messages import MonitorMessage, StepProgress
+from robust.execute.messages import StepProgress
 from robust.numbers import format_number
 from robust.plan import model, timeline
 from robust.plan.polynomial import Polynomial
@@ -45,7 +45,7 @@ class History:
         plan: the plan.
         planned: how long steps take as planned, by identifier.
         known: how far each step is by all that is known, by identifier.
-        observed: what was observed of the state.
+        observed: what was observed of the state, in the order in which it counts.
         time: nothing that is not known happened before. What happened later is part of what is still to come, except
             for observations and attempts that failed: there must be none.
     """
@@ -53,7 +53,7 @@ class History:
     plan: model.ParametrizedPlan
     planned: Mapping[str, Fraction]
     known: Mapping[str, StepProgress]
-    observed: Sequence[MonitorMessage]
+    observed: Sequence[model.TimedLiteral]
     time: Fraction
 
     @cached_property
@@ -160,17 +160,13 @@ class History:
     @cached_property
     def _seen(self) -> Mapping[model.TimePoint, Sequence[model.TimedLiteral]]:
         """What was observed, as literals right after what happened at that time."""
-        times = sorted({*self._times.values(), *(each.at for each in self.observed if each.at is not None)})
+        times = sorted({*self._times.values(), *(each.time for each in self.observed)})
         gap = min((later - first for first, later in pairwise(times)), default=Fraction(1))
         taken = set(self._times.values())
         found: dict[model.TimePoint, list[model.TimedLiteral]] = {}
-        for message in self.observed:
-            at = message.at or Fraction(0)
-            at += gap / 2 if at in taken else 0
-            target = variable_called(self.plan, message.step)
-            if target is not None and message.observed is not None:
-                literal = model.TimedLiteral(at, target, message.observed)
-                found.setdefault(literal.point, []).append(literal)
+        for each in self.observed:
+            literal = replace(each, time=each.time + gap / 2) if each.time in taken else each
+            found.setdefault(literal.point, []).append(literal)
         return found
 
     @cached_property
@@ -219,13 +215,8 @@ def _said(value: Fraction | bool | None) -> str:
     return "unknown" if value is None else str(value).lower()
 
 
-def variable_called(plan: model.ParametrizedPlan, name: str) -> model.Atom | model.Fluent | None:
-    """The atom or fluent of a plan that is called so, with or without brackets."""
-    return _variables(plan).get(" ".join(name.strip().strip("()").lower().split()))
-
-
-def _variables(plan: model.ParametrizedPlan) -> Mapping[str, model.Atom | model.Fluent]:
-    """What a plan speaks of, by name without brackets."""
+def variables(plan: model.ParametrizedPlan) -> Mapping[str, model.Atom | model.Fluent]:
+    """The atoms and fluents that a plan speaks of, by name without brackets."""
     known: dict[model.Atom | model.Fluent, None] = dict.fromkeys((*plan.initial_atoms, *plan.initial_fluents))
     known |= dict.fromkeys(literal.target for literal in plan.timed_literals)
     for instance in plan.instances:
