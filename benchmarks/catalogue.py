@@ -274,6 +274,19 @@ class Table2Options(TableOptions):
     battery: Fraction | None = option(None, "the charge at the beginning; else 520", metavar="B", read=exact)
 
 
+class MonitoredOptions(LongOptions):
+    """Execute delivery plans whose consumption is uncertain by what a monitor says, and by DREEX: successes, re-plans,
+    and how long the monitor's answers take.
+
+    A monitor in the worlds of table 2.
+    """
+
+    problems: int = _count(4, "how many of the hundred problems of table 2")
+    planner_limit: float = _limit("7", "seconds for each plan", rank=0)
+    battery: Fraction = option(BATTERY, "the charge at the beginning", metavar="B", read=exact)
+    seed: int = _count(0, "which simulated world")
+
+
 class Figure21Options(LongOptions, Plot):
     """Compile random plans with choices: the number of prime implicants over that of models.
 
@@ -422,6 +435,7 @@ EXPERIMENTS = {
         Entry("risk", "irr.risk", RiskOptions),
         Entry("table1", "irr.tables", Table1Options),
         Entry("table2", "irr.tables", Table2Options),
+        Entry("monitored", "irr.monitored", MonitoredOptions),
         Entry("figure20a", "pike.figure20a_21", Figure20aOptions),
         Entry("figure20b", "pike.figure20b", Figure20bOptions),
         Entry("hesitation", "pike.hesitation", HesitationOptions),

@@ -1,4 +1,4 @@
-"""`python -m benchmarks.irr.monitored`: the worlds of Table 2, in which a monitor follows what is executed.
+"""`robust bench monitored`: the worlds of Table 2, in which a monitor follows what is executed.
 
 What may start by what the monitor says starts as soon as it may. The monitor hears of starts and ends, and of each
 level that an action has changed. Where it says that nothing is left, what runs is waited for, and the planner is asked
@@ -7,14 +7,13 @@ for another plan, as `robust execute` does. Both meet the same worlds and have t
 
 from __future__ import annotations
 
-import argparse
-import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from time import process_time
+from typing import ClassVar
 
-from robust.errors import RobustError
+from robust.errors import InputError, RobustError
 from robust.execute import dispatcher, drive
 from robust.execute.forecast import Prospect
 from robust.execute.messages import MessageKind
@@ -37,7 +36,9 @@ from robust.plan import timeline
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.smt.limits import Deadline
 
-from ..catalogue import BATTERY
+from ..catalogue import MonitoredOptions
+from ..engine.experiment import Experiment, Report, Task
+from ..engine.show import NOTHING, Columns, Table, number
 from ..generators import delivery
 from .tables import TABLE2_DESIGN, RememberingPlanner, uncertain_rules, uncertain_specs
 
@@ -165,36 +166,103 @@ def missions(number: int, battery: Fraction, planner_seconds: float) -> tuple[Mi
     return found[0], found[1]
 
 
-def main(arguments: list[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.irr.monitored", description=__doc__.splitlines()[0])
-    parser.add_argument("--problems", type=int, default=4, help="how many of the hundred problems")
-    parser.add_argument("--seed", type=int, default=0, help="which simulated world")
-    parser.add_argument("--battery", type=Fraction, default=BATTERY, help="the charge at the beginning")
-    parser.add_argument("--planner-limit", type=float, default=7, help="seconds for each plan")
-    options = parser.parse_args(arguments)
-    succeeded, answers = {"monitor": 0, "execute": 0}, list[float]()
-    for number in sorted(i * 37 % 100 for i in range(options.problems)):
-        ours, theirs = missions(number, options.battery, options.planner_limit)
-        seed = f"{number}/{options.seed}"
-        try:
-            run = follow(ours, seed, first_plan(ours))
-            other = execute(theirs, seed, first_plan(theirs))
-        except NoPlanError as error:
-            print(f"{number}: {error}", flush=True)
-            continue
-        answers += run.seconds
-        reasons = {"monitor": (run.fault, run.replans), "execute": (other.reason, other.replans)}
-        for who, (reason, _) in reasons.items():
-            succeeded[who] += not reason
-        texts = (f"{who} {reason or 'succeeded'}, {count} re-plans" for who, (reason, count) in reasons.items())
-        print(f"{number}: {'; '.join(texts)}", flush=True)
-    answers.sort()
-    if answers:
-        middle, late = (1000 * answers[int(len(answers) * share)] for share in (0.5, 0.99))
-        print(f"{len(answers)} answers, median {middle:.1f} ms, 99 % {late:.1f} ms of processor time")
-    print("succeeded: " + ", ".join(f"{who} {count}" for who, count in succeeded.items()))
-    return 0
+@dataclass(frozen=True, slots=True)
+class MonitoredRow:
+    """A problem in one world: why each run failed, else empty; and processor times of the monitor's answers.
+
+    Where there is no first plan, both have failed, and nothing was answered.
+    """
+
+    problem: int
+    seed: int
+    fault: str
+    replans: int
+    dreex_fault: str
+    dreex_replans: int
+    answers_s: tuple[float, ...] = ()
 
 
-if __name__ == "__main__":
-    sys.exit(main())
+def run_problem(problem: int, seed: int, battery: Fraction, planner_s: float) -> MonitoredRow:
+    """A problem of table 2 with the monitor and with DREEX."""
+    ours, theirs = missions(problem, battery, planner_s)
+    world = f"{problem}/{seed}"
+    try:
+        run = follow(ours, world, first_plan(ours))
+        other = execute(theirs, world, first_plan(theirs))
+    except NoPlanError as error:
+        return MonitoredRow(problem, seed, str(error), 0, str(error), 0)
+    answers = tuple(round(one, 6) for one in run.seconds)
+    return MonitoredRow(problem, seed, run.fault, run.replans, other.reason, other.replans, answers)
+
+
+def _milliseconds(answers: Sequence[float], share: float) -> str:
+    """The time that this share of the answers took at most."""
+    return number(1000 * sorted(answers)[int(len(answers) * share)], 1) if answers else NOTHING
+
+
+COLUMNS: Columns[MonitoredRow] = {
+    "problem": lambda row: row.problem,
+    "monitor": lambda row: row.fault or "succeeded",
+    "re-plans": lambda row: row.replans,
+    "DREEX": lambda row: row.dreex_fault or "succeeded",
+    "its re-plans": lambda row: row.dreex_replans,
+    "answers": lambda row: len(row.answers_s),
+    "median ms": lambda row: _milliseconds(row.answers_s, 0.5),
+    "99 % ms": lambda row: _milliseconds(row.answers_s, 0.99),
+}
+
+
+class MonitoredReport(Report[MonitoredRow]):
+    """The worlds of Table 2 with a monitor that says what may start, and with DREEX (`robust bench monitored`)."""
+
+    TITLE = "A monitor in the worlds of Table 2"
+    SETTINGS: ClassVar[Mapping[str, str]] = {
+        "planner_s": "planner_limit",
+        "battery": "battery",
+        "seed": "seed",
+        "jobs": "jobs",
+    }
+
+    def sound(self) -> bool:
+        """Whether the monitor succeeds wherever DREEX does."""
+        return all(row.dreex_fault or not row.fault for row in self.rows)
+
+    def remarks(self) -> Sequence[str]:
+        options = self.options
+        return [
+            f"planner {TABLE2_DESIGN.planner}, at most {options.planner_limit:g} s for each plan; battery "
+            f"{options.battery}; seed {options.seed}; processor time of each answer"
+        ]
+
+    def contents(self) -> list[Table]:
+        return [Table.of(self.TITLE, COLUMNS, self.rows, left=("monitor", "DREEX"))]
+
+    def conclusions(self) -> Sequence[str]:
+        """Successes, and how long answers took."""
+        answers = [one for row in self.rows for one in row.answers_s]
+        ours, theirs = (sum(not getattr(row, name) for row in self.rows) for name in ("fault", "dreex_fault"))
+        times = f"median {_milliseconds(answers, 0.5)} ms, 99 % at most {_milliseconds(answers, 0.99)} ms"
+        return [
+            f"The monitor succeeds in {ours} of {len(self.rows)} runs, DREEX in {theirs}.",
+            f"{len(answers)} answers: {times}.",
+        ]
+
+
+def _prepare(options: MonitoredOptions, _: object) -> None:
+    if not 1 <= options.problems <= 100:
+        raise InputError(f"problems is {options.problems}; expected 1 to 100")
+    create_planner(TABLE2_DESIGN.planner)  # before anything runs for long
+
+
+def _tasks(options: MonitoredOptions, _: object) -> list[Task]:
+    return [
+        Task(f"problem {problem}", (problem, options.seed, options.battery, options.planner_limit))
+        for problem in sorted(i * 37 % 100 for i in range(options.problems))
+    ]
+
+
+def _describe(row: MonitoredRow) -> str:
+    return f"monitor {row.fault or 'succeeded'}, DREEX {row.dreex_fault or 'succeeded'}"
+
+
+MONITORED = Experiment("monitored", MonitoredOptions, _tasks, run_problem, MonitoredReport, _describe, prepare=_prepare)

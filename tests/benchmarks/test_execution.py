@@ -297,17 +297,28 @@ def test_no_plan_to_begin_with(monkeypatch):
     assert [(one.succeeded, one.reason) for one in runs.rows] == [(False, "no plan: knows no plan")] * 2
 
 
-def test_a_monitor_follows_the_worlds_of_table_2(monkeypatch, capsys):
+def test_a_monitor_follows_the_worlds_of_table_2(monkeypatch, tmp_path):
     planner = Planner(first_plan(), lambda _, problem: "(robot_at robot1 dock1)" in map(str, problem.atoms))
     monkeypatch.setattr(monitored, "create_planner", lambda _name: planner)
     plenty, _ = monitored.missions(0, Fraction(520), 7)
-    run = monitored.follow(plenty, "0/0", first_prepared(plenty))
-    assert (run.fault, run.replans) == ("", 0)
-    assert len(run.seconds) > 2 * len(STEPS_TO_THE_NEARER_ORDER)
+    followed = monitored.follow(plenty, "0/0", first_prepared(plenty))
+    assert (followed.fault, followed.replans) == ("", 0)
+    assert len(followed.seconds) > 2 * len(STEPS_TO_THE_NEARER_ORDER)
     scarce, _ = monitored.missions(0, Fraction(300), 7)
     prepared = first_prepared(scarce)
     faults = {monitored.follow(scarce, f"0/{seed}", prepared).fault for seed in (1, 2)}
     assert "" in faults, "nature takes less than planned"
     assert any("battery" in fault and fault.endswith("knows no plan") for fault in faults), "or more, and it is noticed"
-    assert monitored.main(["--problems", "1"]) == 0
-    assert "succeeded: monitor 1, execute 1" in capsys.readouterr().out
+    options = {"problems": 1, "store": tmp_path / "store"}
+    report, asked = run("monitored", **options), planner.asked
+    assert (report.agrees, report.failures, [row.fault for row in report.rows]) == (True, (), [""])
+    assert "The monitor succeeds in 1 of 1 runs, DREEX in 1." in " ".join(rendered(report.tables).split())
+    assert report.experiment.read(checked(report)).rows == report.rows
+    assert (run("monitored", **options).rows, planner.asked) == (report.rows, asked)
+    (row,) = report.rows
+    failed = replace(report, rows=(replace(row, fault="gave up after 3 re-plans"),))
+    assert not failed.agrees
+    assert replace(report, rows=(replace(row, fault="no plan", dreex_fault="no plan", answers_s=()),)).agrees
+    monkeypatch.setattr(monitored, "create_planner", lambda _name: Planner(first_plan(), lambda *_: False))
+    (row,) = run("monitored", problems=1).rows
+    assert (row.fault, row.dreex_fault, row.answers_s) == (*("stand-in: no plan: knows no plan",) * 2, ())
