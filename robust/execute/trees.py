@@ -304,6 +304,7 @@ class _TreeReader:
         self._holding = ("", "")
         self._open: list[_OpenNode] = []
         self._depth = 0
+        self._root_line = 1
         self._main: str | None = None
         self._trees: list[str] = []
         self._parser = expat.ParserCreate()
@@ -319,8 +320,9 @@ class _TreeReader:
             reason = expat.ErrorString(error.code)
             raise InputError(f"found broken XML ({reason}), expected a behavior tree", place) from None
         if self._main not in self._trees:
-            wanted = "a BehaviorTree" if self._main is None else f"the main tree {shorten(self._main)}"
-            raise InputError(f"found no such tree, expected {wanted}", Location(self.file))
+            found = "no BehaviorTree in <root>" if self._main is None else f"main tree {shorten(self._main)}"
+            expected = f"one of {', '.join(map(shorten, self._trees))}" if self._trees else "<BehaviorTree ID=...>"
+            raise InputError(f"found {found}, expected {expected}", Location(self.file, self._root_line))
 
     @property
     def _place(self) -> Location:
@@ -333,7 +335,8 @@ class _TreeReader:
         self._depth += 1
         if self._depth == 1:
             if tag != "root":
-                raise InputError(f"found <{shorten(tag)}>, expected <root> with a BehaviorTree", self._place)
+                raise InputError(f"found element {shorten(tag)}, expected <root> with a BehaviorTree", self._place)
+            self._root_line = self._parser.CurrentLineNumber
             self._main = attributes.get("main_tree_to_execute")
         elif self._depth == 2 and tag == "BehaviorTree":
             name = attributes.get("ID", "")

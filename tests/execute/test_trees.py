@@ -267,11 +267,22 @@ def test_a_tree_names_what_it_cannot_keep(photos):
 REFUSALS = [
     ("<root", InputError, "found broken XML"),
     ('<!DOCTYPE r [<!ENTITY a "b">]><root/>', InputError, "<tree>:1: found a document type"),
-    ("<tree/>", InputError, "<tree>:1: found <'tree'>, expected <root>"),
-    ("<root/>", InputError, "<tree>: found no such tree, expected a BehaviorTree"),
-    (tree("send").replace('ID="MainTree"', 'ID="Other"'), InputError, "expected the main tree 'MainTree'"),
+    ("<tree/>", InputError, "<tree>:1: found element 'tree', expected <root> with a"),
+    ("", InputError, "<tree>:1:1: found broken XML (no element found)"),
+    ("\n<root/>", InputError, "<tree>:2: found no BehaviorTree in <root>, expected <BehaviorTree ID=...>"),
+    (tree(""), InputError, "<tree>:2: found BehaviorTree without children"),
+    (
+        tree(step("send")).replace('"MainTree"', '"X"', 1),
+        InputError,
+        "<tree>:1: found main tree 'X', expected one of 'M",
+    ),
     (tree(seq("send", "<Fallback/>")), UnsupportedError, "<tree>:3: found node 'Fallback', expected one of Sequence,"),
     (tree("<Sequence/>"), InputError, "<tree>:3: found Sequence without children"),
+    (
+        tree(seq("send", '<SubTree ID="MainTree"/>')),
+        UnsupportedError,
+        "<tree>:3: found node 'SubTree', expected one of",
+    ),
     (tree("<WaitAction/>"), InputError, "<tree>:3: found no action of WaitAction"),
     (tree('<WaitAction action="{next}"/>'), InputError, "found action '{next}' of WaitAction"),
     (
