@@ -119,9 +119,13 @@ def undisturbed():
         return told(run)
 
 
-def test_killed_and_resumed_again_and_again(journal):
+@pytest.mark.parametrize("seed", range(often(1, 40)))
+def test_killed_and_resumed_again_and_again(seed, journal):
     """After an answer, before it, or while it is worked on: the execution is the one that nothing happened to."""
-    moments = {3: None, 4: 0.0, 8: 0.004, 13: 0.015, 18: 0.04}  # None: once it has answered
+    moments, random = {3: None, 4: 0.0, 8: 0.004, 13: 0.015, 18: 0.04}, Random(seed)  # noqa: S311 - reproducible
+    if seed:
+        delays = (None, *(random.random() * most for most in (0.0, 0.01, 0.02, 0.05)))  # None: once it has answered
+        moments = dict(zip(random.sample(range(1, len(STORY)), 5), random.sample(delays, 5), strict=True))
     run = Process("--journal", journal)
     lines = run.greeting
     for number, said in enumerate(STORY, 1):

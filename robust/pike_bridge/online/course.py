@@ -24,6 +24,8 @@ class FieldNote:
     report: said.Report
     at: Fraction
     places: tuple[int, ...] = ()
+    acts: frozenset[str] = frozenset()
+    """What the executive had done when it was told."""
 
 
 @dataclass
@@ -44,6 +46,7 @@ class Course:
 
     def __post_init__(self) -> None:
         self._relevant = frozenset(condition.literal.atom for condition in self.plan.conditions)
+        self._acts = frozenset(self.times)
 
     def take(self, notes: Sequence[FieldNote], held: Set[int], now: Fraction) -> None:
         """Derive what has happened by now from notes, in the order of their times.
@@ -51,7 +54,6 @@ class Course:
         Args:
             held: the activities whose early end counts when their least duration is over.
         """
-        acts = frozenset(self.times)
         notes = sorted(notes, key=lambda note: note.at)
         for note in notes:
             match note.report:
@@ -68,11 +70,11 @@ class Course:
                     self.ended.update((place, (note.report.kind(), note.at)) for place in note.places)
                     self.chosen |= note.report.outcomes if isinstance(note.report, said.Completion) else {}
         self._note_guards()
-        self._note_ends(acts, held, now)
+        self._note_ends(held, now)
         self._note_guards()
         for note in notes:
             if isinstance(note.report, said.Estimate):
-                self._note_seen(note.report, note.at)
+                self._note_seen(note.report, note)
 
     def _note_guards(self) -> None:
         """Guards of what has happened hold."""
@@ -101,35 +103,41 @@ class Course:
             remaining -= set(free)
         return order
 
-    def _note_ends(self, acts: Set[str], held: Set[int], now: Fraction) -> None:
+    def _note_ends(self, held: Set[int], now: Fraction) -> None:
         """Events where activities end, once all that have begun and end there have ended."""
         activities = self.plan.network.activities
         in_order = sorted(self.ended, key=lambda place: self.ended[place][1])
         targets = dict.fromkeys(activities[place].target for place in in_order)
-        for target in (target for target in targets if target not in acts):
+        for target in (target for target in targets if target not in self._acts):
             there = [
                 place
                 for place, each in enumerate(activities)
                 if each.target == target and each.source in self.times and self._certain(each.guard)
             ]
-            if there and all(place in self.ended for place in there):
+            if there and all(self._has_ended(place) for place in there):
                 counting = (self.counts_from(place) for place in there if place in held)
                 time = max([self.ended[place][1] for place in there] + list(counting))
                 if time <= now:
                     self.times[target] = time
                     self.reported.add(target)
+        self.ended = {place: end for place, end in self.ended.items() if self._has_ended(place)}
 
-    def facts(self, until: Fraction) -> dict[Atom, bool]:
-        """What was true at a time of what conditions are about, by what was done and seen."""
-        changes = sorted(self._changes_of_state(), key=lambda change: change[:2])
+    def _has_ended(self, place: int) -> bool:
+        """Whether an activity that has begun, as far as is known now, has ended since."""
+        begun = self.begun.get(place, self.times.get(self.plan.network.activities[place].source))
+        return place in self.ended and begun is not None and begun <= self.ended[place][1]
+
+    def facts(self, until: Fraction, later: Set[str] = frozenset()) -> dict[Atom, bool]:
+        """What was true at a time of what conditions are about, by what was done and seen; not by what came later."""
+        changes = sorted(self._changes_of_state(later), key=lambda change: change[:2])
         known = {literal.atom: literal.positive for time, _, literal in changes if time <= until}
         return dict.fromkeys(sorted(self._relevant), False) | known
 
-    def _changes_of_state(self) -> Iterator[tuple[Fraction, int, model.Literal]]:
+    def _changes_of_state(self, later: Set[str]) -> Iterator[tuple[Fraction, int, model.Literal]]:
         """When literals began to hold; at one time deletions first, and what was seen last."""
         lost = {place for place, (how, _) in self.ended.items() if how != COMPLETED}
         for effect in self.plan.effects:
-            happened = effect.event in self.times and self._certain(effect.guard)
+            happened = effect.event in self.times and effect.event not in later and self._certain(effect.guard)
             if happened and effect.literal.atom in self._relevant and not self._is_lost(effect, lost):
                 yield self.times[effect.event], int(effect.literal.positive), effect.literal
         for time, literal in self.seen:
@@ -138,9 +146,11 @@ class Course:
     def _is_lost(self, effect: model.Effect, lost: set[int]) -> bool:
         return effect.activity in lost and effect.event == self.plan.network.activities[effect.activity].target
 
-    def unexpected(self, estimate: said.Estimate, at: Fraction) -> list[model.Literal]:
+    def unexpected(self, estimate: said.Estimate, note: FieldNote) -> list[model.Literal]:
         """What conditions are about and is not as it should be."""
-        known, seen = self.facts(at), dict.fromkeys(estimate.true, True) | dict.fromkeys(estimate.false, False)
+        later = {event for event in self._acts if self.times[event] == note.at and event not in note.acts}
+        known = self.facts(note.at, later)
+        seen = dict.fromkeys(estimate.true, True) | dict.fromkeys(estimate.false, False)
         if estimate.complete:
             seen = {atom: atom in estimate.true for atom in self._relevant}
         return [
@@ -149,14 +159,15 @@ class Course:
             if atom in self._relevant and known[atom] != positive
         ]
 
-    def _note_seen(self, estimate: said.Estimate, at: Fraction) -> None:
+    def _note_seen(self, estimate: said.Estimate, note: FieldNote) -> None:
         """What was seen otherwise than it should be; and choices of people that all its possible causes need."""
-        for literal in self.unexpected(estimate, at):
-            self.seen.append((at, literal))
+        for literal in self.unexpected(estimate, note):
+            self.seen.append((note.at, literal))
             guards = [
                 effect.guard | self.structure.guards[effect.event]
                 for effect in self.plan.effects
-                if effect.literal == literal and effect.event not in self.times
+                if effect.literal == literal and effect.event not in note.acts
+                if effect.event not in self.reported or self.times[effect.event] > note.at
             ]
             guards = [label for label in guards if all(self.chosen.get(name, value) == value for name, value in label)]
             common = frozenset.intersection(*guards) if guards else model.ALWAYS

@@ -106,6 +106,8 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         """Events that happened before a failure that was mended: what they were to keep to is of no account."""
         self._held: set[int] = set()
         """Activities whose early end counts when their least duration is over."""
+        self._early: set[int] = set()
+        """Activities whose early end has counted at once."""
         self._overdue: set[int] = set()
         self._deviated: set[int] = set()
         """Activities whose deviation was announced."""
@@ -190,10 +192,11 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         true, false = (
             frozenset(atom for atom, holds in state.facts.items() if holds is side) for side in (True, False)
         )
-        executive.notes.append(FieldNote(said.Estimate(true, false), state.time))
+        executive.notes.append(FieldNote(said.Estimate(true, false), state.time, acts=frozenset(state.schedule)))
         executive.judge_anew(state.time)
         early = executive._course.early()
         executive._held = {place for place in early if plan.network.activities[place].target not in state.schedule}
+        executive._early = early - executive._held
         executive.judge_anew(state.time)
         return executive
 
@@ -217,7 +220,7 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         """
         if isinstance(self.outcome, said.Succeeded) or (self.ended and not messages):
             return [said.Rejected(str(message), "the execution has ended", now) for message in messages]
-        before, now = self.progress, max(now, self.progress.now)
+        before, running, now = self.progress, self.running, max(now, self.progress.now)
         decisions: list[said.Decision] = []
         taken: list[said.Message] = []
         anew = self.ended | self._is_overdue(now) | self._counts(now)
@@ -230,11 +233,14 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         self._stale = True  # until the step is done: if it is out of time, the next one begins with what is noted
         if anew:
             estimates = (message for message in taken if isinstance(message, said.Estimate))
-            decisions += (broken for each in estimates for broken in self._executive.violations(each))
+            broken = [violation for each in estimates for violation in self._executive.violations(each)]
             self._judge_with_early_ends(now)
-            decisions += self._changes(before)
+            seen = {literal for _, literal in self._course.seen}
+            decisions += (each for each in broken if model.Literal(each.atom, not each.expected) in seen)
+            decisions += self._changes(before, running)
             taken = []
-        acted = self._acted(self._executive.step(now, taken))
+        news = [message for message in taken if not isinstance(message, said.Estimate)]  # these are as they should be
+        acted = self._acted(self._executive.step(now, news))
         self._drop(each.message for each in acted if isinstance(each, said.Rejected))
         decisions += acted
         self._stale = False
@@ -268,7 +274,8 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
                 case said.Resumed():
                     self._release()
                 case said.Deviated() if decision.counts is not None:
-                    self._held |= self._course.early()
+                    self._held |= self._course.early() - self._early
+        self._early = self._course.early() - self._held
         self._acted(decisions)
         self.judge_anew(now)
         self._newly_deviated(now)  # it was announced then
@@ -295,13 +302,15 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
             if note is None:
                 raise _ReportError("nobody has said that")
             self.notes.remove(note)
+            self.judge_anew(now)  # what comes next is held against what is known without it
             return True
         at = now if message.at is None else message.at
         if not 0 <= at <= now:
             raise _ReportError(f"found a time that is {'not yet' if at > now else 'before the beginning'}")
-        note = FieldNote(message, at, self._places(message, at))
+        note = FieldNote(message, at, self._places(message, at), frozenset(self._acts))
         usual = at == now and self._is_usual(note)
         self.notes.append(note)
+        self._course.chosen |= self._shown(note)
         if isinstance(message, said.Began):
             self._course.begun.update(dict.fromkeys(note.places, at))
         elif isinstance(message, said.Completion | said.NotAchieved):
@@ -309,6 +318,19 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
             if self._waits:
                 self._held |= self._course.early()
         return not usual
+
+    def _shown(self, note: FieldNote) -> Mapping[str, str]:
+        """The values of choices that a message tells."""
+        match note.report:
+            case said.Outcome(choice, value):
+                return {choice: value}
+            case said.Completion():
+                return note.report.outcomes
+            case said.Began():
+                sources = [self.plan.network.activities[place].source for place in note.places]
+                return {variable: value for event in sources for variable, value in self._structure.guards[event]}
+            case _:
+                return {}
 
     def _places(self, message: said.Report, at: Fraction) -> tuple[int, ...]:
         """The activities that a message is about; _ReportError if it contradicts what is known."""
@@ -338,7 +360,7 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
             case said.Outcome(choice):
                 return note.report.at is None and choice not in self._course.inferred
             case said.Estimate():
-                return not self._course.unexpected(note.report, note.at)
+                return not self._course.unexpected(note.report, note)
             case said.Began():
                 return all(self.running.get(place) == note.at for place in note.places)
             case said.Completion():
@@ -374,7 +396,10 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         coming = [
             place
             for place in alike
-            if activities[place].source in self.progress.pending and self.progress.compatible(activities[place].guard)
+            if activities[place].source in self.progress.pending
+            and not model.contradicts(
+                model.guard(course.chosen), activities[place].guard | self._structure.guards[activities[place].source]
+            )
         ]
         candidates = dispatched or coming
         if not candidates:
@@ -414,8 +439,7 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
             for place, since in self.running.items()
             if (upper := activities[place].upper) is not None and now - self._course.begun.get(place, since) > upper
         }
-        new = late - self._overdue
-        self._overdue |= new
+        new, self._overdue = late - self._overdue, late
         return bool(new)
 
     def _counts(self, now: Fraction) -> bool:
@@ -426,7 +450,8 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
     def _awaited(self) -> list[int]:
         """Activities that have ended early, which does not count yet."""
         activities = self.plan.network.activities
-        return [place for place in self._held if activities[place].target not in self._course.times]
+        held = self._held & self._course.ended.keys()
+        return [place for place in held if activities[place].target not in self._course.times]
 
     # -- what follows --------------------------------------------------------------------------------------------------
 
@@ -437,7 +462,7 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         course.take(self.notes, self._held, now)
         plan = course.as_it_shows(self._past, now)
         times = dict(sorted(course.times.items(), key=lambda item: item[1]))
-        progress = said.Progress(plan, now, times, course.chosen, set(), course.reported)
+        progress = said.Progress(plan, now, times, dict(course.chosen), set(), course.reported)
         thrift, self._executive = self._executive.thrift, self._make(plan, progress)
         self._executive.thrift = thrift
         for place in course.ended:  # it may be at an event where others end that still run
@@ -446,13 +471,14 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
     def _judge_with_early_ends(self, now: Fraction) -> None:
         """Early ends count at once if something correct is left then, and else later if something is left so."""
         self.judge_anew(now)
-        early = self._course.early() - self._held
-        if early and not self._executive.prepare():
-            self._held |= early
+        new = self._course.early() - self._held - self._early
+        if new and not self._executive.prepare():
+            self._held |= new
             self.judge_anew(now)
             if not self._executive.prepare():
-                self._held -= early
+                self._held -= new
                 self.judge_anew(now)
+        self._early = self._course.early() - self._held
 
     # -- what is announced ---------------------------------------------------------------------------------------------
 
@@ -471,9 +497,12 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
                     self._choices[decision.choice] = decision.value
         return decisions
 
-    def _changes(self, before: said.Progress) -> Iterator[said.Decision]:
+    def _changes(self, before: said.Progress, running: Mapping[int, Fraction]) -> Iterator[said.Decision]:
         """What has turned out to be so, beside what a message says outright."""
         progress, activities = self._executive.progress, self.plan.network.activities
+        for place in running:
+            if activities[place].source not in progress.times:  # what it began with was not so
+                yield said.Cancel(activities[place].action, activities[place].agent, progress.now, said.goal_of(place))
         for event, time in progress.times.items():
             if before.times.get(event) != time and event in self._structure.guards:
                 yield said.Executed(event, time, reported=True)
@@ -494,13 +523,14 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
     def _newly_deviated(self, now: Fraction) -> list[int]:
         """Activities that did not keep to their bounds, or do not by now, which is announced once."""
         activities = self.plan.network.activities
-        outside = [
+        outside = {
             place
-            for place in sorted(self._overdue.union(self._course.ended) - self._deviated)
-            if not _within(self._lasted(place, now), activities[place].lower, activities[place].upper)
-        ]
-        self._deviated.update(outside)
-        return outside
+            for place in self._overdue.union(self._course.ended)
+            if activities[place].source in self._course.times
+            and not _within(self._lasted(place, now), activities[place].lower, activities[place].upper)
+        }
+        new, self._deviated = sorted(outside - self._deviated), outside
+        return new
 
     def _lasted(self, place: int, now: Fraction) -> Fraction:
         """How long an activity took, or has taken by now."""

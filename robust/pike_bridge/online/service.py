@@ -100,7 +100,9 @@ def resume(executive: TeamExecutive, steps: Iterable[JournalStep], file: str = "
         InputError: if a step does not fit what came before it.
     """
     for line, step in enumerate(steps, 2):
-        pending = set(executive.plan.network.guards) - executive.progress.times.keys()
+        retracts = any(isinstance(message, said.Retract) for message in step.messages)  # then it was not, perhaps
+        known = executive.progress.times.keys() - (executive.progress.reported if retracts else set())
+        pending = executive.plan.network.guards.keys() - known
         acts = (each.event for each in step.decisions if isinstance(each, Executed) and not each.reported)
         for event in acts:
             if event not in pending:

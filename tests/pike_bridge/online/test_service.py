@@ -17,7 +17,7 @@ import jsonschema
 import pytest
 
 from robust.errors import InputError
-from robust.pike import OutOfTimeError, PlanExecutive, make_reasoner, reasoner_names
+from robust.pike import FieldExecutive, OutOfTimeError, PlanExecutive, make_reasoner, reasoner_names
 from robust.pike_bridge.action_model import load_team_plan
 from robust.pike_bridge.model import Activity, Event
 from robust.pike_bridge.online import semantic, service, world
@@ -25,6 +25,7 @@ from robust.pike_bridge.online.progress import JSON, Chosen, Decision, Estimate,
 from tests.pike_bridge import stories
 from tests.pike_bridge.online import examples
 from tests.pike_bridge.online.examples import MUG, SOLVABLE, contested, drawn, kitchen
+from tests.pike_bridge.online.field_worlds import decided_in_time
 from tests.sampling import often
 from tests.schemas import schema
 
@@ -311,12 +312,14 @@ NOISE = (
     b'{"kind": "tick", "time": "soon"}', b'{"kind": "tick", "time": -1}', b'{"kind": "tick", "time": "1/0"}',
     b'{"kind": "estimate", "true": "(p)", "time": 1}', b'{"kind": "messages", "messages": [1], "time": 1}',
 )  # fmt: skip
-MOST = 60
-"""Requests; then everybody has done what they do."""
+ASKED = ("possible", "state", "why")
 
 
 class Misbehaved:
     """One execution of a service that is told what a number decides."""
+
+    most = 60
+    """Requests; then everybody has done what they do."""
 
     def __init__(self, plan, number, path, reasoner, *, unit=Fraction(1, 4)):
         self.plan, self.path, self.unit = plan, path, unit
@@ -331,7 +334,7 @@ class Misbehaved:
         return self.service
 
     def run(self):
-        while self.line < MOST and not self.service.ended:
+        while self.line < self.most and not self.service.ended:
             if self.random.random() < 0.08:
                 self.die()
             text = self.random.choice(NOISE) if self.random.random() < 0.1 else json.dumps(self.request()).encode()
@@ -340,10 +343,13 @@ class Misbehaved:
             assert answers[-1]["kind"] in service.CLOSING
             self.met.update(each["kind"] for each in answers)
             self.told += answers
-            if self.service.steps and not self.service.executive.progress.void:  # what is broken is beyond definition
-                examples.check_against_definition(self.service.executive)
+            self.judge()
         self.service.journal.close()
         return self
+
+    def judge(self):
+        if self.service.steps and not self.service.executive.progress.void:  # what is broken is beyond definition
+            examples.check_against_definition(self.service.executive)
 
     def die(self):
         """Killed: with whatever reached the disk, or a part of a line more."""
@@ -370,7 +376,8 @@ class Misbehaved:
         times = [now, now + self.unit * random.randint(1, 12), now - self.unit]
         times += [wake] * 3 if wake is not None else []
         time = {"time": str(max(random.choice(times), Fraction(0)))}
-        request = {**random.choice(list(self.news()) or [{"kind": "tick"}]), **time}
+        request = random.choice(list(self.news()) or [{"kind": "tick"}])
+        request = request if request["kind"] in ASKED else {**request, **time}
         self.said.append(request)
         return request
 
@@ -386,6 +393,58 @@ class Misbehaved:
         if self.plan.effects and random.random() < 0.02:
             atom = str(random.choice(self.plan.effects).literal.atom)
             yield {"kind": "estimate", random.choice(("true", "false")): [atom]}
+
+
+class Reported(Misbehaved):
+    """An executive for the field that is told anything: what may be, with any times and goals, and what may not."""
+
+    most = 25
+
+    def __init__(self, plan, number, *arguments):
+        self.early = ("accept", "wait")[number % 2]
+        super().__init__(plan, number, *arguments)
+
+    def begin(self):
+        executive = FieldExecutive(self.plan, self.reasoner, early=self.early, patience=self.patience)
+        self.service = service.Service(executive, service.Journal(self.path, self.plan))
+        return self.service
+
+    def judge(self):
+        now, wake = self.service.time, self.service.wake
+        assert wake is None or wake >= now
+        assert all(0 <= time <= now for time in self.service.executive.progress.times.values())
+
+    def news(self):
+        random = self.random
+        reports = [self.report() for _ in range(3)]
+        told = [each for each in self.said if each["kind"] not in {"tick", "together", "retract", *ASKED}]
+        if told and random.random() < 0.3:
+            wrong = {name: value for name, value in random.choice(told).items() if name != "time"}
+            reports.append({"kind": "retract", "message": wrong})
+        if random.random() < 0.2:
+            reports.append({"kind": "together", "messages": [self.report(), *random.sample(reports, 2)]})
+        return [*reports, {"kind": "tick"}, {"kind": random.choice(ASKED)}]
+
+    def report(self):
+        """One report of any kind."""
+        random, network, now = self.random, self.plan.network, self.service.time
+        when = {"at": str(now - random.choice((-1, 0, 0, 1, 3)) * self.unit)} if random.random() < 0.4 else {}
+        people = [each for each in network.choices if not each.controllable] or network.choices
+        values = {each.name: random.choice(each.domain) for each in random.sample(people, 1)}
+        kind = random.choice(
+            ("outcome", "started", "completion", "completion", "failed", "aborted", "cancelled", "estimate")
+        )
+        if kind == "outcome":
+            [(choice, value)] = values.items()
+            return {"kind": kind, "choice": choice, "value": value, **when}
+        if kind == "estimate":
+            atoms = sorted({str(effect.literal.atom) for effect in self.plan.effects} | {"(r)"})
+            seen = {random.choice(("true", "false")): [random.choice(atoms)]}
+            return {"kind": kind, **seen, "complete": random.random() < 0.2, **when}
+        place = random.randrange(len(network.activities))
+        named = random.choice(({}, {}, {"goal": f"goal-{place + 1}"}, {"event": network.activities[place].target}))
+        shown = {"outcomes": values} if kind == "completion" and random.random() < 0.2 else {}
+        return {"kind": kind, "action": network.activities[place].action, **named, **shown, **when}
 
 
 def misbehaved(plan, number, directory, **options):
@@ -420,6 +479,16 @@ def test_nothing_wrong_is_done_whatever_is_reported(tmp_path):
         told = getattr(stories, name)().plan()
         assert total(((number, told) for number in range(often(2, 30))), tmp_path)["executed"] > 3
     total(((number, drawn(index)) for index in SOLVABLE[: often(0, 20)] for number in range(5)), tmp_path)
+
+
+@pytest.mark.parametrize("part", [0, *(pytest.param(part, marks=pytest.mark.slow) for part in range(1, 10))])
+def test_nothing_told_in_the_field_is_too_much(part, tmp_path):
+    """10,000 streams of all kinds of messages: each is answered, and nothing is lost to a kill."""
+    met = Counter()
+    for number in range(1000 * part, 1000 * part + often(15, 1000)):
+        plan = decided_in_time(Random(number))  # noqa: S311 - reproducible
+        met += Reported(plan, number, tmp_path / str(number), semantic.SemanticReasoner).run().met
+    assert min(met[each] for each in ("error", "rejected", "executed", "dispatched", "deviated", "died")) > 0
 
 
 def test_reports_that_are_close_are_ordered_by_arrival_for_all(tmp_path):
