@@ -6,7 +6,7 @@ the one that somebody would have written who had known what would happen: bounds
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 
@@ -26,6 +26,13 @@ class FieldNote:
     places: tuple[int, ...] = ()
     acts: frozenset[str] = frozenset()
     """What the executive had done when it was told."""
+
+
+def outcomes(report: said.Report) -> Mapping[str, str]:
+    """The values of people's choices that a report tells."""
+    if isinstance(report, said.Outcome):
+        return {report.choice: report.value}
+    return report.outcomes if isinstance(report, said.Completion) else {}
 
 
 @dataclass
@@ -56,9 +63,10 @@ class Course:
         """
         notes = sorted(notes, key=lambda note: note.at)
         for note in notes:
+            self.chosen |= outcomes(note.report)
+        for note in notes:
             match note.report:
-                case said.Outcome(choice, value):
-                    self.chosen[choice] = value
+                case said.Outcome(choice):
                     event = next(each.event for each in self.plan.network.choices if each.name == choice)
                     if note.report.at is not None and event is not None and not self.structure.ends[event]:
                         self._backdate(event, note.at)
@@ -67,8 +75,10 @@ class Course:
                         self.begun[place] = note.at
                         self._backdate(self.plan.network.activities[place].source, note.at)
                 case said.Completion() | said.NotAchieved():
-                    self.ended.update((place, (note.report.kind(), note.at)) for place in note.places)
-                    self.chosen |= note.report.outcomes if isinstance(note.report, said.Completion) else {}
+                    begun_since = self._acts - note.acts  # what began only after it was told has not ended by it
+                    for place in note.places:
+                        if self.plan.network.activities[place].source not in begun_since:
+                            self.ended[place] = note.report.kind(), note.at
         self._note_guards()
         self._note_ends(held, now)
         self._note_guards()
@@ -83,7 +93,10 @@ class Course:
                 self.chosen.setdefault(variable, value)
 
     def _backdate(self, event: str, at: Fraction) -> None:
-        """An event that the executive has not executed was at a time, and what has to be before it was before."""
+        """An event that the executive has not executed was at a time, and what has to be before it was before; unless
+        what is known of choices excludes it."""
+        if model.contradicts(model.guard(self.chosen), self.structure.guards[event]):
+            return
         latest = {event: at}
         for each in self._backwards(event):
             if each in latest and each not in self.times:

@@ -25,7 +25,7 @@ from typing import Any, TypeAlias, assert_never
 from robust.errors import InputError
 from robust.pike_bridge import model
 from robust.pike_bridge.online import progress as said
-from robust.pike_bridge.online.course import COMPLETED, Course, FieldNote
+from robust.pike_bridge.online.course import COMPLETED, Course, FieldNote, outcomes
 from robust.pike_bridge.online.executive import PlanExecutive, Thrift, objection
 from robust.pike_bridge.online.semantic import Reasoner
 from robust.plan.model import Atom
@@ -188,7 +188,8 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         executive._acts, executive._choices = dict(state.schedule), dict(state.choices)
         for goal, (how, at) in state.ended.items():
             action = plan.network.activities[places[goal]].action
-            executive.notes.append(FieldNote(reports[how](action, goal=goal, at=at), at, (places[goal],)))
+            report = reports[how](action, goal=goal, at=at)
+            executive.notes.append(FieldNote(report, at, (places[goal],), frozenset(state.schedule)))
         true, false = (
             frozenset(atom for atom, holds in state.facts.items() if holds is side) for side in (True, False)
         )
@@ -320,17 +321,10 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         return not usual
 
     def _shown(self, note: FieldNote) -> Mapping[str, str]:
-        """The values of choices that a message tells."""
-        match note.report:
-            case said.Outcome(choice, value):
-                return {choice: value}
-            case said.Completion():
-                return note.report.outcomes
-            case said.Began():
-                sources = [self.plan.network.activities[place].source for place in note.places]
-                return {variable: value for event in sources for variable, value in self._structure.guards[event]}
-            case _:
-                return {}
+        """The values of choices that follow from a message."""
+        begun = note.places if isinstance(note.report, said.Began) else ()
+        sources = (self.plan.network.activities[place].source for place in begun)
+        return dict(pair for event in sources for pair in self._structure.guards[event]) | dict(outcomes(note.report))
 
     def _places(self, message: said.Report, at: Fraction) -> tuple[int, ...]:
         """The activities that a message is about; _ReportError if it contradicts what is known."""

@@ -210,8 +210,11 @@ class _Course:
         self.plan, self.network, self.guards = plan, plan.network, plan.network.guards
         self.times, self.chosen, self.begun, self.ended = dict(account.acts), dict(account.own), {}, {}
         notes = sorted(account.notes, key=itemgetter(0))
-        for at, note, _ in notes:
-            self._note(at, note)
+        for _, note, _ in notes:
+            if isinstance(note, said.Outcome | said.Completion):
+                self.chosen |= {note.choice: note.value} if isinstance(note, said.Outcome) else note.outcomes
+        for at, note, acts in notes:
+            self._note(at, note, account.acts.keys() - acts)
         self._hold_guards()
         self._end(account, now)
         self.early = {
@@ -228,9 +231,8 @@ class _Course:
         self.chosen = account.inferred | self.chosen
         self.shown = self._as_it_shows(account.past, now)
 
-    def _note(self, at, note):
+    def _note(self, at, note, later):
         if isinstance(note, said.Outcome):
-            self.chosen[note.choice] = note.value
             [event] = [each.event for each in self.network.choices if each.name == note.choice]
             if note.at is not None and event is not None and event not in {a.target for a in self.network.activities}:
                 self._was(event, at)
@@ -241,13 +243,13 @@ class _Course:
         if isinstance(note, said.Began):
             self.begun[place] = at
             self._was(self.network.activities[place].source, at)
-        else:
+        elif self.network.activities[place].source not in later:
             self.ended[place] = at, isinstance(note, said.Completion)
-            self.chosen |= note.outcomes if isinstance(note, said.Completion) else {}
 
     def _was(self, event, at):
         """It was then, unless we know better, and what is before it whenever it is was not later than it had to be."""
-        if event in self.times:
+        possible = all(self.chosen.get(name, value) == value for name, value in self.guards[event])
+        if event in self.times or not possible:
             return
         latest, changed = {event: max(at, Fraction(0))}, True
         while changed:

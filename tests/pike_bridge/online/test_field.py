@@ -372,7 +372,7 @@ def test_executions_in_random_worlds_are_what_brute_force_says(part):
     counts = Counter()
     for number in range(often(15, 100)):
         judged(100 * part + number, counts)
-    assert min(counts[kind] for kind in KINDS) > 0
+    assert sum(counts[kind] > 0 for kind in KINDS) >= often(7, len(KINDS))
 
 
 @pytest.mark.parametrize("seed", range(often(10, 300)))
