@@ -23,6 +23,7 @@ from robust.certify.checker.reader import Unsupported, constant
 from robust.certify.hints import KnownFacts, NotRefutedError, refutation
 from robust.certify.kernel import run
 from robust.certify.kernel.claims import Translation
+from robust.certify.kernel.questions import OpenFormulas
 from robust.certify.kernel.run import opinions
 from robust.certify.tape import header, write
 from robust.errors import InputError, RefutedError, RobustError, UnsupportedError
@@ -228,6 +229,29 @@ def test_recorded_plans_of_divers(every, dataset, tmp_path):
         for kind in ("plan", "box"):
             answer = said(tools.grounded(files), tools.made(files, kind), tmp_path / "auv.kernel")
             assert (answer or "").startswith("established: "), (files, kind)
+
+
+DRAINING = """(define (domain d) (:predicates (p)) (:functions (f))
+ (:durative-action a :parameters () :duration (= ?duration 1) :condition (at start (>= (f) 2))
+  :effect (and (at start (decrease (f) 1)) (at end (increase (f) 0.5)))))"""
+FULL = "(define (problem x) (:domain d) (:init (= (f) 6)) (:goal (>= (f) 1.5)))"
+IN_A_ROW = "parameter k default 5 lb 0 ub 9;" + "".join(
+    f"durative-action instance i{n} : (a); c: i{n}.end - i{n}.start in [1, 1];"
+    + (f"c: i{n}.start - i{n - 1}.end in [1, inf];" if n else "c: i0.start - .zero in [k, k];")
+    for n in range(9)
+)
+
+
+@built
+def test_changes_in_a_known_order_are_added_up(tmp_path, monkeypatch):
+    """The kernel puts numbers in for what steps in a row have changed: nothing is left that has to be refuted."""
+    files = tools.written(Texts(DRAINING, FULL, IN_A_ROW), tmp_path / "plan")
+    lines, ground = tools.made(files, "box"), tools.grounded(files)
+    monkeypatch.delattr(OpenFormulas, "refutation")
+    assert said(ground, lines, tmp_path / "row.kernel").startswith("established: ")
+    files = tools.written(Texts(DRAINING, FULL.replace("6", "5.9"), IN_A_ROW), tmp_path / "wrong")
+    with pytest.raises(AttributeError):  # which it would have to be, of what is false
+        asked(tools.grounded(files), lines, tmp_path / "row.kernel")
 
 
 CONFLICT = """(define (domain d) (:predicates (p)) (:functions (f))

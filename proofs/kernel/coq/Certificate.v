@@ -114,8 +114,7 @@ Theorem scheduled_kept P region s g : scheduled P region s = true -> inside g re
 Proof.
   unfold scheduled. rewrite andb_true_iff. intros [Z K] G.
   pose (v := fun x => match x with VPar i => g i | _ => 0 end).
-  assert (L : forall e, at_ v (lin_of e) = ev g (fun _ => 0) e) by (intros e; apply lin_of_at; auto).
-  split.
+  assert (L : forall e, at_ v (lin_of e) = ev g (fun _ => 0) e) by (intros e; apply lin_of_at; auto). split.
   - unfold schedule_of. rewrite <- L. now apply zero_at.
   - intros a b w I. destruct (all2_in _ _ _ _ K I) as [ms [_ H]]. apply (implied_true v) in H.
     + rewrite L, (placed_at g _ (schedule_of g (times s))) in H by reflexivity. simpl in H. lra.
@@ -130,44 +129,46 @@ Record refutation := {
   steps : list step
 }.
 
-(** That the first formula contradicts the others, and what is known. *)
+(** That formulas contradict each other, and what is known. *)
+Definition refutes (k : facts) (claims : list form) (r : refutation) : bool :=
+  match build (nodes r) 1 (M.empty node) with
+  | Some c =>
+      let known := table claims in
+      forallb (fun x => match M.find (fst x) known with Some f => stands c f (snd x) | None => false end) (roots r) &&
+      let units := map (fun x => [snd x]) (roots r) in
+      run c k (table units) (Pos.of_succ_nat (length units)) (steps r)
+  | None => false
+  end.
+
+Lemma refutes_false v k claims r : refutes k claims r = true -> facts_hold v k -> (forall f, In f claims -> fval v f) -> False.
+Proof.
+  unfold refutes. intros H F T. destruct (build _ _ _) as [c|] eqn:B; [|easy].
+  apply (build_exists v) in B as [val R]. apply andb_true_iff in H as [X Y].
+  apply (run_contradicts v c k val R F) in Y; auto.
+  intros n d D. apply table_in in D. apply in_map_iff in D as [[m l] [<- I]]. exists l. split; [now left|].
+  rewrite forallb_forall in X. apply X in I. cbn [fst snd] in I. destruct (M.find m _) as [f|] eqn:E; [|easy].
+  apply (stands_for v c val R) in I. apply I, T. exact (table_in _ _ _ E).
+Qed.
+
 Definition refuted (k : facts) (o : orders) (i : place) (first : form) (others : unit -> list form)
     (r : option refutation) : bool :=
-  match simp o i first, r with
+  let (claim, rest) := simplified o i first others in
+  match claim, r with
   | FNot FTrue, _ => true
+  | _, Some r => refutes k (claim :: rest) r
   | _, None => false
-  | claim, Some r =>
-      match build (nodes r) 1 (M.empty node) with
-      | Some c =>
-          let claims := table (claim :: map (simp o i) (others tt)) in
-          forallb (fun x => match M.find (fst x) claims with Some f => stands c f (snd x) | None => false end) (roots r) &&
-          let units := map (fun x => [snd x]) (roots r) in
-          run c k (table units) (Pos.of_succ_nat (length units)) (steps r)
-      | None => false
-      end
   end.
 
 Lemma refuted_false P g t time k o i first others r : let v := valuation P g t time in
   refuted k o i first others r = true -> facts_hold v k -> ordered t o -> in_it t time i ->
   fval v first -> (forall f, In f (others tt) -> fval v f) -> False.
 Proof.
-  intros v H F O N T S. unfold refuted in H. apply (simp_true P g t time o i O N) in T.
-  assert (X : fval v (FNot FTrue) \/ match r with None => False | Some r =>
-    match build (nodes r) 1 (M.empty node) with Some c =>
-      forallb (fun x => match M.find (fst x) (table (simp o i first :: map (simp o i) (others tt))) with
-        Some f => stands c f (snd x) | None => false end) (roots r) &&
-      run c k (table (map (fun x => [snd x]) (roots r))) (Pos.of_succ_nat (length (map (fun x => [snd x]) (roots r)))) (steps r)
-      = true | None => False end end).
-  { destruct (simp o i first) as [| s e | [| s e | f | f h] | f h] eqn:E; [| |left; exact T| | | |];
-    right; (destruct r as [r|]; [|easy]); destruct (build _ _ _); easy. }
-  destruct X as [X | X]; [now apply X|].
-  destruct r as [r|]; [|easy]. destruct (build _ _ _) as [c|] eqn:B; [|easy].
-  apply (build_exists v) in B as [val R]. apply andb_true_iff in X as [X Y].
-  apply (run_contradicts v c k val R F) in Y; auto.
-  intros n d D. apply table_in in D. apply in_map_iff in D as [[m l] [<- I]]. exists l. split; [now left|].
-  rewrite forallb_forall in X. apply X in I. cbn [fst snd] in I. destruct (M.find m _) as [f|] eqn:E; [|easy].
-  apply (stands_for v c val R) in I. apply I. apply table_in in E as [<-|E]; [exact T|].
-  apply in_map_iff in E as [f' [<- E]]. apply (simp_true P g t time o i O N). now apply S.
+  intros v H F O N T S. unfold refuted in H. pose proof (simplified_true P g t time o i O N first others T S) as A.
+  destruct (simplified o i first others) as [claim rest]. destruct A as [A B].
+  assert (X : claim <> FNot FTrue) by (intros ->; now apply A).
+  destruct r as [r|]; [|destruct claim as [| | [] |]; easy]. apply (refutes_false v k (claim :: rest) r); auto.
+  - destruct claim as [| | [] |]; easy.
+  - intros f [<-|I]; auto.
 Qed.
 
 (** ** Order lemmas *)
@@ -206,8 +207,7 @@ Definition marked (l : list nat) : M.t unit := fold_right (fun p m => M.add (key
 Lemma marked_in l p x : M.find (key p) (marked l) = Some x -> In p l.
 Proof.
   induction l as [|q l IH]; simpl; [now rewrite M.gempty|].
-  destruct (Pos.eq_dec (key p) (key q)) as [E|E]; [apply SuccNat2Pos.inj in E; auto|].
-  rewrite M.gso by auto. auto.
+  destruct (Pos.eq_dec (key p) (key q)) as [E|E]; [apply SuccNat2Pos.inj in E; auto|]. rewrite M.gso by auto. auto.
 Qed.
 
 Definition place_of (happening : M.t unit) (b : obligation) : place :=
@@ -273,9 +273,6 @@ Definition harming (P : plan) : list (nat * nat) :=
 Definition pairs (P : plan) : list (nat * nat) :=
   flat_map (fun row => map snd (M.elements (snd row))) (M.elements (a_set (harming P))).
 
-Lemma find_in {A} (m : M.t A) k x : M.find k m = Some x -> In (k, x) (M.elements m).
-Proof. apply M.elements_correct. Qed.
-
 Lemma by_used_in l x : In x l -> exists m, M.find (used (snd x)) (by_used l) = Some m /\ In x m.
 Proof.
   induction l as [|y l IH]; [easy|]. intros I. cbn [by_used fold_right]. fold (by_used l).
@@ -318,11 +315,11 @@ Proof.
   apply andb_true_iff in E as [E T]. apply andb_true_iff in E as [E N].
   enough (F : In (Nat.min x y, Nat.max x y) (harming P)).
   { apply a_set_in in F as [row [F G]]. apply in_flat_map. exists (key (Nat.min x y), row).
-    split; [apply find_in; exact F|]. apply in_map_iff. exists (key (Nat.max x y), (Nat.min x y, Nat.max x y)).
-    split; auto. apply find_in. exact G. }
+    split; [apply M.elements_correct; exact F|]. apply in_map_iff. exists (key (Nat.max x y), (Nat.min x y, Nat.max x y)).
+    split; auto. apply M.elements_correct. exact G. }
   apply by_used_in in I as [m [F I]]. apply by_used_in in J as [m' [F' J]]. cbn [snd] in F, F'.
   rewrite <- (harms_used _ _ E), F in F'. inversion F'. subst m'. apply in_flat_map.
-  exists (used u, m). split; [apply find_in; exact F|]. apply in_flat_map. exists (x, u). split; auto. apply in_flat_map.
+  exists (used u, m). split; [apply M.elements_correct; exact F|]. apply in_flat_map. exists (x, u). split; auto. apply in_flat_map.
   exists (y, w). split; auto. unfold pair_of. cbn [fst snd]. rewrite E, N.
   assert (B : both_timed (marked (timed P)) x y = false).
   { unfold both_timed. apply negb_true_iff in T. destruct (M.find (key x) _) eqn:X; [|easy].
@@ -399,8 +396,7 @@ Theorem none_breaks_safe P epsilon region also c g t : none_breaks P epsilon reg
 Proof.
   unfold none_breaks. rewrite andb_true_iff. intros [E H]. destruct (start _ _ _) as [[k o]|] eqn:S; [|easy]. intros G K A.
   apply nothing_breaks; auto. intros b B time L R. apply obligation_listed in B.
-  destruct (each_in _ _ _ _ H B) as [n F].
-  destruct (start_holds P region _ g t time k o G K S) as [X Y].
+  destruct (each_in _ _ _ _ H B) as [n F]. destruct (start_holds P region _ g t time k o G K S) as [X Y].
   refine (refuted_false P g t time _ _ _ _ _ _ F X Y _ R _).
   - now apply placed_in.
   - intros f I. apply in_app_iff in I as [I|I]; [|now apply A]. now apply (meant_true P g t b).

@@ -148,8 +148,7 @@ Qed.
 Lemma closed_between from until : from < until -> (forall p, In p (happenings P) -> ~ from < t p < until) ->
   same (closed true until) (drifted P g t from until (closed false from)).
 Proof.
-  intros L N.
-  assert (O : forall w, In w (effects P) -> over true (point w) until = over false (point w) from).
+  intros L N. assert (O : forall w, In w (effects P) -> over true (point w) until = over false (point w) from).
   { intros w H. apply iff_bool. rewrite !over_true. apply effect_happens, N in H. lra. }
   split.
   - intros a. apply iff_bool. simpl. rewrite !holds_at_true.

@@ -7,18 +7,13 @@
 Require Import Reals QArith Qreals List Bool Lra Lia Arith.
 Require Import Spec States.
 Import ListNotations.
-Arguments Q2R : simpl never.
-Arguments Qle_bool : simpl never.
-Arguments Qred : simpl never.
-Arguments Qplus : simpl never.
-Arguments Qmult : simpl never.
-Arguments Qminus : simpl never.
+Arguments Q2R : simpl never. Arguments Qle_bool : simpl never. Arguments Qred : simpl never.
+Arguments Qplus : simpl never. Arguments Qmult : simpl never. Arguments Qminus : simpl never.
 Arguments Qdiv : simpl never.
 Open Scope Q_scope.
 
 Definition less (x y : Q) : bool := negb (Qle_bool y x).
 Definition q_sum {A} (f : A -> Q) (l : list A) : Q := fold_right (fun x rest => Qred (f x + rest)) 0 l.
-
 Definition pair_dec : forall x y : nat * nat, {x = y} + {x <> y}.
 Proof. decide equality; apply Nat.eq_dec. Defined.
 
@@ -394,8 +389,7 @@ Lemma state_since_alike found l time : so_far found l -> is_past found time -> (
   alike (state_since found time) (before (Q2R time)).
 Proof.
   intros [_ F] O L. destruct found as [[x s]|]; simpl in *.
-  - destruct F as [S [_ H]].
-    assert (N : forall p, In p (happenings P) -> ~ Q2R x < t p < Q2R time).
+  - destruct F as [S [_ H]]. assert (N : forall p, In p (happenings P) -> ~ Q2R x < t p < Q2R time).
     { intros p I [A B]. destruct (H _ I) as [D|[y [J E]]]; [lra|]. apply L in J. lra. }
     eapply alike_same; [apply alike_drifted; eauto|]. apply same_sym. now apply (between _ _ _ _ _ C).
   - eapply alike_same; [apply alike_initially|]. apply same_sym. apply (at_first _ _ _ _ _ C).
@@ -425,8 +419,7 @@ Proof.
   - apply (state_since_alike found []); auto. easy.
   - cbn [trace_from last_before]. destruct (less x time) eqn:L.
     + apply less_R in L. apply IH; [now apply so_far_next | exact L].
-    + apply less_false in L. apply (state_since_alike found (x :: l)); auto.
-      intros y [<-|I]; auto. apply F in I. lra.
+    + apply less_false in L. apply (state_since_alike found (x :: l)); auto. intros y [<-|I]; auto. apply F in I. lra.
 Qed.
 
 Let trace := trace_from None moments_up.
@@ -552,16 +545,13 @@ Proof.
   assert (I : forall y, In y inner <-> In y all /\ Q2R s < Q2R y < Q2R e).
   { intros y. unfold inner. rewrite filter_In, andb_true_iff, !less_R. reflexivity. }
   rewrite forallb_forall. split.
-  - intros H u U.
-    assert (T : forall y, In y (inner ++ map (fun r => Qred ((r + next r e inner) / 2)) (s :: inner)) ->
+  - intros H u U. assert (T : forall y, In y (inner ++ map (fun r => Qred ((r + next r e inner) / 2)) (s :: inner)) ->
       sat g t (before (Q2R y)) c = true /\ sat g t (after (Q2R y)) c = true).
     { intros y J. apply H, andb_true_iff in J as [A B]. now rewrite <- sat_before, <- sat_after. }
-    destruct (greatest s inner u) as [r [RI [RU RM]]]; [lra|].
-    destruct (Req_dec (Q2R r) u) as [E|E].
+    destruct (greatest s inner u) as [r [RI [RU RM]]]; [lra|]. destruct (Req_dec (Q2R r) u) as [E|E].
     { destruct RI as [<-|RI]; [lra|]. rewrite <- E. apply T, in_app_iff. now left. }
     assert (RE : Q2R r < Q2R e) by lra. destruct (next_after r e inner RE) as [N1 [N2 N3]].
-    set (n := next r e inner) in *.
-    assert (UN : u < Q2R n).
+    set (n := next r e inner) in *. assert (UN : u < Q2R n).
     { apply Rnot_le_lt. intros B. destruct N3 as [N3|N3]; [rewrite N3 in B; lra|].
       pose proof (RM n (or_intror N3) B). lra. }
     assert (F : forall y, In y all -> ~ Q2R r < Q2R y < Q2R n).
@@ -575,8 +565,7 @@ Proof.
     assert (K : forall k, In k (comparisons c) -> ~ Q2R r < Q2R (crossing x (q_after trace x) k) < Q2R n).
     { intros k J. apply F, in_app_iff. right. apply in_flat_map. exists x. split; auto. unfold crossings.
       destruct (comparisons c) as [|k' l] eqn:Z; [easy|]. now apply in_map. }
-    set (m := Qred ((r + n) / 2)) in *.
-    assert (M : Q2R r < Q2R m < Q2R n) by (unfold m; rewrite half_R; lra).
+    set (m := Qred ((r + n) / 2)) in *. assert (M : Q2R r < Q2R m < Q2R n) by (unfold m; rewrite half_R; lra).
     assert (B : sat g t (before u) c = true).
     { rewrite (unchanging x (Q2R r) (Q2R n) XR NO c u (Q2R m)); auto; [|lra]. apply T, in_app_iff. right.
       apply in_map_iff. exists r. split; auto. }
@@ -608,8 +597,7 @@ Proof.
   assert (L : forall p, In p (happenings P) -> t p <= Q2R final /\ exists q, In q (happenings P) /\ t q = Q2R final).
   { intros p I. destruct (happens_at p I) as [y [J <-]]. destruct (last_of moments_up y moments_ascend J) as [A B].
     split; auto. now apply moments_happen. }
-  split; [|intros H; apply H; intros p I; now apply L].
-  intros H u U. rewrite <- H. clear H.
+  split; [|intros H; apply H; intros p I; now apply L]. intros H u U. rewrite <- H. clear H.
   destruct (happenings P) as [|p l] eqn:E.
   - assert (S : forall v, same (after v) (initially P g t)).
     { intros v. eapply same_trans; [apply (at_times _ _ _ _ _ C)|].
@@ -708,8 +696,7 @@ Proof.
   - assert (E : (forall x, In x close -> apart epsilon t (fst x) (snd x)) <->
       forall p q, In (p, q) (mutex P) -> apart epsilon t p q).
     { split; [intros H p q I; now apply (H (p, q)), nodup_In | intros H [p q] I; apply nodup_In in I; now apply H]. }
-    rewrite E. apply and_iff_compat_l. clear E.
-    assert (D : forall before after, course P g t before after ->
+    rewrite E. apply and_iff_compat_l. clear E. assert (D : forall before after, course P g t before after ->
       (forallb (fun b => b) (duties_met r) = true /\ forallb (fun b => b) (effects_agree r) = true <->
        forall d, In d (duties P ++ agreements (effects P)) -> met P g t before after d)).
     { intros before after C. destruct (duties_right before after C) as [A B].

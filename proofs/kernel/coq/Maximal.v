@@ -169,8 +169,7 @@ Proof.
     + apply Nat.eqb_eq in I. easy.
     + destruct (nth_error b j) as [r'|] eqn:E'; [|easy]. apply andb_true_iff in I as [A B].
       apply in_range_q_true in A. apply in_range_q_true in B.
-      pose (z := fun k => if Nat.eq_dec k j then on_segment f s j else p0 k).
-      assert (Z : in_box z b).
+      pose (z := fun k => if Nat.eq_dec k j then on_segment f s j else p0 k). assert (Z : in_box z b).
       { intros k r2 E2. unfold z. destruct (Nat.eq_dec k j) as [->|]; [|now apply I0].
         rewrite E' in E2. inversion E2. subst. unfold on_segment. destruct (Nat.eq_dec j (length b)); [lia|].
         now apply on_the_way. }

@@ -109,8 +109,7 @@ Qed.
 Lemma calm_sum s f l : calm l -> fold_left (assigned g t s f) l (value s f) + sum (increased g t s f) l =
   value s f + sum (fun w => if on f w then gain s w else 0) l.
 Proof.
-  induction l as [|v l IH]; [reflexivity|]. intros [C D].
-  destruct (on f v) eqn:O.
+  induction l as [|v l IH]; [reflexivity|]. intros [C D]. destruct (on f v) eqn:O.
   - unfold on, target in O. destruct (makes v) as [a | a | h e | h e] eqn:M; try easy;
     apply Nat.eqb_eq in O; subst h.
     + destruct (only_increases s f l) as [A B].
@@ -141,8 +140,7 @@ Proof.
   rewrite !andb_true_iff, !Nat.eqb_eq in H. destruct H as [[-> ->] H]. destruct w as [x| | | | |]; try easy.
   apply existsb_exists in H as [[[a' b'] w'] [J H]].
   rewrite !andb_true_iff, !Nat.eqb_eq in H. destruct H as [[-> ->] H]. destruct w' as [y| | | | |]; try easy.
-  apply negb_true_iff in H. apply K in I, J. simpl in I, J.
-  assert (L : Q2R (- x) < Q2R y).
+  apply negb_true_iff in H. apply K in I, J. simpl in I, J. assert (L : Q2R (- x) < Q2R y).
   { apply Rnot_le_lt. rewrite <- Qle_R. congruence. }
   rewrite Q2R_opp in L. lra.
 Qed.

@@ -27,17 +27,19 @@ let rec form = function
 
 (* One line: a number, then the formulas, the one that is to be refuted first. *)
 let forms number i o first others =
-  match simp o i first with
-  | FNot FTrue -> ()
-  | claim ->
+  match simplified o i first others with
+  | FNot FTrue, _ -> ()
+  | claim, rest ->
       add (string_of_int number);
       add " ";
       form claim;
-      List.iter (fun f -> form (simp o i f)) (others ());
+      List.iter form rest;
       add "\n"
 
 (* As if all lemmas followed: the checker finds out. *)
-let orders lemmas = List.fold_left (fun o (((a, b), k), _) -> learnt o a b k) M.empty lemmas
+let orders tree =
+  let bound = function Text.List (a :: b :: k :: _) -> (Text.name a, Text.name b, Text.rational k) | tree -> Text.bad "an order lemma" tree in
+  List.fold_left (fun o (a, b, k) -> learnt o a b k) M.empty (Text.list bound tree)
 
 let happening plan = marked (happenings plan)
 
@@ -55,7 +57,7 @@ let number plan tree =
 let asked (file : Pddl.file) = function
   | Text.List [ Text.Word "obligations"; region; lemmas; removed ] ->
       let plan = file.plan in
-      let o = orders (Text.list Text.lemma lemmas) in
+      let o = orders lemmas in
       let also = outside (Text.list (Text.list Text.side) removed) in
       let at_end = happening plan in
       List.iteri (fun n b ->
@@ -66,7 +68,7 @@ let asked (file : Pddl.file) = function
       forms 0 (end_only (happening file.plan) b) M.empty (FNot (root file.plan file.epsilon b)) (fun () -> meant file.plan b)
   | Text.List [ Text.Word "each"; which; region; lemmas ] ->
       let plan = file.plan in
-      let o = orders (Text.list Text.lemma lemmas) in
+      let o = orders lemmas in
       let named = Text.both (fun tree -> Text.positive (1 + number plan tree)) (Text.both Text.name Text.name) in
       forms 0 (AfterAll (happening plan)) o FTrue (fun () -> none_broken plan file.epsilon (Text.list named which))
   | Text.List [ Text.Word "outside"; polyhedra ] ->

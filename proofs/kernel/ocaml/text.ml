@@ -9,7 +9,8 @@ let fail text = raise (Malformed text)
 
 let read text =
   let n = String.length text in
-  let rec skip i = if i < n && String.contains " \n\r\t" text.[i] then skip (i + 1) else i in
+  let blank i = match text.[i] with ' ' | '\n' | '\r' | '\t' -> true | _ -> false in
+  let rec skip i = if i < n && blank i then skip (i + 1) else i in
   let rec items i found =
     let i = skip i in
     if i >= n then (List.rev found, i)
@@ -21,7 +22,7 @@ let read text =
           items (j + 1) (List inside :: found)
       | _ ->
           let j = ref i in
-          while !j < n && not (String.contains " \n\r\t()" text.[!j]) do incr j done;
+          while !j < n && not (blank !j || text.[!j] = '(' || text.[!j] = ')') do incr j done;
           items !j (Word (String.sub text i (!j - i)) :: found) in
   match items 0 [] with
   | found, j when j = n -> found
@@ -38,6 +39,8 @@ let bad what tree =
 (* -- numbers: digits are added up by Coq's own arithmetic ------------------------------------------------------------ *)
 
 let rec positive n = if n = 1 then XH else if n land 1 = 0 then XO (positive (n / 2)) else XI (positive (n / 2))
+let small = Array.init 2048 (fun i -> positive (i + 1))
+let positive n = if n <= 2048 then small.(n - 1) else positive n
 let z_of n = if n = 0 then Z0 else if n > 0 then Zpos (positive n) else Zneg (positive (-n))
 
 let integer text =
