@@ -38,6 +38,20 @@ def _path(value: str | Path, _: Location) -> Path:
     return Path(value)
 
 
+def _whole_numbers(values: tuple[str | int, ...], place: Location) -> tuple[int, ...]:
+    for value in values:
+        if not str(value).isdecimal():
+            raise InputError(f"found {value!r}, expected a whole number", place)
+    return tuple(map(int, values))
+
+
+def _whole_number(value: str | int, place: Location) -> int:
+    (number,) = _whole_numbers((value,), place)
+    if not number:
+        raise InputError(f"found {value!r}, expected a whole number from 1", place)
+    return number
+
+
 def _count(default: int, help: str, metavar: str = "N") -> Any:
     return option(default, help, metavar=metavar)
 
@@ -76,14 +90,20 @@ class LongOptions(LocalOptions):
     store: Path | None = _file(None, "keep results as they arrive; a run with the same FILE resumes", "FILE", PROCESSES)
 
 
-class RecordedOptions(LocalOptions, Plot):
+class SuiteOptions(LocalOptions, Plot):
+    """Of those about a data set."""
+
+    suite: Path = _file(..., "the data set", "DIR")
+    limit: float | None = _limit(None, _KILLED)
+
+
+class RecordedOptions(SuiteOptions):
     """Run a data set and compare boxes and numbers of checks with the recorded ones.
 
     Compare with recorded runs.
     """
 
-    suite: Path = _file(..., "the data set", "DIR")
-    limit: float | None = _limit(None, _KILLED)
+    instances: int | None = option(None, "only N instances, spread over the data set", metavar="N", read=_whole_number)
 
 
 class ScalingOptions(LocalOptions, Plot):
@@ -175,7 +195,7 @@ class ConversionOptions(LongOptions):
     limit: float | None = _limit("60", "seconds to convert a plan, and as many to judge it")
 
 
-class LogsOptions(RecordedOptions):
+class LogsOptions(SuiteOptions):
     """Convert and check what planners printed, as whole processes, beside VAL.
 
     Logs of planners: time and memory over the number of steps.
@@ -245,13 +265,6 @@ class RiskOptions(LocalOptions, Plot):
     sizes: tuple[int, ...] = _inner(tuple(range(1, 9)), "numbers of parameters of deliveries")
     parts: tuple[int, ...] = _inner((2, 4, 8, 16), "numbers of parts, with three durations each, of job shops")
     limit: float | None = _limit("60", "seconds after which bounds are what is known")
-
-
-def _whole_numbers(values: tuple[str | int, ...], place: Location) -> tuple[int, ...]:
-    for value in values:
-        if not str(value).isdecimal():
-            raise InputError(f"found {value!r}, expected a whole number", place)
-    return tuple(map(int, values))
 
 
 class Table1Options(TableOptions):

@@ -38,7 +38,7 @@ from robust.reading import load_plan
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.sweeps.batch import COMMAND
 
-from .catalogue import RecordedOptions
+from .catalogue import SuiteOptions
 from .engine.experiment import Experiment, Report, Task
 from .engine.measure import Files
 from .engine.show import Columns, Table, family
@@ -313,7 +313,7 @@ def _of_regions(regions: Sequence[Measured]) -> Iterator[str]:
         )
 
 
-def _prepare(options: RecordedOptions, _: object) -> list[tuple[str, Files]]:
+def _prepare(options: SuiteOptions, _: object) -> list[tuple[str, Files]]:
     plans = [(one.name, one.files) for one in read_suite(options.suite)]
     plans += [(one.instance, files) for one, files in read_deliveries(options.suite)]
     measure(*plans[0], processes=False)  # so that everything is loaded
@@ -334,7 +334,7 @@ def work(name: str, files: tuple[Path, ...]) -> tuple[Measured, ...]:
 
 CERTIFICATES = Experiment(
     "certificates",
-    RecordedOptions,
+    SuiteOptions,
     lambda _, plans: _tasks(plans),
     work,
     CertificateReport,

@@ -267,6 +267,13 @@ def _describe(row: RecordedRow) -> str:
     return f"{row.verdict}, {row.ours.cpu_s:.2f} s"
 
 
-on_suite = partial(Experiment, prepare=lambda options, _: read_suite(options.suite))
+def _prepare(options: RecordedOptions, _: object) -> tuple[RecordedInstance, ...]:
+    """The instances that are asked for."""
+    found = read_suite(options.suite)
+    count = min(options.instances or len(found), len(found))
+    return tuple(found[number * len(found) // count] for number in range(count))
+
+
+on_suite = partial(Experiment, prepare=_prepare)
 """An experiment about the instances of a data set."""
 RECORDED = on_suite("recorded", RecordedOptions, _tasks, run_instance, RecordedReport, _describe, unit="instances")

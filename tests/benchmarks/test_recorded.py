@@ -12,7 +12,9 @@ from typing import Any
 import pytest
 
 from benchmarks import certificates
+from benchmarks.catalogue import RecordedOptions
 from benchmarks.engine.measure import Ending
+from benchmarks.irr.recorded import RECORDED
 from benchmarks.suite import RecordedInstance, RecordedRun, read_suite
 from robust import InputError, ParametrizedPlan, Status, envelope
 from robust.encode.encoding import RelationalEncoding
@@ -155,6 +157,16 @@ def test_an_interruption_keeps_what_is_there(trial):
     report = trial("recorded", "", *instances, on_result=interrupt)
     assert ([row.instance.name for row in report.rows], report.complete, report.agrees) == (["first"], False, False)
     assert "incomplete: interrupted after 1 of 2 instances" in rendered(report.tables)
+
+
+@pytest.mark.parametrize(("count", "expected"), [(None, 5), (1, 1), (2, 2), (5, 5), (9, 5)])
+def test_some_instances_are_spread_over_the_data_set(count, expected, make_suite):
+    suite = make_suite(*(navigation(f"n{number}") for number in range(5)))
+    options = RecordedOptions(suite=suite, instances=count)
+    names = [one.name for one in RECORDED.prepare(options, None)]
+    assert names == sorted(set(names))
+    assert (len(names), names[0]) == (expected, "n0")
+    assert count != 2 or names == ["n0", "n2"]
 
 
 BETA = Fraction(1)
