@@ -82,14 +82,19 @@ class Reasons:
         those about instants inside of actions not without `instants`.
         """
         if not like and instants:
-            return self._broken_somewhere(assumed)
+            return self._broken_somewhere([list(reversed(self._first)), list(self._all_literals)], assumed)
         about = _about(like)
         tried = list(dict.fromkeys([*reversed(self._first), *range(len(self._obligations))]))
         tried.sort(key=lambda number: _about(self._obligations[number][0]) != about)
+        if not instants:
+            literals = self._all_literals
+            tried = [number for number in tried if number in literals and f"!{number}" not in self.formulas.instants]
+            alike = [number for number in tried if _about(self._obligations[number][0]) == about]
+            return self._broken_somewhere([alike, tried], assumed)
         for number in tried:
             if number not in self._literals:
                 self._literals[number] = self._obligations[number][1]()
-            if self._literals[number] == FALSE or (f"!{number}" in self.formulas.instants and not instants):
+            if self._literals[number] == FALSE:
                 continue
             how = model(self.formulas, self._network, self._literals[number], self._deadline, assumed)
             if how is not None:
@@ -98,13 +103,16 @@ class Reasons:
                 return number, how
         return None
 
-    def _broken_somewhere(self, assumed: Sequence[LinearSide]) -> tuple[int, Model] | None:
-        """One of all obligations that breaks where the assumptions hold, and how; rather one that broke before."""
+    def _broken_somewhere(
+        self, groups: Iterable[Sequence[int]], assumed: Sequence[LinearSide]
+    ) -> tuple[int, Model] | None:
+        """One of the obligations that breaks where the assumptions hold, and how, of the first group that has one."""
         literals = self._all_literals
-        for some in ([literals[number] for number in reversed(self._first)], list(literals.values())):
+        for group in groups:
+            some = [literals[number] for number in group]
             found = self._models.model(some, self._deadline, assumed) if some else None
             if found is not None:
-                number = next(number for number, literal in literals.items() if literal == found[0])
+                number = group[some.index(found[0])]
                 self._first.pop(number, None)
                 self._first[number] = None
                 return number, found[1]
