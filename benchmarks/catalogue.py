@@ -176,7 +176,14 @@ class Figure4Options(LongOptions, Plot):
     suite: Path | None = _file(None, "a data set with recorded plans", "DIR")
     limit: float | None = _limit("10", _KILLED)
     baseline_limit: float | None = _limit("10", "the same for all but IRR and exact widening")
-    sizes: tuple[int, ...] = _inner(tuple(range(1, 34)), "the numbers of parameters of our own plans")
+    sizes: tuple[int, ...] | None = option(
+        None,
+        "of our own plans only those of N parameters, else those of 1 to 33; may be repeated",
+        "--parameters",
+        metavar="N",
+        many=True,
+        read=_whole_numbers,
+    )
     seed: int = _inner(0, "which they are")
     contenders: tuple[Any, ...] | None = _inner(None, "what is run, all if None")
 

@@ -372,9 +372,14 @@ def _counts(values: Iterator[str]) -> str:
     return ", ".join(f"{name} {count}" for name, count in Counter(values).most_common())
 
 
+SIZES = range(1, 34)
+"""Numbers of parameters of our own plans."""
+
+
 def _prepare(options: Figure4Options, _: object) -> tuple[DeliveryInstance, ...]:
+    sizes = SIZES if options.sizes is None else options.sizes
     recorded = () if options.suite is None else recorded_instances(options.suite)
-    instances = (*recorded, *(own_instance(size, options.seed) for size in options.sizes))
+    instances = (*recorded, *(own_instance(size, options.seed) for size in sizes))
     if not instances:
         raise InputError("found no plan, expected a data set or sizes")
     return instances
