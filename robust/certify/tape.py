@@ -41,10 +41,8 @@ def least(form: Mapping[str, Fraction], ranges: Mapping[str, Range]) -> Fraction
 class OrderLemmas:
     """Greatest lower bounds of distances between time points, each constraint at its least over the parameters' ranges.
 
-    It stands for the checker's table of known orders, and remembers which of them decided something.
-
-    Raises:
-        RefutedError: if the constraints contradict each other for all values.
+    It stands for the checker's table of known orders, and remembers which of them decided something. Where constraints
+    contradict each other it knows none.
     """
 
     def __init__(self, ground: Ground, ranges: Mapping[str, Range]) -> None:
@@ -53,15 +51,13 @@ class OrderLemmas:
         self._edges = [number for number, *_, floor in floors if floor is not None]
         bounds = ((a, b, floor) for _, a, b, floor in floors if floor is not None)
         self._distances = Distances(range(len(ground.points)), bounds)
-        if self._distances.network.schedule is None:
-            raise errors.RefutedError("the network allows no schedule for any of these values; expected some")
-        self._times = self._distances.network.schedule
+        self._times = self._distances.network.schedule or ()
         self._used: dict[tuple[int, int], Fraction] = {}
 
     def get(self, pair: tuple[int, int], default: Any = None) -> Any:
         """At least this much after the first point is the second; as a dictionary's."""
         a, b = pair
-        if self._times[b] < self._times[a]:
+        if not self._times or self._times[b] < self._times[a]:
             return default  # the least schedule contradicts any distance that would matter
         distance = None if a == b else self._distances.least(a, b)
         if distance is None or distance < 0:

@@ -47,6 +47,9 @@ class IndexedFacts(KnownFacts):
             reduced = self.reduced(Sum({**form}, strict)).form
             self._about.setdefault(times_in(reduced), []).append((number, reduced))
         self._region = KnownFacts(facts[:sides])
+        absurd = self._region.contradiction([])
+        self.absurd = None if isinstance(absurd, dict) else absurd[1]
+        """Multiples of sides of the region that contradict each other, if it is empty."""
         self._answers: dict[tuple[frozenset[tuple[str, Fraction]], bool], list[tuple[int, Fraction]] | None] = {}
 
     def about(self, times: frozenset[str]) -> Sequence[tuple[int, Linear]]:

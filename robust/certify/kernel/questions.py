@@ -55,6 +55,8 @@ class OpenFormulas:
         """
         if -TRUE in self.literals:  # false by itself: its unit clause against the gate of truth
             return f"((()) (({self.literals.index(-TRUE) + 1} -1)) ((() (1 (1 0)))))"
+        if known.absurd is not None:  # nothing is true where there is no value
+            return f"(() () ((() () {multiples(known.absurd)})))"
         evaluation = Evaluation(self.circuit, self.literals, known)
         line = evaluation.line()
         if evaluation.kept:
