@@ -1,4 +1,4 @@
-(** What certificates claim, beside [robust] in Spec.v. Together with that file this is all that has to be read. *)
+(** What certificates claim, apart from [robust] in Spec.v. With that file and Pddl.v this is all that has to be read. *)
 
 Require Import Reals QArith Qreals List Bool.
 Require Import Spec.
