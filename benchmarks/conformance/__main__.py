@@ -1,6 +1,7 @@
 """Hold an executive of plans with choices against what every correct one must do.
 
     python benchmarks/conformance 'COMMAND with {plan}' [--level LEVEL] [--case NAME] [--limit SECONDS]
+        [--cases DIRECTORY]
 
 COMMAND starts an executive that speaks lines of JSON over standard input and output, as docs/formats.md has it
 ("Executives as services"); `{plan}` stands for the path of a .tpnu.json file. README.md says what cases are. Only the
@@ -28,7 +29,7 @@ LEVELS = ("core", "reports", "patient")
 """What executives may be able to do; each level includes those before it."""
 LAST = ("wake", "end", "error")
 """With these, the answer to a line ends."""
-MOST = 400
+MOST = 2000
 """Lines that are sent at most."""
 Line: TypeAlias = dict[str, Any]
 
@@ -295,19 +296,19 @@ def _violations(plan: Mapping[str, Any], trace: Trace, *, deviates: bool) -> Ite
 # -- all cases ---------------------------------------------------------------------------------------------------------
 
 
-def cases(level: str, name: str | None) -> list[Mapping[str, Any]]:
+def cases(level: str, name: str | None, directory: Path = HERE) -> list[Mapping[str, Any]]:
     """The cases up to a level, or the one of that name."""
     found: list[Mapping[str, Any]] = []
-    for path in sorted((HERE / "cases").glob("*.json")):
+    for path in sorted((directory / "cases").glob("*.json")):
         case = {"name": path.stem, **json.loads(path.read_text(encoding="utf-8"))}
         if name in (None, case["name"]) and (name or LEVELS.index(case["level"]) <= LEVELS.index(level)):
             found.append(case)
     return found
 
 
-def examine(command: str, case: Mapping[str, Any], limit: float) -> list[str]:
+def examine(command: str, case: Mapping[str, Any], limit: float, directory: Path = HERE) -> list[str]:
     """What is wrong with an executive in a case."""
-    path = HERE / "plans" / case["plan"] / f"{case['plan']}.tpnu.json"
+    path = directory / "plans" / case["plan"] / f"{case['plan']}.tpnu.json"
     plan = json.loads(path.read_text(encoding="utf-8"))
     executive = Executive([word.replace("{plan}", str(path)) for word in shlex.split(command)], limit)
     try:
@@ -323,15 +324,16 @@ def main() -> int:
     parser.add_argument("command", help="starts the executive; {plan} stands for the path of the plan")
     parser.add_argument("--level", choices=LEVELS, default=LEVELS[-1], help="what the executive is able to do")
     parser.add_argument("--case", help="only this one")
+    parser.add_argument("--cases", type=Path, default=HERE, metavar="DIRECTORY", help="with cases/ and plans/")
     parser.add_argument("--limit", type=float, default=60.0, help="seconds for each answer")
     given = parser.parse_args()
     if "{plan}" not in given.command:
         parser.error("expected {plan} in the command, for the path of the plan")
     failed = 0
-    chosen = cases(given.level, given.case)
+    chosen = cases(given.level, given.case, given.cases)
     for case in chosen:
         try:
-            found = examine(given.command, case, given.limit)
+            found = examine(given.command, case, given.limit, given.cases)
         except OSError as error:
             sys.stderr.write(f"cannot start the executive: {error}\n")
             return 2

@@ -1,10 +1,12 @@
 """The 700 plans whose correct executions have been counted, and the count of them by each back end.
 
-    python -m benchmarks.conformance.counted write DIRECTORY
+    python -m benchmarks.conformance.counted write DIRECTORY [--family NAME]
     python -m benchmarks.conformance.counted count [--limit SECONDS] [--family NAME] [--again] [FILE]
 
 The plans are those of the generator of [PIKE §6.2.2] (`benchmarks/generators/team_plans.py`): 500 random ones, most of
-which admit no correct execution, 100 that admit few enough for every back end, and 100 that admit many. `counts.csv`
+which admit no correct execution, 100 that admit few enough for every back end, and 100 that admit many. `write` writes
+them with a case for each, which the runner takes: what every correct executive must do whatever it is free to do.
+`counts.csv`
 has what is known of them; `count` counts what FILE does not have, by five knowledge bases, and ends with code 1 where
 they or `counts.csv` disagree. It can be ended at any time, and goes on where it was.
 """
@@ -13,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import json
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,12 +23,13 @@ from hashlib import sha256
 from io import StringIO
 from itertools import count, islice
 from pathlib import Path
+from typing import Any
 
 from robust.pike_bridge.action_model import Instance
 from robust.pike_bridge.compile import Compiling, Temporal, candidate_subplans
 from robust.pike_bridge.files import tpnu_text
 from robust.pike_bridge.model import TeamPlan
-from robust.pike_bridge.semantics import ExecutionExistence, Oracle
+from robust.pike_bridge.semantics import Execution, ExecutionExistence, Oracle, holds
 from robust.pike_bridge.theory import HasImplicants
 from robust.records import atomic_write
 from robust.smt.limits import NEVER, OutOfTimeError
@@ -126,10 +130,45 @@ def answers(plan: TeamPlan, limit: float) -> Answers:
     return found
 
 
-def write(directory: Path) -> None:
-    """Write the files of each plan into a folder of its own."""
-    for name, instance in plans():
-        instance.write(directory / name, name)
+def write(directory: Path, families: Iterable[str]) -> None:
+    """Write each plan with its case, as the runner takes them."""
+    (directory / "cases").mkdir(parents=True, exist_ok=True)
+    impossible = {row["plan"] for row in _rows(COUNTS) if row["exists"] == "false"}
+    for name, instance in plans(families):
+        instance.write(directory / "plans" / name, name)
+        plan = instance.plan()
+        execution = None if name in impossible else Oracle(plan).decide().witness
+        atomic_write(directory / "cases" / f"{name}.json", json.dumps(case(name, plan, execution), indent=1), None)
+
+
+def case(name: str, plan: TeamPlan, execution: Execution | None) -> dict[str, Any]:
+    """What a world says to an executive of a plan, and what comes of it.
+
+    If no correct execution exists, that is said at once. Otherwise people tell at the beginning what they choose in a
+    correct one, with which something is left; activities take their least time, which need not leave anything.
+    """
+    common = {"level": "core", "plan": name, "until": "1000"}
+    if execution is None:
+        about = "no correct execution exists: that is said before anything begins"
+        return {**common, "about": about, "world": [], "must not": [{"kind": "dispatched"}], "outcome": ["failed"]}
+    network, scenario = plan.network, execution.scenario
+    made = [each for each in network.choices if each.event is None or holds(network.guards[each.event], scenario)]
+    outcomes = [
+        {"kind": "outcome", "choice": each.name, "value": scenario[each.name]} for each in made if not each.controllable
+    ]
+    ends = {(each.action, each.target): each for each in network.activities}.values()
+    world: list[dict[str, Any]] = [{"time": "0", "messages": outcomes}] if outcomes else []
+    world += (
+        {
+            "when": {"kind": "dispatched", "action": each.action, "end": each.target},
+            "after": str(each.lower),
+            "messages": [{"kind": "completion", "action": each.action, "event": each.target}],
+        }
+        for each in ends
+    )
+    about = "people choose at once what leaves a correct execution: nothing has failed then"
+    must = {"must not": [{"kind": "failed", "until": "0"}], "outcome": ["succeeded", "failed"]}
+    return {**common, "about": about, "world": world, **must}
 
 
 def recount(path: Path, limit: float, families: Iterable[str], *, again: bool) -> int:
@@ -183,17 +222,18 @@ def _rows(path: Path) -> Sequence[Mapping[str, str]]:
 def main() -> int:
     parser = argparse.ArgumentParser(description="plans whose correct executions are counted")
     commands = parser.add_subparsers(dest="command", required=True)
-    commands.add_parser("write").add_argument("directory", type=Path)
-    counting = commands.add_parser("count")
+    writing, counting = commands.add_parser("write"), commands.add_parser("count")
+    writing.add_argument("directory", type=Path)
     counting.add_argument("file", type=Path, nargs="?", default=Path("counts.csv"))
     counting.add_argument(
         "--limit", type=float, default=10.0, help="seconds of processor time, for each back end and plan"
     )
-    counting.add_argument("--family", choices=FAMILIES, action="append", help="of plans (default: all)")
+    for each in (writing, counting):
+        each.add_argument("--family", choices=FAMILIES, action="append", help="of plans (default: all)")
     counting.add_argument("--again", action="store_true", help="count anew where back ends gave no answer before")
     given = parser.parse_args()
     if given.command == "write":
-        write(given.directory)
+        write(given.directory, given.family or FAMILIES)
         return 0
     return int(recount(given.file, given.limit, given.family or FAMILIES, again=given.again) > 0)
 

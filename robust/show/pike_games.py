@@ -209,12 +209,12 @@ def _made(policy: Policy) -> dict[str, str]:
 @printing.register(TeamControllability)
 def print_controllable(out: Console, found: TeamControllability, *, quiet: bool) -> None:
     """The verdict with its reason; unless `quiet` also what the strategy chooses. How far bounds can move."""
+    spans = [] if found.exceeded is None or quiet else [_span_text(*span) for span in found.exceeded.spans]
     for line in headline(found):
-        out.print(line, soft_wrap=True)
+        out.print(f"{line.removesuffix('.')}:" if spans else line, soft_wrap=True)
     if found.strategy is not None and not quiet:
         _print_some(out, [line for each in found.strategy.parts for line in _policy_lines(each.policy)])
-    if found.exceeded is not None and not quiet:
-        _print_some(out, [_span_text(*span) for span in found.exceeded.spans])
+    _print_some(out, spans)
     for limit in found.limits:
         out.print(_limit_text(limit, rational=found.rules.rational), soft_wrap=True)
     if found.repair is not None:
@@ -241,7 +241,7 @@ def headline(found: TeamControllability) -> Iterator[str]:
         case ControllabilityVerdict.UNCONTROLLABLE if found.exceeded is not None:
             most, needed = readable(found.exceeded.limit), readable(found.exceeded.needed)
             known = ", even if all of this is known beforehand" if found.situations else ""
-            yield f"Not controllable: a limit of {most} is exceeded by parts of the plan that can take {needed}{known}:"
+            yield f"Not controllable: a limit of {most} is exceeded by parts of the plan that can take {needed}{known}."
         case ControllabilityVerdict.UNCONTROLLABLE if len(found.situations) == 1:
             words = _words(found.situations[0])
             yield f"Not controllable: no correct execution exists {words}, even if that is known beforehand."

@@ -98,6 +98,20 @@ def test_an_executive_that_breaks_the_protocol_is_told_so():
         assert fault in found
 
 
+def test_plans_that_were_counted_are_cases(tmp_path, monkeypatch):
+    """One with a correct execution and one without; who is glad about all is wrong about that."""
+    chosen = dict(islice(counted.plans(), 2))
+    monkeypatch.setattr(counted, "plans", lambda _families: chosen.items())
+    counted.write(tmp_path, counted.FAMILIES)
+    found = suite.cases("core", None, tmp_path)
+    assert [case["name"] for case in found] == sorted(chosen)
+    for case in found:
+        assert suite.examine(EXECUTIVE, case, 60, tmp_path) == []
+    assert [case["outcome"] for case in found] == [["succeeded", "failed"], ["failed"]]
+    glad = shlex.join([sys.executable, mutants.__file__, "glad"])
+    assert suite.examine(f"{glad} {EXECUTIVE}", found[1], 60, tmp_path)
+
+
 def test_plans_are_those_that_were_counted():
     with counted.COUNTS.open(encoding="utf-8", newline="") as file:
         rows = {row["plan"]: row for row in csv.DictReader(file)}

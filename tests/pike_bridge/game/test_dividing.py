@@ -27,6 +27,7 @@ from robust.pike_bridge.model import (
 )
 from robust.pike_bridge.semantics import ExecutionExistence, Oracle
 from robust.plan.model import Atom
+from robust.show.pike_games import headline
 from robust.smt.limits import Deadline
 from tests.pike_bridge.game.minimax import PLACEHOLDER, Minimax, TooLargeError, limited, longest
 from tests.pike_bridge.game.test_controllability import NO, YES, decided
@@ -145,6 +146,7 @@ def test_blocks_that_take_too_long_together_say_which_and_why():
     _confirm(plan, found)
     text = "e36 to e72 takes 12.009 with x2 = 3, where (bring-2-3) takes 5 and (use-2-3) takes 5"
     assert text in str(found)
+    assert next(headline(found)).endswith(".")  # where it is all that is shown
     assert "there is no correct execution at all" in str(decided(_blocks(2, "0.4"), rational=True))
 
 
