@@ -13,6 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from itertools import islice
 from math import ceil, floor
 
@@ -187,18 +188,23 @@ class SemanticReasoner(Reasoner):
         """A continuation, if one is known; choices that do not matter may be missing from it."""
         self._terms = terms or Terms()
         self._solver = solver
-        self._begin()
         self._epsilon = progress.plan.separation
         self._grid = progress.grid
         self._first = Polynomial.variable(_FIRST)
         self._later: tuple[object, list[Formula]] = (None, [])
         """What was said last of events that are not the executive's to execute, and at which moment."""
 
-    def _begin(self) -> None:
-        self.semantics = OnlineSemantics(self.progress, self._terms)
+    @cached_property
+    def semantics(self) -> OnlineSemantics:
+        """What formulas say, from the first question on: whoever repeats what was decided asks none."""
+        return OnlineSemantics(self.progress, self._terms)
+
+    @cached_property
+    def _session(self) -> Session:
         # Proving is quicker here for what has a model as well: the median of many small questions halves.
-        self._session = Session(self._terms, solver=self._solver, proving=True)
-        self._session.add(*self.semantics.formulas)
+        session = Session(self._terms, solver=self._solver, proving=True)
+        session.add(*self.semantics.formulas)
+        return session
 
     def _learn(self, news: News) -> None:
         witness, now = self._witness, self.progress.now
@@ -211,7 +217,8 @@ class SemanticReasoner(Reasoner):
             ):
                 self._witness = witness.retimed(late=True) or witness.retimed()
         if self.progress.close(news.times):  # what was open about their order is known now
-            self._begin()
+            vars(self).pop("semantics", None)
+            vars(self).pop("_session", None)
             everything = guard(self.progress.chosen)
             news = News(everything, dict(self.progress.times), set(self.progress.void), later=True)
         semantics, guards = self.semantics, self.progress.structure.guards
