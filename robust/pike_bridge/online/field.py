@@ -166,7 +166,7 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         """When to step again if nothing is reported before."""
         if self.ended:
             return None
-        moments = [self._executive.wake, *(self._course.counts_from(place) for place in self._awaited)]
+        moments = [self._executive.wake, *self._awaited]
         return min((moment for moment in moments if moment is not None), default=None)
 
     def prepare(self) -> bool:
@@ -438,14 +438,15 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
 
     def _counts(self, now: Fraction) -> bool:
         """Whether an early end has begun to count."""
-        return any(self._course.counts_from(place) <= now for place in self._awaited)
+        return any(moment <= now for moment in self._awaited)
 
     @property
-    def _awaited(self) -> list[int]:
-        """Activities that have ended early, which does not count yet."""
+    def _awaited(self) -> list[Fraction]:
+        """When early ends will count that do not yet."""
+        course, now = self._course, self._executive.progress.now
         activities = self.plan.network.activities
-        held = self._held & self._course.ended.keys()
-        return [place for place in held if activities[place].target not in self._course.times]
+        held = (place for place in self._held & course.ended.keys() if activities[place].target not in course.times)
+        return [moment for moment in map(course.counts_from, held) if moment > now]
 
     # -- what follows --------------------------------------------------------------------------------------------------
 

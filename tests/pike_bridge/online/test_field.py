@@ -69,13 +69,18 @@ def fetching(*, choices=(), more=(), limit=None, needed=True):
 FETCHED, USED = said.Completion("(fetch)"), said.Completion("(use)")
 
 
+def begun_all(plan, **options):
+    chosen = executive(plan, **options)
+    chosen.step(Fraction(0))
+    return chosen
+
+
 def kinds(decisions):
     return [type(each).kind() for each in decisions]
 
 
 def begun(plan, **options):
-    chosen = executive(plan, **options)
-    chosen.step(Fraction(0))
+    chosen = begun_all(plan, **options)
     assert chosen.running == {0: 0}
     return chosen
 
@@ -197,6 +202,19 @@ def test_an_early_end_that_has_counted_goes_on_counting():
     chosen.step(Fraction(5, 2), [said.Began("(use)")])
     assert chosen.progress.times["fetched"] == 1
     assert chosen.ended
+
+
+def test_nobody_waits_for_an_early_end_that_counts_already():
+    """Its event waits for another activity that ends there: time does not stand still until then."""
+    network = chain().network
+    also = Activity("(watch)", "begin", "fetched", Fraction(2), Fraction(4), agent="human")
+    network = replace(network, activities=(*network.activities, also))
+    chosen = begun_all(TeamPlan(network, (), ()), early="wait")
+    chosen.step(Fraction(1), [FETCHED])
+    assert chosen.wake == 2
+    for time in (2, 3):
+        chosen.step(Fraction(time))
+        assert chosen.wake is None or chosen.wake > time
 
 
 def test_messages_of_one_moment_must_not_contradict_each_other():
