@@ -55,7 +55,10 @@ def load(path: str | os.PathLike[str]) -> Network:
     if isinstance(network, ConditionalNetwork):
         names = ", ".join(choice.name for choice in network.choices)
         found = f"found a network with choices or observations ({names}), expected an STNU"
-        remedy = "robust stnu check decides whether this one is controllable, and robust pike run executes it"
+        remedy = (
+            "robust stnu check decides whether this one is controllable, robust pike run --strategy executes it, "
+            "robust pike check --controllable --repair mends bounds, and robust pike chance says how likely success is"
+        )
         raise UnsupportedError(f"{found}; {remedy}", Location(network.name))
     return network
 

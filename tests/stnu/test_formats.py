@@ -156,15 +156,19 @@ def test_observations_in_either_command(tmp_path):
     label = {"p": True}
     for moment, controllable in ((5, True), (6, False)):
         links = [(("Z", "X", None, 5), label), (("Z", "X", 8, 10), {"p": False}), (("Z", "P", moment, None), {})]
-        path = tmp_path / "n.cstn"
+        path = tmp_path / ("served.cstn" if controllable else "n.cstn")
         path.write_text(graphml_of({"Z": {}, "P": {}, "X": {}}, links, {"p": "P"}, SOME), encoding="utf-8")
         assert (pike.controllable(path).verdict is ControllabilityVerdict.CONTROLLABLE) is controllable
         done = command("stnu", "check", path)
         assert (done.code, done.out.startswith("controllable")) == (int(not controllable), controllable)
     both = "uncontrollable: no strategy serves all of these, whose differences are not seen in time: with p = "
     assert done.out.startswith(both)
-    with pytest.raises(UnsupportedError, match=r"choices or observations \(p\), expected an STNU; robust stnu check"):
-        stnu.load(path)
+    for words in ("stnu dispatch", "stnu repair", "stnu risk"):
+        done = command(*words.split(), path)
+        assert done.code == 4
+        assert "choices or observations (p), expected an STNU; robust stnu check" in done.err
+    assert "succeeded at " in command("pike", "run", "--strategy", path.with_name("served.cstn")).out
+    assert command("pike", "chance", path.with_name("served.cstn")).out.startswith("Success is 100.00% likely.")
 
 
 WRONG = {
