@@ -224,6 +224,7 @@ class PlanExecutive:
         for message in messages:
             decisions += self._take(message)
         self._wake = None
+        self.reasoner.begin()
         stretch = max(0, self._pauses + 1 - PAUSES)
         self._limit = self._patience.deadline = self._deadline.within(self._share(_ACTING * 2.0**stretch))
         self.thrift.steps += 1

@@ -94,6 +94,9 @@ class Reasoner(ABC):
     def _learn(self, news: News) -> None:
         """Take note of what has happened."""
 
+    def begin(self) -> None:  # noqa: B027 - most have nothing to do
+        """Prepare for questions, which no budget counts."""
+
     def possible(self, deadline: Deadline) -> bool:
         """CorrectTeamPlanExists?: whether there is a continuation."""
         return self.could(ALWAYS, deadline)
@@ -205,6 +208,9 @@ class SemanticReasoner(Reasoner):
         session = Session(self._terms, solver=self._solver, proving=True)
         session.add(*self.semantics.formulas)
         return session
+
+    def begin(self) -> None:
+        self._session.add()  # nothing beyond what it begins with
 
     def _learn(self, news: News) -> None:
         witness, now = self._witness, self.progress.now

@@ -31,12 +31,18 @@ KINDS = (
 """What is counted of messages."""
 
 
-def decided_in_time(random):
-    """A small plan with correct executions; it is known, as in files, whether activities take place when they begin."""
+def decided_in_time(random, *, effects=False):
+    """A small plan with correct executions; it is known, as in files, whether activities take place when they begin.
+
+    Args:
+        effects: whether it is known as well, as in files, which effects an event has when it happens.
+    """
     while True:
         plan = contested(random.randint(0, 4000))
         guards = plan.network.guards
         known = all(activity.guard <= guards[activity.source] for activity in plan.network.activities)
+        if effects and not all(each.guard <= guards[each.event] for each in plan.effects):
+            continue
         if known and plan.network.activities and correct_scenarios(plan, {}, {}, Fraction(0)):
             return plan
 

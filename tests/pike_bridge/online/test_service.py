@@ -486,7 +486,7 @@ def test_nothing_told_in_the_field_is_too_much(part, tmp_path):
     """10,000 streams of all kinds of messages: each is answered, and nothing is lost to a kill."""
     met = Counter()
     for number in range(1000 * part, 1000 * part + often(15, 1000)):
-        plan = decided_in_time(Random(number))  # noqa: S311 - reproducible
+        plan = decided_in_time(Random(number), effects=True)  # noqa: S311 - reproducible
         met += Reported(plan, number, tmp_path / str(number), semantic.SemanticReasoner).run().met
     assert min(met[each] for each in ("error", "rejected", "executed", "dispatched", "deviated", "died")) > 0
 
