@@ -33,6 +33,7 @@ MARGIN = "margin"
 """By how much strict constraints hold, at least; at most 1."""
 REACH = 1
 """How far beyond a face bad values are looked for."""
+NEGATIVE = "non-negative duration"
 HALVINGS = 64
 """How often the way beyond a face is shortened in search of bad values near to it."""
 
@@ -82,7 +83,9 @@ class Reasons:
         those about instants inside of actions not without `instants`.
         """
         if not like and instants:
-            return self._broken_somewhere([list(reversed(self._first)), list(self._all_literals)], assumed)
+            every = list(self._all_literals)
+            negative = [number for number in every if self._obligations[number][0].endswith(NEGATIVE)]
+            return self._broken_somewhere([[*negative, *reversed(self._first)], every], assumed)
         about = _about(like)
         tried = list(dict.fromkeys([*reversed(self._first), *range(len(self._obligations))]))
         tried.sort(key=lambda number: _about(self._obligations[number][0]) != about)
@@ -106,9 +109,14 @@ class Reasons:
     def _broken_somewhere(
         self, groups: Iterable[Sequence[int]], assumed: Sequence[LinearSide]
     ) -> tuple[int, Model] | None:
-        """One of the obligations that breaks where the assumptions hold, and how, of the first group that has one."""
+        """One of the obligations that breaks where the assumptions hold, and how, of the first group that has one.
+
+        A negative duration is named before all else that breaks in the same schedule: to the verified checker, nothing
+        changes continuously in less than no time.
+        """
         literals = self._all_literals
-        for group in groups:
+        for listed in groups:
+            group = sorted(listed, key=lambda number: not self._obligations[number][0].endswith(NEGATIVE))
             some = [literals[number] for number in group]
             found = self._models.model(some, self._deadline, assumed) if some else None
             if found is not None:
@@ -145,7 +153,7 @@ class Reasons:
             raise UnsupportedError(f"nothing breaks at {dict(point)}, which is outside of the region")
         number, how = broken
         values, around = self._critical(how, point)
-        around = self._widened(number, values, around, bounds)
+        around = self._widened(number, values, around, bounds, point)
         region = [*facts_of(around.constraints), *bounds]
         return around, [*self.broken(number, values, region, {})]
 
@@ -190,13 +198,18 @@ class Reasons:
         return around, [["cycle", circle, tape.sums(implied(KnownFacts(region), total, strictly=True))]]
 
     def _widened(
-        self, number: int, values: Mapping[str, Linear], around: Polyhedron, bounds: Sequence[Fact]
+        self, number: int, values: Mapping[str, Linear], around: Polyhedron, bounds: Sequence[Fact], point: tape.Point
     ) -> Polyhedron:
-        """The polyhedron without sides beyond which the same schedule breaks the obligation in another way."""
+        """The polyhedron without sides beyond which the same schedule breaks the obligation in another way; continuous
+        effects that last some time at the point do so in all of it."""
         formulas, literal = self._placed(number, values, {})
         slacks = dict.fromkeys(tuple(sorted(formulas.slack(edge).items())) for edge in self._ground.edges)
         kept = [dict(slack) for slack in slacks if any(name for name, _ in slack)]
         sides = facts_of(around.constraints)
+        if not self._obligations[number][0].endswith(NEGATIVE):
+            gaps = [formulas.gap(a, b) for a, b, *_ in self._ground.flows]
+            kept += (lasting := [gap for gap in gaps if gap.keys() - {""} and tape.evaluated(gap, point) >= 0])
+            sides += [(gap, False) for gap in lasting]
         for side in list(sides):
             rest = [other for other in sides if other is not side]
             known = KnownFacts([*rest, *bounds])

@@ -271,6 +271,14 @@ def test_envelopes_of_small_plans(texts, tmp_path):
     assert answer.startswith("established: the robustness envelope is exactly ")
 
 
+@built
+def test_values_with_negative_durations(dataset, tmp_path):
+    """They are bad for that, not for what the checker in Python makes of continuous effects in less than no time."""
+    (files,) = [one.files for one in read_suite(dataset) if one.files[2].match("solar-rover/plan_01_2.stn")]
+    lines, ground = tools.made(files, "region"), tools.grounded(files)
+    assert "without (" in said(ground, lines, tmp_path / "negative.kernel")
+
+
 NO_ROOM = "parameter k default 4 lb 3 ub 9; durative-action instance i : (a); c: i.end - i.start in [k, 2.5];"
 
 
