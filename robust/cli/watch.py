@@ -233,7 +233,7 @@ def watch(options: WatchCommand, run: Run) -> int:
             page.close()
         if server.journal is not None:
             server.journal.close()
-    prospect = server.monitor.outlook().prospect.value
+    prospect = server.monitor.assess(Deadline.after(float(options.answer_limit))).prospect.value
     return {"done": 0, "broken": 1}.get(prospect, UNDECIDED)
 
 
@@ -424,17 +424,26 @@ class _WatchServer:
                 return error
 
     def _assess(self, clock: WallClock, idle: Callable[[], bool]) -> None:
-        """Say how probable success is, if nothing is heard and no answer is due before that is known."""
+        """Say what the last answer did not wait for: whether other orders are left, and, if nothing is heard and no
+        answer is due before that is known, how probable success is."""
         before = self._before
-        if before is None or before is self._assessed or not self.monitor.distributions or not idle():
+        if before is None or before is self._assessed:
             return
-        wake = None if before.wake is None else max(0, clock.seconds_until(before.wake))
-        due = min((time for time in (wake, self._deadline.remaining) if time is not None), default=None)
         with self._busy:
-            success = self.monitor.assess(replace(Deadline.after(due), idle=idle))
-            if success != before.success and self._before is before:
-                self._say(replace(before, success=success))
-            self._assessed = self._before
+            if before.prospect is Prospect.UNDECIDED and not before.replan:
+                self._say_more(Deadline.after(self.monitor.seconds))
+            elif self.monitor.distributions and idle():
+                wake = None if before.wake is None else max(0, clock.seconds_until(before.wake))
+                due = min((time for time in (wake, self._deadline.remaining) if time is not None), default=None)
+                self._say_more(replace(Deadline.after(due), idle=idle))
+
+    def _say_more(self, deadline: Deadline) -> None:
+        before, outlook = self._before, self.monitor.assess(deadline)
+        if before is not None and outlook != replace(before, refused=None):
+            self._say(outlook)
+            if self._replanning.possible:
+                self._ask_if_broken()
+        self._assessed = self._before
 
     def _serve_real_time(self) -> None:
         """What has come is heard, as of when it came, before time passes."""
@@ -455,6 +464,8 @@ class _WatchServer:
             if isinstance(heard, OSError):
                 raise heard
             self._answer(heard)
+            if self._before is not None and self._before.prospect is Prospect.UNDECIDED:
+                self._assess(clock, inbox.empty)
 
 
 class _WatchPage:

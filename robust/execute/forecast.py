@@ -69,7 +69,8 @@ class PlanForecast:
     """What is ahead: of each step that has not ended, which may start now, and what durations are promised.
 
     `free` are the steps whose starts wait for nothing but time: those that may start now, and some that may later.
-    `exact` says whether windows are all that is left, or only the promised part of it.
+    `exact` says whether windows are all that is left, or only the promised part of it, `pending` whether other orders
+    have not been looked for yet.
     """
 
     prospect: Prospect
@@ -79,6 +80,7 @@ class PlanForecast:
     free: frozenset[str] = frozenset()
     promise: Mapping[str, Window] | None = None
     exact: bool = True
+    pending: bool = False
 
 
 class Forecaster(Protocol):

@@ -132,8 +132,9 @@ class Monitor:
             plan, as in network files.
         distributions: those of durations, independent of each other, by parameter; for the probability of success. If
             one is missing, nothing is known of it from below.
-        eager: whether answers wait for the probability of success; if not, they have the one that :meth:`assess` found
-            last.
+        eager: whether answers wait for what takes long: for a solver that looks for other orders, and for the
+            probability of success. If not, a plan whose order leaves nothing is undecided until :meth:`assess` has
+            looked, and the probability is the one that it found last.
 
     Raises:
         InputError: if `plan` is none, or a number is none.
@@ -175,6 +176,8 @@ class Monitor:
         self._in_order = True
         self._last_success: SuccessOutlook | None = None
         self._lock = asyncio.Lock()
+        if not self.eager:
+            import robust.execute.reorder  # noqa: F401, PLC0415 - loads solvers before anything happens
         self.retired: frozenset[str] = frozenset()
         """Identifiers of steps of plans that this run followed before."""
         named = ((self.plan.lasting.get(name), each) for name, each in self.distributions.items())
@@ -399,8 +402,21 @@ class Monitor:
 
     def outlook(self, refused: str | None = None) -> Outlook:
         """What is ahead by all that is known."""
-        deadline = Deadline.after(self.seconds)
-        forecast = self._forecast(deadline)
+        return self._outlook(refused, Deadline.after(self.seconds), waits=self.eager)
+
+    def assess(self, deadline: Deadline = NEVER) -> Outlook:
+        """What is ahead, with what only eager answers wait for, as far as it is found by the deadline.
+
+        Later answers have it, too.
+        """
+        before = self._last_success
+        outlook = self._outlook(None, deadline, waits=True)
+        if deadline.passed:
+            self._last_success = before
+        return replace(outlook, success=self._last_success)
+
+    def _outlook(self, refused: str | None, deadline: Deadline, *, waits: bool) -> Outlook:
+        forecast = self._forecast(deadline, waits=waits)
         prospect = forecast.prospect
         if prospect in OPEN and all(known.end is not None for known in self._progress.values()):
             return Outlook(self._count, self.time, Prospect.DONE, refused=refused, assumed=self._assumed)
@@ -417,25 +433,14 @@ class Monitor:
             tuple(startable),
             tuple(sorted(rest, key=lambda look: look.start[0])),
             refused,
-            prospect not in OPEN,
+            prospect not in OPEN and not forecast.pending,
             forecast.promise,
-            self._success(forecast, deadline) if self.eager else self._last_success,
+            self._success(forecast, deadline) if waits else self._last_success,
             self._other is not None and not self._in_order,
             forecast.exact,
             self._wake(looks, forecast),
             self._assumed,
         )
-
-    def assess(self, deadline: Deadline = NEVER) -> SuccessOutlook | None:
-        """Bounds of the probability of success by all that is known; those before, if the deadline passes first.
-
-        Later answers have them, too.
-        """
-        before = self._last_success
-        self._success(self._forecast(deadline), deadline)
-        if deadline.passed:
-            self._last_success = before
-        return self._last_success
 
     @property
     def _assumed(self) -> tuple[str, ...]:
@@ -498,7 +503,7 @@ class Monitor:
             self._surprised = known, [text for variable, text in every if variable in read]
         return self._surprised[1]
 
-    def _forecast(self, deadline: Deadline) -> PlanForecast:
+    def _forecast(self, deadline: Deadline, *, waits: bool) -> PlanForecast:
         """The forecast: in the plan's own order if that is left, else as the rest of the plan is judged."""
         failed = [f"{step} {known.failure}" for step, known in self._progress.items() if known.failure]
         if failed:
@@ -521,7 +526,13 @@ class Monitor:
             moment = self._judged_from
             history = self._history_until(moment)
             judged = reordered(
-                history, _forecaster, self.epsilon, free=self.reorder, in_order=in_order, deadline=deadline
+                history,
+                _forecaster,
+                self.epsilon,
+                free=self.reorder,
+                in_order=in_order,
+                searching=waits,
+                deadline=deadline,
             )
             self._other, self._seen_by_other = judged.forecaster, seen
             self._in_order = judged.in_order
@@ -530,7 +541,7 @@ class Monitor:
                     judged.prospect is Prospect.BROKEN and moment > self._now
                 )  # what happened before may be heard yet
                 prospect = Prospect.UNDECIDED if is_late else judged.prospect
-                return self._lose(PlanForecast(prospect, (*judged.reasons, *causes)), moment)
+                return self._lose(PlanForecast(prospect, (*judged.reasons, *causes), pending=judged.pending), moment)
             self._other.pass_time(self._now)
         other = self._other.look(self.time, deadline)
         return replace(other, reasons=(*causes, *other.reasons))

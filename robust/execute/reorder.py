@@ -32,17 +32,25 @@ from robust.smt.session import Satisfiability, Session
 class Reordered:
     """What is ahead from where a plan is: a forecaster unless it is broken, or undecided; `reasons` say what broke.
 
-    `in_order` says whether the plan's order still does.
+    `in_order` says whether the plan's order still does, `pending` whether others were not looked for.
     """
 
     prospect: Prospect
     forecaster: Forecaster | None = None
     reasons: tuple[str, ...] = ()
     in_order: bool = False
+    pending: bool = False
 
 
 def reordered(
-    history: History, make: Making, epsilon: Fraction, *, free: bool, in_order: bool, deadline: Deadline
+    history: History,
+    make: Making,
+    epsilon: Fraction,
+    *,
+    free: bool,
+    in_order: bool,
+    searching: bool,
+    deadline: Deadline,
 ) -> Reordered:
     """Judge the rest of a plan.
 
@@ -52,6 +60,7 @@ def reordered(
         epsilon: the separation of mutex time points.
         free: whether any order of steps will do.
         in_order: whether the plan's order may still do.
+        searching: whether to ask a solver, which takes longer than all else.
         deadline: when to stop, undecided.
     """
     running = {name: step for name, step in history.steps.items() if step.is_running}
@@ -66,6 +75,8 @@ def reordered(
                 _tell_later(rest, history)
                 if rest.look(history.time, deadline).prospect in OPEN:
                     return Reordered(Prospect.ON_TRACK, rest, in_order=True)
+        if not searching:
+            return Reordered(Prospect.UNDECIDED, pending=True)
         unordered = remaining_plan(history, epsilon, ordered=not free)
         found = _schedule(unordered, epsilon, deadline)
         if found is None:

@@ -300,3 +300,13 @@ def test_by_a_clock_success_is_said_after_the_answer():
     assert last["message"] == before["message"] > 0
     assert last["success"]["time"] == last["time"]
     assert {**last, "success": None} == {**before, "success": None}
+
+
+def test_by_a_clock_other_orders_are_looked_for_after_the_answer():
+    with started("watch", *FILES, *OPTIONS, "--clock", "real", "--rate", "1", stdin=subprocess.PIPE) as running:
+        running.stdin.write('{"start": "n1", "at": 0}\n')
+        running.stdin.close()
+        lines = [json.loads(line) for line in running.stdout]
+    first, second = (line for line in lines if line["message"] == 1)
+    assert (first["prospect"], first["replan"], first["startable"]) == ("undecided", False, [])
+    assert (second["prospect"], second["replan"], second["reordered"]) == ("on track", False, True)
