@@ -537,9 +537,10 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
     def _mended(self, now: Fraction, failed: said.Failed) -> Sequence[said.Decision]:
         """How it goes on after a failure, if it does."""
         before = self._past, dict(self._choices), self.mended
-        announced = [*self._releasing(now), *self._acted(self._executive.step(now))]
-        if not isinstance(self.outcome, said.Failed):
-            return announced
+        if resumed := self._releasing(now):
+            announced = [*resumed, *self._acted(self._executive.step(now))]
+            if not isinstance(self.outcome, said.Failed):
+                return announced
         self._past, self._choices, self.mended = before
         self.judge_anew(now)
         self._recorded = failed
@@ -550,8 +551,13 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         return [*(said.Cancel(each.action, each.agent, now, goal) for each, goal in running), failed]
 
     def _releasing(self, now: Fraction) -> Sequence[said.Decision]:
-        """The rest of the plan from here on; what the executive has chosen and nobody has acted upon is open again."""
-        released = self._release()
+        """The rest of the plan from here on; what the executive has chosen and nobody has acted upon is open again.
+
+        Nothing, if that is what has failed.
+        """
+        past, released = self._past, self._release()
+        if self._past == past and not released:
+            return []
         self.judge_anew(now)
         return [said.Resumed(now, released)]
 

@@ -476,3 +476,11 @@ def test_the_kitchen_survives_early_and_late_robots(seed):
         moments = [time for time, _ in running.values()] + ([] if chosen.wake is None else [chosen.wake])
         now = max(now, min(moments))
     assert chosen.outcome.kind() == "succeeded"
+
+
+def test_what_cannot_be_mended_fails_however_little_time_steps_have():
+    chosen, decisions = executive(fetching(limit=Fraction(2)), budget=1e-5), []
+    for _ in range(300):
+        if not chosen.ended:
+            decisions += chosen.step(chosen.wake)
+    assert [type(each) for each in decisions] == [said.Failed]
