@@ -125,6 +125,10 @@ def test_what_reads_a_level_keeps_apart_from_what_changes_it():
     assert stops["d0", Side.UPPER] == stops["d1", Side.UPPER] == separation
     longest = found.box["d0"].upper + found.box["d1"].upper
     assert Fraction(6996, 1000) <= longest <= Fraction(6997, 1000)
+    questions, step = CornerContainment(create_encoding("relational", plan, EPSILON), rates_of(plan)), Fraction(1, 100)
+    longer, shorter = (("d0", side) for side in (Side.UPPER, Side.LOWER))
+    inner = found.box.moved(shorter, found.box["d0"].upper)
+    assert questions.ended_by(inner, {longer: step, shorter: step}, NEVER) == {longer: (separation,), shorter: ()}
 
 
 def test_values_that_leave_no_schedule_refute():
