@@ -165,7 +165,8 @@ def row(executor, problem, reason="", replans=0, *, column="1 parameter", promis
 
 def report(*rows, **fields):
     options = TABLE1.options(problems=1, executors=(DREEX, "blex:0", "blex:10"))
-    facts = {"planner": "aries", "planner_s": 7.0, "drain": False, "battery": None, "problems": 1, "runs": 1, "seed": 0}
+    facts = {"planner": "aries", "planner_s": 7.0, "drain": False, "battery": None, "runs": 1, "seed": 0}
+    facts["problems"] = tables.ENOUGH
     return Table1Report(TABLE1, options, facts, rows, **fields)
 
 
@@ -228,6 +229,9 @@ def test_claims():
     ):
         assert not wrong.agrees
         checked(wrong)
+    few = replace(wrong, rows=(mine, row("blex:0", "a")), facts={**wrong.facts, "problems": 1})
+    assert few.agrees
+    assert "fewer than 20 worlds: what the paper claims is not judged by them" in few.notes
     assert "broken promise: dreex, a, seed 0" in wrong.notes
     assert "3 plans had to succeed" in wrong.notes[2]
     checked(report())
