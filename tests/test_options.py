@@ -493,6 +493,9 @@ def test_conversions_are_plans(tmp_path):
     for ask in (robust.check, robust.Monitor, partial(robust.export, result=found, form="csv")):
         with pytest.raises(InputError, match=r"plan: found .*, expected a plan"):
             ask(plan=3)
+
+
+def test_wrong_options_of_batch_are_named():
     with pytest.raises(TypeError, match=r"batch\(\) got .* 'limt'; did you mean 'limit'"):
         robust.batch("check", "suite", limt=3)
 

@@ -6,9 +6,8 @@
 The plans are those of the generator of [PIKE §6.2.2] (`benchmarks/generators/team_plans.py`): 500 random ones, most of
 which admit no correct execution, 100 that admit few enough for every back end, and 100 that admit many. `write` writes
 them with a case for each, which the runner takes: what every correct executive must do whatever it is free to do.
-`counts.csv`
-has what is known of them; `count` counts what FILE does not have, by five knowledge bases, and ends with code 1 where
-they or `counts.csv` disagree. It can be ended at any time, and goes on where it was.
+`counts.csv` has what is known of them; `count` counts what FILE does not have, by five knowledge bases, and ends with
+code 1 where they or `counts.csv` disagree. It can be ended at any time, and goes on where it was.
 """
 
 from __future__ import annotations

@@ -265,7 +265,7 @@ class _WatchServer:
         self._busy = threading.RLock()
         self._before: Outlook | None = None
         self._assessed: Outlook | None = None
-        """The last answer with the probability of success by all that was known then."""
+        """The last answer that lacked nothing, or to which no more is said."""
         self._failure: BaseException | None = None
         self._page = None if page is None else _WatchPage(page, options)
 
@@ -464,8 +464,6 @@ class _WatchServer:
             if isinstance(heard, OSError):
                 raise heard
             self._answer(heard)
-            if self._before is not None and self._before.prospect is Prospect.UNDECIDED:
-                self._assess(clock, inbox.empty)
 
 
 class _WatchPage:

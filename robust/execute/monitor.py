@@ -388,7 +388,7 @@ class Monitor:
 
     def _meant(self, message: MonitorMessage) -> str | None:
         """The step that a name means: of those so called the first that is not yet as far, or that said the same."""
-        called = message.step.strip().strip("()").lower().split()
+        called = _bare(message.step).split()
         named = [each for each in self.plan.instances if [each.action, *each.arguments] == called]
         named.sort(key=lambda each: self._own.order(each.start))
         for step in (each.identifier for each in named):
@@ -495,11 +495,13 @@ class Monitor:
     @property
     def _surprises(self) -> Sequence[str]:
         """What was observed, is not as the plan says, and is read by what is to come."""
+        if not self._observed:
+            return ()
         known = frozenset(self._observed.values()), tuple(self._progress.values())
         if known != self._surprised[0]:
             steps = (step for step in self.plan.instances if self._progress[step.identifier].end is None)
-            read = set(read_by(steps, self.plan.goal)) if self._observed else set()
-            every = self._history_until(self.time).surprises if self._observed else ()
+            read = set(read_by(steps, self.plan.goal))
+            every = self._history_until(self.time).surprises
             self._surprised = known, [text for variable, text in every if variable in read]
         return self._surprised[1]
 
@@ -557,7 +559,7 @@ class Monitor:
 
 
 def _bare(name: str) -> str:
-    """The name of an atom or a fluent without brackets."""
+    """The name of a step, an atom or a fluent without brackets."""
     return " ".join(name.strip().strip("()").lower().split())
 
 
