@@ -13,7 +13,7 @@ from fractions import Fraction
 from time import process_time
 from typing import ClassVar
 
-from robust.errors import InputError, RobustError
+from robust.errors import RobustError
 from robust.execute import dispatcher, drive
 from robust.execute.forecast import Prospect
 from robust.execute.messages import MessageKind
@@ -40,7 +40,7 @@ from ..catalogue import MonitoredOptions
 from ..engine.experiment import Experiment, Report, Task
 from ..engine.show import NOTHING, Columns, Table, number
 from ..generators import delivery
-from .tables import TABLE2_DESIGN, RememberingPlanner, uncertain_rules, uncertain_specs
+from .tables import TABLE2_DESIGN, RememberingPlanner, problems_of, uncertain_rules, uncertain_specs
 
 
 @dataclass
@@ -249,15 +249,14 @@ class MonitoredReport(Report[MonitoredRow]):
 
 
 def _prepare(options: MonitoredOptions, _: object) -> None:
-    if not 1 <= options.problems <= 100:
-        raise InputError(f"problems is {options.problems}; expected 1 to 100")
+    problems_of(options.problems)  # or an error
     create_planner(TABLE2_DESIGN.planner)  # before anything runs for long
 
 
 def _tasks(options: MonitoredOptions, _: object) -> list[Task]:
     return [
         Task(f"problem {problem}", (problem, options.seed, options.battery, options.planner_limit))
-        for problem in sorted(i * 37 % 100 for i in range(options.problems))
+        for problem in problems_of(options.problems)
     ]
 
 

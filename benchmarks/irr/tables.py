@@ -234,6 +234,17 @@ def _promises(segment: Segment) -> bool:
     return segment.promised is Guarantee.DYNAMIC and not left
 
 
+def problems_of(count: int) -> Sequence[int]:
+    """So many of the hundred problems, spread over the deadlines of both orders.
+
+    Raises:
+        InputError: if there are not as many, or none is asked for.
+    """
+    if not 1 <= count <= 100:
+        raise InputError(f"problems is {count}; expected 1 to 100")
+    return sorted(number * 37 % 100 for number in range(count))
+
+
 def uncertain_specs(table: int, count: int) -> tuple[ParameterSpec, ...]:
     """What the plans have as parameters."""
     if table == TABLE1_DESIGN.number:
@@ -531,8 +542,7 @@ def _prepare(design: Design, options: TableOptions, _: object) -> Mapping[str, A
     """What the options leave open."""
     columns = options.columns or tuple(range(1, len(design.columns) + 1))
     executors = options.executors or EXECUTORS
-    if not 1 <= options.problems <= 100:
-        raise InputError(f"problems is {options.problems}; expected 1 to 100")
+    problems_of(options.problems)  # or an error
     if options.runs < 1:
         raise InputError(f"runs is {options.runs}; expected at least 1")
     for column in columns:
@@ -563,7 +573,7 @@ def _tasks(design: Design, options: TableOptions, facts: Mapping[str, Any]) -> l
         )
         for column in facts["columns"]
         for run in range(options.runs)
-        for problem in sorted(i * 37 % 100 for i in range(options.problems))  # spread over the deadlines of both orders
+        for problem in problems_of(options.problems)
     ]
 
 
