@@ -45,12 +45,12 @@ def tray(robots=1):
 def test_the_value_that_leaves_people_the_most_is_chosen(reasoner):
     """Eager executives take the first value, and Ann cannot have a glass then; in the order of what is left, both."""
     plan = tray().plan()
-    run = partial(pike.run, plan, reasoner=reasoner, patience=None, outcome={"drink": "glass"})
-    assert (run().ending, run().choices["tray0"]) == (pike.Ending.FAILED, "cup")
-    flexible = run(rank="flexible")
+    run = partial(pike.run, reasoner=reasoner, patience=None, budget=None, outcome={"drink": "glass"})
+    assert (run(plan).ending, run(plan).choices["tray0"]) == (pike.Ending.FAILED, "cup")
+    flexible = run(plan, rank="flexible")
     assert (flexible.ending, flexible.choices["tray0"]) == (pike.Ending.SUCCEEDED, "both")
     # With two robots anything keeps both open for Ann, if the other brings the rest: then the team's choices count.
-    two = pike.run(tray(2).plan(), reasoner=reasoner, patience=None, outcome={"drink": "glass"}, rank="flexible")
+    two = run(tray(2).plan(), rank="flexible")
     assert two.ending is pike.Ending.SUCCEEDED
 
 
@@ -114,7 +114,8 @@ def _left(plan, oracle, times, chosen, now):
 
 def test_what_has_no_time_to_be_ranked_is_taken_as_written_and_options(tmp_path, monkeypatch):
     file = tray().write(tmp_path)
-    answer = answer_of(command("pike", "run", file, "--patience", "eager", "--rank", "flexible", "--json"))
+    words = ("--patience", "eager", "--budget", "none", "--rank", "flexible")
+    answer = answer_of(command("pike", "run", file, *words, "--json"))
     assert answer["choices"]["tray0"] == "both"
     for words in (("--reasoner", "kirk"), ("--strategy",)):
         assert "--rank: cannot be combined with" in command("pike", "run", file, "--rank", "flexible", *words).err
@@ -123,5 +124,5 @@ def test_what_has_no_time_to_be_ranked_is_taken_as_written_and_options(tmp_path,
         raise OutOfTimeError
 
     monkeypatch.setattr(executives, "ranked_values", too_slow)
-    hurried = pike.run(file, patience=None, rank="flexible", outcome={"drink": "cup"})
+    hurried = pike.run(file, patience=None, budget=60, rank="flexible", outcome={"drink": "cup"})
     assert (hurried.ending, hurried.choices["tray0"]) == (pike.Ending.SUCCEEDED, "cup")
