@@ -16,7 +16,7 @@ from itertools import pairwise
 from typing import TypedDict, Unpack
 
 from robust.encode.interface import EPSILON
-from robust.errors import Location, SolverError
+from robust.errors import Location, SolverError, UnsupportedError
 from robust.execute import causal as causality
 from robust.execute import distances, snap
 from robust.execute.causal import Tightener, Tightening, UndecidedError, check_plan, undecided, verdict_of
@@ -229,9 +229,16 @@ class Converting:
             tightened = tightener.loosened(needed, forced)
         elif forced or _compares_over_time(original.plan):
             from robust.execute.room import RoomFirst  # noqa: PLC0415 - searches for boxes, which few plans need
+            from robust.irr.rates import multiplied  # noqa: PLC0415
 
             room = RoomFirst(causal, needed, chosen.pinned_durations, tightener, self._parametrized)
-            tightened = room.bounds(forced)
+            try:
+                tightened = room.bounds(forced)
+            except UnsupportedError:  # rates times durations that vary: the room is that of durations at nominal rates
+                rates = multiplied(self._parametrized(needed))
+                if not rates:
+                    raise
+                tightened = replace(room, held=rates).bounds(forced)
         bounds = [tightening.edge for tightening in tightened]
         every = list(dict.fromkeys((*causal.edges, *bounds)))
         kept = every

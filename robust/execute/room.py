@@ -61,6 +61,7 @@ class RoomFirst:
         varying: the instances whose durations are parameters.
         tightener: proves networks; it knows the plan, the solver and the deadline.
         parametrized: the plan with its parameters and a network.
+        held: the parameters that keep their nominal values in the search.
     """
 
     causal: CausalNetwork
@@ -68,6 +69,7 @@ class RoomFirst:
     varying: Collection[str]
     tightener: Tightener
     parametrized: Callable[[Iterable[DistanceEdge]], model.ParametrizedPlan]
+    held: Collection[str] = ()
 
     def bounds(self, forced: Sequence[Tightening]) -> tuple[Tightening, ...]:
         """The bounds beside the base, as few and as loose as the widest box allows; with the `forced` ones the base is
@@ -122,7 +124,11 @@ class RoomFirst:
 
     def _encoded(self, edges: Iterable[DistanceEdge]) -> interface.Encoding:
         tightener = self.tightener
-        return create_encoding("relational", self.parametrized(edges), tightener.original.epsilon, tightener.deadline)
+        return create_encoding("relational", self._varied(edges), tightener.original.epsilon, tightener.deadline)
+
+    def _varied(self, edges: Iterable[DistanceEdge]) -> model.ParametrizedPlan:
+        plan = self.parametrized(edges)
+        return model.at_values(plan, {name: plan.nominal[name] for name in self.held})
 
     def _ties(self) -> Iterator[DistanceEdge]:
         """Each start follows its critical predecessor by the plan's own distance."""
@@ -219,7 +225,7 @@ class RoomFirst:
     def _widened(self, loose: dict[str, Tightening], firm: Sequence[Tightening], box: Box) -> Box:
         """The box with an interval for each loose distance; in less time, what is known by then."""
         tightener = self.tightener.in_less_time
-        plan = self.parametrized((*self.base, *(bound.edge for bound in firm)))
+        plan = self._varied((*self.base, *(bound.edge for bound in firm)))
         free = [model.Parameter(name, bound.edge.weight, upper=bound.edge.weight) for name, bound in loose.items()]
         variables = {name: Polynomial.variable(model.ParameterReference(name)) for name in loose}
         bounds = [at_least(bound.edge, variables[name]) for name, bound in loose.items()]

@@ -41,6 +41,18 @@ def test_a_drive_may_use_all_that_was_charged(mode, longest, bounds):
     assert any("used up room" in note for note in notes) is (mode is Mode.CAUSAL)
 
 
+def test_a_rate_beside_durations_gets_the_network_of_its_nominal_value():
+    domain = BATTERY.replace("(battery))", "(battery) (drain))").replace(
+        "(decrease (battery) #t)", "(decrease (battery) (* #t (drain)))"
+    )
+    problem = EMPTY.replace("(idle)", "(idle) (= (drain) 1)")
+    both = converted(domain, problem, CHARGED, "duration:drive", "fluent:(drain)", mode=Mode.ROOM)
+    assert both.stn == converted(domain, problem, CHARGED, "duration:drive", mode=Mode.ROOM).stn
+    assert set(both.plan.nominal) == {"dur_n1", "drain"}
+    assert robust.check(both, at={"dur_n1": (1, 32), "drain": (0, Fraction(5, 4))}).answer is Answer.PROVED
+    assert robust.check(both, at={"dur_n1": 32, "drain": Fraction(4, 3)}).answer is Answer.REFUTED
+
+
 def fleet(seed):
     """A domain, a problem and a plan in which robots charge and drive, with one battery each or one for all."""
     draw = Random(seed)  # noqa: S311

@@ -78,6 +78,8 @@ def term(item: Item, scope: Scope) -> Term:
         raise fault(item, "a variable or an object")
     if item.text not in scope.vocabulary.objects:
         hint = did_you_mean(item.text, scope.vocabulary.objects)
+        if scope.variables and not scope.vocabulary.objects:
+            hint = "; actions name objects that the domain declares, as in (:constants hub - place)"
         raise fault(item, "the name of a declared object", hint=hint)
     return Term(item.text, variable=False, location=item.location)
 
