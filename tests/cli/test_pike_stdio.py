@@ -3,7 +3,7 @@
 import json
 import signal
 import time
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from fractions import Fraction
 from functools import cache
 from random import Random
@@ -38,7 +38,10 @@ class Process:
 
     def __init__(self, *arguments, plan=KITCHEN):
         self.running = started("pike", "run", plan, *arguments, "--stdio", stdin=-1, text=False)
-        self.greeting = self.answer()
+        with ExitStack() as failed:
+            failed.callback(self.kill)
+            self.greeting = self.answer()
+            failed.pop_all()
 
     def __enter__(self):
         return self
@@ -113,20 +116,31 @@ def told(run):
     return decisions(lines)
 
 
+TO_THE_END = ("--budget", "none")
+"""The team of the story goes on as if each step had decided all, however busy the machine is."""
+
+
 @cache
 def undisturbed():
-    with Process() as run:
+    with Process(*TO_THE_END) as run:
         return told(run)
 
 
+@pytest.fixture
+def resuming(journal):
+    """Starts processes that go on with the story of one journal; none is left at the end."""
+    with ExitStack() as running:
+        yield lambda: running.enter_context(Process("--journal", journal, *TO_THE_END))
+
+
 @pytest.mark.parametrize("seed", range(often(1, 40)))
-def test_killed_and_resumed_again_and_again(seed, journal):
+def test_killed_and_resumed_again_and_again(seed, resuming, journal):
     """After an answer, before it, or while it is worked on: the execution is the one that nothing happened to."""
     moments, random = {3: None, 4: 0.0, 8: 0.004, 13: 0.015, 18: 0.04}, Random(seed)  # noqa: S311 - reproducible
     if seed:
         delays = (None, *(random.random() * most for most in (0.0, 0.01, 0.02, 0.05)))  # None: once it has answered
         moments = dict(zip(random.sample(range(1, len(STORY)), 5), random.sample(delays, 5), strict=True))
-    run = Process("--journal", journal)
+    run = resuming()
     lines = run.greeting
     for number, said in enumerate(STORY, 1):
         if number in moments:
@@ -136,7 +150,7 @@ def test_killed_and_resumed_again_and_again(seed, journal):
                 run.send(said)
                 time.sleep(moments[number])
             run.kill()
-            run = Process("--journal", journal)
+            run = resuming()
             hello, *repeated, _ = run.greeting
             assert all(line["repeated"] for line in repeated)
             assert decisions(repeated)[: len(decisions(lines))] == decisions(lines)
@@ -149,14 +163,14 @@ def test_killed_and_resumed_again_and_again(seed, journal):
     assert run.finish() == ([], "", 0)
     run.kill()
     assert sum(len(step.decisions) for step in steps_of(journal)) == len(undisturbed())
-    with Process("--journal", journal) as over:
-        assert decisions(over.greeting) == undisturbed()
-        assert over.greeting[-1]["outcome"] == "succeeded"
-        assert over.finish() == ([], "", 0)
+    over = resuming()
+    assert decisions(over.greeting) == undisturbed()
+    assert over.greeting[-1]["outcome"] == "succeeded"
+    assert over.finish() == ([], "", 0)
 
 
 def test_a_line_that_is_too_long_changes_nothing_and_nothing_is_done_without_input_or_time():
-    with Process() as run:
+    with Process(*TO_THE_END) as run:
         (error,) = run.ask(b"x" * (1 << 20) + b"xx\n")
         assert (error["kind"], error["line"]) == ("error", 1)
         assert error["message"].startswith("input:1: found a line of more than 1048576 bytes")

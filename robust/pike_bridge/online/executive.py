@@ -178,12 +178,12 @@ class PlanExecutive:
 
     @property
     def undecided(self) -> bool:
-        """Whether the last step was too short to decide all; the next one is due at the same time."""
-        return not self.ended and 0 < self._pauses <= PAUSES
+        """Whether the last step was too short to decide all; the next one goes on."""
+        return not self.ended and self._pauses > 0
 
     def _next_time(self) -> Fraction | None:
         if self._pauses:
-            return self.progress.now + (0 if self.undecided else self.progress.grid)
+            return self.progress.now + (0 if self._pauses <= PAUSES else self.progress.grid)
         self._limit = self._patience.deadline = self._deadline.within(self._left)
         try:
             return self._time_to_act()
@@ -273,8 +273,18 @@ class PlanExecutive:
             yield from self._mark(event)
             self._values = {}
 
-    def repeat(self, now: Fraction, messages: Sequence[said.Message], decisions: Iterable[said.Decision]) -> None:
-        """Take an earlier step again as it was decided then, to resume from a record of it; nothing is asked."""
+    def repeat(
+        self,
+        now: Fraction,
+        messages: Sequence[said.Message],
+        decisions: Iterable[said.Decision],
+        *,
+        undecided: bool = False,
+    ) -> None:
+        """Take an earlier step again as it was decided then, to resume from a record of it; nothing is asked.
+
+        If it was `undecided`, the next one goes on.
+        """
         if self.ended:
             return
         decisions = tuple(decisions)
@@ -288,6 +298,7 @@ class PlanExecutive:
             elif isinstance(decision, said.Failed | said.Succeeded):
                 self.outcome = decision
         self._recorded = None
+        self._pauses = self._pauses + 1 if undecided else 0
         self._wake = None
 
     def possible_values(self, choice: str) -> tuple[str, ...]:

@@ -249,8 +249,17 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
             decisions[-1:] = self._mended(now, self.outcome)
         return decisions
 
-    def repeat(self, now: Fraction, messages: Sequence[said.Message], decisions: Iterable[said.Decision]) -> None:
+    def repeat(
+        self,
+        now: Fraction,
+        messages: Sequence[said.Message],
+        decisions: Iterable[said.Decision],
+        *,
+        undecided: bool = False,
+    ) -> None:
         """Take an earlier step again as it was decided then; nothing is asked.
+
+        If it was `undecided`, the next one goes on.
 
         Raises:
             InputError: if a planner made another plan then, which no record has, or if a message was taken that
@@ -279,6 +288,7 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         self._early = self._course.early() - self._held
         self._acted(decisions)
         self.judge_anew(now)
+        self._executive.repeat(now, (), (), undecided=undecided)
         self._newly_deviated(now)  # it was announced then
         ends = (decision for decision in decisions if isinstance(decision, said.Failed | said.Succeeded))
         self._recorded = next(ends, None)

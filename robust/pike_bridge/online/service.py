@@ -39,6 +39,8 @@ class JournalStep:
     time: Fraction
     messages: tuple[Message, ...] = ()
     decisions: tuple[Decision, ...] = ()
+    undecided: bool = False
+    """Whether its budget did not suffice, so that the next one goes on."""
 
 
 class Journal(records.RecordFile):
@@ -112,7 +114,7 @@ def resume(executive: TeamExecutive, steps: Iterable[JournalStep], file: str = "
                 )
             pending.remove(event)
         with records.in_line(file, line):
-            executive.repeat(step.time, step.messages, step.decisions)
+            executive.repeat(step.time, step.messages, step.decisions, undecided=step.undecided)
 
 
 def plan_digest(plan: TeamPlan) -> str:
@@ -425,7 +427,7 @@ class Service:
             decisions = self.executive.step(moment, messages)
         if not over:
             if self.journal is not None:
-                self.journal.write(JournalStep(moment, messages, tuple(decisions)))
+                self.journal.write(JournalStep(moment, messages, tuple(decisions), self.executive.undecided))
             self.steps, self.time = self.steps + 1, moment
         for decision in decisions:
             yield self._numbered(decision)

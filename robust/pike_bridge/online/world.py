@@ -433,7 +433,8 @@ class Rehearsal(Searching[ExecutionRecord]):
         seconds = time.perf_counter() - started
         changed = any(isinstance(decision, said.Chosen | said.Violated) for decision in decisions)
         inferred = self._inferred() if self.infer and changed and not self._executive.ended else {}
-        step = ExecutionStep(now, tuple(messages), tuple(decisions), inferred, seconds)
+        undecided = self._executive.undecided
+        step = ExecutionStep(now, tuple(messages), tuple(decisions), undecided, inferred, seconds)
         if self._likely is not None and (not self._steps or any(isinstance(each, said.Chosen) for each in decisions)):
             forecast = self._likely.forecast(self._executive.progress.chosen)
             step = replace(step, success=forecast.success, intents=tuple(forecast.intents()))

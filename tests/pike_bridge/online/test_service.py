@@ -145,8 +145,8 @@ GET_MUG, MAKE, TOASTER = "(get human mug)", "(make-coffee human)", "(working toa
 class Told:
     """A service that is told lines, in the time that these give."""
 
-    def __init__(self, journal=None, **options):
-        self.executive = new_executive()
+    def __init__(self, journal=None, executive=None, **options):
+        self.executive = new_executive() if executive is None else executive
         self.service = service.Service(self.executive, journal, **options)
         self.greeting = self.checked(self.service.greet())
         self.lines = 0
@@ -305,6 +305,18 @@ def test_journals_lose_nothing_to_deadlines_or_other_back_ends(path):
         assert again.service.wake == first.service.wake
 
 
+@pytest.mark.parametrize("make", [PlanExecutive, FieldExecutive])
+def test_what_a_budget_left_undecided_is_decided_after_a_kill(path, make):
+    for steps in range(1, 4):
+        with service.Journal(path, kitchen()) as journal:
+            told = Told(journal, make(kitchen(), semantic.SemanticReasoner, budget=1e-9))
+            assert told.greeting == [{"kind": "wake", "time": "0", "step": steps - 1}]
+            assert told("tick", time=0) == [{"kind": "wake", "time": "0", "step": steps}]
+    with service.Journal(path, kitchen()) as journal:
+        assert said(Told(journal, make(kitchen(), semantic.SemanticReasoner))("tick", time=0)) == ["executed", "wake"]
+    assert [step.undecided for step in service.read_journal(path, kitchen())] == [True, True, True, False]
+
+
 NOISE = (
     b"", b"{", b"\xff\xfe", b"[]", b"nothing", b'{"kind": "outcome"}',
     b'{"kind": "outcome", "choice": "nobody", "value": "1", "time": "1"}',
@@ -365,8 +377,10 @@ class Misbehaved:
         again = self.service.executive
         assert (again.progress.times, again.progress.chosen) == (before.progress.times, before.progress.chosen)
         assert (again.running, again.outcome) == (before.running, before.outcome)
-        # What was withheld is thought over again, so that it looks again no later than it would have.
-        assert wake is None or (self.service.wake is not None and self.service.wake <= wake)
+        # What was withheld is thought over again, so that it looks again no later than it would have, unless that was
+        # early because the budget did not suffice for more.
+        early, wakes = before.thrift.early, self.service.wake
+        assert wake is None or early or (wakes is not None and wakes <= wake)
 
     def request(self):
         """Mostly what is due; or late, early, once more, the contrary, out of the blue, or in the past."""
@@ -401,11 +415,12 @@ class Reported(Misbehaved):
     most = 25
 
     def __init__(self, plan, number, *arguments):
-        self.early = ("accept", "wait")[number % 2]
+        self.early, self.budget = ("accept", "wait")[number % 2], (None, None, 0.001)[number % 3]
         super().__init__(plan, number, *arguments)
 
     def begin(self):
-        executive = FieldExecutive(self.plan, self.reasoner, early=self.early, patience=self.patience)
+        options = {"early": self.early, "patience": self.patience, "budget": self.budget}
+        executive = FieldExecutive(self.plan, self.reasoner, **options)
         self.service = service.Service(executive, service.Journal(self.path, self.plan))
         return self.service
 
