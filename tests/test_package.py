@@ -212,6 +212,17 @@ def test_what_public_classes_offer_is_documented(module):
                 assert (inspect.getdoc(value) or inspect.getdoc(getattr(kind, name)) or "").strip(), (kind, name)
 
 
+TIMES = "at begins delay ends expected lag latest now schedule since slack time"
+"""What attributes of public classes are called that are times."""
+
+
+@pytest.mark.parametrize("module", [robust, pike, stnu], ids=lambda module: module.__name__)
+def test_public_classes_say_in_which_unit_their_times_are(module):
+    for kind in filter(inspect.isclass, (getattr(module, name) for name in module.__all__)):
+        times = [name for name in TIMES.split() if "Fraction" in str(vars(kind).get("__annotations__", {}).get(name))]
+        assert not times or re.search(r"\bunit\b|time of the", inspect.getdoc(kind)), (kind, times)
+
+
 NEVER_WRONG = {"drive", "knowledge_bases", "reasoner_names", "refutes", "run_in_world"}
 """Public functions that raise no errors of their own."""
 

@@ -68,7 +68,7 @@ class Conversion(Presented, ask="check"):
     time-triggered plan, `check` the verdict about all schedules at nominal values; PROVED in mode CAUSAL. `tightened`
     says which bounds were needed beyond what keeps atoms true, and `redundant` how many edges the others implied, or
     the proof did not need. `epsilon` and `solver` are as they were asked for; `gap` is how far apart the network keeps
-    mutex time points if ε is 0, where one network cannot allow all that is valid.
+    mutex time points if ε is 0, where one network cannot allow all that is valid. Times are in the plan's unit.
     """
 
     mode: Mode
@@ -112,7 +112,7 @@ class Settings(TypedDict, total=False):
         deadline: by when every action must end, as :func:`robust.execute.parametrization.latest_end` reads it;
             None is never.
         relative: weights of parameters are in proportion to nominal values.
-        epsilon: the separation of mutex time points.
+        epsilon: the separation of mutex time points, in the plan's unit of time.
         tolerance: how far exact times may be from the printed ones; None is one unit of the last digit that was
             printed, and at most ε.
         solver: `z3` or `cvc5`.

@@ -99,7 +99,10 @@ class LearntAction:
 
 @dataclass(frozen=True)
 class Learned(Presented, ask="actions"):
-    """Durations of actions, by their names; see :func:`robust.learn`."""
+    """Durations of actions, by their names; see :func:`robust.learn`. Limits are order statistics [Wilks 1941].
+
+    They are in the unit of the logs: seconds where these have dates, or a unit of their own.
+    """
 
     cover: Fraction
     confidence: Fraction

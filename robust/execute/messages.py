@@ -68,7 +68,7 @@ class MonitorMessage:
 
     @property
     def time(self) -> Fraction:
-        """What time it is at least once this is known."""
+        """What time it is at least once this is known, in the plan's unit."""
         return max(self.at or Fraction(0), self.arrived or Fraction(0))
 
 

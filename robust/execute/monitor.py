@@ -69,7 +69,7 @@ class SuccessOutlook:
 
 @dataclass(frozen=True, slots=True)
 class Outlook(NoTruthValue, ask="prospect"):
-    """The answer to a message.
+    """The answer to a message; all times are in the plan's unit.
 
     Attributes:
         message: its number, from 1; 0 before any.
@@ -121,13 +121,14 @@ class Outlook(NoTruthValue, ask="prospect"):
 
 @dataclass
 class Monitor:
-    """Follows a plan that others execute.
+    """Follows a plan that others execute [docs/commands.md#robust-watch]; all times are in the plan's unit.
 
     Args:
         plan: the plan, with the durations that may vary as parameters.
         epsilon: the separation of mutex time points.
         lateness: how late messages may come: what has not been heard of may have happened as long ago as that.
-        seconds: for an answer: what is not found by then is as it was promised last, or is said to be undecided.
+        seconds: for an answer, by the clock: what is not found by then is as it was promised last, or is said to be
+            undecided.
         reorder: whether other orders of steps than the plan's are as good as its own; not if they are statements of the
             plan, as in network files.
         distributions: those of durations, independent of each other, by parameter; for the probability of success. If
@@ -198,7 +199,7 @@ class Monitor:
 
     @property
     def planned(self) -> Mapping[str, Fraction]:
-        """Planned durations."""
+        """Planned durations, by step."""
         return self._own.planned
 
     @property

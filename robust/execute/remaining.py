@@ -17,7 +17,7 @@ from robust.plan.simulate import mutex_pairs, simulate
 
 @dataclass(frozen=True, slots=True)
 class MonitorState:
-    """Where a plan that runs is.
+    """Where a plan that runs is; all times are in the plan's unit.
 
     Attributes:
         time: what time it is at least; what is said here is how things are then.

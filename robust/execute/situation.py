@@ -47,7 +47,7 @@ PLANNING = 0.75
 
 @dataclass(frozen=True, slots=True)
 class RunningStep:
-    """A step that has started and not ended; as planned it ends at `expected`."""
+    """A step that has started and not ended; as planned it ends at `expected`, in the time of the problem."""
 
     step: str
     action: str
@@ -89,12 +89,12 @@ class NewPlan(NoTruthValue, ask="plan"):
         domain: with the actions for steps that run.
         problem: in the time of the run, with the state of the situation.
         specs: parameters that the network cannot hold by itself.
-        begins: nothing that the plan adds starts before.
-        ends: when it ends as planned.
-        bears: λ*; None if that is no single number.
+        begins: nothing that the plan adds starts before, in the time of the run.
+        ends: when it ends as planned, in the same time.
+        bears: by which share all durations may differ at once; None if that is no single number.
         found: how many valid plans came back.
         planner: who found it.
-        seconds: how long the planner took.
+        seconds: how long the planner took, by the clock.
     """
 
     plan: model.ParametrizedPlan

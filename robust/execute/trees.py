@@ -94,6 +94,8 @@ class BehaviorTree:
     ) -> model.ParametrizedPlan:
         """The plan with the network of the tree in place of its own: orders at least `gap` apart, and durations.
 
+        Gap and lag are in the plan's unit of time.
+
         With a `lag` it has steps that wait for one thing only start in time; :class:`TreeEncoding` does so for others.
 
         Raises:

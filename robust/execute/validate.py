@@ -96,7 +96,7 @@ class Remedies:
 
 @dataclass(frozen=True)
 class Verdict(Presented, ask="valid"):
-    """The verdict about a plan as it was printed.
+    """The verdict about a plan as it was printed [docs/semantics.md]; all times are in the plan's unit.
 
     Attributes:
         plan: its name.
@@ -128,7 +128,7 @@ class Verdict(Presented, ask="valid"):
 
     @property
     def shift(self) -> Fraction:
-        """The greatest change of a start or a duration."""
+        """The greatest change of a start or a duration, in the plan's unit of time."""
         return Fraction(0) if self.snapped is None else self.snapped.shift
 
     def __str__(self) -> str:

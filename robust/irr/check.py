@@ -34,7 +34,7 @@ class Answer(VerdictEnum):
 class Counterexample:
     """Parameter values and a schedule that the network allows, in which an obligation breaks.
 
-    `simulation` executes that schedule with exact arithmetic and confirms it.
+    Times are in the plan's unit; `simulation` executes that schedule with exact arithmetic and confirms it.
     """
 
     obligation: str
@@ -50,7 +50,7 @@ class CheckResult(Presented, ask="answer"):
     `settled` is how many of them shortest paths through the network prove, so that no solver is asked. Where the
     network has no schedule at all for some parameter values of the box, there is nothing to execute: `reason` names the
     statements that contradict each other, and those values. Where a solver failed and the answer is UNKNOWN, `reason`
-    says how.
+    says how. `seconds` are by the clock.
 
     `plan` is what it is about; `encoding`, `solver`, `epsilon` and `every` are as they were asked for. `repair` is the
     least change of bounds after which a refuted plan is proved, where that was looked for and found. `tolerance` is how

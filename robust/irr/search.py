@@ -72,7 +72,7 @@ class InnerBox:
 
 @dataclass(frozen=True)
 class EnvelopeResult(Presented, ask="verified"):
-    """A decoupled robustness envelope and how it was found.
+    """A decoupled robustness envelope [IRR, Definition 3] and how it was found; seconds are by the clock.
 
     `reason` and `values` explain INVALID: what breaks at the nominal point, with which parameter values; of UNKNOWN,
     `reason` says which failure of a solver ended the search. `checks`

@@ -262,6 +262,8 @@ class TeamPlan:
     def separation(self) -> Fraction:
         """ε or, if that is 0, so little that just those scenarios have executions which are separated by it.
 
+        In the plan's unit of time.
+
         All bounds are multiples of some number g. A cycle of bounds and orders visits each event once at most, so that
         its orders are possible, strictly, if and only if its bounds leave g, which is more than all orders need.
         """

@@ -154,8 +154,8 @@ class Oracle:
     ) -> OracleAnswer:
         """Whether the partial execution is correct [PIKE, Definition 2.8]: whether a correct execution extends it.
 
-        The events of `schedule` are executed at their times, and therefore activated. Any other activated event may
-        have any time or, with `now`, any time from then on.
+        The events of `schedule` are executed at their times, in the plan's unit, and therefore activated. Any other
+        activated event may have any time or, with `now`, any time from then on.
 
         Raises:
             InputError: if an assumption or the schedule mentions an unknown choice, value or event.
@@ -249,7 +249,7 @@ def environment_alike(scenario: Mapping[str, str], mentioned: Mapping[str, set[m
 
 @dataclass(frozen=True, slots=True)
 class Execution:
-    """Choices for a whole plan, and times for the events that they activate [PIKE, Definition 2.6]."""
+    """Choices for a whole plan, and times for the events that they activate, in its unit [PIKE, Definition 2.6]."""
 
     scenario: Mapping[str, str]
     schedule: Mapping[str, Fraction]

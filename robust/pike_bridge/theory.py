@@ -308,12 +308,12 @@ class KnowledgeBase(ABC):
         return self.could_commit((), deadline)
 
     def could_commit(self, commitments: Sequence[Commitment], deadline: Deadline = NEVER) -> bool:
-        """CouldCommitToAdditionalConstraints?: whether a model satisfies the commitments as well."""
+        """CouldCommitToAdditionalConstraints? of [PIKE §2.3]: whether a model satisfies the commitments as well."""
         asked = self._asked(commitments, deadline)
         return asked.consistent and self._possible(asked, deadline)
 
     def commit(self, commitments: Sequence[Commitment], deadline: Deadline = NEVER) -> None:
-        """CommitToConstraints: from now on only models that satisfy the commitments count."""
+        """CommitToConstraints of [PIKE §2.3]: from now on only models that satisfy the commitments count."""
         deadline.enforce()
         self._narrow(narrowing(commitments, self.theory), deadline)
 

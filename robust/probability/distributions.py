@@ -196,7 +196,7 @@ def shares_of(values: Sequence[Fraction], weights: Sequence[Fraction] | None, pl
 
 @dataclass(frozen=True)
 class Distribution:
-    """One of :data:`KEYS` with all its numbers; an empirical one has `shares` instead."""
+    """One of :data:`KEYS` with its numbers, in the unit of what is random; an empirical one has `shares` instead."""
 
     kind: str
     numbers: Mapping[str, Fraction] = field(hash=False)

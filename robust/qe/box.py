@@ -249,7 +249,7 @@ class Box(Mapping[str, Interval]):
 
     @property
     def volume(self) -> Fraction | None:
-        """The product of the widths, 0 if one of them is; None if infinite."""
+        """The product of the widths, in the product of their units, 0 if one of them is; None if infinite."""
         widths = [interval.width for interval in self.intervals.values()]
         if 0 in widths:
             return Fraction(0)

@@ -270,7 +270,7 @@ RegionStatus = Status
 
 @dataclass(frozen=True)
 class RegionResult(Presented, ask="status"):
-    """The robustness envelope and how it was computed.
+    """The robustness envelope [IRR, Definition 2] and how it was computed; seconds are by the clock.
 
     `region` is the envelope itself where `status` is COMPLETE; otherwise every point of the envelope is in it, but not
     every point of it is in the envelope. `pieces` counts the polyhedra of bad values that were found. `reason` says

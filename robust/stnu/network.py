@@ -35,7 +35,8 @@ _NOTHING = Fraction(0)
 class Link:
     """`lower ≤ target − source ≤ upper`: for the dispatcher to satisfy, or if contingent, what nature may choose.
 
-    None is an infinite bound. `place` is where it was read; `distribution` is that of a random length, if it is known.
+    None is an infinite bound; bounds are in the unit of the file. `place` is where it was read; `distribution` is that
+    of a random length, if it is known.
     """
 
     source: str

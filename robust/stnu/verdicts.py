@@ -72,7 +72,7 @@ class NetworkCheck(Presented, ask="verdict"):
 
     @property
     def is_controllable(self) -> bool:
-        """Whether it is known to be dynamically controllable."""
+        """Whether it is known to be dynamically controllable [Morris 2014]."""
         return self.verdict is NetworkVerdict.CONTROLLABLE
 
 
@@ -196,7 +196,10 @@ class Occurrence:
 
 @dataclass(frozen=True, slots=True)
 class NetworkExecution(NoTruthValue, ask="violated"):
-    """An execution with drawn lengths of contingent links, by their ends; `violated` are requirements."""
+    """An execution with drawn lengths of contingent links, by their ends; `violated` are requirements.
+
+    Lengths and times are in the unit of the network.
+    """
 
     seed: int
     lengths: Mapping[str, Fraction]
@@ -206,7 +209,7 @@ class NetworkExecution(NoTruthValue, ask="violated"):
 
 @dataclass(frozen=True)
 class DispatchResult(Presented, ask="checked"):
-    """A minimal dispatchable network: requirements and waits; empty for a network that is not controllable.
+    """A minimal dispatchable network: requirements and waits, in its unit; empty for one that is not controllable.
 
     `derived` is how many ordinary edges follow from the network in all.
     """

@@ -63,7 +63,7 @@ class RankedPlan:
 
 @dataclass(frozen=True)
 class Ranking(Stoppable, ask="plans"):
-    """Plans, the best first; `latest` is the time by which all must end."""
+    """Plans, the best first; `latest` is the time by which all must end, in their unit."""
 
     status: Status
     plans: tuple[RankedPlan, ...]

@@ -94,7 +94,7 @@ class TeamParameter:
 
 @dataclass(frozen=True)
 class ParametricPlan:
-    """A plan, some of whose bounds are parameters."""
+    """A plan, some of whose bounds are parameters, in the plan's unit of time."""
 
     plan: TeamPlan
     parameters: tuple[TeamParameter, ...]

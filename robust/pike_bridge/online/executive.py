@@ -75,7 +75,7 @@ class Thrift:
 
 
 class PlanExecutive:
-    """Executes one plan once.
+    """Executes one plan once [PIKE, Algorithm 1]; all times are in the plan's unit.
 
     Args:
         plan: the plan.
@@ -312,7 +312,7 @@ class PlanExecutive:
         return tuple(self._possible(choice, self.plan.network.domains[choice], self._deadline))
 
     def violations(self, estimate: said.Estimate) -> list[said.Violated]:
-        """What is seen otherwise than later activities rely on, which are said once."""
+        """What is seen otherwise than later activities rely on, which are said once [PIKE, Algorithm 1, line 3]."""
         return [] if self._monitor is None else [violation for violation, _ in self._monitor.compare(estimate)]
 
     # -- what has happened -------------------------------------------------------------------------------------------
@@ -496,7 +496,10 @@ class PlanExecutive:
 
 
 class Moment(NamedTuple):
-    """Until when a choice can get a value; `latest` None: at any time, or, if it is not possible, at none."""
+    """Until when a choice can get a value, in the plan's unit of time.
+
+    `latest` None: at any time, or, if it is not possible, at none.
+    """
 
     choice: str
     value: str

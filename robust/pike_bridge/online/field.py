@@ -34,7 +34,7 @@ from robust.presented import NoTruthValue
 
 @dataclass(frozen=True, slots=True)
 class FieldState:
-    """Where an execution has come to, to be handed over.
+    """Where an execution has come to, in the plan's unit of time, to be handed over.
 
     Attributes:
         time: now.
@@ -214,7 +214,7 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         )
 
     def step(self, now: Fraction, messages: Sequence[said.Message] = ()) -> list[said.Decision]:
-        """Take note of what has happened, and do what can be done now.
+        """Take note of what has happened, and do what can be done now, as :meth:`PlanExecutive.step`.
 
         Raises:
             OutOfTimeError: if the deadline passes.

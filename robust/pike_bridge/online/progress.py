@@ -18,7 +18,7 @@ from robust.plan.model import Atom
 
 @dataclass(frozen=True, slots=True)
 class Outcome(Tagged):
-    """A human or nature has decided an uncontrollable choice: U(t)."""
+    """A human or nature has decided an uncontrollable choice: U(t) of [PIKE §2.2]; times are in the plan's unit."""
 
     choice: str
     value: str
@@ -31,7 +31,10 @@ class Outcome(Tagged):
 
 @dataclass(frozen=True, slots=True)
 class Completion(Tagged):
-    """A dispatched activity has ended: A(t). `event`, its end, is needed only if several of the same action run."""
+    """A dispatched activity has ended: A(t) of [PIKE §2.2]; times are in the plan's unit.
+
+    `event`, its end, is needed only if several of the same action run.
+    """
 
     action: str
     event: str | None = None
@@ -93,7 +96,10 @@ class ActivityCancelled(NotAchieved):
 
 @dataclass(frozen=True, slots=True)
 class Estimate(Tagged):
-    """What is seen of the state now: P(t). If `complete`, every atom that is not said to be true is false."""
+    """What is seen of the state now, or was at `at`, in the plan's unit of time: P(t) of [PIKE §2.2].
+
+    If `complete`, every atom that is not said to be true is false.
+    """
 
     true: frozenset[Atom] = frozenset()
     false: frozenset[Atom] = frozenset()

@@ -34,7 +34,7 @@ JOURNAL_SCHEMA = "robust/pike-journal/1"
 
 @dataclass(frozen=True, slots=True)
 class JournalStep:
-    """What happened at one moment, and what was decided."""
+    """What happened at one moment, in the plan's unit of time, and what was decided."""
 
     time: Fraction
     messages: tuple[Message, ...] = ()

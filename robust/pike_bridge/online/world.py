@@ -51,7 +51,7 @@ class Pace(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Disturbance:
-    """From a time on, until an effect says otherwise, the literal holds, whatever was planned."""
+    """From a time on, in the plan's unit, until an effect says otherwise, the literal holds, whatever was planned."""
 
     time: Fraction
     literal: Literal
@@ -59,7 +59,7 @@ class Disturbance:
 
 @dataclass(frozen=True, slots=True)
 class Story:
-    """What is known beforehand of an execution; the seed decides the rest.
+    """What is known beforehand of an execution, in the plan's unit of time; the seed decides the rest.
 
     Attributes:
         outcomes: values of uncontrollable choices, and when they are made known; the time None leaves that open.
@@ -283,7 +283,7 @@ class ExecutionStep(service.JournalStep):
 
 @dataclass(frozen=True)
 class ExecutionRecord(Presented, ask="ending"):
-    """An execution. `conflict` are the facts that contradict each other, of one that failed.
+    """An execution, in the plan's unit of time. `conflict` are the facts that contradict each other, if it failed.
 
     `faults` are why one that Drake took for a success is none. `plan`, `seed`, `backend` and `reasoner` are what was
     executed, and by whom; `explained` says whether steps have their reasons.
