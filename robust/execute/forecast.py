@@ -10,7 +10,7 @@ Starts that keep to this are in time whatever lengths the box has, so the box is
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -145,6 +145,7 @@ class PathForecaster:
         self._planned_else = planned or {}
         self._progress: dict[str, StepProgress] = dict(running or {})
         self._begun = frozenset(self._progress)
+        self._behind = {self._number[point]: time for point, time in starts_behind(plan, self._begun).items()}
         self._now = Fraction(0)
         self._scale = lcm(self._slack.scale, TICKS, *(room.denominator for room, _ in self._limits.values()))
         self._write()
@@ -230,6 +231,7 @@ class PathForecaster:
     def _times(self) -> dict[int, int]:
         """What has happened, and when timed literals come, in ticks."""
         times = {self._number[literal.point]: self._ticks(literal.time) for literal in self._plan.timed_literals}
+        times |= {number: self._ticks(time) for number, time in self._behind.items()}
         for step, known in self._progress.items():
             instance = self._plan.instance[step]
             for point, time in ((instance.start, known.start), (instance.end, known.end)):
@@ -458,6 +460,13 @@ class PathForecaster:
         excess = sum(every[number][2] for number in cycle.origins)
         slope = sum(bounds[number][1] for number in cycle.origins if number < len(bounds))
         return share - Fraction(excess, slope) if slope else Fraction(-1)
+
+
+def starts_behind(plan: model.ParametrizedPlan, begun: Collection[str]) -> Mapping[model.TimePoint, Fraction]:
+    """When the starts of steps that ran already when the rest of a plan began are in that rest."""
+    starts = {plan.instance[step].start for step in begun}
+    fixed = (item for item in plan.constraints if item.source == model.ZERO and item.target in starts)
+    return {item.target: item.lower.constant_term for item in fixed if item.lower is not None}
 
 
 _NOT_BEGUN = StepProgress()

@@ -168,6 +168,7 @@ class Monitor:
         self._observed: dict[int, model.TimedLiteral] = {}
         """What has been observed of the state and not taken back, by the number of the message."""
         self._surprised: tuple[object, Sequence[str]] = (None, ())
+        self._last_history: tuple[object, History] | None = None
         self._said: dict[str, list[MonitorMessage]] = {step.identifier: [] for step in self.plan.instances}
         self._progress = {step: StepProgress() for step in self._said}
         self._other: Forecaster | None = None
@@ -213,8 +214,11 @@ class Monitor:
 
     def _history_until(self, time: Fraction) -> History:
         numbers = sorted(self._observed, key=lambda k: (self._observed[k].time, self.taken[k].arrived or Fraction(0)))
-        observed = [self._observed[number] for number in numbers]
-        return History(self.plan, self.planned, self._progress, observed, time)
+        observed = tuple(self._observed[number] for number in numbers)
+        known = time, tuple(self._progress.values()), observed
+        if self._last_history is None or known != self._last_history[0]:
+            self._last_history = known, History(self.plan, self.planned, dict(self._progress), observed, time)
+        return self._last_history[1]
 
     @property
     def _now(self) -> Fraction:
@@ -523,7 +527,8 @@ class Monitor:
                 return own if own.prospect in OPEN else self._lose(own, self._now)
             causes = own.reasons
         seen = frozenset(self._observed.values())
-        if self._other is None or self._seen_by_other != seen or not self._is_open(self._other, deadline):
+        other = None if self._other is None or self._seen_by_other != seen else self._other.look(self.time, deadline)
+        if other is None or other.prospect not in OPEN:
             from robust.execute.reorder import reordered  # noqa: PLC0415 - loads solvers, which few plans need
 
             moment = self._judged_from
@@ -546,7 +551,7 @@ class Monitor:
                 prospect = Prospect.UNDECIDED if is_late else judged.prospect
                 return self._lose(PlanForecast(prospect, (*judged.reasons, *causes), pending=judged.pending), moment)
             self._other.pass_time(self._now)
-        other = self._other.look(self.time, deadline)
+            other = self._other.look(self.time, deadline)
         return replace(other, reasons=(*causes, *other.reasons))
 
     def _lose(self, forecast: PlanForecast, moment: Fraction) -> PlanForecast:
@@ -554,9 +559,6 @@ class Monitor:
         if forecast.prospect is Prospect.BROKEN:
             self._lost, self._lost_since = forecast, moment
         return forecast
-
-    def _is_open(self, other: Forecaster, deadline: Deadline) -> bool:
-        return other.look(self.time, deadline).prospect in OPEN
 
 
 def _bare(name: str) -> str:

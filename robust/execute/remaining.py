@@ -6,13 +6,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
-from itertools import pairwise
 
 from robust.execute.messages import StepProgress
 from robust.numbers import format_number
 from robust.plan import model, timeline
 from robust.plan.polynomial import Polynomial
-from robust.plan.simulate import mutex_pairs, simulate
+from robust.plan.simulate import mutex_pairs, violations_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,9 +67,7 @@ class History:
         Raises:
             UnsupportedError: if a continuous effect's rate changes while it acts.
         """
-        last = [each for each in self._execution.happenings if each.time <= self.time or each.points[0] in self._seen][
-            -1
-        ]
+        last = self._execution.happenings[-1]
         state = last.after if last.time >= self.time else last.just_before(self.time)
         return MonitorState(self.time, self.steps, state.atoms, state.fluents)
 
@@ -78,13 +75,11 @@ class History:
     def surprises(self) -> Sequence[tuple[model.Atom | model.Fluent, str]]:
         """What was observed and is not as the plan says, and in words."""
         found = []
-        for happening in self._execution.happenings:
-            for literal in self._seen.get(happening.points[0], ()):
-                known = happening.before
-                target, value = literal.target, literal.value
-                expected = target in known.atoms if isinstance(target, model.Atom) else known.fluents.get(target)
-                if expected != value:
-                    found.append((target, f"{target} is {_said(value)} and not {_said(expected)}"))
+        for literal in sorted(self.observed, key=lambda each: each.time):
+            known, target, value = self._execution.expected[literal.time], literal.target, literal.value
+            expected = target in known.atoms if isinstance(target, model.Atom) else known.fluents.get(target)
+            if expected != value:
+                found.append((target, f"{target} is {_said(value)} and not {_said(expected)}"))
         return found
 
     @cached_property
@@ -109,8 +104,7 @@ class History:
         recent.pop(model.ZERO, None)
         if not recent:
             return {}
-        attempts = (each for each, *_ in self._instances if each.identifier not in self.plan.instance)
-        tried = (replace(each, conditions=(), durations=()) for each in attempts)
+        tried = (each for each, *_ in self._instances if each.identifier not in self.plan.instance)
         found: dict[model.TimePoint, Fraction] = {}
         for pair in mutex_pairs(replace(self.plan, instances=(*self.plan.instances, *tried))):
             for past, open_point in (pair, pair[::-1]):
@@ -120,19 +114,12 @@ class History:
 
     def breaches(self, epsilon: Fraction) -> Sequence[str]:
         """What broke in what has happened, in words: conditions and separations of steps, and demands of the plan."""
-        instances, times = [], dict(self._execution.times)
-        for instance, start, _ in self._instances:
-            known = self.steps.get(instance.identifier, StepProgress())
-            if known.start is None:
-                instance = replace(instance, conditions=())  # noqa: PLW2901 - of an attempt that failed
-            elif known.end is None:
-                instance, times[instance.end] = _so_far(instance), max(start, self.time)  # noqa: PLW2901 - it runs
-            instances.append(replace(instance, durations=()))
-        plan = replace(self._execution.plan, instances=tuple(instances), goal=())
-        looks = {str(point) for point in self._seen}  # to look is to do nothing, so that no time has to be kept from it
-        every = simulate(plan, plan.nominal, times, epsilon=epsilon).violations
-        pairs = (each.obligation.removeprefix("separation: ").split(", ") for each in every)
-        found = [each for each, pair in zip(every, pairs, strict=True) if looks.isdisjoint(pair)]
+        open_ends = {str(self.plan.instance[name].end) for name, step in self.steps.items() if step.is_running}
+        found = [
+            violation
+            for violation in violations_of(self._execution, epsilon)
+            if open_ends.isdisjoint(violation.obligation.removeprefix("separation: ").split(", "))
+        ]
         late = [
             f"{item}, found {format_number(-length if item.target == model.ZERO else length)}"
             for item in self.plan.constraints
@@ -158,30 +145,21 @@ class History:
         return known
 
     @cached_property
-    def _seen(self) -> Mapping[model.TimePoint, Sequence[model.TimedLiteral]]:
-        """What was observed, as literals right after what happened at that time."""
-        times = sorted({*self._times.values(), *(each.time for each in self.observed)})
-        gap = min((later - first for first, later in pairwise(times)), default=Fraction(1))
-        taken = set(self._times.values())
-        found: dict[model.TimePoint, list[model.TimedLiteral]] = {}
-        for each in self.observed:
-            literal = replace(each, time=each.time + gap / 2) if each.time in taken else each
-            found.setdefault(literal.point, []).append(literal)
-        return found
-
-    @cached_property
     def _instances(self) -> Sequence[tuple[model.ActionInstance, Fraction, Fraction]]:
-        """What was started, until it ended; what runs ends some time later."""
+        """What was started, without what comes later: what runs ends now, and what failed had no end.
+
+        Durations are what they are, and what did not hold when an attempt failed broke nothing.
+        """
         found = []
         for name, step in self.steps.items():
             instance = self.plan.instance[name]
             if step.start is not None:
-                found.append((instance, step.start, self.time + 1 if step.end is None else step.end))
+                begun = instance if step.end is not None else _so_far(instance)
+                end = max(step.start, self.time) if step.end is None else step.end
+                found.append((replace(begun, durations=()), step.start, end))
             for number, (start, end) in enumerate(step.attempts):
-                atoms = tuple(e for e in instance.atom_effects if e.timing is model.Timing.AT_START)
-                numbers = tuple(e for e in instance.numeric_effects if e.timing is model.Timing.AT_START)
-                begun = replace(instance, atom_effects=atoms, numeric_effects=numbers, identifier=f"{name}.{number}")
-                found.append((begun, start, end))
+                begun = replace(_so_far(instance), durations=(), conditions=())
+                found.append((replace(begun, identifier=f"{name}.{number}"), start, end))
         return found
 
     @cached_property
@@ -196,13 +174,11 @@ class History:
 
     @cached_property
     def _execution(self) -> timeline.TimedExecution:
-        literals = [literal for literal in self.plan.timed_literals if literal.time <= self.time]
-        seen = [literal for several in self._seen.values() for literal in several]
+        literals = tuple(literal for literal in self.plan.timed_literals if literal.time <= self.time)
         instances = tuple(instance for instance, _, _ in self._instances)
-        plan = replace(self.plan, instances=instances, constraints=(), timed_literals=(*literals, *seen))
-        times = {**self._times, **{literal.point: literal.time for literal in seen}}
+        plan = replace(self.plan, instances=instances, constraints=(), timed_literals=literals, goal=())
         lasting = {name: self.planned[name] for name, step in self.steps.items() if step.is_running}
-        return timeline.TimedExecution(plan, plan.nominal, times, lasting)
+        return timeline.TimedExecution(plan, plan.nominal, self._times, lasting, self.observed)
 
 
 def _is_within(length: Fraction, item: model.TemporalConstraint) -> bool:

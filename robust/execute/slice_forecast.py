@@ -17,7 +17,7 @@ from robust.encode.interface import constant, variable
 from robust.errors import InputError
 from robust.execute import controllable_boxes as boxes
 from robust.execute.dispatchable import Dreex, dispatch_network, first_windows
-from robust.execute.forecast import PlanForecast, Prospect, StepAhead, Window
+from robust.execute.forecast import PlanForecast, Prospect, StepAhead, Window, starts_behind
 from robust.execute.messages import StepProgress
 from robust.execute.slices import Observations, SliceAnswer, Slices
 from robust.irr.stops import NO_SCHEDULE
@@ -59,6 +59,7 @@ class SliceForecaster:
         self._plan, self._epsilon, self._lasting = plan, epsilon, lasting
         self._progress: dict[str, StepProgress] = dict(running or {})
         self._begun = frozenset(self._progress)
+        self._behind = starts_behind(plan, self._begun)
         self._now = Fraction(0)
         self._encoding = RelationalEncoding(plan, epsilon)
         terms, places = self._encoding.terms, self._encoding.places
@@ -93,13 +94,6 @@ class SliceForecaster:
         pieces = () if search.is_exact else search.inner().as_union().pieces
         region = Region.union_of(names, (Polyhedron.of_box(names, self._box), *pieces))
         return Slices(self._plan.parameters, region, False, self._stnu, SLICE_SECONDS, GROWTH_SECONDS)
-
-    @cached_property
-    def _behind(self) -> Mapping[model.TimePoint, Fraction]:
-        """The starts of steps that ran already when this began, which is when they start in the plan."""
-        starts = {self._plan.instance[step].start for step in self._begun}
-        fixed = [item for item in self._plan.constraints if item.source == model.ZERO and item.target in starts]
-        return {item.target: item.lower.constant_term for item in fixed if item.lower is not None}
 
     @cached_property
     def _lengths(self) -> Mapping[str, tuple[model.TimePoint, model.TimePoint, Fraction]]:

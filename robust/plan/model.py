@@ -9,11 +9,11 @@ A plan has variants: with values for what is unknown, and within narrower bounds
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import Enum, StrEnum
 from fractions import Fraction
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import combinations
 from typing import Any, Protocol, TypeVar
 
@@ -617,6 +617,12 @@ _READING = {"durations", "conditions", "atom_effects", "numeric_effects", "conti
 """Fields of instances, their parts and conditions that read variables, or hold what does."""
 
 
+@cache
+def _reading(kind: type) -> Sequence[str]:
+    """The fields of a class of parts that read variables."""
+    return [field.name for field in fields(kind) if field.name in _READING]
+
+
 def with_values(part: _Part, values: Values) -> _Part:
     """An instance, or a part of one, with these variables replaced by their values, in conditions and effects."""
 
@@ -630,10 +636,12 @@ def with_values(part: _Part, values: Values) -> _Part:
     if isinstance(whole, Polynomial):
         whole = whole if values.keys().isdisjoint(whole.variables) else whole.substitute(value)
     elif isinstance(whole, tuple):
-        whole = tuple(with_values(member, values) for member in whole)
+        members = tuple(with_values(member, values) for member in whole)
+        whole = members if any(new is not old for new, old in zip(members, whole, strict=True)) else whole
     else:
-        names = [field.name for field in fields(whole) if field.name in _READING]
-        whole = replace(whole, **{name: with_values(getattr(whole, name), values) for name in names})
+        every = ((name, getattr(whole, name)) for name in _reading(whole.__class__))
+        changed = {name: new for name, old in every if (new := with_values(old, values)) is not old}
+        whole = replace(whole, **changed) if changed else whole
     replaced: _Part = whole
     return replaced
 

@@ -186,14 +186,21 @@ def simulate(
     UnsupportedError if an over-all condition is not linear in time between two happenings or a rate is not constant.
     """
     _check_names({parameter.name for parameter in plan.parameters}, set(parameters), "parameter")
-    times = _times(plan, schedule)
-    execution = TimedExecution(plan, parameters, times)
-    violations = (
-        *(violation for instance in plan.instances for violation in _instance_violations(execution, instance)),
-        *_separation_violations(plan, times, epsilon),
-        *_goal_violations(execution),
-    )
+    execution = TimedExecution(plan, parameters, _times(plan, schedule))
+    violations = tuple(violations_of(execution, epsilon))
     return Simulation(tuple(_trace(execution.happenings)), violations, tuple(_network_violations(execution)))
+
+
+def violations_of(execution: TimedExecution, epsilon: Fraction) -> Iterator[Violation]:
+    """The broken obligations of an execution.
+
+    Raises:
+        UnsupportedError: as :func:`simulate`.
+    """
+    for instance in execution.plan.instances:
+        yield from _instance_violations(execution, instance)
+    yield from _separation_violations(execution.plan, execution.times, epsilon)
+    yield from _goal_violations(execution)
 
 
 def _times(

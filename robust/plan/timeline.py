@@ -7,7 +7,7 @@ effects read the state just before it and take place together. Between two happe
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -128,8 +128,9 @@ class TimedExecution:
     """One plan under parameter values and times: its happenings, and how to read a condition of an instance.
 
     `times` gives every time point of the plan its time, and `durations` what instances read as `?duration` if that is
-    not the time from start to end. Raises InputError where a fluent without a value is read, and UnsupportedError where
-    a continuous effect's rate changes while it acts.
+    not the time from start to end. What was `observed` is so right after all that happens at its time, whatever the
+    plan has it be, which is in `expected`; of several values the last one counts. Raises InputError where a fluent
+    without a value is read, and UnsupportedError where a continuous effect's rate changes while it acts.
     """
 
     def __init__(
@@ -138,11 +139,16 @@ class TimedExecution:
         parameters: Mapping[str, Fraction],
         times: Mapping[model.TimePoint, Fraction],
         durations: Mapping[str, Fraction] | None = None,
+        observed: Iterable[model.TimedLiteral] = (),
     ) -> None:
         self.plan = plan
         self.parameters = parameters
         self.times = times
         self._durations = durations or {}
+        self._observed: dict[Fraction, list[model.TimedLiteral]] = {}
+        for literal in observed:
+            self._observed.setdefault(literal.time, []).append(literal)
+        self.expected: dict[Fraction, State] = {}
         self._rates: dict[tuple[str, int], Fraction] = {}
         self.disagreements: list[tuple[model.TimePoint, str]] = []
         """The time points at which an assigned fluent is changed twice by one action, and how."""
@@ -178,7 +184,7 @@ class TimedExecution:
         return Reading(state, self.parameters, self.duration(instance) if instance else None)
 
     def _run(self) -> Iterator[Happening]:
-        at: dict[Fraction, list[model.TimePoint]] = {}
+        at: dict[Fraction, list[model.TimePoint]] = {time: [] for time in self._observed}
         for point in self.plan.time_points:
             at.setdefault(self.times[point], []).append(point)
         flowing = [instance for instance in self.plan.instances if instance.continuous_effects]
@@ -186,6 +192,9 @@ class TimedExecution:
         for time in sorted(at):
             before = self._initial() if previous is None else previous.just_before(time)
             after = self._after(at[time], before)
+            if time in self._observed:
+                self.expected[time] = after
+                after = _as_observed(after, self._observed[time])
             previous = Happening(time, tuple(at[time]), before, after, self._slopes(time, after, flowing))
             yield previous
 
@@ -205,12 +214,8 @@ class TimedExecution:
 
     def _add_timed_literals(self, point: model.TimePoint, change: _Change) -> None:
         for literal in self.plan.timed_literals:
-            if literal.time != point.time:
-                continue
-            if isinstance(literal.target, model.Atom):
-                change.write(literal.target, bool(literal.value))
-            else:
-                change.assignments[literal.target] = Fraction(literal.value)
+            if literal.time == point.time:
+                change.set(literal)
 
     def _add_effects(self, instance: model.ActionInstance, point: model.TimePoint, change: _Change) -> None:
         reading = self.reading(change.before, instance)
@@ -252,6 +257,13 @@ class TimedExecution:
         return slopes
 
 
+def _as_observed(state: State, observed: Iterable[model.TimedLiteral]) -> State:
+    change = _Change(state)
+    for literal in observed:
+        change.set(literal)
+    return change.result()
+
+
 def _disagreements(changed: Mapping[model.Fluent, list[tuple[model.AssignmentKind, Fraction]]]) -> Iterator[str]:
     """The fluents that do not have one value after changes by one action, in words."""
     for fluent, changes in changed.items():
@@ -279,6 +291,12 @@ class _Change:
         self.deletes: set[model.Atom] = set()
         self.assignments: dict[model.Fluent, Fraction] = {}
         self.increases: list[tuple[model.Fluent, Fraction]] = []
+
+    def set(self, literal: model.TimedLiteral) -> None:
+        if isinstance(literal.target, model.Atom):
+            self.write(literal.target, bool(literal.value))
+        else:
+            self.assignments[literal.target] = Fraction(literal.value)
 
     def write(self, atom: model.Atom, value: bool) -> None:
         (self.adds if value else self.deletes).add(atom)
