@@ -11,9 +11,10 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from fractions import Fraction
 from functools import cached_property
+from math import lcm
 
 from robust.encode.encoding import RelationalEncoding
-from robust.encode.interface import constant, variable
+from robust.encode.interface import constant, least, variable
 from robust.errors import InputError
 from robust.execute import controllable_boxes as boxes
 from robust.execute.dispatchable import Dreex, dispatch_network, first_windows
@@ -21,6 +22,7 @@ from robust.execute.forecast import PlanForecast, Prospect, StepAhead, Window, s
 from robust.execute.messages import StepProgress
 from robust.execute.slices import Observations, SliceAnswer, Slices
 from robust.irr.stops import NO_SCHEDULE
+from robust.network.differences import DifferenceNetwork
 from robust.plan import model
 from robust.qe.box import Box, Interval
 from robust.qe.compute import RegionSearch
@@ -146,7 +148,7 @@ class SliceForecaster:
             elif self._is_possible(still, deadline):
                 prospect = Prospect.AT_RISK
             else:
-                return PlanForecast(Prospect.BROKEN, self._reasons([*self._facts(times), *still], deadline))
+                return PlanForecast(Prospect.BROKEN, self._reasons(times, deadline))
         except OutOfTimeError:
             return self._last or PlanForecast(Prospect.UNDECIDED)
         promised, network = self._promise(times)
@@ -231,14 +233,22 @@ class SliceForecaster:
             raise OutOfTimeError
         return answer is Satisfiability.SATISFIABLE
 
-    def _reasons(self, facts: Sequence[Formula], deadline: Deadline) -> tuple[str, ...]:
-        """The first obligation that cannot be kept together with those before it."""
+    def _reasons(self, times: Mapping[model.TimePoint, Fraction], deadline: Deadline) -> tuple[str, ...]:
+        """What contradicts what has happened: bounds of the network, or else the first obligation that cannot be kept
+        together with those before it.
+        """
+        chain = self._contradicting_bounds(times)
+        if chain:
+            return chain
         encoding, terms = self._encoding, self._encoding.terms
+        session = Session(terms)
+        session.add(*self._facts(times), *self._not_before_now(times), *encoding.network_formulas())
+        if session.check("possible", deadline) is not Satisfiability.SATISFIABLE:
+            return (NO_SCHEDULE,)
         known = [
             (each.name, terms.negation(each.violation)) for each in encoding.obligations if each.violation is not None
         ]
-        session = Session(terms)
-        session.add(*facts, *encoding.network_formulas(), *encoding.definitions(formula for _, formula in known))
+        session.add(*encoding.definitions(formula for _, formula in known))
         kept, low, high = 0, 0, len(known)
         while low < high and not deadline.passed:
             middle = (low + high) // 2
@@ -251,6 +261,20 @@ class SliceForecaster:
             else:
                 high = middle
         return (known[high - 1][0],) if 0 < high <= len(known) and low == high else (NO_SCHEDULE,)
+
+    def _contradicting_bounds(self, times: Mapping[model.TimePoint, Fraction]) -> tuple[str, ...]:
+        """Bounds of the network that cannot be kept, whatever values parameters have, in the order of time."""
+        network = self._encoding.network
+        known = [(each, w) for each in network.differences if (w := least(each.weight, network.ranges)) is not None]
+        bounds = [(each.source, each.target, weight) for each, weight in known]
+        bounds += [(model.ZERO, point, times.get(point, self._now)) for point in self._plan.time_points[1:]]
+        bounds += [(point, model.ZERO, -time) for point, time in times.items()]
+        scale = lcm(*(weight.denominator for *_, weight in bounds))
+        place = {point: number for number, point in enumerate(self._plan.time_points)}
+        scaled = [(place[source], place[target], int(weight * scale)) for source, target, weight in bounds]
+        cycle = DifferenceNetwork(len(place), scaled).cycle
+        numbers = [] if cycle is None else [number for number in cycle.origins if number < len(known)]
+        return tuple(dict.fromkeys("; ".join(known[number][0].origins) for number in numbers))
 
     # -- promises and windows ------------------------------------------------------------------------------------------
 
