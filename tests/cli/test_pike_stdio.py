@@ -247,7 +247,7 @@ def test_real_time_makes_the_same_choices(tmp_path, journal):
     patient = tmp_path / "patient.tpnu.json"
     patient.write_text(json.dumps(plan), encoding="utf-8")
     decided = []
-    with Process("--clock", "real", "--rate", RATE, "--journal", journal, plan=patient) as run:
+    with Process("--clock", "real", "--rate", RATE, "--journal", journal, *TO_THE_END, plan=patient) as run:
         decided += run.greeting
         begun = time.monotonic()
         run.send({"kind": "together", "messages": OUTCOMES})  # people say beforehand what they will do
@@ -289,7 +289,7 @@ def test_in_real_time_the_input_may_end_with_the_execution_and_messages_have_no_
 
 
 def test_real_time_goes_on_where_the_journal_ends(journal):
-    arguments = ("--clock", "real", "--rate", "2", "--journal", journal)
+    arguments = ("--clock", "real", "--rate", "2", "--journal", journal, *TO_THE_END)
     with Process(*arguments) as run:
         first = [run.line() for _ in range(5)]
     with Process(*arguments) as run:
