@@ -105,6 +105,8 @@ def _title(result: EnvelopeResult) -> str:
     method = {"irr": "IRR", "widen": "exact widening", "optimal": "greatest total width", "risk": "most probable"}[
         result.method
     ]
+    if result.method == "widen" and result.inner is not None:
+        method = "inner box"
     precision = "" if result.beta is None else f", β = {readable(result.beta)}"
     search = f"{method}{precision}; {ends[result.status]}"
     return f"The plan is valid for all values in this box ({search})"

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from fractions import Fraction
 from itertools import combinations
 from random import Random
@@ -18,6 +19,7 @@ from benchmarks.generators.team_plans import blocks
 from robust import EnvelopeResult, InputError, Region, Status, Step, compare, load_plan, pike, risk
 from robust.draw import gantt, layers, pictures, plane, style, tpnu
 from robust.draw.gantt import Bar, Chart, Lane, Mark
+from robust.irr.search import InnerBox
 from robust.pike_bridge import action_model, causal, distance_graph
 from robust.pike_bridge.builder import k_intents
 from robust.pike_bridge.model import EPSILON, Choice, Constraint, Event, Tpnu
@@ -126,6 +128,12 @@ def test_files_of_boxes(intervals, needed, tmp_path):
     pictures.plot_envelope(envelope_of(intervals, Status.TIMEOUT), tmp_path / "box.svg")
     text = (tmp_path / "box.svg").read_text(encoding="utf-8")
     assert [label for label in needed if label not in text] == []
+
+
+def test_an_inner_box_is_called_so(tmp_path):
+    result = replace(envelope_of({"rate": (0, 3)}), method="widen", beta=None, inner=InnerBox(("rate",), ()))
+    pictures.plot_envelope(result, tmp_path / "box.svg")
+    assert "this box (inner box; complete)" in (tmp_path / "box.svg").read_text(encoding="utf-8")
 
 
 def test_no_plot_of_an_invalid_plan(tmp_path):
