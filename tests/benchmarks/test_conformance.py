@@ -4,6 +4,7 @@ import ast
 import csv
 import shlex
 import sys
+from collections import Counter
 from itertools import islice
 
 import pytest
@@ -115,7 +116,9 @@ def test_plans_that_were_counted_are_cases(tmp_path, monkeypatch):
 def test_plans_are_those_that_were_counted():
     with counted.COUNTS.open(encoding="utf-8", newline="") as file:
         rows = {row["plan"]: row for row in csv.DictReader(file)}
-    assert sum(row["exists"] == "true" for name, row in rows.items() if name.startswith("random")) == 85
+    assert sum(row["exists"] == "true" for name, row in rows.items() if "random" <= name < "random-500") == 85
+    complete = Counter(name.split("-")[0] for name, row in rows.items() if row["answers"] in counted.COMPLETE)
+    assert (complete["random"], complete["few"]) == (counted.RANDOM, counted.CHOSEN)
     agreed = (each for each in counted.plans() if rows[each[0]]["answers"] == "5/5/3")
     for name, instance in islice(agreed, often(2, 200)):
         assert rows[name]["digest"] == counted.digest(instance)
