@@ -25,7 +25,7 @@ from robust.irr.check import Answer, Checker, CheckResult, Counterexample, NoSch
 from robust.irr.containment import Containment, Margins, Refutation
 from robust.irr.rates import Rates, multiplied, part_of, rates_of
 from robust.irr.search import BoxSearch, Conduct, EnvelopeResult, InnerBox, OuterPoint, OutsideError
-from robust.irr.stops import Stop
+from robust.irr.stops import NO_SCHEDULE, Stop
 from robust.plan import model
 from robust.plan.model import Parameter, ParametrizedPlan
 from robust.plan.simulate import simulate
@@ -395,7 +395,9 @@ class CornerWidening(BoxSearch):
         refutation = self._try(self.box.moved(face, moved))
         if refutation is None:
             return True
-        self._stops[face] = Stop(refutation.reason)
+        facet = refutation.facet
+        of_network = () if facet is None or facet.obligation else facet.origins
+        self._stops[face] = Stop(NO_SCHEDULE, of_network) if of_network else Stop(refutation.reason)
         return False
 
     def _next(self, face: Face, end: Fraction) -> Fraction:

@@ -583,7 +583,7 @@ def _print_stops(out: Console, result: EnvelopeResult) -> None:
         out.print()
         out.print("What ends each side:")
     for reason, ended in sides.items():
-        more = f" and {len(ended) - SIDES} more sides" if len(ended) > SIDES else ""
+        more = f" and {plural(len(ended) - SIDES, 'more side')}" if len(ended) > SIDES else ""
         out.line(f"  {', '.join(islice(ended, SIDES))}{more}: {reason}")
 
 

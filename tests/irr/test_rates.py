@@ -142,6 +142,8 @@ def test_values_that_leave_no_schedule_refute():
     assert (found.answer, found.counterexamples) == (robust.Answer.REFUTED, {})
     assert found.reason.startswith("no schedule with ")
     assert "d0 = 9" in found.reason
+    stop = robust.envelope(limited(Fraction(9, 2))).stops["d0", Side.UPPER]
+    assert (stop.name, len(stop.statements)) == ("no schedule", 1)
     with pytest.raises(InputError, match="the plan's network has no schedule"):
         robust.check(limited(-1), at={"d0": 9})
 
