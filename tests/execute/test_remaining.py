@@ -1,16 +1,18 @@
 """What has happened to a plan: the state that it is in, with what was observed, and what broke."""
 
+from dataclasses import replace
 from fractions import Fraction
 from functools import cache
 from random import Random
 
 import pytest
 
-from robust import ParametrizedPlan, convert
+from robust import ParametrizedPlan, convert, load_plan
 from robust.execute.messages import StepProgress
 from robust.execute.monitor import Monitor
 from robust.execute.remaining import History
 from robust.plan.model import Fluent, TimedLiteral
+from robust.probability.distributions import Distribution
 from tests.sampling import often
 
 LEVEL = Fluent("level", ())
@@ -80,3 +82,26 @@ def test_what_runs_keeps_nothing_away_from_the_present():
     outlook = monitor.say("value", "level", at=2, observed=95)
     assert (outlook.prospect.value, outlook.reasons) == ("on track", ("(level) is 95 and not 97",))
     assert monitor.say("value", "level", at=3, observed=96).reasons == ("(level) is 95 and not 97",)
+
+
+def test_what_is_observed_and_harmless_changes_no_window_and_no_probability(tmp_path):
+    texts = {
+        "domain.pddl": """(define (domain d) (:predicates (a)) (:functions (level))
+        (:durative-action one :duration (and (>= ?duration 5) (<= ?duration 20)) :effect (at end (a)))
+        (:durative-action two :duration (and (>= ?duration 5) (<= ?duration 20))
+        :condition (and (at start (a)) (at start (>= (level) 3))) :effect (at end (decrease (level) 1))))""",
+        "problem.pddl": "(define (problem p) (:domain d) (:init (= (level) 10)) (:goal (and (a) (>= (level) 1))))",
+        "plan.txt": "0: (one) [10]\n10.001: (two) [10]\n",
+    }
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text)
+    plan = load_plan(*(tmp_path / name for name in texts), parameters=["duration:*"], deadline=25)
+    law = Distribution("uniform", {"lower": Fraction(5), "upper": Fraction(20)})
+    monitor, other = (Monitor(plan, distributions={each.name: law for each in plan.parameters}) for _ in range(2))
+    for each in (monitor, other):
+        each.say("start", "one", at=0)
+    assert monitor.say("value", "level", at=8, observed=7).reasons == ("(level) is 7 and not 10",)
+    other.say("tick", at=8)
+    for kind, step, at in (("tick", "", 9), ("end", "one", 12), ("start", "two", 13), ("tick", "", 15)):
+        surprised, undisturbed = (each.say(kind, step, at=at) for each in (monitor, other))
+        assert replace(surprised, reasons=()) == undisturbed
