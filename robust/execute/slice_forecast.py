@@ -21,6 +21,7 @@ from robust.execute.dispatchable import Dreex, dispatch_network, first_windows
 from robust.execute.forecast import PlanForecast, Prospect, StepAhead, Window, starts_behind
 from robust.execute.messages import StepProgress
 from robust.execute.slices import Observations, SliceAnswer, Slices
+from robust.irr.exact import ExactSearch
 from robust.irr.stops import NO_SCHEDULE
 from robust.network.differences import DifferenceNetwork
 from robust.plan import model
@@ -88,13 +89,16 @@ class SliceForecaster:
 
     @cached_property
     def _slices(self) -> Slices:
-        """The envelope; the part of it that was found, if finding all of it takes too long."""
-        search = RegionSearch(self._plan, epsilon=self._epsilon, timeout=self._seconds).run()
+        """The envelope; else the part of it that was found in time, and a box, which is found sooner."""
+        deadline = Deadline.after(self._seconds)
+        found = ExactSearch(self._encoding, deadline=Deadline.after(self._seconds and self._seconds / 2)).run()
+        search = RegionSearch(self._plan, epsilon=self._epsilon, timeout=deadline.remaining).run()
         if search.is_exact and not isinstance(search.region, LiftedRegion):
             return Slices(self._plan.parameters, search.region, True, self._stnu, SLICE_SECONDS, GROWTH_SECONDS)
         names = tuple(parameter.name for parameter in self._plan.parameters)
         pieces = () if search.is_exact else search.inner().as_union().pieces
-        region = Region.union_of(names, (Polyhedron.of_box(names, self._box), *pieces))
+        box = found.box if found.verified else self._box
+        region = Region.union_of(names, (Polyhedron.of_box(names, box), *pieces))
         return Slices(self._plan.parameters, region, False, self._stnu, SLICE_SECONDS, GROWTH_SECONDS)
 
     @cached_property

@@ -468,6 +468,18 @@ def test_promises_by_slices_wake_a_clock_a_few_times(monkeypatch):
     assert answers[-1].prospect is Prospect.BROKEN
 
 
+def test_a_box_is_promised_where_there_is_no_time_for_the_envelope(monkeypatch):
+    for limit in ("SLICE_SECONDS", "REGION_SECONDS", "GROWTH_SECONDS"):
+        monkeypatch.setattr(slice_forecast, limit, None)
+    search = slice_forecast.RegionSearch
+    monkeypatch.setattr(
+        slice_forecast, "RegionSearch", lambda *plan, epsilon, timeout: search(*plan, epsilon=epsilon, timeout=0)
+    )
+    files = (EXAMPLES / "generator" / name for name in ("domain.pddl", "problem.pddl", "plan.stn"))
+    promise = Monitor(load_plan(*files, parameters=["duration:*"]), reorder=False, seconds=None).outlook().promise
+    assert any(least < most for least, most in promise.values())
+
+
 def test_an_event_loop_goes_on_while_answers_are_worked_out(monkeypatch):
     """An answer that is only worked out once the loop has turned: if it waited, nobody would say so."""
     turned, real = threading.Event(), Monitor.outlook
