@@ -264,10 +264,13 @@ def _violations(plan: Mapping[str, Any], trace: Trace, *, deviates: bool) -> Ite
     `deviates`: activities took other times than they may; then their durations are not looked at.
     """
     chosen: dict[str, str] = {}
-    for _, told in trace.of("chosen"):
-        if chosen.get(told["choice"], told["value"]) != told["value"]:
-            yield f"{told['choice']} has two values"
-        chosen[told["choice"]] = told["value"]
+    for _, told in trace.decisions:
+        for name in told.get("released", ()):  # what nobody has acted upon is open again after a failure
+            chosen.pop(name, None)
+        if told["kind"] == "chosen":
+            if chosen.get(told["choice"], told["value"]) != told["value"]:
+                yield f"{told['choice']} has two values"
+            chosen[told["choice"]] = told["value"]
     times = {told["event"]: Fraction(told["time"]) for _, told in trace.of("executed")}
     dispatched = {told["end"] for _, told in trace.of("dispatched")}
 

@@ -99,6 +99,27 @@ def test_an_executive_that_breaks_the_protocol_is_told_so():
         assert fault in found
 
 
+def test_what_is_open_again_after_a_failure_gets_its_value_later():
+    """With the one that it had, what was executed is excluded."""
+    plan = {"events": [{"name": "first"}, {"name": "other", "guard": {"x": "b"}}]}
+    told = [
+        {"kind": "executed", "event": "first", "time": "0"},
+        {"kind": "chosen", "choice": "x", "value": "a"},
+        {"kind": "resumed", "released": ["x"]},
+        {"kind": "chosen", "choice": "x", "value": "b"},
+        {"kind": "executed", "event": "other", "time": "0"},
+        {"kind": "succeeded"},
+    ]
+
+    def faults(lines):
+        trace = suite.Trace([(0, line) for line in lines], [0], outcome="succeeded")
+        return list(suite.faults({"outcome": ["succeeded"]}, plan, trace))
+
+    assert faults(told) == []
+    assert faults([*told[:2], *told[3:]]) == ["x has two values"]
+    assert faults([*told[:3], *told[4:]]) == ["other was executed, which {} excludes"]
+
+
 def test_plans_that_were_counted_are_cases(tmp_path, monkeypatch):
     """One with a correct execution and one without; who is glad about all is wrong about that."""
     chosen = dict(islice(counted.plans(), 2))

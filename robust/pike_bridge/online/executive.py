@@ -409,6 +409,8 @@ class PlanExecutive:
         for assignment in sorted(self.progress.structure.guards[event]):
             if assignment.variable not in self.progress.chosen:  # an event's guard holds because it was executed
                 self._choose(*assignment)
+                if assignment.variable in self._own:  # it was open again after a failure
+                    yield said.Chosen(*assignment, now)
         if self._monitor is not None:
             self._monitor.executed(event)
         yield said.Executed(event, now, reported)

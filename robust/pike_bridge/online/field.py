@@ -109,8 +109,8 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         self._early: set[int] = set()
         """Activities whose early end has counted at once."""
         self._overdue: set[int] = set()
-        self._deviated: set[int] = set()
-        """Activities whose deviation was announced."""
+        self._deviated: set[tuple[int, bool]] = set()
+        """Activities whose deviation was announced, and whether they count as ended later."""
         self._recorded: said.Failed | said.Succeeded | None = None
         """How an execution ended that is repeated."""
         self._stale = False
@@ -529,12 +529,12 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         """Activities that did not keep to their bounds, or do not by now, which is announced once."""
         activities = self.plan.network.activities
         outside = {
-            place
+            (place, place in self._held)
             for place in self._overdue.union(self._course.ended)
             if activities[place].source in self._course.times
             and not _within(self._lasted(place, now), activities[place].lower, activities[place].upper)
         }
-        new, self._deviated = sorted(outside - self._deviated), outside
+        new, self._deviated = sorted(place for place, _ in outside - self._deviated), outside
         return new
 
     def _lasted(self, place: int, now: Fraction) -> Fraction:

@@ -94,26 +94,55 @@ def test_an_early_end_is_taken_as_it_is():
     assert chosen.step(Fraction(3), [USED])[-1].kind() == "succeeded"
 
 
+TIGHT = (Constraint("fetched", "use", Fraction(0), Fraction(1, 2)), Constraint("begin", "use", Fraction(5, 2), None))
+"""Nothing is used before 2.5; only an end at 2 or later leaves that."""
+
+
 def test_an_early_end_waits_if_that_is_asked_for_or_needed():
-    """The constraint says that nothing is used before 2.5; only an end that counts later leaves that."""
     waiting = begun(fetching(), early="wait")
     waiting.step(Fraction(1), [FETCHED])
     assert "fetched" not in waiting.progress.times
     advance(waiting, Fraction(3))
     assert waiting.progress.times["fetched"] == 1 or waiting.progress.times["fetched"] == 2
-    tight = fetching(
-        more=[
-            Constraint("fetched", "use", Fraction(0), Fraction(1, 2)),
-            Constraint("begin", "use", Fraction(5, 2), None),
-        ]
-    )
-    needed = begun(tight)
+    needed = begun(fetching(more=TIGHT))
     (deviation,) = (each for each in needed.step(Fraction(1), [FETCHED]) if isinstance(each, said.Deviated))
     assert deviation.counts == 2
     assert not needed.ended
     advance(needed, Fraction(3))
     assert needed.progress.times["fetched"] == 2
     assert needed.progress.times["use"] == Fraction(5, 2)
+
+
+def test_an_end_that_waits_is_announced_though_the_activity_has_deviated_before():
+    """Otherwise nobody would know when it counts, nor what resumes from a journal."""
+    plan, aborted = fetching(more=TIGHT, needed=False), said.ActivityAborted("(fetch)")
+    told = [(Fraction(0), ()), (Fraction(1), (aborted,)), (Fraction(1), (said.Retract(aborted), FETCHED))]
+    chosen, again = executive(plan), executive(plan)
+    steps = [JournalStep(now, news, tuple(chosen.step(now, news))) for now, news in told]
+    assert [each.counts for each in steps[-1].decisions if isinstance(each, said.Deviated)] == [2]
+    resume(again, steps)
+    assert (again.state(), again.wake) == (chosen.state(), chosen.wake)
+
+
+def test_what_is_chosen_after_a_failure_is_announced():
+    """What the failure left open is decided by what is executed, although the event of the choice is over."""
+    slow, quick = guard({"x": "slow"}), guard({"x": "quick"})
+    plan = fetching(
+        choices=[Choice("x", ("quick", "slow"), True, "begin")],
+        more=[
+            Event("quick", quick),
+            Event("slow", slow),
+            Constraint("begin", "quick", Fraction(0), Fraction(3), quick),
+            Constraint("fetched", "quick", Fraction(1, 10), None, quick),
+            Constraint("fetched", "slow", Fraction(1, 10), None, slow),
+        ],
+    )
+    chosen = begun(plan)
+    assert chosen.progress.chosen == {"x": "quick"}
+    decisions = advance(chosen, Fraction(4))
+    assert [each.released for each in decisions if isinstance(each, said.Resumed)] == [("x",)]
+    decisions = [*chosen.step(Fraction(4), [FETCHED]), *advance(chosen, Fraction(5))]
+    assert [each for each in decisions if isinstance(each, said.Chosen)] == [said.Chosen("x", "slow", Fraction(41, 10))]
 
 
 def test_a_late_end_is_judged_anew():
