@@ -91,12 +91,12 @@ class SliceForecaster:
     def _slices(self) -> Slices:
         """The envelope; else the part of it that was found in time, and a box, which is found sooner."""
         deadline = Deadline.after(self._seconds)
-        found = ExactSearch(self._encoding, deadline=Deadline.after(self._seconds and self._seconds / 2)).run()
-        search = RegionSearch(self._plan, epsilon=self._epsilon, timeout=deadline.remaining).run()
+        search = RegionSearch(self._plan, epsilon=self._epsilon, timeout=self._seconds and self._seconds / 2).run()
         if search.is_exact and not isinstance(search.region, LiftedRegion):
             return Slices(self._plan.parameters, search.region, True, self._stnu, SLICE_SECONDS, GROWTH_SECONDS)
         names = tuple(parameter.name for parameter in self._plan.parameters)
         pieces = () if search.is_exact else search.inner().as_union().pieces
+        found = ExactSearch(self._encoding, deadline=deadline).run()
         box = found.box if found.verified else self._box
         region = Region.union_of(names, (Polyhedron.of_box(names, box), *pieces))
         return Slices(self._plan.parameters, region, False, self._stnu, SLICE_SECONDS, GROWTH_SECONDS)
