@@ -24,6 +24,7 @@ from robust.execute.remaining import History, MonitorState, read_by, variables
 from robust.network.slack import OutsideFragmentError
 from robust.numbers import Number, exact, format_number, parse_number, shorten
 from robust.plan import model
+from robust.plan.simulate import mutex_pairs
 from robust.presented import NoTruthValue
 from robust.probability.distributions import Distribution
 from robust.smt.limits import NEVER, Deadline
@@ -217,7 +218,10 @@ class Monitor:
         observed = tuple(self._observed[number] for number in numbers)
         known = time, tuple(self._progress.values()), observed
         if self._last_history is None or known != self._last_history[0]:
-            self._last_history = known, History(self.plan, self.planned, dict(self._progress), observed, time)
+            self._last_history = (
+                known,
+                History(self.plan, self.planned, dict(self._progress), observed, time, self._mutex),
+            )
         return self._last_history[1]
 
     @property
@@ -488,6 +492,10 @@ class Monitor:
         slack = None if most is None else most - planned
         left = most if since is None or most is None else max(Fraction(0), most + since - self.time)
         return StepOutlook(step, self._name[step], since, start, ahead.end, slack, left)
+
+    @cached_property
+    def _mutex(self) -> Sequence[tuple[model.TimePoint, model.TimePoint]]:
+        return tuple(mutex_pairs(self.plan))
 
     @cached_property
     def _variables(self) -> Mapping[str, model.Atom | model.Fluent]:

@@ -47,6 +47,7 @@ class History:
         observed: what was observed of the state, in the order in which it counts.
         time: nothing that is not known happened before. What happened later is part of what is still to come, except
             for observations and attempts that failed: there must be none.
+        mutex: the plan's points that must be apart, as :func:`~robust.plan.simulate.mutex_pairs` has them.
     """
 
     plan: model.ParametrizedPlan
@@ -54,6 +55,7 @@ class History:
     known: Mapping[str, StepProgress]
     observed: Sequence[model.TimedLiteral]
     time: Fraction
+    mutex: Sequence[tuple[model.TimePoint, model.TimePoint]]
 
     @cached_property
     def steps(self) -> Mapping[str, StepProgress]:
@@ -104,9 +106,10 @@ class History:
         recent.pop(model.ZERO, None)
         if not recent:
             return {}
-        tried = (each for each, *_ in self._instances if each.identifier not in self.plan.instance)
+        tried = [each for each, *_ in self._instances if each.identifier not in self.plan.instance]
+        whole = replace(self.plan, instances=(*self.plan.instances, *tried))
         found: dict[model.TimePoint, Fraction] = {}
-        for pair in mutex_pairs(replace(self.plan, instances=(*self.plan.instances, *tried))):
+        for pair in mutex_pairs(whole) if tried else self.mutex:
             for past, open_point in (pair, pair[::-1]):
                 if past in recent and (open_point in running or open_point not in self._times):
                     found[open_point] = max(recent[past] + epsilon, found.get(open_point, self.time))

@@ -149,7 +149,6 @@ class SlackPlan:
         self.plan = plan
         self._number = {parameter.name: number for number, parameter in enumerate(plan.parameters)}
         self._network = TemporalNetwork(plan)
-        self._pairs = {frozenset(pair): pair for pair in mutex_pairs(plan)}
         weights = [self._nominal(bound.weight) for bound in self._network.differences]
         parts = [part.condition.expression for instance in plan.instances for part in instance.durations]
         factors = [factor for part in parts for factor in part.terms.values()]
@@ -183,7 +182,13 @@ class SlackPlan:
         for goal in plan.goal:
             self._demand(goal.condition, FINALLY, None, goal.label)
 
+    @cached_property
+    def _mutex(self) -> set[frozenset[model.TimePoint]]:
+        return {frozenset(pair) for pair in mutex_pairs(self.plan)}
+
     def _nominal(self, expression: Linear) -> Fraction:
+        if expression.is_constant:
+            return expression.constant_term
         nominal = self.plan.nominal
         return expression.evaluate({unknown: nominal[str(unknown)] for unknown in expression.variables})
 
@@ -252,8 +257,8 @@ class SlackPlan:
         for name in list(self.settled.accesses.writes):
             for first, second in self.settled.neighbours(name):
                 if points[first].time is None or points[second].time is None:
-                    pair = self._pairs[frozenset((points[first], points[second]))]
-                    self._require(first, second, self._apart, f"separation: {pair[0]}, {pair[1]}")
+                    one, other = (points[number] for number in sorted((first, second)))
+                    self._require(first, second, self._apart, f"separation: {one}, {other}")
 
     def _demand_durations(self, number: int) -> None:
         instance = self.plan.instances[number]
@@ -373,7 +378,7 @@ class SlackPlan:
         points = sorted(writes, key=times.__getitem__)
         named = self.plan.time_points
         for pair in pairwise(points):
-            apart = frozenset(named[point] for point in pair) in self._pairs
+            apart = frozenset(named[point] for point in pair) in self._mutex
             if not apart and not self._certain.at_least(*pair, 0):
                 raise OutsideFragmentError(f"{name!r} is about changes in any order")
         for first, later in zip((None, *points), (*points, None), strict=True):

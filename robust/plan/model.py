@@ -668,6 +668,8 @@ def plan_itself(plan: ParametrizedPlan | HasPlan) -> ParametrizedPlan:
 
 def at_values(plan: ParametrizedPlan, values: Mapping[str, Fraction]) -> ParametrizedPlan:
     """The plan at values of some of its parameters, which are none any more."""
+    if not values:
+        return plan
     known: Values = {ParameterReference(name): value for name, value in values.items()}
 
     def bound(weight: Bound | None) -> Bound | None:

@@ -69,7 +69,7 @@ def test_what_was_observed_is_so_when_it_was_and_counts_from_then_on(seed):
         observed.append(TimedLiteral(time, LEVEL, value))
     now = max([last, *times]) + Fraction(random.randrange(3), 2)
     names = [instance.identifier for instance in plan.instances]
-    history = History(plan, dict.fromkeys(names, Fraction(10)), dict(zip(names, steps, strict=True)), observed, now)
+    history = History(plan, dict.fromkeys(names, Fraction(10)), dict(zip(names, steps, strict=True)), observed, now, ())
     assert history.state.fluents[LEVEL] == level(steps, observed, now)
     assert [target for target, _ in history.surprises] == surprises
 
