@@ -387,6 +387,7 @@ class Rehearsal(Searching[ExecutionRecord]):
         return bool(self._steps)
 
     def _search(self) -> None:
+        self._executive.prepare()  # what is loaded and stated before the first step takes none of its time
         run_in_world(self, self._world)
 
     def _result(self, status: Status, reason: str | None = None) -> ExecutionRecord:
