@@ -77,7 +77,7 @@ class History:
     def surprises(self) -> Sequence[tuple[model.Atom | model.Fluent, str]]:
         """What was observed and is not as the plan says, and in words."""
         found = []
-        for literal in sorted(self.observed, key=lambda each: each.time):
+        for literal in self.observed:
             known, target, value = self._execution.expected[literal.time], literal.target, literal.value
             expected = target in known.atoms if isinstance(target, model.Atom) else known.fluents.get(target)
             if expected != value:
@@ -107,9 +107,9 @@ class History:
         if not recent:
             return {}
         tried = [each for each, *_ in self._instances if each.identifier not in self.plan.instance]
-        whole = replace(self.plan, instances=(*self.plan.instances, *tried))
+        every = mutex_pairs(replace(self.plan, instances=(*self.plan.instances, *tried))) if tried else self.mutex
         found: dict[model.TimePoint, Fraction] = {}
-        for pair in mutex_pairs(whole) if tried else self.mutex:
+        for pair in every:
             for past, open_point in (pair, pair[::-1]):
                 if past in recent and (open_point in running or open_point not in self._times):
                     found[open_point] = max(recent[past] + epsilon, found.get(open_point, self.time))
