@@ -6,6 +6,7 @@
 <Answer.PROVED: 'proved'>
 >>> robust.envelope(plan).box                                             # doctest: +SKIP
 
+Domain, problem and plan are paths or texts; a plan may be what a planner prints.
 Plans: load_plan, convert, validate, export, read_tree, make_tree, from_unified_planning, to_unified_planning.
 Questions about one: check, envelope, region, compare, repair, risk; about several: rank, batch.
 From runs, and while one goes on: learn, Monitor, replan.

@@ -8,22 +8,24 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ParamSpec, Protocol, cast
+from typing import TYPE_CHECKING, Any, ParamSpec, Protocol, TypeVar, cast
 
 from robust.errors import InputError, did_you_mean
-from robust.numbers import Number
+from robust.numbers import Number, shorten
 from robust.options import declare, verbs
 from robust.options.batch import BATCHES, AnyBatchOptions, BatchOptions
 from robust.plan.load import File, require_nominal_values
 from robust.plan.model import ParametrizedPlan
 from robust.plan.parameters import parameters_by_action, specifications
-from robust.plan.pddl.reader import read_domain, read_problem
+from robust.plan.pddl.syntax import Domain, Problem
+from robust.plan.stn import STNPlan
+from robust.plan.timed import TimedPlan
 from robust.qe.box import Box, Interval
-from robust.reading import WHEN_READ, Plan, plan_of
+from robust.reading import WHEN_READ, Plan, domain_and_problem, domain_of, plan_of
 from robust.smt.limits import Deadline, one_question
 
 if TYPE_CHECKING:
@@ -43,6 +45,7 @@ if TYPE_CHECKING:
     from robust.sweeps.rank import Ranking, RankSearch
 
 Given = ParamSpec("Given")
+Item = TypeVar("Item")
 
 
 def _read(plan: Plan, options: declare.Options) -> ParametrizedPlan:
@@ -51,12 +54,20 @@ def _read(plan: Plan, options: declare.Options) -> ParametrizedPlan:
 
 verb = declare.Verb(
     _read,
-    "what :func:`load_plan` or :func:`convert` returns, or the paths of a domain, a problem and a plan",
+    "what :func:`load_plan` or :func:`convert` returns, or a domain, a problem and a plan: three paths or texts",
     dict.fromkeys(
         (*WHEN_READ, "parameter"),
         "it is chosen when the plan is read: load_plan(domain, problem, plan, parameters=...)",
     ),
 )
+
+
+def _several(given: File | Iterable[Item], name: str, expected: str) -> tuple[File | Item, ...]:
+    """Inputs, of which a single one may be given by itself; at least one."""
+    items = (given,) if isinstance(given, str | os.PathLike) else given
+    if not isinstance(items, Iterable) or isinstance(items, bytes | Mapping) or not (several := tuple(items)):
+        raise InputError(f"found {shorten(repr(given))}, expected {expected}", declare.place_of(name))
+    return several
 
 
 def _manner(options: verbs.CheckOptions | verbs.EnvelopeOptions) -> Manner:
@@ -350,13 +361,17 @@ def repair(plan: ParametrizedPlan, options: verbs.RepairOptions) -> Repair:
 # -- several plans of one problem --------------------------------------------------------------------------------------
 
 
-def searching_rank(domain: File, problem: File, plans: Sequence[File], options: verbs.RankOptions) -> RankSearch:
+def searching_rank(
+    domain: File | Domain,
+    problem: File | Problem,
+    plans: File | Sequence[File | TimedPlan | STNPlan],
+    options: verbs.RankOptions,
+) -> RankSearch:
     """The search behind :func:`rank`."""
     from robust.execute.rules import read_rules
     from robust.sweeps.rank import RankSearch
 
     specs, _ = specifications(options.parameter, options.parameters)
-    parsed = read_domain(domain)
     random = verbs.RiskOptions(
         distributions=options.distribution, world=options.world, epsilon=options.epsilon, solver=options.solver
     )
@@ -367,9 +382,8 @@ def searching_rank(domain: File, problem: File, plans: Sequence[File], options: 
         return searching_risk(plan, random.changed(timeout=deadline.remaining)).run().probability
 
     return RankSearch(
-        parsed,
-        read_problem(problem, parsed),
-        plans,
+        *domain_and_problem(domain, problem),
+        _several(plans, "plans", "plans: paths or texts"),
         specs=specs,
         latest=options.deadline,
         settings={"epsilon": options.separation, "solver": options.solver, "timeout": options.limit},
@@ -380,9 +394,9 @@ def searching_rank(domain: File, problem: File, plans: Sequence[File], options: 
 
 
 def rank(
-    domain: File,
-    problem: File,
-    plans: Sequence[File],
+    domain: File | Domain,
+    problem: File | Problem,
+    plans: File | Sequence[File | TimedPlan | STNPlan],
     *,
     parameter: str | Sequence[str] = "duration:*",
     deadline: Number = "+10%",
@@ -396,9 +410,9 @@ def rank(
     """Order several plans of one problem by how much they bear: the one first whose durations may deviate most.
 
     Args:
-        domain: the file of the domain.
-        problem: the file of the problem.
-        plans: files of plans, networks or steps of planners; a log with several plans counts as several.
+        domain: the PDDL domain: a path, a text, or what reading one gives.
+        problem: the PDDL problem, likewise.
+        plans: plans, likewise: networks or steps of planners; a log with several plans counts as several.
         parameter: what deviates, see :mod:`robust.plan.parameters`.
         deadline: by when every plan must end: a time, or `+P%` for P per cent after the last of them ends as planned.
         distribution: how durations are distributed, `NAME=KIND:...`; the more probable plan comes first then.
@@ -437,7 +451,7 @@ def learn(
     cover: Number = "0.95",
     confidence: Number = "0.95",
     pool: bool = False,
-    domain: str | Path | None = None,
+    domain: File | Domain | None = None,
 ) -> Learned:
     """Learn how long actions take from logs of their runs, without assuming a distribution.
 
@@ -446,7 +460,7 @@ def learn(
         cover: the share of future runs that a limit covers.
         confidence: the confidence with which it does.
         pool: whether all ground instances of an action are taken together.
-        domain: a PDDL domain whose actions are the only ones that may be in the logs.
+        domain: a PDDL domain (a path or a text) whose actions are the only ones that may be in the logs.
 
     Returns:
         For each action limits that hold as promised if runs are independent and alike, how many runs they need, whether
@@ -457,13 +471,13 @@ def learn(
     """
     from robust.execute import learned
 
-    options = verbs.LearnOptions(cover=cover, confidence=confidence, pool=pool, domain=domain)
+    options = verbs.LearnOptions(cover=cover, confidence=confidence, pool=pool)
     return learned.learn(
-        (logs,) if isinstance(logs, str | os.PathLike) else logs,
+        _several(logs, "logs", "paths of logs"),
         cover=Fraction(options.cover),
         confidence=Fraction(options.confidence),
         pool=pool,
-        known=() if domain is None else read_domain(domain).actions,
+        known=() if domain is None else domain_of(domain).actions,
     )
 
 

@@ -7,7 +7,7 @@ nothing but itself. No answer is simply true or false: one that is refuted is an
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Sequence, Sized
 from enum import Enum
 from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Protocol
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-class NoTruthValue:
-    """An answer without a truth value; a class to inherit from, without fields.
+class OneLine:
+    """What an interactive session shows as a line; a class to inherit from, without fields.
 
     Args:
-        ask: the attribute that says what came of the question, for the error.
+        ask: the attribute that says most, such as what came of a question.
     """
 
     __slots__ = ()
@@ -32,6 +32,27 @@ class NoTruthValue:
         super().__init_subclass__()
         if ask:
             cls._ask = ask
+        if "__repr__" not in cls.__dict__:
+            cls.__repr__ = OneLine.__repr__  # type: ignore[method-assign]  # else dataclasses make one of all fields
+
+    def __repr__(self) -> str:
+        """A line: the attribute that says most, and how to see the others."""
+        others = (name for name in getattr(self, "__dataclass_fields__", ()) if name != self._ask)
+        more = "print() shows it" if isinstance(self, Presented) else f"also {', '.join(others)}"
+        return f"<{type(self).__name__}: {self._ask} {_in_short(getattr(self, self._ask))}; {more}>"
+
+
+def _in_short(value: object) -> str:
+    if isinstance(value, OneLine):
+        return _in_short(getattr(value, value._ask))
+    text = repr(value.value if isinstance(value, Enum) else value)
+    return text if len(text) < 60 else f"({len(value)})" if isinstance(value, Sized) else "…"
+
+
+class NoTruthValue(OneLine):
+    """An answer without a truth value; the error for asking for one names the attribute that says what it is."""
+
+    __slots__ = ()
 
     def __bool__(self) -> NoReturn:
         """
@@ -74,16 +95,6 @@ class Presented(NoTruthValue):
     """A result that can be shown; a class to inherit from, without fields."""
 
     __slots__ = ()
-
-    def __init_subclass__(cls, *, ask: str = "") -> None:
-        super().__init_subclass__(ask=ask)
-        cls.__repr__ = Presented.__repr__  # type: ignore[method-assign]  # else dataclasses make one of all fields
-
-    def __repr__(self) -> str:
-        """A line: what came of the question."""
-        answer = getattr(self, self._ask)
-        answer = repr(answer.value if isinstance(answer, Enum) else answer)
-        return f"<{type(self).__name__}: {self._ask} {answer if len(answer) < 60 else '…'}; print() shows it>"
 
     def __str__(self) -> str:
         """The text that the command prints: plain, of one screen at most."""

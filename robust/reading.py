@@ -12,10 +12,10 @@ from robust.options import declare, shared, verbs
 from robust.plan.load import File, assemble
 from robust.plan.model import HasPlan, ParametrizedPlan, plan_itself
 from robust.plan.parameters import ParameterSpec, specifications
-from robust.plan.pddl.forms import read_plan_text, read_source
+from robust.plan.pddl.forms import is_text, plan_text
 from robust.plan.pddl.reader import parse_domain, parse_problem, read_domain, read_problem
 from robust.plan.pddl.syntax import Domain, Problem
-from robust.plan.stn import is_network, parse_stn
+from robust.plan.stn import STNPlan, is_network, parse_stn
 from robust.plan.timed import TimedPlan, parse_timed_plan
 
 if TYPE_CHECKING:
@@ -26,16 +26,16 @@ if TYPE_CHECKING:
     from robust.execute.validate import Verdict
     from robust.options.batch import CertifyCommand, ConvertCommand
 
-Plan: TypeAlias = "ParametrizedPlan | HasPlan | Sequence[File]"
-"""What :func:`load_plan` or :func:`convert` returns, or the paths of a domain, a problem and a plan."""
+Plan: TypeAlias = "ParametrizedPlan | HasPlan | Sequence[File | Domain | Problem | TimedPlan | STNPlan]"
+"""What :func:`load_plan` or :func:`convert` returns, or a domain, a problem and a plan: three paths or texts."""
 WHEN_READ = ("parameters", "parameter_file", "deadline", "widths", "plan_number", "tolerance", "mode", "free_durations")
 """Arguments of :func:`load_plan` that decide what is asked about."""
 
 
 def load_plan(
-    domain: File,
-    problem: File,
-    plan: File,
+    domain: File | Domain,
+    problem: File | Problem,
+    plan: File | TimedPlan | STNPlan,
     *,
     parameters: str | Sequence[str] = (),
     parameter_file: File | None = None,
@@ -54,12 +54,13 @@ def load_plan(
 ) -> ParametrizedPlan:
     """Read a PDDL domain and problem and a plan: a network (`.stn`), or steps as planners print them.
 
-    Steps are made a network first, which is proved valid: see :func:`robust.convert`.
+    Steps are made a network first, which is proved valid: see :func:`robust.convert`. Each of the three is a path, a
+    text (a string with a line break or a parenthesis, unless a file has that name), or what reading one gives.
 
     Args:
-        domain: the file of the domain.
-        problem: the file of the problem.
-        plan: the file of the plan; "-" is standard input.
+        domain: the PDDL domain.
+        problem: the PDDL problem.
+        plan: the plan; "-" is standard input.
         parameters: what is made a parameter, see :mod:`robust.plan.parameters`.
         parameter_file: more of them, in a TOML file; if not given, one of the plan's name that is beside it.
         nominal_needed: whether each parameter must have a nominal value; regions and optimal boxes need none.
@@ -80,7 +81,7 @@ def load_plan(
         The ground plan with its parameters, in its own unit of time. `repr` of it is a line, `str` a screen.
 
     Raises:
-        InputError: for anything wrong in the files.
+        InputError: for anything wrong in them.
         InvalidPlanError: if steps break an obligation as they stand.
         UnsupportedError: for steps with an expression that is not linear.
         KeyboardInterrupt: if interrupted.
@@ -97,16 +98,14 @@ def load_plan(
         solver=solver,
         timeout=timeout,
     )
-    for name, file in (("domain", domain), ("problem", problem), ("plan", plan)):
-        _require_path(name, file)
-    parsed_domain = read_domain(domain)
-    parsed_problem = read_problem(problem, parsed_domain)
-    specs, beside = specifications(declare.texts(parameters, declare.place_of("parameters")), parameter_file, plan)
+    parsed_domain, parsed_problem = domain_and_problem(domain, problem)
+    file = None if is_text(plan) or isinstance(plan, TimedPlan | STNPlan) else plan
+    specs, beside = specifications(declare.texts(parameters, declare.place_of("parameters")), parameter_file, file)
     if beside is not None:
         say(f"took the parameters of {beside}")
-    text, name = read_plan_text(plan)
-    if is_network(text, name):
-        network = parse_stn(text, name)
+    steps = plan_in(plan, reading.plan_number)
+    if isinstance(steps, STNPlan):
+        network = steps
         if deadline is None and not reading.relative:
             return assemble(parsed_domain, parsed_problem, network, specs, nominal_needed=nominal_needed)
         from robust.execute.parametrization import with_deadline, with_relative_widths
@@ -117,14 +116,13 @@ def load_plan(
 
     from robust.execute.convert import ConversionEnd, convert
 
-    timed = parse_timed_plan(text, name, reading.plan_number)
     conversion = convert(
-        parsed_domain, parsed_problem, timed, **conversion_settings(reading, specs, reading.limit, on_progress)
+        parsed_domain, parsed_problem, steps, **conversion_settings(reading, specs, reading.limit, on_progress)
     )
     if conversion.ended is ConversionEnd.INTERRUPTED:
         raise KeyboardInterrupt
     note = f"made a network of {plural(len(conversion.stn.constraints), 'constraint')}"
-    say(f"{name}: {'; '.join((*conversion.notes(timed), note))}")
+    say(f"{steps.file}: {'; '.join((*conversion.notes(steps), note))}")
     return conversion.plan
 
 
@@ -159,13 +157,39 @@ def _name_of(mode: str | Mode) -> str:
     return mode if isinstance(mode, str) else mode.value
 
 
-def _require_path(name: str, path: object) -> None:
-    if not isinstance(path, str | os.PathLike):
-        raise InputError(f"found {shorten(repr(path))}, expected a path", declare.place_of(name))
+def domain_of(domain: File | Domain) -> Domain:
+    """The domain that a path or a text holds, or itself."""
+    if isinstance(domain, Domain):
+        return domain
+    _require_path("domain", domain)
+    return parse_domain(domain) if is_text(domain) else read_domain(domain)
+
+
+def domain_and_problem(domain: File | Domain, problem: File | Problem) -> tuple[Domain, Problem]:
+    """The domain and problem that paths or texts hold, or themselves."""
+    domain = domain_of(domain)
+    if isinstance(problem, Problem):
+        return domain, problem
+    _require_path("problem", problem)
+    return domain, parse_problem(problem, domain) if is_text(problem) else read_problem(problem, domain)
+
+
+def plan_in(plan: File | TimedPlan | STNPlan, number: int | None = None) -> TimedPlan | STNPlan:
+    """The network or the steps that a path or a text holds, or themselves."""
+    if isinstance(plan, TimedPlan | STNPlan):
+        return plan
+    _require_path("plan", plan)
+    text, name = plan_text(plan)
+    return parse_stn(text, name) if is_network(text, name) else parse_timed_plan(text, name, number)
+
+
+def _require_path(name: str, source: object) -> None:
+    if not isinstance(source, str | os.PathLike):
+        raise InputError(f"found {shorten(repr(source))}, expected a path or a text", declare.place_of(name))
 
 
 def plan_of(plan: Plan, epsilon: Number = "1/1000") -> ParametrizedPlan:
-    """A plan as it is, that of a conversion, or the one in three files: domain, problem and plan.
+    """A plan as it is, that of a conversion, or the one of three paths or texts: domain, problem and plan.
 
     Raises:
         InputError: for anything else, or anything wrong in the files.
@@ -173,10 +197,10 @@ def plan_of(plan: Plan, epsilon: Number = "1/1000") -> ParametrizedPlan:
     if isinstance(plan, ParametrizedPlan) or hasattr(plan, "plan"):
         return plan_itself(plan)
     if isinstance(plan, str | bytes) or not isinstance(plan, Sequence) or len(plan) != 3:
-        expected = "a plan of load_plan(), or the paths of a domain, a problem and a plan"
+        expected = "a plan of load_plan(), or a domain, a problem and a plan: three paths or texts"
         raise InputError(f"found {shorten(repr(plan))}, expected {expected}", declare.place_of("plan"))
-    domain, problem, steps = plan
-    return load_plan(domain, problem, steps, nominal_needed=False, epsilon=epsilon)
+    sources: Sequence[Any] = plan
+    return load_plan(*sources, nominal_needed=False, epsilon=epsilon)
 
 
 # -- single schedules --------------------------------------------------------------------------------------------------
@@ -193,8 +217,7 @@ def validate(
 ) -> Verdict:
     """Decide whether one schedule is valid as printed, as VAL does; :func:`check` judges all schedules of a network.
 
-    Each of the three is a path, a text (a string with a line break or a parenthesis, unless a file has that name), or
-    what reading one gives.
+    Each of the three is a path, a text, or what reading one gives, as for :func:`load_plan`.
 
     Args:
         domain: the PDDL domain.
@@ -216,23 +239,11 @@ def validate(
 
     separation = verbs.ValidateOptions.declarations["epsilon"].default if epsilon is None else epsilon
     options = verbs.ValidateOptions(epsilon=separation, tolerance=tolerance, plan_number=plan_number)
-    parsed = _parsed(domain, problem)
+    parsed = domain_and_problem(domain, problem)
     if not isinstance(plan, TimedPlan):
         _require_path("plan", plan)
-        plan = read_plan(*read_source(plan, "<plan>"), options.plan_number)
+        plan = read_plan(*plan_text(plan), options.plan_number)
     return validate(*parsed, plan, epsilon=options.separation, tolerance=options.rounding)
-
-
-def _parsed(domain: File | Domain, problem: File | Problem) -> tuple[Domain, Problem]:
-    """The domain and problem of two sources, parsed unless they already are."""
-    if not isinstance(domain, Domain):
-        _require_path("domain", domain)
-        domain = parse_domain(*read_source(domain, "<domain>"))
-    if not isinstance(problem, Problem):
-        _require_path("problem", problem)
-        text, file = read_source(problem, "<problem>")
-        problem = parse_problem(text, domain, file)
-    return domain, problem
 
 
 # -- convert -----------------------------------------------------------------------------------------------------------
@@ -258,7 +269,7 @@ def convert(
 ) -> Conversion:
     """A time-triggered plan as one with a temporal network that allows its schedule [IRR §3].
 
-    Each of the three is a path, a text, or what reading one gives, as for :func:`validate`.
+    Each of the three is a path, a text, or what reading one gives, as for :func:`load_plan`.
 
     Args:
         domain: the PDDL domain.
@@ -301,10 +312,10 @@ def convert(
         timeout=timeout,
     )
     specs, _ = specifications(declare.texts(parameters, declare.place_of("parameters")), parameter_file)
-    parsed = _parsed(domain, problem)
+    parsed = domain_and_problem(domain, problem)
     if not isinstance(plan, TimedPlan):
         _require_path("plan", plan)
-        plan = parse_timed_plan(*read_source(plan, "<plan>"), reading.plan_number)
+        plan = parse_timed_plan(*plan_text(plan), reading.plan_number)
     return convert(*parsed, plan, **conversion_settings(reading, specs, reading.limit, on_progress))
 
 
@@ -368,7 +379,7 @@ def replan(
     passed = declare.not_negative(
         planning_time if planning_time is not None else limit or 0, declare.place_of("planning_time")
     )
-    remainder = OpenProblem(*_parsed(domain, problem), state, passed, reading.separation, latest)
+    remainder = OpenProblem(*domain_and_problem(domain, problem), state, passed, reading.separation, latest)
     if isinstance(planner, str):
         planner = create_planner(planner, epsilon=reading.separation)
     settings: Settings = {**conversion_settings(reading, specs, reading.limit, None), "deadline": latest}

@@ -33,6 +33,8 @@ from robust.options.verbs import (
     ValidateOptions,
 )
 from robust.pike_bridge.knowledge import knowledge_bases
+from robust.plan.pddl.reader import parse_domain, parse_problem
+from robust.reading import plan_in
 from tests.cli import inputs
 from tests.cli.running import EXAMPLES, assert_one_line, command, example
 from tests.stnu.networks import network
@@ -185,6 +187,7 @@ def test_what_is_read_is_not_written_over(verb, option, which, tmp_path):
 
 
 FILES = example()
+TEXTS = [Path(file).read_text(encoding="utf-8") for file in FILES]
 KITCHEN = EXAMPLES / "kitchen" / "kitchen.tpnu.json"
 HANDOVER = EXAMPLES / "handover" / "handover.stnu"
 STEPS = example("steps.plan")
@@ -338,6 +341,54 @@ def test_plans_are_loaded_or_paths_and_one_text_is_enough():
     assert robust.risk(FILES, ["to_ridge=constant:30", "to_crater=constant:40"]).probability.lower == 1
 
 
+@pytest.mark.parametrize("steps", ["plan.stn", "steps.plan"])
+def test_domains_problems_and_plans_are_paths_texts_or_what_reading_gives(steps, tmp_path):
+    files = [
+        Path(file).with_name(name) for file, name in zip(FILES, ("domain.pddl", "problem.pddl", steps), strict=True)
+    ]
+    texts = [file.read_text(encoding="utf-8") for file in files]
+    domain = parse_domain(texts[0])
+    parsed = [domain, parse_problem(texts[1], domain), plan_in(texts[2])]
+    known = robust.load_plan(*files)
+    for three in (texts, parsed, [files[0], texts[1], parsed[2]]):
+        read = robust.load_plan(*three)
+        assert (read.parameters, read.instances, read.goal) == (known.parameters, known.instances, known.goal)
+        assert robust.check(three).answer is robust.Answer.PROVED
+    ranking = robust.rank(*texts[:2], [texts[2], files[2], parsed[2]], deadline=1000)
+    assert [plan.name for plan in ranking.plans] == ["plan 1", steps, "plan 3"]
+    assert {text.partition(": ")[2] for text in ranking.deciding} == {"as given, they are equal"}
+    (tmp_path / "log.csv").write_text("action,duration\nfly,3\n", encoding="utf-8")
+    with pytest.raises(InputError, match="found action 'fly', expected one of the domain"):
+        robust.learn(tmp_path / "log.csv", domain=texts[0])
+
+
+def test_the_parameters_beside_a_plan_are_those_of_a_file_only(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("<plan>.toml").write_text("[parameters.x]\nduration = 'drive_3'\n", encoding="utf-8")
+    Path("plan (1).stn").write_text(TEXTS[2], encoding="utf-8")
+    Path("plan (1).toml").write_text("[parameters.x]\nduration = 'drive_3'\n", encoding="utf-8")
+    assert [len(robust.load_plan(*TEXTS[:2], plan).parameters) for plan in (TEXTS[2], "plan (1).stn")] == [2, 3]
+    with pytest.raises(InputError, match=r"plan \(2\).stn: found no such file"):
+        robust.load_plan(*TEXTS[:2], "plan (2).stn")
+
+
+@pytest.mark.parametrize(
+    ("ask", "says"),
+    [
+        (lambda: robust.rank(*FILES[:2], 3), "plans: found '3', expected plans: paths or texts"),
+        (lambda: robust.rank(*FILES[:2], []), "plans: found '[]', expected plans: paths or texts"),
+        (lambda: robust.rank(*FILES[:2], [3]), "found no plan that can be read: found '3', expected the path"),
+        (lambda: robust.learn(3), "logs: found '3', expected paths of logs"),
+        (lambda: robust.learn([3]), "found '3', expected the path of a readable text file"),
+        (lambda: robust.batch("check", "(define\n" * 200), "found no such file or folder"),
+    ],
+)
+def test_what_is_no_list_of_files_is_refused(ask, says):
+    with pytest.raises(InputError) as caught:
+        ask()
+    assert says in str(caught.value)
+
+
 @pytest.mark.parametrize("wrong", ["plan.stn", FILES[:2], 3, None, [*FILES, "more"], [1, 2, 3]])
 @pytest.mark.parametrize("ask", [robust.check, robust.envelope, robust.region, robust.compare, robust.repair])
 def test_what_is_no_plan_is_refused(ask, wrong):
@@ -360,7 +411,7 @@ WRONG = [
     (lambda _: stnu.dispatch(HANDOVER, timeout="soon"), "timeout: found 'soon', expected a number"),
     (lambda _: pike.load(3), "found '3', expected the path of a readable text file"),
     (lambda _: robust.load_plan(*FILES[:2], "x" * 5000), "cannot read (file name too long), expected a readable"),
-    (lambda _: robust.load_plan("(define\n(domain d))", *FILES[1:]), "'(define\\n(domain d))': found no such file"),
+    (lambda _: robust.load_plan("(define\n(domain d))", *FILES[1:]), "expected 'd', the domain of <domain>"),
     (lambda plan: robust.risk(plan, {3: "normal:1:1"}), "distribution '3': found unknown parameter '3'"),
     (lambda _: robust.risk(STEPS, {"dur": "normal:1:1"}), "a step or *; the plan has none, and --parameter makes some"),
     (lambda _: pike.region(KITCHEN, LIMIT).possible({}), "found no values, expected one of each parameter: limit"),
@@ -468,6 +519,40 @@ NEWCOMER = {
         lambda plan: robust.envelope(plan, parameters=["duration:*"]),
         r"'parameters'; it is chosen when the plan is read: load_plan\(domain, problem, plan, parameters=\.\.\.\)$",
     ),
+    "How wide is each interval?": (
+        lambda plan: {name: interval.width for name, interval in robust.envelope(plan).box.items()},
+        r"^{'to_ridge': Fraction\(11, 1\), 'to_crater': Fraction\(11, 1\)}$",
+    ),
+    "What is in the box?": (
+        lambda plan: dict(robust.envelope(plan).box),
+        r"^{'to_ridge': Interval\(\[25, 36\]\), 'to_crater': Interval\(\[35, 46\]\)}$",
+    ),
+    "What is it called?": (
+        lambda plan: robust.envelope(plan).box["to_rigde"],
+        "unknown parameter 'to_rigde'; did you mean 'to_ridge'",
+    ),
+    "Is this point in the box?": (
+        lambda plan: (31, 44) in robust.envelope(plan).box,
+        r"^InputError: found '\(31, 44\)', expected a name, or a point as {'NAME': VALUE, \.\.\.}$",
+    ),
+    "Why is it not robust?": (
+        lambda _: robust.check([*FILES[:2], LOG[2].with_name("plan-flexible-wait.stn")]).counterexamples,
+        r"<Counterexample: obligation 'drive_3 drive: over all \(daylight\)'; also parameters, schedule, simulation>",
+    ),
+    "What is a conversion?": (
+        lambda _: robust.convert(*LOG),
+        r"^<Conversion: 5 steps, \d+ constraints, proved; taken where a plan is; print\(\) shows it>$",
+    ),
+    "And how likely?": (
+        lambda plan: robust.risk(plan, {"*": "normal::10%"}, within=0.1),
+        r"^<RiskResult: probability Bounds\(≈0.9\d+, ≈0.9\d+\); print\(\) shows it>$",
+    ),
+    "Which distribution?": (robust.risk, "expected one such as normal::10%; known are to_ridge, to_crater$"),
+    "Does it take three files?": (
+        lambda _: robust.check(*FILES),
+        r"^TypeError: check\(\) takes one plan, such as \[domain, problem, plan\], and options by name$",
+    ),
+    "Does it take texts?": (lambda _: robust.check(TEXTS), "answer 'proved'"),
     "What is this option called?": (lambda plan: robust.envelope(plan, metod="irr"), "'metod'; did you mean 'method'"),
     "Does it take a planner's log?": (lambda _: robust.check(robust.convert(*LOG)), "answer 'proved'"),
     "Is the plan valid?": (lambda plan: bool(robust.check(plan)), "^TypeError: .* has no truth value: ask .answer"),
@@ -480,7 +565,7 @@ def test_what_newcomers_ask(plan, ask, says):
     try:
         answer = ask(plan)
         said = answer if isinstance(answer, str) else repr(answer)
-    except (InputError, TypeError) as error:
+    except (InputError, KeyError, TypeError) as error:
         said = f"{type(error).__name__}: {error}"
     assert re.search(says, said, re.DOTALL), said
 

@@ -23,7 +23,7 @@ from robust.execute.causal import Tightener, Tightening, UndecidedError, check_p
 from robust.execute.parametrization import Parametrization, parametrization, with_deadline, with_relative_weights
 from robust.execute.room import esterel_edges
 from robust.irr.check import Answer, CheckResult
-from robust.numbers import Number, format_number
+from robust.numbers import Number, format_number, plural
 from robust.plan import load, model, parameters
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.simulate import simulate
@@ -61,7 +61,7 @@ _ENDINGS = {
 
 @dataclass(frozen=True)
 class Conversion(Presented, ask="check"):
-    """A plan with a temporal network that allows the schedule it was made from.
+    """A plan with a temporal network that allows the schedule it was made from; taken wherever a plan is.
 
     `stn` is the plan to write, and `plan` what reading it gives. `beside` are the parameters that the plan file cannot
     hold by itself: initial values of fluents, and durations that the domain fixes. `schedule` is that of the
@@ -84,6 +84,10 @@ class Conversion(Presented, ask="check"):
     epsilon: Fraction = EPSILON
     solver: str = "z3"
     gap: Fraction = EPSILON
+
+    def __repr__(self) -> str:
+        size = f"{plural(len(self.stn.instances), 'step')}, {plural(len(self.stn.constraints), 'constraint')}"
+        return f"<Conversion: {size}, {self.check.answer.value}; taken where a plan is; print() shows it>"
 
     @property
     def cut_short(self) -> bool:

@@ -402,7 +402,7 @@ def distributions_of(
         known[name] = _ruled(rule, parameter, place_of, "distribution" if world is None else "world")
     if not ruled and (plan.parameters or world is not None):
         names = ", ".join(parameter.name for parameter in plan.parameters) or "none"
-        message = f"found no distribution of a parameter, expected one; known are {names}"
+        message = f"found no distribution of a parameter, expected one such as normal::10%; known are {names}"
         raise InputError(message, place_of("distribution" if world is None else "world", None))
     return {parameter.name: known[parameter.name] for parameter in plan.parameters}
 

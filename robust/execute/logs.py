@@ -91,8 +91,7 @@ def read_runs(path: str | PathLike[str]) -> list[ActionRun]:
     Raises:
         InputError: at the line of whatever is not as expected: a negative duration, a status that is not known.
     """
-    file = fspath(path)
-    text = read_text(path, LARGEST)
+    text, file = read_text(path, LARGEST), fspath(path)
     head = text.lstrip()[:4096]
     if not head:
         raise _wrong("an empty file", _KINDS, file)

@@ -12,10 +12,11 @@ from robust.numbers import format_number
 from robust.plan import model, timeline
 from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import mutex_pairs, violations_of
+from robust.presented import OneLine
 
 
 @dataclass(frozen=True, slots=True)
-class MonitorState:
+class MonitorState(OneLine, ask="time"):
     """Where a plan that runs is; all times are in the plan's unit.
 
     Attributes:

@@ -21,12 +21,13 @@ from robust.execute.trees import BehaviorTree, StepMoment, earliest_starts, pars
 from robust.irr import check
 from robust.numbers import format_number
 from robust.plan import model
+from robust.presented import OneLine
 from robust.qe.box import Box
 from robust.smt.limits import NEVER, Deadline
 
 
 @dataclass(frozen=True)
-class MadeTree:
+class MadeTree(OneLine, ask="check"):
     """A tree for a plan, as text; what reading it back proves; and what of the plan's network it cannot keep.
 
     Constraints in `unkept`, such as least distances and deadlines, are kept by no order; the proof does without them.

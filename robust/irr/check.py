@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from robust.encode.interface import EPSILON, Encoding, Facet, Obligation, variable
 from robust.errors import InputError, Location, SolverError
 from robust.plan.model import ParameterReference, ParametrizedPlan, TimePoint
-from robust.presented import Presented, VerdictEnum
+from robust.presented import OneLine, Presented, VerdictEnum
 from robust.qe.box import Box, Interval
 from robust.searching import Searching, Status
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
@@ -31,7 +31,7 @@ class Answer(VerdictEnum):
 
 
 @dataclass(frozen=True)
-class Counterexample:
+class Counterexample(OneLine, ask="obligation"):
     """Parameter values and a schedule that the network allows, in which an obligation breaks.
 
     Times are in the plan's unit; `simulation` executes that schedule with exact arithmetic and confirms it.

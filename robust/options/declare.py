@@ -603,7 +603,8 @@ class Verb(Generic[Subject, Known]):
         @wraps(function)
         def called(plan: Subject, *args: Any, **given: Any) -> Any:
             if len(args) > len(names) or given.keys() & set(names[: len(args)]):
-                raise TypeError(f"{function.__name__}() takes a plan and keyword arguments: see help(…)")
+                name = function.__name__
+                raise TypeError(f"{name}() takes one plan, such as [domain, problem, plan], and options by name")
             require_known(function.__name__, (*names, *given), taken, self._elsewhere)
             chosen = taken(**dict(zip(names, args, strict=False)), **given)
             with one_question():

@@ -21,7 +21,7 @@ from robust.pike_bridge import theory as logic
 from robust.pike_bridge.knowledge import create_knowledge_base, goal, reasons_about_time, tms
 from robust.pike_bridge.model import ALWAYS, Assignment, Guard, Literal, TeamPlan, Tpnu, check_choice, circular
 from robust.pike_bridge.model import guard as conjunction
-from robust.presented import Presented, VerdictEnum
+from robust.presented import OneLine, Presented, VerdictEnum
 from robust.searching import Announce, Searching, Status, Stoppable, unheard
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
@@ -237,7 +237,7 @@ class Temporal(Enum):
 
 
 @dataclass(frozen=True)
-class Compilation:
+class Compilation(OneLine, ask="backend"):
     """What offline compilation leaves for execution."""
 
     backend: str

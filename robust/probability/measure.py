@@ -19,6 +19,7 @@ from heapq import heappop, heappush
 from itertools import product as every
 from math import factorial, floor, lcm, prod
 
+from robust.numbers import readable
 from robust.probability.distributions import DISCRETE, ONE, UNIT, Distribution, Enclosure, Weights, product
 from robust.qe.box import Box, Interval
 from robust.qe.conjunctions import linked
@@ -42,6 +43,9 @@ class Bounds:
 
     lower: Fraction
     upper: Fraction
+
+    def __repr__(self) -> str:
+        return f"Bounds({readable(self.lower)}, {readable(self.upper)})"
 
     @property
     def width(self) -> Fraction:

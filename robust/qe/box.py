@@ -18,8 +18,8 @@ from math import lcm, prod
 from typing import Any
 
 from robust.encode.interface import Grid
-from robust.errors import InputError
-from robust.numbers import end, parse_end
+from robust.errors import InputError, did_you_mean
+from robust.numbers import end, parse_end, shorten
 from robust.plan.model import Parameter
 from robust.qe.constraint import LinearConstraint, Sense
 
@@ -130,6 +130,9 @@ class Interval:
     def __str__(self) -> str:
         return self.written(str)
 
+    def __repr__(self) -> str:
+        return f"Interval({self})"
+
 
 def interval_text(interval: Interval) -> str:
     """`[1, 2)`, `(−∞, 3]`, for people."""
@@ -176,7 +179,10 @@ class Box(Mapping[str, Interval]):
         return Box({parameter.name: Interval(parameter.lower, parameter.upper) for parameter in parameters})
 
     def __getitem__(self, name: str) -> Interval:
-        return self.intervals[name]
+        try:
+            return self.intervals[name]
+        except KeyError:
+            raise KeyError(f"unknown parameter {name!r}{did_you_mean(str(name), self.intervals)}") from None
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.intervals)
@@ -189,8 +195,12 @@ class Box(Mapping[str, Interval]):
         return True
 
     def __contains__(self, values: object) -> bool:
-        """Whether a name is that of a parameter, or the box :meth:`includes` a point."""
-        return self.includes(values) if isinstance(values, Mapping) else values in self.intervals
+        """Whether a name is that of a parameter, or the box :meth:`includes` a point; InputError for anything else."""
+        if isinstance(values, Mapping):
+            return self.includes(values)
+        if not isinstance(values, str):
+            raise InputError(f"found {shorten(repr(values))}, expected a name, or a point as {{'NAME': VALUE, ...}}")
+        return values in self.intervals
 
     def includes(self, values: Mapping[str, Fraction]) -> bool:
         """Whether a point is in the box, given by values of all its parameters.

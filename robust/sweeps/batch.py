@@ -93,7 +93,7 @@ def read_suite(path: Path) -> Suite:
     Raises:
         InputError: if there is none, or the list is malformed; the message has the line.
     """
-    if path.is_dir():
+    if os.path.isdir(path):  # of no name at all, however long, does this raise
         files, defined = list(_files(path)), cache(_defined)
         plans = [_found(path, file, defined) for file in files if file.name.lower().endswith(PLAN_SUFFIXES)]
         if not plans:
@@ -101,7 +101,7 @@ def read_suite(path: Path) -> Suite:
             raise InputError(f"found no plan, expected {expected}", Location(str(path)))
         others = (file for file in files if not file.name.lower().endswith((*PLAN_SUFFIXES, *BESIDE)))
         return Suite(path, _distinct(plans), tuple(os.path.relpath(file, path) for file in others))
-    if not path.exists():
+    if not os.path.exists(path):
         raise InputError("found no such file or folder, expected a folder of plans or a list", Location(str(path)))
     readers = {".json": _from_json, ".csv": _from_csv}
     return Suite(path.parent, _distinct(readers.get(path.suffix.lower(), _from_lines)(path)))

@@ -5,6 +5,7 @@ and it still does (λ*, :func:`robust.irr.proposals.tolerance`); where durations
 it does. Of plans that are equal in this, the one that ends first is the better.
 """
 
+import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -84,9 +85,10 @@ def _difference(better: RankedPlan, worse: RankedPlan) -> str:
         return f"{first}: {worse.name} is {second.value}" + (f": {worse.reason}" if worse.reason else "")
     if better.success is not None and worse.success is not None and better.merit[1] != worse.merit[1]:
         return f"{first}: more likely in time"
-    if better.tolerance is None or worse.tolerance is None or better.tolerance.ratio == worse.tolerance.ratio:
-        return f"{first}: ends earlier"
-    return f"{first}: bears more; what ends {worse.name}: {worse.tolerance.what}"
+    if better.merit[2] != worse.merit[2]:
+        ends = f"what ends {worse.name}: {worse.tolerance.what}" if worse.tolerance else f"{worse.name}: {worse.reason}"
+        return f"{first}: bears more; {ends}"
+    return f"{first}: ends earlier" if better.end != worse.end else f"{first}: as given, they are equal"
 
 
 class RankSearch(Searching[Ranking]):
@@ -95,7 +97,7 @@ class RankSearch(Searching[Ranking]):
     Args:
         domain: of all plans.
         problem: of all plans.
-        files: of plans: networks, or steps of planners; a log with several plans counts as several.
+        plans: networks or steps of planners: paths, texts or what reading one gives; a log may hold several.
         specs: what becomes a parameter.
         latest: by when all plans must end: a time, or `+10%` for 10 per cent after the last one ends as planned.
         settings: how steps become networks.
@@ -111,7 +113,7 @@ class RankSearch(Searching[Ranking]):
         self,
         domain: syntax.Domain,
         problem: syntax.Problem,
-        files: Sequence[load.File],
+        plans: Sequence[load.File | timed.TimedPlan | stn.STNPlan],
         *,
         specs: Sequence[parameters.ParameterSpec],
         latest: Number,
@@ -126,12 +128,7 @@ class RankSearch(Searching[Ranking]):
         self._success, self._deadline, self._on_plan = success, deadline, on_plan
         self._plans: dict[str, timed.TimedPlan | stn.STNPlan] = {}
         self._ranked: dict[str, RankedPlan] = {}
-        bases = [PurePath(file).name for file in files]
-        for name, plan in (
-            (f"{base if bases.count(base) == 1 else file}{number}", plan)
-            for file, base in zip(files, bases, strict=True)
-            for number, plan in plans_of(file)
-        ):
+        for name, plan in named(plans):
             if isinstance(plan, RobustError):
                 self._ranked[name] = RankedPlan(name, Fitness.WRONG, reason=str(plan))
             else:
@@ -178,10 +175,29 @@ class RankSearch(Searching[Ranking]):
         return Ranking(status, tuple(ordered), self._latest, self._settings["epsilon"], self._seconds(), reason)
 
 
-def plans_of(file: load.File) -> Iterator[tuple[str, timed.TimedPlan | stn.STNPlan | RobustError]]:
-    """The plans in a file, in its order; of several ones each with its number."""
+def named(
+    sources: Sequence[load.File | timed.TimedPlan | stn.STNPlan],
+) -> Iterator[tuple[str, timed.TimedPlan | stn.STNPlan | RobustError]]:
+    """The plans of all sources, by names of files, by paths where names are equal, and texts by their places."""
+    files = [
+        source if isinstance(source, str | os.PathLike) and not forms.is_text(source) else f"plan {place}"
+        for place, source in enumerate(sources, start=1)
+    ]
+    bases = [PurePath(file).name for file in files]
+    for source, file, base in zip(sources, files, bases, strict=True):
+        for number, plan in plans_of(source):
+            yield f"{base if bases.count(base) == 1 else file}{number}", plan
+
+
+def plans_of(
+    source: load.File | timed.TimedPlan | stn.STNPlan,
+) -> Iterator[tuple[str, timed.TimedPlan | stn.STNPlan | RobustError]]:
+    """The plans of a source, in its order; of several ones each with its number."""
     try:
-        text, name = forms.read_plan_text(file)
+        if isinstance(source, timed.TimedPlan | stn.STNPlan):
+            yield "", source
+            return
+        text, name = forms.plan_text(source)
         if stn.is_network(text, name):
             yield "", stn.parse_stn(text, name)
             return

@@ -54,17 +54,19 @@ def read_plan_text(path: str | os.PathLike[str]) -> tuple[str, str]:
     return _decode(data, place), place.file
 
 
-def read_source(source: str | os.PathLike[str], name: str) -> tuple[str, str]:
-    """The text of an input and what to call it, of a path or of a text, which is called `name`.
+def is_text(source: object) -> TypeGuard[str]:
+    """Whether an input is a text rather than a path: a string with a line break, or with a parenthesis as in PDDL.
 
-    A string is a text if it has a line break, or a parenthesis where no file has that name; `-` is standard input.
-
-    Raises:
-        InputError: if it cannot be read or is no text.
+    A string of one line is a text if it ends as a form, a step or a statement does, and no file has that name.
     """
-    if isinstance(source, str) and ("\n" in source or ("(" in source and not os.path.exists(source))):
-        return source, name
-    return read_plan_text(source)
+    if not isinstance(source, str) or "\n" in source:
+        return isinstance(source, str)
+    return "(" in source and source.rstrip().endswith((")", "]", ";")) and not os.path.exists(source)
+
+
+def plan_text(plan: str | os.PathLike[str]) -> tuple[str, str]:
+    """The text of a plan and what to call it, of a path, as :func:`read_plan_text`, or of a text."""
+    return (plan, "<plan>") if is_text(plan) else read_plan_text(plan)
 
 
 def read_bytes(path: str | os.PathLike[str], expected: str = "a readable text file", most: int = LARGEST) -> bytes:
