@@ -274,7 +274,7 @@ def test_the_most_precise_name_counts_and_shares_are_of_the_planned_value():
 @pytest.mark.parametrize(
     ("given_", "message"),
     [
-        ([], "found no distribution of a parameter, expected one; known are to_ridge, to_crater"),
+        ([], "found no distribution of a parameter, expected one such as normal::10%; known are to_ridge, to_crater"),
         (["fly=normal:30:5"], "found unknown parameter 'fly'"),
         (["duration:(drive ridge base)=normal:30:5"], "found unknown parameter 'duration:(drive ridge base)'"),
         (["*=normal::5", "*=normal::15%"], "found a second distribution of '*'"),
