@@ -425,14 +425,14 @@ class _WatchServer:
 
     def _assess(self, clock: WallClock, idle: Callable[[], bool]) -> None:
         """Say what the last answer did not wait for: whether other orders are left, and, if nothing is heard and no
-        answer is due before that is known, how probable success is."""
+        answer is due before that is known, how probable success is, and how wide a promise may be."""
         before = self._before
         if before is None or before is self._assessed:
             return
         with self._busy:
             if before.prospect is Prospect.UNDECIDED and not before.replan:
                 self._say_more(Deadline.after(self.monitor.seconds))
-            elif self.monitor.distributions and idle():
+            elif (self.monitor.distributions or not before.exact) and idle():
                 wake = None if before.wake is None else max(0, clock.seconds_until(before.wake))
                 due = min((time for time in (wake, self._deadline.remaining) if time is not None), default=None)
                 self._say_more(replace(Deadline.after(due), idle=idle))

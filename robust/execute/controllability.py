@@ -310,8 +310,9 @@ def widest(
     if kind is Control.DYNAMIC and wanted.reason(boxes.ends_of(start)) is not None:
         wanted = boxes.Strongly(network, deadline)  # a fixed schedule is all that is known of vague parameters
     inside = boxes.Controllable(bad, wanted, plan.parameters, start)
+    met: list[widen.Obstacle] = []
     grown, bound = [start], None
-    met = boxes.grow(inside, (), grown, parameters=plan.parameters, deadline=deadline)
+    boxes.grow(inside, met, grown, parameters=plan.parameters, deadline=deadline)
     if objective.optimal:
         search = exact.OptimalBox(
             bad=bad, pieces=met, contain_nominal=objective.contain_nominal, deadline=deadline, inside=inside

@@ -144,7 +144,7 @@ class ParametricStnu:
     @cached_property
     def _fixed(self) -> Sequence[UncertainLink[Fraction] | None]:
         """The links that are the same for every box."""
-        return [None if variables_of(link) else _concrete(link, {}) for link in self.links]
+        return [_constant(link) if is_constant(link) else None for link in self.links]
 
     def early(self, ends: Ends) -> Iterator[tuple[int, Form]]:
         """Contingent links that may end before they start in a box, by index, with the form that is negative.
@@ -190,6 +190,28 @@ class ParametricStnu:
                     differences.setdefault(side, WorstDifference(*side, link.origin))
         return tuple(differences.values())
 
+    def without_implied_orders(self, times: Mapping[model.TimePoint, Fraction]) -> ParametricStnu:
+        """The network without constant least distances that two others imply; those longest at some `times` go first.
+
+        It has the same schedules, and so is as controllable.
+        """
+        after: dict[model.TimePoint, dict[model.TimePoint, Fraction]] = {point: {} for point in self.points}
+        orders = []
+        for link in self.links:
+            if not link.is_contingent and link.upper is None and link.lower is not None and link.lower.is_constant:
+                orders.append(link)
+                known = after[link.source].get(link.target, link.lower.constant_term)
+                after[link.source][link.target] = max(known, link.lower.constant_term)
+        implied = set()
+        for link in sorted(orders, key=lambda link: times[link.source] - times[link.target]):
+            (source, target), need = (link.source, link.target), after[link.source].get(link.target)
+            ways = ((first, after[via].get(target)) for via, first in after[source].items())
+            if need is not None and any(rest is not None and first + rest >= need for first, rest in ways):
+                implied.add((source, target))
+                del after[source][target]
+        links = (link for link in self.links if link not in orders or (link.source, link.target) not in implied)
+        return ParametricStnu(self.points, tuple(links), self.vague)
+
     def form(self, step: EdgeStep) -> Form:
         """The weight of an edge of the distance graph, over the ends of a box: never more in a larger box."""
         link = self.links[step.link]
@@ -197,6 +219,18 @@ class ParametricStnu:
         if bound is None:
             raise ValueError(f"{link.origin} has no bound {step.way.value}")
         return least(bound) if step.way.is_forwards else -greatest(bound)
+
+
+def is_constant(link: ParametricLink) -> bool:
+    return (link.lower is None or link.lower.is_constant) and (link.upper is None or link.upper.is_constant)
+
+
+def _constant(link: ParametricLink) -> UncertainLink[Fraction]:
+    """A link that is the same for every box."""
+    if link.is_contingent:
+        return _concrete(link, {})
+    lower, upper = (None if bound is None else bound.constant_term for bound in (link.lower, link.upper))
+    return UncertainLink(link.source, link.target, lower, upper, origin=link.origin)
 
 
 def _concrete(link: ParametricLink, ends: Ends) -> UncertainLink[Fraction]:
@@ -519,21 +553,21 @@ class KnownSet:
 
 def grow(
     bad: BadSet,
-    known: Iterable[Obstacle],
+    met: list[Obstacle],
     grown: list[Box],
     *,
     parameters: Sequence[model.Parameter],
     fixed: Collection[str] = (),
     deadline: Deadline = NEVER,
-) -> list[Obstacle]:
-    """Move the faces of a box outwards together until each is stopped; returns what was met or known.
+) -> None:
+    """Move the faces of a box outwards together until each is stopped.
 
     No box around the last one is as wanted, but for faces of parameters in `fixed`, which do not move.
 
     Args:
         bad: where boxes must not go.
-        known: some of that.
-        grown: boxes, to which every box on the way is added; growing begins with the last of them.
+        met: what is known of that, to which all that boxes run into is added.
+        grown: boxes, to which every wider box on the way is added; growing begins with the last of them.
         parameters: the parameters, with weights.
         fixed: parameters whose faces stay.
         deadline: when to give up.
@@ -541,13 +575,17 @@ def grow(
     Raises:
         OutOfTimeError: if the deadline passes first.
     """
-    met, start = list(known), grown[-1]
+    start = grown[-1]
+
+    def add(box: Box) -> None:
+        if box != grown[-1]:
+            grown.append(box)
+
     moving = [face for face in faces_of(parameters) if face[0] not in fixed and start[face[0]].end(face[1]) is not None]
     widening = Widening(
-        bad=bad, parameters=parameters, pieces=met, groups=[moving], deadline=deadline, on_box=grown.append, start=start
+        bad=bad, parameters=parameters, pieces=met, groups=[moving], deadline=deadline, on_box=add, start=start
     )
     widening.run()
-    return met
 
 
 @dataclass(frozen=True, slots=True)
@@ -577,7 +615,7 @@ def shrink(parameters: Sequence[model.Parameter], box: Box, wanted: Property) ->
     beyond = [Polyhedron(tuple(nominal), (half,)) for side in box.constraints() for half in side.negation()]
     inside = Controllable(KnownSet(tuple(beyond)), wanted, parameters, start)
     grown = [start]
-    grow(inside, beyond, grown, parameters=parameters, deadline=wanted.deadline)
+    grow(inside, [*beyond], grown, parameters=parameters, deadline=wanted.deadline)
     return Shrunk(grown[-1], inside.cut(grown[-1]))
 
 

@@ -99,8 +99,11 @@ class Forecaster(Protocol):
     def order(self, point: model.TimePoint) -> Fraction | int:
         """Where a point is in the order of the plan."""
 
-    def look(self, time: Fraction, deadline: Deadline) -> PlanForecast:
-        """The forecast at a time; what is not found by the deadline is as it was promised last."""
+    def look(self, time: Fraction, deadline: Deadline, *, widening: bool = False) -> PlanForecast:
+        """The forecast at a time; what is not found by the deadline is as it was promised last.
+
+        With `widening`, promises become as wide as there is time for, and not only as wide as is found at once.
+        """
 
 
 class Making(Protocol):
@@ -275,8 +278,8 @@ class PathForecaster:
 
     # -- what is ahead -------------------------------------------------------------------------------------------------
 
-    def look(self, time: Fraction, deadline: Deadline) -> PlanForecast:
-        """The forecast at a time; a promise that has to be looked for is, up to the deadline."""
+    def look(self, time: Fraction, deadline: Deadline, *, widening: bool = False) -> PlanForecast:
+        """The forecast at a time; a promise that has to be looked for is, up to the deadline, and is the widest."""
         if not self._possible.open:
             return PlanForecast(Prospect.BROKEN, tuple(self._reasons(expected=False)))
         on_track = self._expected.open

@@ -136,7 +136,8 @@ class Monitor:
             one is missing, nothing is known of it from below.
         eager: whether answers wait for what takes long: for a solver that looks for other orders, and for the
             probability of success. If not, a plan whose order leaves nothing is undecided until :meth:`assess` has
-            looked, and the probability is the one that it found last.
+            looked, and the probability is the one that it found last. No answer waits for promises of plans with
+            conditions on numbers to become as wide as may be: :meth:`assess` makes them so.
 
     Raises:
         InputError: if `plan` is none, or a number is none.
@@ -414,18 +415,19 @@ class Monitor:
         return self._outlook(refused, Deadline.after(self.seconds), waits=self.eager)
 
     def assess(self, deadline: Deadline = NEVER) -> Outlook:
-        """What is ahead, with what only eager answers wait for, as far as it is found by the deadline.
+        """What is ahead, with what only eager answers wait for and promises as wide as can be, as far as that is found
+        by the deadline.
 
         Later answers have it, too.
         """
         before = self._last_success
-        outlook = self._outlook(None, deadline, waits=True)
+        outlook = self._outlook(None, deadline, waits=True, widening=True)
         if deadline.passed:
             self._last_success = before
         return replace(outlook, success=self._last_success)
 
-    def _outlook(self, refused: str | None, deadline: Deadline, *, waits: bool) -> Outlook:
-        forecast = self._forecast(deadline, waits=waits)
+    def _outlook(self, refused: str | None, deadline: Deadline, *, waits: bool, widening: bool = False) -> Outlook:
+        forecast = self._forecast(deadline, waits=waits, widening=widening)
         prospect = forecast.prospect
         if prospect in OPEN and all(known.end is not None for known in self._progress.values()):
             return Outlook(self._count, self.time, Prospect.DONE, refused=refused, assumed=self._assumed)
@@ -518,8 +520,12 @@ class Monitor:
             self._surprised = known, [text for variable, text in every if variable in read]
         return self._surprised[1]
 
-    def _forecast(self, deadline: Deadline, *, waits: bool) -> PlanForecast:
+    def _forecast(self, deadline: Deadline, *, waits: bool, widening: bool) -> PlanForecast:
         """The forecast: in the plan's own order if that is left, else as the rest of the plan is judged."""
+
+        def look(forecaster: Forecaster) -> PlanForecast:
+            return forecaster.look(self.time, deadline, widening=widening)
+
         failed = [f"{step} {known.failure}" for step, known in self._progress.items() if known.failure]
         if failed:
             return PlanForecast(Prospect.BROKEN, tuple(failed))
@@ -529,13 +535,13 @@ class Monitor:
         causes = (*again, *self._surprises)
         in_order = bool(causes)
         if not causes:
-            own = self._own.look(self.time, deadline)
+            own = look(self._own)
             if own.prospect in OPEN or not self.reorder:
                 self._other = None
                 return own if own.prospect in OPEN else self._lose(own, self._now)
             causes = own.reasons
         seen = frozenset(self._observed.values())
-        other = None if self._other is None or self._seen_by_other != seen else self._other.look(self.time, deadline)
+        other = None if self._other is None or self._seen_by_other != seen else look(self._other)
         if other is None or other.prospect not in OPEN:
             from robust.execute.reorder import reordered  # noqa: PLC0415 - loads solvers, which few plans need
 
@@ -559,7 +565,7 @@ class Monitor:
                 prospect = Prospect.UNDECIDED if is_late else judged.prospect
                 return self._lose(PlanForecast(prospect, (*judged.reasons, *causes), pending=judged.pending), moment)
             self._other.pass_time(self._now)
-            other = self._other.look(self.time, deadline)
+            other = look(self._other)
         return replace(other, reasons=(*causes, *other.reasons))
 
     def _lose(self, forecast: PlanForecast, moment: Fraction) -> PlanForecast:

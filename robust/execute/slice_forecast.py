@@ -7,8 +7,9 @@ as planned. What is promised is a box in the slice of the envelope at what was o
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from fractions import Fraction
 from functools import cached_property
 from math import lcm
@@ -37,10 +38,12 @@ REGION_SECONDS = 5.0
 """For the envelope, once, before the execution begins."""
 LATER_SECONDS = 0.5
 """For the envelope of the rest of a plan."""
+FIRST_SECONDS = 5.0
+"""For the first promise, once, before the execution begins."""
 SLICE_SECONDS = 0.2
-"""For a promise."""
+"""For a promise, of which half is for making it as wide as may be, where there is time for that."""
 GROWTH_SECONDS = 0.005
-"""For making it wider, once it is found; the next answer goes on from there."""
+"""Where an answer is awaited, no promise is made wider after this, but for a new one, once."""
 
 
 class SliceForecaster:
@@ -73,12 +76,15 @@ class SliceForecaster:
         self._stnu = boxes.parametric_stnu(plan, self._box)
         self._tables, _ = dispatch_network(self._stnu, self._box, Dreex())
         self._order = {point: low for point, (low, _) in first_windows(self._stnu, self._box).items()}
+        self._stnu = self._stnu.without_implied_orders(self._order)
         self._planned_else = planned or {}
         self._last: PlanForecast | None = None
         self._last_asked: tuple[Mapping[model.TimePoint, Fraction], Fraction, Fraction] | None = None
+        self._is_widened = False
         self._seconds = REGION_SECONDS if running is None else LATER_SECONDS
         if running is None:
-            self._slices, self._waits_for, self._as_planned  # noqa: B018 - worked out before the execution begins
+            self._waits_for, self._as_planned  # noqa: B018 - worked out before the execution begins
+            self._promise(self._times, replace(self._patient_slices, seconds=FIRST_SECONDS))
 
     @cached_property
     def planned(self) -> Mapping[str, Fraction]:
@@ -100,6 +106,10 @@ class SliceForecaster:
         box = found.box if found.verified else self._box
         region = Region.union_of(names, (Polyhedron.of_box(names, box), *pieces))
         return Slices(self._plan.parameters, region, False, self._stnu, SLICE_SECONDS, GROWTH_SECONDS)
+
+    @cached_property
+    def _patient_slices(self) -> Slices:
+        return replace(self._slices, growth=None)
 
     @cached_property
     def _lengths(self) -> Mapping[str, tuple[model.TimePoint, model.TimePoint, Fraction]]:
@@ -137,11 +147,14 @@ class SliceForecaster:
 
     # -- what is ahead -------------------------------------------------------------------------------------------------
 
-    def look(self, time: Fraction, deadline: Deadline) -> PlanForecast:
-        """The forecast at a time; what is not found by the deadline is as it was promised last."""
+    def look(self, time: Fraction, deadline: Deadline, *, widening: bool = False) -> PlanForecast:
+        """The forecast at a time; what is not found by the deadline is as it was promised last.
+
+        With `widening`, promises become as wide as there is time for, and not only as wide as is found at once.
+        """
         times = self._times
         asked = times, self._now, time
-        if self._last is not None and self._last_asked == asked:
+        if self._last is not None and self._last_asked == asked and (not widening or self._is_widened):
             return self._last
         expected = [formula for step, formula in self._as_planned.items() if self._known(step).end is None]
         try:
@@ -155,7 +168,8 @@ class SliceForecaster:
                 return PlanForecast(Prospect.BROKEN, self._reasons(times, deadline))
         except OutOfTimeError:
             return self._last or PlanForecast(Prospect.UNDECIDED)
-        promised, network = self._promise(times)
+        slices, idle = (self._patient_slices, deadline.idle) if widening else (self._slices, None)
+        promised, network = self._promise(times, slices, idle)
         steps = self._windows(times, network, self._box if promised is None else promised)
         promise = None if promised is None else {self._lasting[n]: _window(promised[n]) for n in self._open}
         reasons = (
@@ -165,7 +179,7 @@ class SliceForecaster:
         free = frozenset(s for s in steps if self._known(s).start is None and self._waits_for[s] <= happened)
         ready = frozenset(step for step in free if steps[step].start[0] <= time)
         self._last = PlanForecast(prospect, reasons, steps, ready, free, promise, exact=False)
-        self._last_asked = asked
+        self._last_asked, self._is_widened = asked, widening
         return self._last
 
     @cached_property
@@ -186,7 +200,8 @@ class SliceForecaster:
         return [name for name, step in self._lasting.items() if name in names and self._known(step).end is None]
 
     def _open_session(self, times: Mapping[model.TimePoint, Fraction]) -> None:
-        """A session that holds the plan, and what has happened."""
+        """A session that holds the plan, and what has happened; what boxes met may rest on what did not."""
+        self._met: list[boxes.Obstruction] = []
         self._session = Session(self._encoding.terms)
         self._session.add(*self._valid, *self._facts(times))
         self._stated = dict(times)
@@ -282,7 +297,9 @@ class SliceForecaster:
 
     # -- promises and windows ------------------------------------------------------------------------------------------
 
-    def _promise(self, times: Mapping[model.TimePoint, Fraction]) -> tuple[Box | None, boxes.ParametricStnu]:
+    def _promise(
+        self, times: Mapping[model.TimePoint, Fraction], slices: Slices, idle: Callable[[], bool] | None = None
+    ) -> tuple[Box | None, boxes.ParametricStnu]:
         """A box that is promised, None if there is none, and the network of what is left."""
         happened = {model.ZERO: Fraction(0), **times}
         seen, possible = {}, {}
@@ -293,7 +310,7 @@ class SliceForecaster:
             if source in happened and target in happened:
                 seen[name] = possible[name]
         facts = Observations(self._now, seen, frozenset(seen), possible, happened)
-        remainder, network = self._slices.after(facts, "", self._box)
+        remainder, network = slices.after(facts, "", self._box, self._met, idle)
         if remainder.answer is SliceAnswer.PROMISED and remainder.box is not None:
             self._box = remainder.box
             return self._box, network

@@ -24,13 +24,15 @@ values that were seen.
 """
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, partial
 
+from robust.errors import InputError
 from robust.execute import controllable_boxes as boxes
+from robust.irr.widen import Obstacle
 from robust.plan.model import ZERO, Parameter, TimePoint, TimePointKind
 from robust.plan.polynomial import Polynomial
 from robust.presented import NoTruthValue, VerdictEnum
@@ -99,8 +101,7 @@ class Slices:
         stnu: the network of the plan.
         seconds: wall time for each answer, of which half is for looking, and half for making what is found ready for
             dispatch; None is without limit.
-        growth: wall time for making a promise wider that was kept; None: all that is left of the time for looking, as
-            for one that is new.
+        growth: wall time after which nothing is made wider, but for what is new, once. None: as long as it is looked.
     """
 
     parameters: tuple[Parameter, ...]
@@ -113,14 +114,26 @@ class Slices:
     def __post_init__(self) -> None:
         self.parts  # noqa: B018 - worked out before the execution begins
 
-    def after(self, facts: Observations, what: str, promised: Box) -> tuple[Remainder, boxes.ParametricStnu]:
-        """The remainder once `what` has been observed, and the network with the events so far."""
+    def after(
+        self,
+        facts: Observations,
+        what: str,
+        promised: Box,
+        met: list[boxes.Obstruction] | None = None,
+        idle: Callable[[], bool] | None = None,
+    ) -> tuple[Remainder, boxes.ParametricStnu]:
+        """The remainder once `what` has been observed, and the network with the events so far.
+
+        Obstructions that boxes have `met` go on to hold as more happens, and need not be met again: new ones are added.
+        What is found counts as soon as `idle` says that there is something else to do.
+        """
         started = time.perf_counter()
         network = continued(self.stnu, facts)
-        deadline = Deadline.after(None if self.seconds is None else self.seconds / 2)
+        deadline = replace(Deadline.after(None if self.seconds is None else self.seconds / 2), idle=idle)
         box, kept = None, False
         try:
-            box, kept = _Promising(self, facts, boxes.Dynamically(network, deadline)).run(promised)
+            known, hurry = [] if met is None else met, None if self.growth is None else Deadline.after(self.growth)
+            box, kept = _Promising(self, facts, boxes.Dynamically(network, deadline), known, hurry).run(promised)
             answer = SliceAnswer.NOTHING if box is None else SliceAnswer.PROMISED
         except OutOfTimeError:
             answer = SliceAnswer.OUT_OF_TIME
@@ -140,23 +153,28 @@ def continued(stnu: boxes.ParametricStnu, facts: Observations) -> boxes.Parametr
     """
     times = facts.times
     links = [_from_zero(link, times) for link in stnu.links if not _is_over(link, times)]
-    natural = {link.target for link in links if link.is_contingent}
+    bounded = {link.target for link in links if link.is_contingent or _is_after(link, times)}
     mentioned = {point for link in links for point in (link.source, link.target)}
     for point in stnu.points:
         at = Polynomial[str].constant(times.get(point, facts.now))
         if point in times and point in mentioned and point != ZERO:
             links.append(boxes.ParametricLink(ZERO, point, at, at, origin=f"{point} was at {times[point]}"))
-        elif point not in times and point not in natural and point.kind is not TimePointKind.TIMED_LITERAL:
+        elif point not in times and point not in bounded and point.kind is not TimePointKind.TIMED_LITERAL:
             links.append(boxes.ParametricLink(ZERO, point, at, None, origin=f"{point} is not before now"))
     return boxes.ParametricStnu(stnu.points, tuple(links), stnu.vague)
+
+
+def _is_after(link: boxes.ParametricLink, times: Mapping[TimePoint, Fraction]) -> bool:
+    """Whether the target is later, for sure, than something that does not happen before now."""
+    is_open = link.source not in times and link.source.kind is not TimePointKind.TIMED_LITERAL
+    return is_open and link.lower is not None and link.lower.is_constant and link.lower.constant_term > 0
 
 
 def _is_over(link: boxes.ParametricLink, times: Mapping[TimePoint, Fraction]) -> bool:
     """Whether a link says nothing any more: its length was revealed, or both ends happened as it demands."""
     if link.target not in times or link.is_contingent:
         return link.target in times
-    numbers = all(bound is None or bound.is_constant for bound in (link.lower, link.upper))
-    if link.source not in times or not numbers:
+    if link.source not in times or not boxes.is_constant(link):
         return False
     length = times[link.target] - times[link.source]
     long_enough = link.lower is None or link.lower.constant_term <= length
@@ -181,6 +199,8 @@ class _Promising:
     slices: Slices
     facts: Observations
     wanted: boxes.Dynamically
+    met: list[boxes.Obstruction]
+    hurry: Deadline | None
 
     @property
     def _names(self) -> tuple[str, ...]:
@@ -196,7 +216,8 @@ class _Promising:
 
     def run(self, promised: Box) -> tuple[Box | None, bool]:
         """The box, None if nothing is left, and whether it holds what was promised before."""
-        for candidate, kept in ((self._remainder(promised), True), (self._planned(), False)):
+        for find, kept in ((partial(self._remainder, promised), True), (self._planned, False)):
+            candidate = find()
             for _, _, bad in self.slices.parts if candidate is not None else ():
                 if candidate is not None and self._holds(candidate, bad):
                     return self._grown(candidate, bad, kept=kept), kept
@@ -295,22 +316,27 @@ class _Promising:
     # -- growing -------------------------------------------------------------------------------------------------------
 
     def _grown(self, start: Box, bad: Sequence[Polyhedron], *, kept: bool = False) -> Box:
-        possible = Box(self.facts.possible).constraints()
-        impossible = (Polyhedron(self._names, (beyond,)) for bound in possible for beyond in bound.negation())
-        inside = boxes.KnownSet((*bad, *impossible))
+        grown, deadline, hurry = [start], self.wanted.deadline, self.hurry
+        if hurry is not None and kept and any(start[name].width != 0 for name in self._open):
+            deadline = hurry
+        elif hurry is not None:
+            deadline = replace(deadline, idle=lambda: len(grown) == 1 or not hurry.passed)
+        if deadline.passed:
+            return start
+        possible = Box({name: self.facts.possible[name] for name in self._open if name in self.facts.possible})
+        beyond = (half for bound in possible.constraints() for half in bound.negation())
+        inside = boxes.KnownSet((*bad, *(Polyhedron(self._names, (half,)) for half in beyond)))
         parameters = [self._in_haste(parameter) for parameter in self.slices.parameters]
         wanted = boxes.Controllable(inside, self.wanted, parameters, start)
-        fixed, grown = self.facts.settled, [start]
-        deadline = (
-            Deadline.after(self.slices.growth) if kept and self.slices.growth is not None else self.wanted.deadline
-        )
+        fixed, met = self.facts.settled, list[Obstacle]([*inside.pieces, *self.met])
         with suppress(OutOfTimeError):  # a promise was found; time decides how wide it becomes
-            boxes.grow(wanted, inside.pieces, grown, parameters=parameters, fixed=fixed, deadline=deadline)
+            boxes.grow(wanted, met, grown, parameters=parameters, fixed=fixed, deadline=deadline)
+        self.met[:] = [each for each in met if isinstance(each, boxes.Obstruction)]
         return grown[-1]
 
     def _in_haste(self, parameter: Parameter) -> Parameter:
         """A parameter that exceeds its plan gets a greater weight, or its value would soon leave the interval again."""
-        if parameter.nominal in self.facts.possible.get(parameter.name, _ANYTHING):
+        if parameter.name in self.facts.seen or parameter.nominal in self.facts.possible.get(parameter.name, _ANYTHING):
             return parameter
         others = [self._weight[name] for name in self._open if name != parameter.name]
         return replace(parameter, weight=sum(others, Fraction(0)) or parameter.weight)
@@ -323,8 +349,12 @@ _MOST = Fraction(1_000_000)
 
 def _common(interval: Interval, other: Interval) -> Interval | None:
     """The values of both intervals; None if there are none."""
-    halves = [*Box({"x": interval}).constraints(), *Box({"x": other}).constraints()]
-    return (Polyhedron(("x",), tuple(halves)).bounding_box() or {}).get("x")
+    both = interval, other
+    lower, is_open = max(((i.lower, not i.lower_closed) for i in both if i.lower is not None), default=(None, False))
+    upper, is_closed = min(((i.upper, i.upper_closed) for i in both if i.upper is not None), default=(None, True))
+    with suppress(InputError):
+        return Interval(lower, upper, not is_open, is_closed)
+    return None
 
 
 def _around(interval: Interval, seen: Interval) -> Interval:

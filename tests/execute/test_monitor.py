@@ -423,11 +423,11 @@ def test_answers_need_not_wait_for_other_orders():
 
 def waking(monitor: Monitor) -> list[Outlook]:
     """The answers of a run in which a clock does nothing but wake, and nobody says anything more."""
-    answers = [monitor.outlook()]
+    answers = [monitor.assess()]
     while answers[-1].wake is not None:
         assert len(answers) < 100
-        answers.append(monitor.say("tick", at=answers[-1].wake))
-        assert answers[-1].refused is None
+        assert monitor.say("tick", at=answers[-1].wake).refused is None
+        answers.append(monitor.assess())
         assert answers[-1].time == answers[-2].wake > answers[-2].time
     return answers
 
