@@ -1,6 +1,7 @@
 """Conditional networks of other tools (CSTN, CSTNU, CCTP) as plans with choices: observations are choices of people.
 
-A contingent link is an activity, and a label is a guard. A literal about a proposition says as well that its time point
+A contingent link is an activity, and a label is a guard. Where its end can happen without it, the activity has an end
+of its own, at the same time. A literal about a proposition says as well that its time point
 exists, and a link that its two ends do; what can never hold goes. Everything happens at the origin or after it.
 """
 
@@ -75,10 +76,15 @@ def plan_of_network(network: ConditionalNetwork, epsilon: Fraction = model.EPSIL
         if link.lower is None or link.lower < 0:
             message = f"found contingent link {link}, expected one that ends after it starts"
             raise UnsupportedError(message, link.place or Location(network.name))
+        target = link.target
+        if guards.get(target) != guard:
+            target = f"end of ({link.ends})"
+            while target in guards:
+                target += "'"
+            guards[target] = guard
+            constraints.append(model.Constraint(target, link.target, Fraction(0), Fraction(0), guard))
         activities.append(
-            model.Activity(
-                f"({link.ends})", link.source, link.target, link.lower, link.upper, "nature", guard, link.place
-            )
+            model.Activity(f"({link.ends})", link.source, target, link.lower, link.upper, "nature", guard, link.place)
         )
     if network.origin is not None:
         after = (name for name in guards if name != network.origin)

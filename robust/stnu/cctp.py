@@ -13,10 +13,9 @@ from collections.abc import Collection, Iterator, Sequence
 from fractions import Fraction
 
 from robust.errors import InputError, Location, did_you_mean
-from robust.numbers import parse_number, shorten
-from robust.probability.distributions import Below, Distribution
+from robust.numbers import parse_number, plural, shorten
 from robust.stnu.graphml import INFINITE, Element
-from robust.stnu.network import ChoicePoint, ConditionalNetwork, Label, Link, Network, note_unused
+from robust.stnu.network import ChoicePoint, ConditionalNetwork, Label, Link, Network, normal, note_unused
 
 _EVENTS = ("event", "timepoint", "node")
 _CONSTRAINTS = ("constraint", "temporalconstraint", "episode", "activity", "link")
@@ -136,7 +135,7 @@ def _guard(element: Element, known: dict[str, ChoicePoint]) -> Label:
         variables = [text for text, _ in _some(guard, _GUARD_VARIABLE)]
         values = [text for text, _ in _some(guard, _GUARD_VALUE)]
         if len(variables) != len(values) or not (pairs or variables or not (guard.text or guard.children)):
-            found = f"found {len(variables)} variables and {len(values)} values in a guard"
+            found = f"found {plural(len(variables), 'variable')} and {plural(len(values), 'value')} in a guard"
             raise InputError(f"{found}, expected a value for each variable", guard.place)
         for variable, value in (*pairs, *zip(variables, values, strict=True)):
             if variable not in known:
@@ -182,9 +181,10 @@ def _link(element: Element, aliases: dict[str, str]) -> Link:
         mean, variance = (_text(element, names) for names in (("mean",), ("variance", "var")))
         if not mean[0] or not variance[0]:
             raise InputError(f"found type {shorten(kind)} without MEAN and VARIANCE, expected both", place)
-        numbers = {"mean": parse_number(*mean), "minimum": Fraction(0)}
-        deviation = Fraction(str(float(max(Fraction(0), parse_number(*variance))) ** 0.5)).limit_denominator(10**9)
-        distribution = Distribution("normal", {**numbers, "deviation": deviation}, Below.CLIP)
+        if (spread := parse_number(*variance)) < 0:
+            raise InputError(f"found variance {spread}, expected at least 0", variance[1])
+        deviation = Fraction(str(float(spread) ** 0.5)).limit_denominator(10**9)
+        distribution = normal(parse_number(*mean), deviation)
         lower = Fraction(0) if lower is None else lower
     return Link(ends[0], ends[1], lower, upper, is_contingent, element.place, distribution)
 

@@ -94,7 +94,13 @@ def parse_markup(text: str, file: str, expected: str) -> Element:
 
 
 ORIGIN = "Z"
-INFINITE = {f"{sign}{text}": -1 if sign == "-" else 1 for text in ("inf", "infinity", "∞") for sign in ("", "+", "-")}
+_GREATEST = ("1.7976931348623157e+308", "1.7976931348623157e308")
+"""The greatest float, which stands for infinity where there is none."""
+INFINITE = {
+    f"{sign}{text}": -1 if sign == "-" else 1
+    for text in ("inf", "infinity", "∞", *_GREATEST)
+    for sign in ("", "+", "-")
+}
 
 # -- reading -----------------------------------------------------------------------------------------------------------
 

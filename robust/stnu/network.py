@@ -25,7 +25,7 @@ from robust.execute.controllable_boxes import ends_of, parametric_stnu
 from robust.network import uncertain
 from robust.numbers import format_number, plural, shorten
 from robust.plan.model import ZERO, ParametrizedPlan, TimePoint, TimePointKind
-from robust.probability.distributions import Distribution
+from robust.probability.distributions import Below, Distribution
 from robust.qe.box import Box, Side
 
 _NOTHING = Fraction(0)
@@ -359,6 +359,13 @@ def with_origin(network: Network, name: str) -> Network:
     links = tuple(replace(link, source=new[link.source], target=new[link.target]) for link in network.links)
     layout = {new[node]: at for node, at in network.layout.items()}
     return Network(network.name, tuple(new.values()), links, name, layout)
+
+
+def normal(mean: Fraction, deviation: Fraction) -> Distribution:
+    """The distribution of a length with that mean and deviation, never below 0; without deviation, the one length."""
+    if deviation == 0:
+        return Distribution("constant", {"value": max(mean, Fraction(0))}, Below.CLIP)
+    return Distribution("normal", {"mean": mean, "deviation": deviation, "minimum": Fraction(0)}, Below.CLIP)
 
 
 def with_quantile(network: Asked, quantile: Fraction) -> Asked:

@@ -23,7 +23,7 @@ from robust.json_text import Array, Constant, Json, JsonText, Numeral, Object, d
 from robust.numbers import EXPECTED_NUMBER, format_number, is_number, parse_number, shorten
 from robust.probability.distributions import Below, Distribution, require_possible
 from robust.stnu.graphml import INFINITE
-from robust.stnu.network import Link, Network, note_unused, with_origin
+from robust.stnu.network import Link, Network, normal, note_unused, with_origin
 
 ORIGIN = "0"
 _LISTS = {"nodes": ("nodes", "time_points", "timepoints", "vertices"), "constraints": ("constraints", "edges", "links")}
@@ -39,8 +39,6 @@ _CONSTRAINT = {
 }
 _NESTED = ("duration_bound", "intervals", "interval", "bounds", "bound", "duration")
 """Objects, or pairs, which may hold the bounds of a constraint."""
-_GREATEST = "1.7976931348623157e+308"
-"""The greatest float, which stands for infinity where there is none."""
 _MEANINGLESS = ("name", "label", "owner_id", "local_id", "num_agents", "controllable", "executed", "description")
 """Keys that say nothing about times."""
 _KINDS = {
@@ -49,11 +47,11 @@ _KINDS = {
     **dict.fromkeys(("pstc", "probabilistic"), "random"),
 }
 _NUMBERS = {
-    "mean": ("mean", "mu", "average"),
-    "deviation": ("sd", "std", "stdev", "sigma", "deviation", "standard_deviation", "scale"),
+    "mean": ("mean", "mu", "average", "loc"),
+    "deviation": ("sd", "std", "std_dev", "stddev", "stdev", "sigma", "deviation", "standard_deviation", "scale"),
     "variance": ("variance", "var"),
-    "lower": ("lower", "lb", "min", "low"),
-    "upper": ("upper", "ub", "max", "high"),
+    "lower": ("lower", "lb", "min", "low", "a"),
+    "upper": ("upper", "ub", "max", "high", "b"),
 }
 _FORMS = {"normal": ("n", "norm", "normal", "gaussian", "gauss"), "uniform": ("u", "uniform")}
 
@@ -79,7 +77,7 @@ class _Reader:
         parts = {name: self._member(top, name, _LISTS) for name in _LISTS}
         for name, value in parts.items():
             if value is None:
-                raise InputError(f"found no {name!r}, expected {', '.join(_LISTS)}", top.location)
+                raise InputError(f"found no {name!r}, expected lists {' and '.join(map(repr, _LISTS))}", top.location)
         self._pass_over(top, "the file", *(key for keys in _LISTS.values() for key in keys))
         nodes, constraints = (_list(value) for value in parts.values() if value is not None)
         bounds = [bound for value in nodes for bound in self._node(value)]
@@ -197,7 +195,7 @@ def _bound(value: Json, sign: int) -> Fraction | None:
     if isinstance(value, Constant) and value.value is None:
         return None
     text = _text(value)
-    if INFINITE.get(text.lower()) == sign or text.lower() == ("" if sign > 0 else "-") + _GREATEST:
+    if INFINITE.get(text.lower()) == sign:
         return None
     if not is_number(text):
         infinite = "inf" if sign > 0 else "-inf"
@@ -250,9 +248,9 @@ def _distribution(value: Json, *, required: bool) -> Distribution | None:
         expected = "a normal one (N_MEAN_DEVIATION, or mean and sd) or a uniform one (U_LOWER_UPPER)"
         raise InputError(f"found distribution {describe(written or value)}, expected {expected}", value.location)
     require_possible(form, numbers, value.location)
-    if form == "normal":
-        numbers["minimum"] = Fraction(0)
-    return Distribution(form, numbers, Below.CLIP)
+    return (
+        normal(numbers["mean"], numbers["deviation"]) if form == "normal" else Distribution(form, numbers, Below.CLIP)
+    )
 
 
 def _numbers(parts: Mapping[str, Json]) -> dict[str, Fraction]:

@@ -14,6 +14,7 @@ from robust.pike_bridge.conditional import plan_of_network
 from robust.pike_bridge.game.controllability import DecidingControllability
 from robust.pike_bridge.game.deciding import ControllabilityVerdict
 from robust.stnu.files import read
+from robust.stnu.network import with_quantile
 from tests.cli.running import command
 from tests.network import oracles
 from tests.sampling import often
@@ -58,10 +59,10 @@ def test_verdicts_about_observations_are_those_of_games(tmp_path):
 def test_decisions_are_the_executives(tmp_path):
     """A problem with decision variables is controllable if the network of some of their values is."""
     seen = Counter()
-    for seed in often(range(10), range(1000, 1060)):
+    for seed in often(range(1000, 1012), range(1000, 1060)):
         rng = Random(seed)  # noqa: S311
         links = [link for link in rooted(rng, 3, 1, 6, 4) if not link[4:] or link[2] >= 0]
-        guards = [None if link[4:] or rng.random() < 0.4 else rng.choice(["a", "b"]) for link in links]
+        guards = [None if rng.random() < (0.7 if link[4:] else 0.4) else rng.choice(["a", "b"]) for link in links]
         names = {name: name for name in dict.fromkeys(name for link in links for name in link[:2])}
         events = "".join(f"<EVENT><ID>{name}</ID></EVENT>" for name in names)
         variable = "<DECISION-VARIABLE><ID>v1</ID><NAME>way</NAME>{}</DECISION-VARIABLE>".format(
@@ -127,7 +128,9 @@ def test_random_lengths_by_their_quantiles_and_probabilities(tmp_path):
     [
         ({"mean": 10, "sd": 2}, "normal"),
         ({"type": "gaussian", "mu": 10, "variance": "4"}, "normal"),
+        ({"type": "Gaussian", "loc": 10, "std_dev": 2}, "normal"),
         ({"type": "Uniform", "lb": 10, "ub": 12}, "uniform"),
+        ({"name": "uniform", "a": 10, "b": 12}, "uniform"),
         ("U_10_12", "uniform"),
     ],
 )
@@ -142,13 +145,58 @@ def test_spellings_of_distributions(distribution, kind, tmp_path):
 
 def test_ends_that_are_infinite_and_domains_alone(tmp_path):
     greatest = "1.7976931348623157e+308"
-    ends = [('"-inf"', '"inf"'), ("-Infinity", "Infinity"), ("null", "null"), (f"-{greatest}", greatest)]
+    java = greatest.replace("e+", "E")
+    ends = [
+        ('"-inf"', '"inf"'),
+        ("-Infinity", "Infinity"),
+        ("null", "null"),
+        (f"-{greatest}", greatest),
+        (f"-{java}", java),
+    ]
     for low, high in ends:
         first = f'{{"node_id": 1, "min_domain": {low}, "max_domain": 9}}'
         second = f'{{"node_id": 2, "min_domain": 3, "max_domain": {high}}}'
         found = read_text(tmp_path, f'{{"nodes": [{first}, {second}], "constraints": []}}')
         assert [(link.target, link.lower, link.upper) for link in found.links] == [("1", None, 9), ("2", 3, None)]
         assert found.origin == "0"
+
+
+@pytest.mark.parametrize("form", ["json", "cctp"])
+def test_a_normal_length_without_deviation_is_one_length(form, tmp_path):
+    link = {"first_node": 1, "second_node": 2, "type": "pstc", "distribution": {"mean": 10, "sd": 0}}
+    text = json.dumps({"nodes": [1, 2], "constraints": [link]})
+    if form == "cctp":
+        numbers = (
+            "<LOWERBOUND>10</LOWERBOUND><UPPERBOUND>1.7976931348623157E308</UPPERBOUND><MEAN>10</MEAN><VAR>0</VAR>"
+        )
+        kind = "<TYPE>Uncontrollable;Probabilistic</TYPE>"
+        ends = "<EVENT><ID>1</ID></EVENT><EVENT><ID>2</ID></EVENT>"
+        text = f"<CCTP>{ends}<CONSTRAINT><START>1</START><END>2</END>{numbers}{kind}</CONSTRAINT></CCTP>"
+    network = read_text(tmp_path, text)
+    assert (network.links[0].lower, network.links[0].upper) == (10, 10 if form == "json" else None)
+    (narrow,) = with_quantile(network, Fraction(1, 100)).links
+    assert (narrow.lower, narrow.upper) == (10, 10)
+    assert stnu.risk(network).probability.lower == 1
+    with pytest.raises(InputError, match=r"found (variance|deviation) -1, expected at least 0"):
+        read_text(tmp_path, text.replace('"sd": 0', '"sd": -1').replace("<VAR>0<", "<VAR>-1<"))
+
+
+def test_a_contingent_link_of_some_choices_between_events_of_all(tmp_path):
+    """As problems of this kind are usually written: another way for each choice, between the same events."""
+    guard = "<GUARD><GUARD-VARIABLE>way</GUARD-VARIABLE><GUARD-VALUE>{}</GUARD-VALUE></GUARD>"
+    events = "".join(f"<EVENT><ID>{number}</ID></EVENT>" for number in (1, 2))
+    variable = "<DECISION-VARIABLE><NAME>way</NAME><VALUE>car</VALUE><VALUE>walk</VALUE></DECISION-VARIABLE>"
+    names = {"1": "1", "2": "2"}
+    ways = [
+        cctp_constraint(names, ("1", "2", 10, high, "ctg"), guard.format(way))
+        for high, way in ((40, "car"), (20, "walk"))
+    ]
+    path = tmp_path / "n.cctp"
+    for most, verdict in ((30, "controllable"), (15, "uncontrollable")):
+        limit = cctp_constraint(names, ("1", "2", 0, most), "")
+        path.write_text(f"<CCTP>{events}{variable}{''.join(ways)}{limit}</CCTP>", encoding="utf-8")
+        done = command("stnu", "check", path)
+        assert (done.code, done.out.partition(":")[0]) == (int(verdict != "controllable"), verdict)
 
 
 def test_observations_in_either_command(tmp_path):
@@ -178,6 +226,11 @@ WRONG = {
     "no edge": ("STN\nA B\nA five B\n", "^n:3: found 'A five B', expected A NUMBER B for an edge, or"),
     "unknown name": ("STN\nA B\nA 5 C\n", "^n:3: found unknown time point 'C', expected one of the names$"),
     "name twice": ("STN\nA A\n", "^n:2: found a second time point 'A', expected one$"),
+    "too many names": (
+        "STNU\n5\n2\n1\nA B C D\nA 5 B\n",
+        "^n:6: found .* 'A', expected one; line 2 says 5 time points$",
+    ),
+    "no lists": ("{}", "^n:1:1: found no 'nodes', expected lists 'nodes' and 'constraints'$"),
     "no root": ("<svg/>", "^n:1:1: found no graph, expected GraphML with one$"),
     "broken": ("<CCTP>\n<EVENT>", "^n:2:8: found broken XML .*, expected GraphML or CCTP$"),
     "a list": ("\ufeff[1,\r\n2]", "^n:1:1: found a list, expected an object$"),
