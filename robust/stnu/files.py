@@ -134,8 +134,8 @@ def parse_text(text: str, file: str) -> Network:
     while rest and (len(nodes) < counts[0][0] if counts else not nodes):
         for name in rest[0][0]:
             if name in nodes:
-                said = f"; line {counts[0][1].line} says {plural(counts[0][0], 'time point')}" if counts else ""
-                raise InputError(f"found a second time point {shorten(name)}, expected one{said}", rest[0][1])
+                hint = f"; line {counts[0][1].line} says {plural(counts[0][0], 'time point')}" if counts else ""
+                raise InputError(f"found a second time point {shorten(name)}, expected one{hint}", rest[0][1])
             nodes[name] = None
         rest.pop(0)
     links = [_text_link(words, place, nodes) for words, place in rest]
