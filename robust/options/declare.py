@@ -274,7 +274,7 @@ class Options:
 
 def _check_kind(name: str, option: Option, value: object) -> None:
     """InputError if a value is not of the kind of its option, where nothing else finds that out."""
-    if isinstance(option.default, bool):
+    if option.flag:
         right, expected = isinstance(value, bool), "True or False"
     elif option.path and not option.many:
         right, expected = isinstance(value, str | os.PathLike), "a path"

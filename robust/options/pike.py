@@ -216,7 +216,11 @@ class PikeCompileOptions(KnowledgeBaseOptions):
     """Options of :func:`robust.pike.compile`."""
 
     implicants: bool = declare.option(False, "list the prime implicants (pitms, pitms-labels, bdd)")
-    models: bool = declare.option(True, "count the models")
+    models: bool | None = declare.option(
+        None,
+        "count the models; if not given, all back ends but sat do, which lists them one by one",
+        "--models/--no-models",
+    )
     show: str | Sequence[str] = declare.option(
         (),
         "list links: labeled causal links, and how threats are kept away; labels: those of the knowledge base's nodes "

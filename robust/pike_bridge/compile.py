@@ -427,12 +427,12 @@ class Measuring(Compiling, Searching[Sizes]):
 
     Args:
         implicants: whether the prime implicants are listed.
-        models: whether models are counted.
+        models: whether models are counted; None: unless the back end, which asks a solver, would list them.
         show: what else is listed: `links`, `labels` of nodes, `distances`.
     """
 
     implicants: bool = False
-    models: bool = True
+    models: bool | None = None
     show: Collection[str] = ()
 
     def __post_init__(self) -> None:
@@ -469,7 +469,7 @@ class Measuring(Compiling, Searching[Sizes]):
             question(knowledge)
 
     def _ask_models(self, knowledge: logic.KnowledgeBase) -> None:
-        if self.models:
+        if self.models or (self.models is None and not reasons_about_time(self.backend)):
             self.on_stage("counting models")
             self._sizes.models = knowledge.count_models(self.deadline)
 

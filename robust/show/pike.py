@@ -329,11 +329,13 @@ def _distance_lines(sizes: Sizes) -> Iterator[str]:
 
 
 def _compile_headline(sizes: Sizes) -> str:
-    if sizes.status != "complete":
+    ended = "out of time" if sizes.status == "timeout" else sizes.reason or sizes.status
+    if sizes.satisfiable is None:
         reached = [stage for stage in STAGES if stage in sizes.seconds]
         after = f" in stage {reached[-1]!r}" if reached else ""
-        return f"Not compiled: {'out of time' if sizes.status == 'timeout' else sizes.reason or sizes.status}{after}."
-    return "Compiled: a correct execution exists." if sizes.satisfiable else "Compiled: no correct execution exists."
+        return f"Not compiled: {ended}{after}."
+    known = f"Compiled: {'a' if sizes.satisfiable else 'no'} correct execution exists"
+    return f"{known}." if sizes.status == "complete" else f"{known}; {ended} before all was counted and listed."
 
 
 def _facts(sizes: Sizes) -> Mapping[str, str]:
@@ -344,7 +346,10 @@ def _facts(sizes: Sizes) -> Mapping[str, str]:
         "models": sizes.models,
     }
     times = {f"{stage}, time": duration(spent) for stage, spent in sizes.seconds.items()}
-    return {name: f"{value:,}" for name, value in counts.items() if value is not None} | times
+    known = {name: f"{value:,}" for name, value in counts.items() if value is not None}
+    if sizes.models is None and sizes.satisfiable is not None and sizes.status == "complete" and sizes.backend == "sat":
+        known["models"] = "not counted: a solver lists them one by one (--models)"
+    return known | times
 
 
 # -- cross-check -------------------------------------------------------------------------------------------------------

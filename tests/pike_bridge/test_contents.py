@@ -4,7 +4,9 @@ from itertools import permutations
 
 import pytest
 
+from benchmarks.generators.team_plans import blocks
 from robust import pike
+from robust.errors import InputError
 from robust.pike_bridge import compile
 from robust.pike_bridge.knowledge.propagation import PropagatedLabels
 from robust.pike_bridge.model import Assignment
@@ -117,3 +119,19 @@ def test_listings_as_text_and_json(tmp_path):
         (("--show", "labels", "--backend", "bdd"), "back end bdd has no labels; expected --backend pitms or"),
     ):
         assert message in command("pike", "compile", file, *words).err
+
+
+def test_models_are_listed_by_a_solver_only_where_they_are_asked_for():
+    """Of a plan with 10**44 models, a back end that lists them says at once that a correct execution exists."""
+    plan = blocks(16).plan()
+    sizes = pike.compile(plan, "sat")
+    assert (sizes.status, sizes.satisfiable, sizes.models) == ("complete", True, None)
+    assert "models: not counted: a solver lists them one by one (--models)" in str(sizes)
+    sizes = pike.compile(plan, "sat", models=True, timeout=sum(sizes.seconds.values()) + 3)
+    assert (sizes.status, sizes.satisfiable, sizes.models) == ("timeout", True, None)
+    assert str(sizes).startswith("Compiled: a correct execution exists; out of time before all was counted")
+    story = stories.sat_plan([[1, 2]]).plan()
+    assert pike.compile(story, "sat", models=True).models == pike.compile(story).models is not None
+    assert pike.compile(story, models=False).models is None
+    with pytest.raises(InputError, match="models: found '3', expected True or False"):
+        pike.compile(story, models=3)
