@@ -232,8 +232,8 @@ class _Parser:
         key = self._string()
         if key.value in opened.members:
             first = next(earlier.location for earlier in opened.keys if earlier.value == key.value)
-            message = f"found a second {shorten(key.value)}, expected one; the first is in line {first.line}"
-            raise InputError(message, key.location)
+            where = "" if first.line == key.location.line else f"; the first is in line {first.line}"
+            raise InputError(f"found a second {shorten(key.value)}, expected one{where}", key.location)
         opened.keys.append(key)
         if self._peek() != ":":
             raise self._fault("':' after the key")
@@ -403,7 +403,7 @@ class JsonTypes:
     def _expected(self, kind: Any) -> str:
         if kind in self._texts:
             return "a text"
-        if _is_object(kind) or _is_record(kind):
+        if any(_is_object(each) or _is_record(each) for each in (kind, *_members(kind))):
             return "an object"
         if get_origin(kind) in {tuple, frozenset}:
             return "a list"

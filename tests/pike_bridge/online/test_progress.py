@@ -111,6 +111,8 @@ KINDS = "outcome, started, completion, failed, aborted, cancelled, estimate, ret
         ('{"kind": 3}', "input:7:10: found 3, expected a text for 'kind'"),
         ('{"kind": "outcom"}', f"input:7:10: found kind 'outcom', expected one of {KINDS}; did you mean 'outcome'?"),
         ('{"kind": "outcome", "choice": "a"}', "input:7:1: found no field 'value', expected a text"),
+        ('{"kind": "retract"}', "input:7:1: found no field 'message', expected an object"),
+        ('{"kind": "retract", "kind": "retract"}', "input:7:21: found a second 'kind', expected one"),
         (
             '{"kind": "outcome", "choice": "a", "value": "b", "valu": 1}',
             "input:7:50: found unknown field 'valu', expected only kind, choice, value, at; did you mean 'value'?",
