@@ -50,7 +50,20 @@ from robust.pike_bridge.online.executive import LatestMoments, Moment, Moments, 
 from robust.pike_bridge.online.field import FieldExecutive, FieldState
 from robust.pike_bridge.online.inquiry import why, why_failed, why_not
 from robust.pike_bridge.online.kirk_world import KirkRehearsal
-from robust.pike_bridge.online.progress import Chosen, Completion, Decision, Estimate, Message, Outcome, parse_atom
+from robust.pike_bridge.online.progress import (
+    ActivityAborted,
+    ActivityCancelled,
+    ActivityFailed,
+    Began,
+    Chosen,
+    Completion,
+    Decision,
+    Estimate,
+    Message,
+    Outcome,
+    Retract,
+    parse_atom,
+)
 from robust.pike_bridge.online.reasoners import make_reasoner, reasoner_names
 from robust.pike_bridge.online.service import Journal, JournalStep, read_journal, resume
 from robust.pike_bridge.online.world import (
@@ -68,15 +81,16 @@ from robust.pike_bridge.theory import KnowledgeBase
 from robust.smt.limits import Deadline, OutOfTimeError
 
 __all__ = [
-    "EPSILON", "ChanceBounds", "Compilation", "Completion", "ControllabilityVerdict", "CrossCheck", "Crossed",
-    "Decision", "Disagreement", "Disturbance", "Ending", "Estimate", "Execution", "ExecutionRecord", "ExecutionStep",
-    "FieldExecutive", "FieldState", "Human", "Instance", "IntentChance", "Journal", "JournalStep", "KnowledgeBase",
-    "LabeledRegion", "Message", "Moment", "Moments", "Oracle", "OutOfTimeError", "Outcome", "Pace", "ParametricPlan",
-    "PikeCheck", "PlanExecutive", "PlanVerdict", "Sizes", "Story", "TeamChance", "TeamControllability", "TeamEnvelope",
-    "TeamPlan", "Tpnu", "WallClock", "act", "build", "chance", "check", "choose", "compile", "controllable",
-    "cross_check", "drive", "envelope", "k_intents", "knowledge_base", "knowledge_bases", "learnt", "load",
-    "make_reasoner", "moments", "parallel", "parametrize", "read_journal", "read_tpnu", "reasoner_names", "region",
-    "resume", "run", "run_in_world", "sequence", "story", "why", "why_failed", "why_not", "within", "write_tpnu",
+    "EPSILON", "ActivityAborted", "ActivityCancelled", "ActivityFailed", "Began", "ChanceBounds", "Compilation",
+    "Completion", "ControllabilityVerdict", "CrossCheck", "Crossed", "Decision", "Disagreement", "Disturbance",
+    "Ending", "Estimate", "Execution", "ExecutionRecord", "ExecutionStep", "FieldExecutive", "FieldState", "Human",
+    "Instance", "IntentChance", "Journal", "JournalStep", "KnowledgeBase", "LabeledRegion", "Message", "Moment",
+    "Moments", "Oracle", "OutOfTimeError", "Outcome", "Pace", "ParametricPlan", "PikeCheck", "PlanExecutive",
+    "PlanVerdict", "Retract", "Sizes", "Story", "TeamChance", "TeamControllability", "TeamEnvelope", "TeamPlan",
+    "Tpnu", "WallClock", "act", "build", "chance", "check", "choose", "compile", "controllable", "cross_check",
+    "drive", "envelope", "k_intents", "knowledge_base", "knowledge_bases", "learnt", "load", "make_reasoner",
+    "moments", "parallel", "parametrize", "read_journal", "read_tpnu", "reasoner_names", "region", "resume", "run",
+    "run_in_world", "sequence", "story", "why", "why_failed", "why_not", "within", "write_tpnu",
 ]  # fmt: skip
 
 

@@ -22,7 +22,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, TypeAlias, assert_never
 
-from robust.errors import InputError
+from robust.errors import InputError, Location, did_you_mean
+from robust.numbers import shorten
 from robust.pike_bridge import model
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.course import COMPLETED, Course, FieldNote, outcomes
@@ -53,6 +54,28 @@ class FieldState:
     facts: Mapping[Atom, bool]
 
 
+_ENDINGS = (said.Completion, *said.NOT_ACHIEVED)
+
+
+def _check_state(plan: model.TeamPlan, state: FieldState) -> None:
+    """InputError if a state cannot be one of an execution of the plan."""
+    place, network = Location("state"), plan.network
+    for name, value in state.choices.items():
+        model.check_choice(network.domains, name, value, place)
+    goals = [said.goal_of(number) for number in range(len(network.activities))]
+    for what, names, known in (
+        ("event", state.schedule, network.guards),
+        ("goal", [*state.running, *state.ended], goals),
+        ("end", [how for how, _ in state.ended.values()], [report.kind() for report in _ENDINGS]),
+    ):
+        for name in names:
+            if name not in known:
+                raise InputError(f"found unknown {what} {shorten(name)}{did_you_mean(name, known)}", place)
+    times = *state.schedule.values(), *state.running.values(), *(at for _, at in state.ended.values())
+    if (latest := max(times, default=state.time)) > state.time:
+        raise InputError(f"found time {latest}, expected none after that of the state, {state.time}", place)
+
+
 Planner: TypeAlias = Callable[[FieldState], model.TeamPlan | None]
 """Makes another plan for where an execution has come to, with times from then on; None if it has none."""
 
@@ -72,6 +95,9 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         planner: asked for another plan where nothing of this one is left.
         options: those of :class:`PlanExecutive`.
 
+    Raises:
+        InputError: for another `early`.
+
     After a failure, reports may show that something is left after all.
     """
 
@@ -87,6 +113,8 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         self._make: Callable[[model.TeamPlan, said.Progress], PlanExecutive] = lambda judged, progress: PlanExecutive(
             judged, reasoner, progress=progress, **options
         )
+        if early not in {"accept", "wait"}:
+            raise InputError(f"found {shorten(early)}, expected accept or wait", Location("early"))
         self._waits, self._planner = early == "wait", planner
         self._begin(plan, Fraction(0))
 
@@ -181,19 +209,35 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
     def resumed(
         cls, plan: model.TeamPlan, reasoner: Callable[[said.Progress], Reasoner], state: FieldState, **options: Any
     ) -> FieldExecutive:
-        """An executive that goes on from where another one, perhaps of another program, has come to."""
+        """An executive that goes on from where another one, perhaps of another program, has come to.
+
+        Raises:
+            InputError: if the state names a choice, a value, an event or a goal that the plan does not have, or a time
+                that is not yet.
+        """
         executive = cls(plan, reasoner, **options)
-        reports = {report.kind(): report for report in (said.Completion, *said.NOT_ACHIEVED)}
+        _check_state(plan, state)
+        reports = {report.kind(): report for report in _ENDINGS}
         places = {said.goal_of(place): place for place in range(len(plan.network.activities))}
-        executive._acts, executive._choices = dict(state.schedule), dict(state.choices)
+        acts = frozenset(state.schedule)
+        executive._acts = dict(state.schedule)
+        executive._choices = {name: value for name, value in state.choices.items() if executive._is_ours(name)}
+        told: list[tuple[said.Report, tuple[int, ...]]] = [
+            (said.Outcome(*item), ()) for item in state.choices.items() if item[0] not in executive._choices
+        ]
+        for goal, since in state.running.items():
+            activity = plan.network.activities[places[goal]]
+            if state.schedule.get(activity.source) != since:  # it was not begun when it was dispatched
+                told.append((said.Began(activity.action, goal=goal, at=since), (places[goal],)))
         for goal, (how, at) in state.ended.items():
             action = plan.network.activities[places[goal]].action
-            report = reports[how](action, goal=goal, at=at)
-            executive.notes.append(FieldNote(report, at, (places[goal],), frozenset(state.schedule)))
+            told.append((reports[how](action, goal=goal, at=at), (places[goal],)))
+        for report, about in told:
+            executive.notes.append(FieldNote(report, state.time if report.at is None else report.at, about, acts))
         true, false = (
             frozenset(atom for atom, holds in state.facts.items() if holds is side) for side in (True, False)
         )
-        executive.notes.append(FieldNote(said.Estimate(true, false), state.time, acts=frozenset(state.schedule)))
+        executive.notes.append(FieldNote(said.Estimate(true, false), state.time, acts=acts))
         executive.judge_anew(state.time)
         early = executive._course.early()
         executive._held = {place for place in early if plan.network.activities[place].target not in state.schedule}
@@ -208,7 +252,7 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
             progress.now,
             dict(progress.chosen),
             {event: time for event, time in progress.times.items() if event in self._structure.guards},
-            {said.goal_of(place): since for place, since in self.running.items()},
+            {said.goal_of(place): self._course.begun.get(place, since) for place, since in self.running.items()},
             {said.goal_of(place): end for place, end in self._course.ended.items()},
             self._course.facts(progress.now),
         )

@@ -25,7 +25,7 @@ from robust.pike_bridge.likelihood import LikelyChoices, chance_answer
 from robust.pike_bridge.model import TeamPlan, check_choice, guard
 from robust.pike_bridge.online import explain
 from robust.pike_bridge.online import progress as said
-from robust.pike_bridge.online.field import FieldExecutive, TeamExecutive
+from robust.pike_bridge.online.field import FieldExecutive, FieldState, TeamExecutive
 from robust.pike_bridge.online.progress import JSON, Decision, Executed, Message
 from robust.smt.limits import NEVER, Deadline
 
@@ -468,6 +468,8 @@ class Service:
     def _state(self) -> Encoded:
         progress, activities = self.executive.progress, self.executive.plan.network.activities
         outcome = self.executive.outcome
+        state = self.executive.state() if isinstance(self.executive, FieldExecutive) else None
+        begun = {said.goal_of(place): since for place, since in self.executive.running.items()}
         return {
             "time": str(self.time),
             "step": self.steps,
@@ -479,16 +481,16 @@ class Service:
                     "action": activities[place].action,
                     "agent": activities[place].agent,
                     "end": activities[place].target,
-                    "since": str(since),
+                    "goal": goal,
+                    "since": str(since if state is None else state.running[goal]),
                 }
-                for place, since in self.executive.running.items()
+                for place, (goal, since) in zip(self.executive.running, begun.items(), strict=True)
             ],
-            **(self._field_state(self.executive) if isinstance(self.executive, FieldExecutive) else {}),
+            **({} if state is None else self._field_state(state)),
         }
 
     @staticmethod
-    def _field_state(executive: FieldExecutive) -> Encoded:
-        state = executive.state()
+    def _field_state(state: FieldState) -> Encoded:
         return {
             "ended": {goal: {"how": how, "at": str(at)} for goal, (how, at) in state.ended.items()},
             "facts": {str(atom): holds for atom, holds in state.facts.items()},

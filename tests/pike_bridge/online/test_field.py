@@ -10,7 +10,7 @@ import pytest
 
 from robust.errors import InputError
 from robust.json_text import parse_line
-from robust.pike import FieldExecutive, JournalStep, resume
+from robust.pike import FieldExecutive, FieldState, JournalStep, resume
 from robust.pike_bridge.model import (
     Activity,
     Choice,
@@ -124,11 +124,11 @@ def test_an_end_that_waits_is_announced_though_the_activity_has_deviated_before(
     assert (again.state(), again.wake) == (chosen.state(), chosen.wake)
 
 
-def test_what_is_chosen_after_a_failure_is_announced():
-    """What the failure left open is decided by what is executed, although the event of the choice is over."""
+def quick_or_slow(*choices):
+    """The executive's choice x has to be slow if fetching takes longer than 3; other choices at the beginning."""
     slow, quick = guard({"x": "slow"}), guard({"x": "quick"})
-    plan = fetching(
-        choices=[Choice("x", ("quick", "slow"), True, "begin")],
+    return fetching(
+        choices=[Choice("x", ("quick", "slow"), True, "begin"), *choices],
         more=[
             Event("quick", quick),
             Event("slow", slow),
@@ -137,7 +137,11 @@ def test_what_is_chosen_after_a_failure_is_announced():
             Constraint("fetched", "slow", Fraction(1, 10), None, slow),
         ],
     )
-    chosen = begun(plan)
+
+
+def test_what_is_chosen_after_a_failure_is_announced():
+    """What the failure left open is decided by what is executed, although the event of the choice is over."""
+    chosen = begun(quick_or_slow())
     assert chosen.progress.chosen == {"x": "quick"}
     decisions = advance(chosen, Fraction(4))
     assert [each.released for each in decisions if isinstance(each, said.Resumed)] == [("x",)]
@@ -408,6 +412,49 @@ def test_an_executive_goes_on_from_a_state():
     again = FieldExecutive.resumed(fetching(), SemanticReasoner, chosen.state())
     assert again.state() == chosen.state()
     assert again.step(Fraction(3), [USED])[-1].kind() == "succeeded"
+
+
+def test_a_state_says_when_a_late_robot_began():
+    """Dispatched at 0, begun at 3: the end at 5 is in time, for whoever goes on as for who has begun."""
+    chosen = begun(fetching())
+    chosen.step(Fraction(3), [said.Began("(fetch)")])
+    assert chosen.state().running == {"goal-1": 3}
+    again = FieldExecutive.resumed(fetching(), SemanticReasoner, chosen.state())
+    assert again.state() == chosen.state()
+    for each in (chosen, again):
+        assert kinds(advance(each, Fraction(5))) == []
+        assert "deviated" not in kinds(each.step(Fraction(5), [FETCHED]))
+
+
+def test_what_people_chose_before_a_state_was_handed_over_stays_chosen():
+    """A failure opens choices of the executive anew, not those of people."""
+    chosen = begun_all(quick_or_slow(Choice("theirs", ("1", "2"), False, "begin")))
+    chosen.step(Fraction(0), [said.Outcome("theirs", "1")])
+    advance(chosen, Fraction(1))
+    again = FieldExecutive.resumed(chosen.plan, SemanticReasoner, chosen.state())
+    for each in (chosen, again):
+        decisions = advance(each, Fraction(4))
+        assert [one.released for one in decisions if isinstance(one, said.Resumed)] == [("x",)]
+        assert each.state().choices == {"theirs": "1"}
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"choices": {"how": "slow"}}, "state: found unknown choice 'how'"),
+        ({"schedule": {"begn": Fraction(0)}}, "state: found unknown event 'begn'; did you mean 'begin'"),
+        ({"schedule": {"begin": Fraction(2)}}, "state: found time 2, expected none after that of the state, 1"),
+        ({"running": {"goal-9": Fraction(0)}}, "state: found unknown goal 'goal-9'"),
+        ({"ended": {"goal-1": ("completed", Fraction(1))}}, "state: found unknown end 'completed'; did you mean"),
+    ],
+)
+def test_a_state_that_is_none_of_the_plan_is_an_error(changes, message):
+    state = FieldState(Fraction(1), {}, {"begin": Fraction(0)}, {"goal-1": Fraction(0)}, {}, {})
+    assert FieldExecutive.resumed(fetching(), SemanticReasoner, state).running == {0: 0}
+    with pytest.raises(InputError, match=message):
+        FieldExecutive.resumed(fetching(), SemanticReasoner, replace(state, **changes))
+    with pytest.raises(InputError, match="early: found 'late', expected accept or wait"):
+        executive(fetching(), early="late")
 
 
 # -- random worlds -----------------------------------------------------------------------------------------------------
