@@ -52,7 +52,7 @@ class Completion(Tagged):
 
 @dataclass(frozen=True, slots=True)
 class Began(Tagged):
-    """Somebody has begun an activity, perhaps before it was dispatched."""
+    """Somebody has begun an activity, perhaps before it was dispatched; `at` is in the plan's unit of time."""
 
     KIND = "started"
 
@@ -68,7 +68,10 @@ class Began(Tagged):
 
 @dataclass(frozen=True, slots=True)
 class NotAchieved(Tagged):
-    """An activity has ended without what it does at its end: it failed, was aborted by its agent, or cancelled."""
+    """An activity has ended without what it does at its end: it failed, was aborted by its agent, or cancelled.
+
+    `at` is in the plan's unit of time.
+    """
 
     action: str
     event: str | None = None
@@ -80,16 +83,22 @@ class NotAchieved(Tagged):
 
 
 class ActivityFailed(NotAchieved):
+    """It failed."""
+
     __slots__ = ()
     KIND = "failed"
 
 
 class ActivityAborted(NotAchieved):
+    """Its agent has given it up."""
+
     __slots__ = ()
     KIND = "aborted"
 
 
 class ActivityCancelled(NotAchieved):
+    """It was cancelled, as the executive had asked."""
+
     __slots__ = ()
     KIND = "cancelled"
 
