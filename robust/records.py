@@ -152,10 +152,15 @@ def read_records(path: str | os.PathLike[str], form: RecordFormat, accept: Accep
     """Hand each line to `accept`, without its checksum; the file may be in use.
 
     Raises:
-        InputError: if the file is not of that format, is damaged, or a line is not accepted; the message has the line.
-        OSError: if it cannot be read.
+        InputError: if the file cannot be read, is not of that format, is damaged, or a line is not accepted; the message
+            has the line.
     """
-    _Chain(str(path), form).read(Path(path).read_bytes(), accept)
+    try:
+        data = Path(path).read_bytes()
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise InputError(f"cannot read the {form.name}: {reason}", Location(str(path))) from None
+    _Chain(str(path), form).read(data, accept)
 
 
 class RecordFile:

@@ -82,8 +82,8 @@ def read_journal(path: str | os.PathLike[str], plan: TeamPlan) -> tuple[JournalS
         For each step its time, in the plan's unit, what was reported, and what was decided.
 
     Raises:
-        InputError: if the file is no journal, is of another plan, or is damaged; the message has the line.
-        OSError: if it cannot be read.
+        InputError: if the file cannot be read, is no journal, is of another plan, or is damaged; the message has the
+            line.
     """
     steps: list[JournalStep] = []
     records.read_records(path, _format(plan), _accepting(plan, str(path), steps))

@@ -74,6 +74,8 @@ def test_what_is_read_is_what_was_written_and_time_does_not_go_back(path):
     with pytest.raises(InputError, match=r"journal:\d+"):
         service.Journal(path, kitchen())
     path.unlink()
+    with pytest.raises(InputError, match="journal: cannot read the journal: no such file or directory"):
+        service.read_journal(path, kitchen())
     content = written(path, [service.JournalStep(time) for time in (Fraction(2), Fraction(2), Fraction(1, 3))])
     with pytest.raises(InputError, match=r"journal:4:10: found time 1/3, expected 2 or later"):
         service.read_journal(path, kitchen())
