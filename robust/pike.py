@@ -152,7 +152,7 @@ def _searching(
     """A search with those of the options that it takes by their names, unless they are given otherwise.
 
     Raises:
-        InputError: if a choice or a value that is assumed is unknown.
+        InputError: if an option is wrong for the plan.
     """
     for name in inspect.signature(search).parameters.keys() & options.declarations.keys() - given.keys():
         value = getattr(options, name)
@@ -160,7 +160,12 @@ def _searching(
             value = assumed(plan.plan if isinstance(plan, ParametricPlan) else plan, value)
         if value is not None:
             given[name] = value
-    return search(plan, deadline=Deadline.after(options.limit), **given)
+    try:
+        return search(plan, deadline=Deadline.after(options.limit), **given)
+    except InputError as error:
+        if error.location is None or error.location.file not in options.declarations:
+            raise
+        raise InputError(error.message, place_of(error.location.file)) from None
 
 
 # -- questions ---------------------------------------------------------------------------------------------------------

@@ -152,8 +152,8 @@ def read_records(path: str | os.PathLike[str], form: RecordFormat, accept: Accep
     """Hand each line to `accept`, without its checksum; the file may be in use.
 
     Raises:
-        InputError: if the file cannot be read, is not of that format, is damaged, or a line is not accepted; the message
-            has the line.
+        InputError: if the file cannot be read, is not of that format or damaged, or if a line is not accepted; the
+            message has the line.
     """
     try:
         data = Path(path).read_bytes()

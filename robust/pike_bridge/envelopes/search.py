@@ -300,11 +300,11 @@ class TeamEnvelopeSearch(Searching[TeamEnvelope]):
 
     def __post_init__(self) -> None:
         super().__init__()
-        names = checked_choices(self.plan, self.for_all, "--for-all")
+        names = checked_choices(self.plan, self.for_all, "for_all")
         for variable, value in sorted(self.assume):
             if variable in names:
                 message = f"found {variable!r}, which is assumed to be {value}, expected a choice that is not assumed"
-                raise InputError(message, Location("--for-all"))
+                raise InputError(message, Location("for_all"))
         self._known = TeamEnvelope(self.plan, self.assume, names, self.waiting, Box.nothing(self.plan.declared))
         self._bad = UnionBadSet(self.plan.declared, ())
 

@@ -16,8 +16,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from robust.errors import InputError, Location
+from robust.errors import InputError, Location, did_you_mean
 from robust.irr.conflicts import Candidate, Clause, Point, RepairStatus, WeightedRepairSearching
+from robust.numbers import shorten
 from robust.pike_bridge.envelopes.parameters import Bound, ParametricPlan, TeamParameter, TeamParameterKind
 from robust.pike_bridge.envelopes.search import LabeledRegionSearch
 from robust.pike_bridge.game.controllability import (
@@ -82,7 +83,8 @@ class FindingLimits(Searching[TeamControllability]):
         solver: `z3` or `cvc5`.
 
     Raises:
-        InputError: if a parameter is no single bound, or of both sides' activities.
+        InputError: if a parameter is no single bound, or of both sides' activities; if there is no such free agent, or
+            nothing that could be repaired.
     """
 
     plan: ParametricPlan
@@ -95,6 +97,13 @@ class FindingLimits(Searching[TeamControllability]):
 
     def __post_init__(self) -> None:
         super().__init__()
+        agents = {each.agent for each in self.plan.plan.network.activities if each.agent is not None}
+        for agent in self.rules.free:
+            if agent not in agents:
+                message = f"found unknown agent {shorten(agent)}, expected one of the plan{did_you_mean(agent, agents)}"
+                raise InputError(message, Location("free"))
+        if self.repair and not self.plan.parameters:
+            raise InputError("found no parameters, expected bounds that may change", Location("repair"))
         self._asked = [(each, is_least(self.plan, each, self.rules)) for each in self.plan.parameters]
         self._nominal = self.deciding({})
         self._limits: list[MovableBound] = []

@@ -29,8 +29,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import combinations
 
-from robust.errors import InputError, Location, UnsupportedError, did_you_mean
-from robust.numbers import shorten
+from robust.errors import InputError, UnsupportedError
 from robust.pike_bridge import model
 from robust.pike_bridge.model import ALWAYS, INITIAL, Activity, Choice, Constraint, Event, Guard, TeamPlan, contradicts
 
@@ -76,7 +75,7 @@ class Game:
     """A plan under rules; `plan` has what the rules add.
 
     Raises:
-        InputError: if there is no such free agent, or choices depend on one another in a cycle.
+        InputError: if choices depend on one another in a cycle.
         UnsupportedError: if the plan is outside of what the game can say.
     """
 
@@ -201,11 +200,6 @@ class Game:
 def _with_rules(plan: TeamPlan, rules: GameRules) -> TeamPlan:
     """The plan with events of asking, and with its guards as orders."""
     network = plan.network
-    agents = sorted({each.agent for each in network.activities if each.agent is not None})
-    for agent in rules.free:
-        if agent not in agents:
-            hint = did_you_mean(agent, agents)
-            raise InputError(f"found unknown agent {shorten(agent)}, expected one of the plan{hint}", Location("free"))
     events, asking = list(network.events), []
     for choice in network.choices if rules.hesitate is not None else ():
         if not choice.controllable and choice.event is not None:

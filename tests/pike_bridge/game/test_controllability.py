@@ -21,6 +21,7 @@ from robust.pike_bridge.model import INITIAL, Activity, Choice, Constraint, Even
 from robust.pike_bridge.semantics import ExecutionExistence, Oracle
 from robust.plan.model import ZERO, TimePoint, TimePointKind
 from robust.smt.limits import Deadline
+from tests.cli.running import command
 from tests.pike_bridge.game.minimax import Minimax, TooLargeError, limited, longest, small_plan, tight_plan
 from tests.sampling import often
 from tests.schemas import schema
@@ -268,8 +269,6 @@ def test_plans_outside_of_the_game_are_unknown_and_say_why():
             plan_of({"x": {}, "s": {"r": "a"}, "e": {}}, [("r", True, "x")], (), [work("s", "e", 1, 2, r="a")]),
             GameRules(),
         )
-    with pytest.raises(InputError, match="unknown agent"):
-        Game(matching(), GameRules(free=("bob",)))
 
 
 # -- the stories -------------------------------------------------------------------------------------------------------
@@ -300,9 +299,20 @@ def test_the_wing_is_and_says_what_is_chosen():
     assert pike.controllable(WING, assume={"b1": "cleco"}).verdict is NO
 
 
-def test_parameters_are_single_bounds():
-    with pytest.raises(InputError, match="found duration as coffee, expected at-least or at-most"):
-        pike.controllable(KITCHEN, ["coffee=duration:make-coffee"])
+@pytest.mark.parametrize(
+    ("options", "place", "message"),
+    [
+        ({"parameters": "coffee=duration:make-coffee"}, "--parameter", "found duration as coffee, expected at-least"),
+        ({"free": "bob"}, "--free", "found unknown agent 'bob', expected one of the plan"),
+        ({"repair": True}, "--repair", "found no parameters, expected bounds that may change"),
+    ],
+)
+def test_what_does_not_fit_the_plan_is_called_as_it_was_given(options, place, message):
+    (name, value), *_ = options.items()
+    with pytest.raises(InputError, match=f"^{name}: {message}"):
+        pike.controllable(KITCHEN, **options)
+    typed = [place] if value is True else [place, value]
+    assert f"error: {place}: {message}" in command("pike", "check", KITCHEN, "--controllable", *typed).err
 
 
 def test_limits_of_contingent_lengths_go_the_other_way():
