@@ -430,8 +430,7 @@ def print_chance(out: Console, result: TeamChance, *, quiet: bool) -> None:
             f"If the team's choices do not wait for people's where the plan leaves that open: {percent(result.hasty)}."
         )
     rows = [
-        (f"{each.choice} = {each.value}", f"{float(each.probability):.2%}", percent(each.success))
-        for each in result.intents
+        (f"{each.choice} = {each.value}", _share(each.probability), percent(each.success)) for each in result.intents
     ]
     if rows:
         widths = [max(len(row[column]) for row in rows) for column in (0, 1)]
@@ -446,8 +445,16 @@ def percent(chance: ChanceBounds | None) -> str:
     """A probability, or the bounds that are known."""
     if chance is None:
         return "–"
-    low, high = (f"{float(bound):.2%}" for bound in chance)
+    low, high = map(_share, chance)
     return low if chance.lower == chance.upper else f"{low} to {high}"
+
+
+def _share(probability: Fraction) -> str:
+    """In per cent; what is neither impossible nor certain does not look as if it were."""
+    text = f"{float(probability):.2%}"
+    if 0 < probability < 1 and text in {"0.00%", "100.00%"}:
+        return "less than 0.01%" if text == "0.00%" else "more than 99.99%"
+    return text
 
 
 # -- patience ----------------------------------------------------------------------------------------------------------

@@ -283,3 +283,12 @@ def test_many_scenarios_need_no_enumeration():
     assert result.success == (1, 1)
     guessed = {f"x{number}": plan.network.domains[f"x{number}"][0] for number in (1, 2, 3)}
     assert pike.chance(plan, assume=guessed).success == (Fraction(1, 8), Fraction(1, 8))
+
+
+def test_what_is_unlikely_is_not_said_to_be_impossible():
+    """Nor what is likely to be certain."""
+    rare = Fraction(1, 10**6)
+    text = str(pike.chance(one_or_the_other((("1", rare), ("2", 1 - rare), ("3", Fraction(0))))))
+    assert text.startswith("Success is more than 99.99% likely.")
+    for value, share in (("1", "less than 0.01%"), ("2", "more than 99.99%"), ("3", "0.00%")):
+        assert re.search(f"people = {value} +{share} ", text)
