@@ -282,6 +282,7 @@ def test_ends_lengths_of_time_and_counts_for_people():
     assert approximate(Fraction(-(10**400))) == -inf
     assert [duration(seconds) for seconds in (0.123, 61, 7300)] == ["0.12 s", "1 min 1 s", "2 h 1 min"]
     assert [plural(count, "check") for count in (0, 1, 2)] == ["0 checks", "1 check", "2 checks"]
+    assert [plural(count, "activity") for count in (0, 1)] == ["0 activities", "1 activity"]
 
 
 BELOW, ABOVE = Interval(None, Fraction(3), lower_closed=False), Interval(Fraction(3), None, upper_closed=False)

@@ -17,7 +17,7 @@ from random import Random
 from typing import NamedTuple, TypeAlias, assert_never
 
 from robust.errors import InputError, Location
-from robust.numbers import Number, exact, shorten
+from robust.numbers import Number, exact, plural, shorten
 from robust.pike_bridge import action_model, model
 from robust.plan.pddl.write import ActionText, sketched_domain, sketched_problem
 
@@ -376,8 +376,8 @@ def read_dimacs(text: str, file: str) -> ClauseFormula:
                 clauses.append(tuple(clause))
                 clause = []
     if variables < 0 or clause or len(clauses) != wanted:
-        expected = "'p cnf VARIABLES CLAUSES'" if variables < 0 else f"{wanted} clauses, each ended by 0"
-        found = f"{len(clauses)} clauses{' and one that does not end' if clause else ''}"
+        expected = "'p cnf VARIABLES CLAUSES'" if variables < 0 else f"{plural(wanted, 'clause')}, each ended by 0"
+        found = f"{plural(len(clauses), 'clause')}{' and one that does not end' if clause else ''}"
         raise InputError(f"found {found}, expected {expected}", Location(file))
     return ClauseFormula(variables, tuple(clauses))
 

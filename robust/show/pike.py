@@ -221,8 +221,8 @@ def print_check(out: Console, result: PikeCheck, *, quiet: bool) -> None:
     if result.execution is not None:
         for line in execution_lines(result.execution, result.plan):
             out.print(f"  {line}")
-    if result.scenarios is not None:
-        missing = "" if result.complete else " so far"
+    missing = "" if result.complete else " so far"
+    if result.scenarios or (missing and result.scenarios is not None):
         out.print(f"{plural(len(result.scenarios), 'team scenario')}{missing}:")
         for scenario in result.scenarios:
             out.print(f"  {scenario_text(scenario)}")
@@ -489,8 +489,9 @@ def print_patience(out: Console, result: executive.Moments, *, quiet: bool) -> N
 def print_plot(out: Console, drawn: PikePlot, *, quiet: bool) -> None:
     """Print what was drawn, unless `quiet`."""
     if not quiet:
-        links = "" if drawn.links is None else f", {drawn.links} labeled causal links"
-        out.print(f"{drawn.plot}: {drawn.events} events, {drawn.activities} activities, {drawn.choices} choices{links}")
+        links = "" if drawn.links is None else f", {plural(drawn.links, 'labeled causal link')}"
+        counts = {"event": drawn.events, "activity": drawn.activities, "choice": drawn.choices}
+        out.print(f"{drawn.plot}: {', '.join(plural(count, noun) for noun, count in counts.items())}{links}")
 
 
 # -- new --------------------------------------------------------------------------------------------------------------
@@ -513,7 +514,7 @@ def new_document(instance: action_model.Instance, path: Path) -> Document:
 def print_new(out: Console, instance: action_model.Instance, path: Path, *, quiet: bool) -> None:
     """The files that were written; unless `quiet` also commands to try next."""
     network = instance.network
-    activities = plural(len(network.activities), "activity").replace("activitys", "activities")
+    activities = plural(len(network.activities), "activity")
     text = f"{path}: {plural(len(network.choices), 'choice')}, {activities}; beside it domain.pddl and problem.pddl"
     out.line(text)
     if quiet:

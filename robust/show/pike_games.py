@@ -221,7 +221,7 @@ def print_controllable(out: Console, found: TeamControllability, *, quiet: bool)
         for line in _repair_lines(found.repair):
             out.print(line, soft_wrap=True)
     if not quiet:
-        cases, policies = plural(found.cases, "case"), plural(found.policies, "policy").replace("policys", "policies")
+        cases, policies = plural(found.cases, "case"), plural(found.policies, "policy")
         apart = f"{found.parts} parts, " if found.parts > 1 else ""
         out.print(f"{apart}{cases} of what people choose, {policies} tried, {duration(found.seconds)}.")
 

@@ -139,7 +139,7 @@ def test_plans_are_consistent_if_a_solver_finds_their_formula_satisfiable(variab
         ("p cnf 2 1\n1 x 0\n", "f.cnf:2: found 'x', expected 0, or a variable up to 2"),
         (
             "p cnf 2 2\n1 2\n0 -1\n",
-            "f.cnf: found 1 clauses and one that does not end, expected 2 clauses, each ended by 0",
+            "f.cnf: found 1 clause and one that does not end, expected 2 clauses, each ended by 0",
         ),
     ],
 )
