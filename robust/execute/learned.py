@@ -27,7 +27,7 @@ from functools import lru_cache
 from math import exp, floor, lgamma, log
 from typing import Any, Final, NamedTuple
 
-from robust.errors import InputError, InputWarning, Location, did_you_mean
+from robust.errors import InputError, InputWarning, Location, closest, did_you_mean
 from robust.execute.logs import ActionRun, Amount, RunEnding, read_runs
 from robust.execute.rules import CovarianceRule, FactorRule, Rule, Rules, factor_rule, normal_name
 from robust.numbers import format_number, plural, shorten
@@ -563,9 +563,11 @@ def _subjects(name: str, plan: ParametrizedPlan, place: Location) -> Iterator[tu
     found = found or ([(4, one) for one in names] if name == "*" else [])
     if not found:
         steps = {name for step in plan.instances for name in (*names_of(step), "*")}
-        remedy = did_you_mean(name, names) if names else "; the plan has none, and --parameter makes some"
+        close = closest(name, {*names, *steps}) or did_you_mean(name, names)
+        remedy = close if names else "; the plan has none, and --parameter makes some"
         if subject in steps and name != "*":
-            raise InputError(f"found no parameter that is a duration of {shorten(subject)}, expected one", place)
+            message = f"found no parameter that is a duration of {shorten(subject)}, expected one; "
+            raise InputError(f"{message}'duration:{subject}' as a parameter makes some", place)
         message = f"found unknown parameter {shorten(name)}, expected a parameter, an action, a step or *{remedy}"
         raise InputError(message, place)
     yield from found

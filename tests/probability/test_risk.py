@@ -280,6 +280,8 @@ def test_the_most_precise_name_counts_and_shares_are_of_the_planned_value():
         (["*=normal::5", "*=normal::15%"], "found a second distribution of '*'"),
         (["to_ridge"], "found 'to_ridge', expected NAME=DISTRIBUTION"),
         (["to_rigde=normal:30:5"], "did you mean 'to_ridge'?"),
+        (["drvie=normal:30:5"], "did you mean 'drive'"),
+        (["take-sample=normal:30:5"], "duration of 'take-sample', expected one; 'duration:take-sample' as a parameter"),
         (["to_ridge=normal:30:5", "to_ridge=normal:30:5"], "found a second distribution of 'to_ridge'"),
         ({"to_ridge": "normal:30:-5"}, "found deviation -5, expected a number above 0"),
     ],
