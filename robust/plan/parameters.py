@@ -272,7 +272,8 @@ def set_attribute(attributes: dict[str, Fraction | None], word: str, text: str, 
 
 def _checked_name(name: str, location: Location) -> str:
     if not stn.is_parameter_name(name):
-        hint = f"; to vary an initial value write 'fluent:{name}'" if _FLUENT.fullmatch(name) else ""
+        kinds = f"; write 'fluent:{name}' for an initial value, 'duration:{name}' for durations of an action"
+        hint = kinds if _FLUENT.fullmatch(name) else ""
         raise InputError(stn.bad_parameter_name(name) + hint, location)
     return name
 

@@ -157,6 +157,8 @@ def test_options_and_files_of_parameters(tmp_path: Path) -> None:
     with pytest.raises(InputError):
         parameters.read_parameter_file(file)
     assert parameters.parse_parameter_file("") == ()
+    with pytest.raises(InputError, match=r"'fluent:\(go a\)' for an initial value, 'duration:\(go a\)' for durations"):
+        parse_specs(["(go a)"])
 
 
 PLAN = (TEXTS / "wired.stn").read_text(encoding="utf-8")
