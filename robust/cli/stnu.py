@@ -155,7 +155,9 @@ def _each(
         run.display.say(f"network {number} of {len(options.files)}: {file}")
         try:
             network = with_quantile(run.only(partial(read, file)), quantile)
-            if quantile == 0 and (count := sum(link.distribution is not None for link in network.contingents)):
+            if quantile == 0 and (
+                count := sum(link.distribution is not None and link.lower != link.upper for link in network.contingents)
+            ):
                 run.note(
                     f"{file}: {plural(count, 'random length')} may be all that is possible; --quantile Q cuts tails"
                 )
