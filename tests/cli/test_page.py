@@ -16,6 +16,7 @@ from robust.cli.page import PageServer
 from robust.draw.live import LANES, event_windows, live_page
 from robust.errors import InputError
 from tests.cli.running import EXAMPLES, assert_one_line, command, process, started
+from tests.draw.browser import browser
 
 WORKSHOP = [str(EXAMPLES / "workshop" / name) for name in ("domain.pddl", "problem.pddl", "plan.log")]
 KITCHEN = str(EXAMPLES / "kitchen" / "kitchen.tpnu.json")
@@ -177,6 +178,25 @@ def test_names_cannot_break_the_page():
     with stream(server.port) as client:
         assert next_state(client) == {"name": "</script>\n\ndata: {}\x00\x1b[31m\u2028"}
     server.close()
+
+
+@pytest.mark.parametrize("width", [360, 1600])
+def test_what_a_browser_shows_of_a_plan_that_is_broken(width):
+    with (
+        watching("--distribution", "*=normal::10%", "--parameter", "duration:*") as (port, say),
+        browser(width=width) as w,
+    ):
+        say('{"start": "n0", "at": 0}')
+        w.get(f"http://127.0.0.1:{port}")
+        w.find_element("css selector", ".lane.running")
+        assert not w.find_element("id", "saying").is_displayed(), "nothing has been said yet"
+        say('{"start": "n7", "at": 1}', '{"tick": 60}')
+        w.find_element("xpath", "//*[@id='now'][text()='60']")
+        assert w.find_element("id", "saying").is_displayed()
+        assert w.find_element("id", "chance").text == "succeeds with probability 0 %"
+        said = w.execute_script("return [...document.querySelectorAll('.when')].map(each => each.textContent)")
+        assert said[:2] == ["too late", "too late"], "n1 had to begin before"
+        assert w.execute_script("return document.documentElement.scrollWidth") == width
 
 
 def test_a_port_that_is_taken_is_said_in_one_line():

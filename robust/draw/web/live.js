@@ -23,6 +23,7 @@ function room(lane, time) {
   const [, latestStart, latestEnd] = lane.window ?? [];
   if (lane.state === "done") return `${short(lane.bar[0])} – ${short(lane.bar[1])}`;
   if (lane.state === "running") return latestEnd === null ? "may take any time" : latestEnd > time ? `may still take ${short(latestEnd - time)}` : "too late";
+  if (latestStart !== null && latestStart < time) return "too late";
   const from = lane.bar[0] > time ? `from ${short(lane.bar[0])}` : "now";
   return latestStart === null ? `${from}, no limit` : `${from}, until ${short(latestStart)}`;
 }
@@ -49,7 +50,8 @@ function draw() {
   put("lanes", lanes.map(lane => {
     const row = made("div", `lane ${lane.state}`, ""), what = made("div", "what", ""), track = made("div", "track", "");
     const left = lane.state === "running" && lane.window[2] !== null ? lane.window[2] - Math.max(time, lane.bar[1]) : null;
-    what.append(made("span", "", lane.name), made("span", left !== null && left < 0 ? "when bad" : "when", room(lane, time)));
+    const when = room(lane, time);
+    what.append(made("span", "", lane.name), made("span", (left !== null && left < 0) || when === "too late" ? "when bad" : "when", when));
     const [begin, end] = lane.bar;
     if (lane.window) track.append(strip("room", begin, lane.window[2] ?? last));
     if (lane.state === "running") track.append(strip("bar plans", begin, end), strip("bar runs", begin, Math.max(time, begin)));
@@ -69,6 +71,7 @@ function show(text) {
   at("mark").textContent = mark; at("promise").textContent = promise;
   at("verdict").className = {good: "valid", bad: "invalid"}[shown.kind] ?? "";
   put("reasons", shown.reasons.map(reason => made("li", "", reason)));
+  at("saying").hidden = !shown.said.length;
   put("said", shown.said.map(([when, what, kind]) => made("li", kind, `${when}  ${what}`)));
   at("before").textContent = shown.before ? `${shown.before} steps before these` : "";
   at("after").textContent = shown.after ? `${shown.after} more steps to come` : "";
@@ -81,7 +84,8 @@ function show(text) {
     return row;
   }));
   const {success, promised} = shown;
-  at("chance").textContent = success ? `succeeds with probability ${percent(success[0], Math.floor)} to ${percent(success[1], Math.ceil)}` : "";
+  const ends = success ? [percent(success[0], Math.floor), percent(success[1], Math.ceil)] : [];
+  at("chance").textContent = success ? `succeeds with probability ${[...new Set(ends)].join(" to ")}` : "";
   at("promising").hidden = !promised?.length;
   put("promised", (promised ?? []).map(([step, name, low, high]) =>
     made("li", "", `${name} (${step}): ${short(low)} to ${high === null ? "any time" : short(high)}`)));
