@@ -25,7 +25,7 @@ from robust.network.slack import OutsideFragmentError
 from robust.numbers import Number, exact, format_number, parse_number, shorten
 from robust.plan import model
 from robust.plan.simulate import mutex_pairs
-from robust.presented import NoTruthValue
+from robust.presented import Presented
 from robust.probability.distributions import Distribution
 from robust.smt.limits import NEVER, Deadline
 
@@ -69,7 +69,7 @@ class SuccessOutlook:
 
 
 @dataclass(frozen=True, slots=True)
-class Outlook(NoTruthValue, ask="prospect"):
+class Outlook(Presented, ask="prospect"):
     """The answer to a message; all times are in the plan's unit.
 
     Attributes:

@@ -18,7 +18,7 @@ from robust.backends import CONVERSIONS
 from robust.execute import causal, convert, dispatchable, slices, worlds
 from robust.execute.controllability import ADVERBS, ControllabilityReport, Widest
 from robust.execute.controllable_boxes import HORIZON, Loss, Shrunk
-from robust.execute.forecast import Prospect
+from robust.execute.forecast import Prospect, Window
 from robust.execute.monitor import Outlook, StepOutlook, SuccessOutlook
 from robust.execute.parametrization import option_of, write_specs
 from robust.execute.replan import ReplanningRun, RunStatus, Segment
@@ -605,6 +605,48 @@ def outlook_line(outlook: Outlook, numbers: str, coming: int, news: Mapping[str,
             if name in said.get("planning", {}):
                 said["planning"][name] = _decimal(said["planning"][name], up=name == "begins")
     return said
+
+
+@documents.documenting.register(Outlook)
+def outlook_document(outlook: Outlook) -> Document:
+    """`robust/watch/1`, all steps to come included."""
+    return outlook_line(outlook, "exact", len(outlook.coming))
+
+
+has_table(
+    Outlook,
+    numbers=("since", "slack", "left"),
+    rows=lambda said: [
+        {**look, "state": state} for state in ("running", "startable", "coming") for look in said.get(state, ())
+    ],
+)
+
+
+@printing.register(Outlook)
+def print_outlook(out: Console, outlook: Outlook, *, quiet: bool) -> None:
+    """Print what is ahead; unless `quiet` also of each step that has not ended."""
+    order = ", in another order of steps" if outlook.reordered else ""
+    out.print(f"{outlook.prospect.value} at {readable(outlook.time)}{order}")
+    reasons = [f"refused: {outlook.refused}"] if outlook.refused else []
+    out.lines((*reasons, *outlook.assumed, *outlook.reasons, *outlook.warnings))
+    if outlook.success is not None:
+        lower, upper = outlook.success.lower, outlook.success.upper
+        out.line(f"P(success) in [{readable(lower)}, {readable(upper)}], as known at {readable(outlook.success.time)}")
+    looks = (*outlook.running, *outlook.startable, *outlook.coming)
+    if quiet or not looks:
+        return
+    out.print()
+    shown = table(("step", "action", "starts", "ends", "slack", "may still take"))
+    for look in looks:
+        starts = f"{readable(look.since)}, runs" if look.since is not None else _window_text(look.start)
+        rooms = ("no limit" if room is None else readable(room) for room in (look.slack, look.left))
+        shown.add_row(look.step, look.name, starts, _window_text(look.end), *rooms)
+    show_table(out, shown)
+
+
+def _window_text(window: Window) -> str:
+    low, high = window
+    return f"from {readable(low)}" if high is None else f"{readable(low)} to {readable(high)}"
 
 
 def not_a_message(error: str) -> Document:

@@ -31,6 +31,7 @@ _SHOWN_BY: Mapping[str, tuple[str, str]] = {
     "execute.learned": ("batch", "batch"),
     "execute.validate": ("validation", "validation"),
     "execute.convert": ("execution", "execution"),
+    "execute.monitor": ("execution", "execution"),
     "sweeps.batch": ("batch", "batch"),
     "sweeps.rank": ("batch", "batch"),
     "stnu.verdicts": ("stnu", "stnu"),

@@ -421,6 +421,21 @@ def test_answers_need_not_wait_for_other_orders():
     assert reordered
 
 
+def test_answers_are_shown_as_other_results_are():
+    monitor = workshop()
+    outlook = monitor.say("start", "n0", at=0)
+    looks = (*outlook.running, *outlook.startable, *outlook.coming)
+    lines = str(outlook).splitlines()
+    assert lines[0] == "on track at 0"
+    assert [line.split()[0] for line in lines[-len(looks) :]] == [look.step for look in looks]
+    assert "0, runs" in lines[-len(looks)]
+    assert [(row["step"], row["state"]) for row in outlook.rows()[:2]] == [("n0", "running"), ("n1", "coming")]
+    assert outlook.as_dict()["schema"] == "robust/watch/1"
+    assert len(outlook.as_dict()["coming"]) == len(outlook.coming)
+    assert str(monitor.say("failed", "n0", at=3)) == "broken at 3\nn0 failed at 3"
+    assert str(monitor.say("end", "nosuch", at=3)).startswith("broken at 3\nrefused: found 'nosuch'")
+
+
 def waking(monitor: Monitor) -> list[Outlook]:
     """The answers of a run in which a clock does nothing but wake, and nobody says anything more."""
     answers = [monitor.assess()]

@@ -18,6 +18,7 @@ import pytest
 import robust
 from robust import InputError, pike, stnu
 from robust.draw.pictures import picture
+from robust.execute.monitor import Outlook
 from robust.show import console, documents, presenting
 from tests.cli.running import EXAMPLES, command, environment, example, process, ran
 from tests.recordings.recordings import INPUTS
@@ -279,7 +280,8 @@ def test_wrong_pictures_are_refused(path, axes, says):
 
 def test_every_kind_of_result_is_tried_and_costs_nothing_but_itself():
     """What shows a result is loaded when it is shown."""
-    kinds = {type(result(name)) for name in CASES}
+    # Outlook: a command that answers line by line, see tests/execute/test_monitor.py.
+    kinds = {type(result(name)) for name in CASES} | {Outlook}
     for registry in (console.printing.registry, documents.documenting.registry):
         assert kinds == registry.keys() - {object}
     assert {kind.__module__.removeprefix("robust.") for kind in kinds} == presenting._SHOWN_BY.keys()
