@@ -364,7 +364,11 @@ def _story(plan: TeamPlan, options: asking.StoryOptions) -> Story:
     if isinstance(outcome, Mapping):
         outcomes = dict(_outcome(plan, name, value) for name, value in outcome.items())
     else:
-        outcomes = dict(_told_outcome(plan, text) for text in texts(outcome, place_of("outcome")))
+        outcomes = {}
+        for text in texts(outcome, place_of("outcome")):
+            name, told = _told_outcome(plan, text)
+            if outcomes.setdefault(name, told) != told:
+                raise InputError(f"found a second outcome of {name}, expected one", place_of("outcome", text))
     wrong = [disturb] if isinstance(disturb, str | Disturbance) else disturb
     return Story(
         human=Human(options.human),

@@ -5,7 +5,7 @@ overlaps, labels included, goes to another row. Executions of plans, and of plan
 """
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import groupby
@@ -26,6 +26,7 @@ from robust.draw.style import DARK_GREY, HATCHES, LIGHT, STRONG, cut
 from robust.errors import InputError
 from robust.execute import dispatchable, replan, worlds
 from robust.numbers import format_number, plural, readable
+from robust.pike_bridge.model import Constraint, Guard
 from robust.pike_bridge.online import progress, world
 from robust.plan.model import ActionInstance
 
@@ -416,7 +417,11 @@ def _marks(run: replan.ReplanningRun) -> Iterator[Mark]:
 def plot_team_run(record: world.ExecutionRecord, path: Path | None) -> Figure:
     """Draw which agent did what when, and when it had to; with choices, inferences, deadlines and violations."""
     bars: list[Bar] = []
-    marks = [*_deadlines(record)]
+    bounds, deadlines = _kept(record)
+    marks = [
+        Mark(moment, None, f"{event} by {format_number(moment)}", "deadline")
+        for event, moment in _limits(record, deadlines, record.time).items()
+    ]
     idle: dict[str, Fraction] = {}
     over = _ends(record)
     for step in record.steps:
@@ -425,7 +430,9 @@ def plot_team_run(record: world.ExecutionRecord, path: Path | None) -> Figure:
                 case progress.Dispatched(action, agent, time, end, _, upper):
                     lane, ends = agent or "no agent", (*over.get(end, ()), *over.get(action, ()))
                     until = min((each for each in ends if each >= time), default=None)
-                    latest = None if upper is None else time + upper
+                    moments = _latest_moments(_limits(record, bounds, time), bounds)
+                    limits = moments.get(end), None if upper is None else time + upper
+                    latest = min((limit for limit in limits if limit is not None), default=None)
                     bars.append(
                         Bar(lane, time, until, action, f"activity of {lane}", idle.get(lane, _BEGINNING), latest)
                     )
@@ -465,13 +472,40 @@ def _ends(record: world.ExecutionRecord) -> dict[str, list[Fraction]]:
     return ends
 
 
-def _deadlines(record: world.ExecutionRecord) -> Iterator[Mark]:
-    """The last moment of each event that is limited from an executed one on, for what was chosen."""
+def _kept(record: world.ExecutionRecord) -> tuple[list[Constraint], list[Constraint]]:
+    """Bounds between events that were to be executed by what was chosen: all, the last first; those but durations."""
+    network = record.plan.network
+
+    def holds(guard: Guard) -> bool:
+        return all(record.choices.get(variable) == value for variable, value in guard)
+
+    activated = {event for event, guard in network.guards.items() if holds(guard)}
+    all_bounds, others = (
+        [each for each in bounds if {each.source, each.target} <= activated and holds(each.guard)]
+        for bounds in (network.temporal_constraints, network.constraints)
+    )
+    return sorted(all_bounds, key=lambda each: record.schedule.get(each.target, record.time), reverse=True), others
+
+
+def _limits(record: world.ExecutionRecord, bounds: Iterable[Constraint], now: Fraction) -> dict[str, Fraction]:
+    """The last moments of events that are limited from those on that had been executed by now."""
     latest: dict[str, Fraction] = {}
-    for bound in record.plan.network.constraints:
-        kept = all(record.choices.get(variable) == value for variable, value in bound.guard)
-        if kept and bound.upper is not None and bound.source in record.schedule:
-            moment = record.schedule[bound.source] + bound.upper
-            latest[bound.target] = min(moment, latest.get(bound.target, moment))
-    for event, moment in latest.items():
-        yield Mark(moment, None, f"{event} by {format_number(moment)}", "deadline")
+    for bound in bounds:
+        since = record.schedule.get(bound.source)
+        if bound.upper is not None and since is not None and since <= now:
+            latest[bound.target] = min(since + bound.upper, latest.get(bound.target, since + bound.upper))
+    return latest
+
+
+def _latest_moments(limits: Mapping[str, Fraction], bounds: Sequence[Constraint]) -> Mapping[str, Fraction]:
+    """Until when events have to happen, so that limits are kept if all that follows takes its least time."""
+    latest = dict(limits)
+    changed = True
+    while changed:
+        changed = False
+        for each in bounds:
+            if each.lower is not None and each.lower >= 0 and each.target in latest:
+                moment = latest[each.target] - each.lower
+                if moment >= 0 and moment < latest.get(each.source, moment + 1):
+                    latest[each.source], changed = moment, True
+    return latest

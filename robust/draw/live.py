@@ -228,19 +228,24 @@ def event_windows(progress: Progress) -> Mapping[str, tuple[Fraction, Fraction |
     early = {event: times.get(event, progress.now) for event in (*times, *progress.pending)}
     late: dict[str, Fraction | None] = {event: times.get(event) for event in early}
     bounds = [
-        (event, each)
+        (event, each, progress.certain(each.guard | structure.guards[event], structure.guards[each.source]))
         for event in progress.pending
         for each in structure.incoming[event]
         if each.source in early and progress.certain(each.guard, structure.guards[event])
     ]
     for _ in early:  # as often as a path can be long
         changed = False
-        for event, each in bounds:
+        for event, each, comes in bounds:
             if each.lower is not None and early[each.source] + each.lower > early[event]:
                 early[event], changed = early[each.source] + each.lower, True
             limit, known = late[each.source], late[event]
             if each.upper is not None and limit is not None and (known is None or limit + each.upper < known):
                 late[event], changed = limit + each.upper, True
+            limit, known = late[event], late[each.source]  # what certainly comes after it has a limit
+            if not comes or each.source not in progress.pending or each.lower is None or limit is None:
+                continue
+            if known is None or limit - each.lower < known:
+                late[each.source], changed = limit - each.lower, True
         if not changed:
             break
     return {event: (early[event], late[event]) for event in early}

@@ -284,3 +284,5 @@ def test_events_come_within_their_windows(seed, monkeypatch):
             low, high = windows[event]
             assert low <= when, (now, event)
             assert high is None or when <= high, (now, event)
+        if "e1" in windows and windows["e1"][0] == windows["e1"][1]:  # from which the limit counts
+            assert windows["e36"][1] <= windows["e37"][1] - Fraction("0.001") < windows["e44"][1], now

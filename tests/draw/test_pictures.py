@@ -377,6 +377,19 @@ def test_runs_begin_at_0_and_show_what_waits_and_until_when(name, tmp_path):
     assert len(colours) == len(agents)
 
 
+def test_latest_ends_keep_deadlines(monkeypatch):
+    """An activity has to end so early that all that follows can take its least time, 0.001 between events included."""
+    charts = []
+    monkeypatch.setattr(gantt, "draw_chart", lambda chart, _path: charts.append(chart))
+    record = pike.run(EXAMPLES / "kitchen" / "kitchen.tpnu.json", outcome={"xA1": "mug"}, seed=0)
+    gantt.plot_team_run(record, None)
+    latest = {bar.label: bar.latest for bar in charts[0].bars}
+    assert all(bar.end <= bar.latest for bar in charts[0].bars)
+    assert latest["(mix-cereal human)"] == Fraction("7.001") - Fraction("0.001")
+    assert latest["(get human cereal)"] == latest["(mix-cereal human)"] - Fraction("0.5") - 4 * Fraction("0.001")
+    assert latest["(get human mug)"] == record.schedule["e3"] + 2  # by its own duration
+
+
 def test_empty_charts_are_drawn_and_impossible_ones_refused(tmp_path):
     lanes = (Lane("ada"),)
     gantt.draw_chart(Chart("nothing", lanes, ()), tmp_path / "chart.png")
