@@ -48,6 +48,7 @@ nb_execution_in_temp = True
 
 autodoc_typehints = "description"
 autodoc_member_order = "bysource"
+default_role = "literal"  # names in docstrings
 
 html_theme = "furo"
 html_title = f"robust {release}"
