@@ -216,7 +216,8 @@ def draw(path: Path, panels: Sequence[Panel], width: float, height: float, *, le
     fields[0].set_ylabel(panels[0].y)
     legends = [axes.get_legend_handles_labels() for axes in (fields if legend == "below" else fields[:1])]
     handles = {label: handle for found in legends for handle, label in zip(*found, strict=True)}
-    look: dict[str, Any] = {"loc": "outside lower center", "ncols": 3} if legend == "below" else {"loc": legend}
+    columns = 3 if width * len(panels) > 8 else 2
+    look: dict[str, Any] = {"loc": "outside lower center", "ncols": columns} if legend == "below" else {"loc": legend}
     if handles:
         where = figure if legend == "below" else fields[0]
         where.legend(list(handles.values()), list(handles), fontsize=8, framealpha=1, **look)
@@ -236,8 +237,9 @@ def _fill(axes: Axes, panel: Panel) -> None:
         elif panel.seconds:
             axis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
         if name in panel.seconds:
+            least, most = sorted(axis.get_view_interval())
             axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g} s"))
-            axis.set_minor_formatter(NullFormatter())
+            axis.set_minor_formatter(axis.get_major_formatter() if most < 10 * least else NullFormatter())
         if name in panel.units:
             axis.set_major_formatter(FuncFormatter(lambda value, _, text=panel.units[name]: text(value)))
     axes.set_title(panel.title, fontsize=9, loc="left")

@@ -336,7 +336,8 @@ class LatencyReport(Report[Execution]):
         """The share of executions over the seconds of their slowest step, one line for each back end."""
         lines = [Series([(REACTIVE, 0), (REACTIVE, 1.02)], line=":")]
         for one, colour in zip(self.latencies, cycle(COLOURS), strict=False):
-            shares = [(seconds, place / len(one.runs)) for place, seconds in enumerate(one.slowest, 1)]
+            from_none = (*one.slowest[:1], *one.slowest)
+            shares = [(seconds, place / len(one.runs)) for place, seconds in enumerate(from_none)]
             lines.append(Series(shares, one.name, colour, "-", steps=True))
         axes = {"ylim": (0, 1.02)}
         return [Panel("", lines, "seconds of the slowest step", "share of executions", log="x", axes=axes)]

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -16,7 +17,7 @@ from statistics import correlation, linear_regression, stdev
 import pytest
 
 import robust
-from benchmarks.engine.show import quantile
+from benchmarks.engine.show import Panel, Series, draw, quantile
 from benchmarks.engine.stats import LineFit, Mean, Pairing, Proportion
 from robust.errors import InputError, UnsupportedError
 from robust.sweeps import sweep as pool
@@ -285,3 +286,15 @@ def test_a_line():
 @pytest.mark.parametrize(("size", "expected"), [(10, 9), (11, 10), (1, 1), (0, None)])
 def test_a_quantile_is_the_least_that_enough_values_do_not_exceed(size, expected):
     assert quantile(list(range(1, size + 1)), 0.9) == expected
+
+
+def test_axes_of_times_have_numbers_and_legends_room(tmp_path):
+    method = "region, loos-weispfenning: 1 of 1"
+    lines = [Series([(2, 0.33), (3, 0.57)], f"{method} {number}", marker="o") for number in range(8)]
+    draw(tmp_path / "plot.svg", [Panel("", lines, "parameters", "time", seconds="y")], 5.2, 5, legend="below")
+    text = (tmp_path / "plot.svg").read_text(encoding="utf-8")
+    assert "<!-- 0.4 s -->" in text, "between two powers of ten"
+    (frame,) = re.findall(
+        r'<g id="legend_1">\s*<g id="patch_\d+">\s*<path d="M (-?[\d.]+) [\d.]+ \s*L (-?[\d.]+) ', text
+    )
+    assert 0 <= min(map(float, frame)) < max(map(float, frame)) <= 5.5 * 72

@@ -140,6 +140,8 @@ def test_a_few_plans(latencies):
         assert 0 < each.slowest < 60
         assert each.preparation_seconds > 0
         assert len(each.decided) == each.decisions > 0
+    for line in latencies.panels()[0].series[1:]:
+        assert [share for _, share in line.points] == [0, 1], "a line, though there is one execution"
     first, second = latencies.rows
     assert (first.decided, len(first.step_seconds)) == (second.decided, len(second.step_seconds))
     assert "2 plans of seed 0: 1 of 2 decided ones admit a correct execution" in rendered(latencies.tables)
