@@ -417,7 +417,7 @@ WRONG = [
     (lambda _: robust.risk(STEPS, {"dur": "normal:1:1"}), "a step or *; the plan has none, and --parameter makes some"),
     (lambda _: pike.region(KITCHEN, LIMIT).possible({}), "found no values, expected one of each parameter: limit"),
     (lambda _: pike.region(KITCHEN, LIMIT).possible({"limit": "x"}), "value of limit: found 'x', expected"),
-    (lambda _: stnu.check(3), "network: found '3', expected a network or a path"),
+    (lambda _: stnu.check(3), "network: found '3', expected a network, a path or a text"),
     (lambda _: stnu.repair(HANDOVER, weights={("x", "y"): 1}), "weights: found no link ('x', 'y')"),
     (lambda _: stnu.repair(HANDOVER, contingent=0), "contingent: found 0, expected a number above 0"),
     (lambda _: pike.check(3), "plan: found '3', expected a plan"),

@@ -9,7 +9,7 @@ edge B − A ≤ 5, and `A 2 4 C` for each contingent link from A to C of length
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TypeAlias
+from typing import TypeAlias, TypeGuard
 
 from robust.errors import InputError, Location, UnsupportedError
 from robust.numbers import Number, exact, is_number, parse_number, plural, shorten
@@ -22,12 +22,12 @@ from robust.stnu.network_json import network_json, parse_network_json
 
 
 def read(path: str | os.PathLike[str]) -> Network | ConditionalNetwork:
-    """The network in a file, of the format of its content.
+    """The network in a file or a text, of the format of its content.
 
     Raises:
         InputError: at the place of whatever is wrong.
     """
-    text, file = read_text(path), os.fspath(path)
+    text, file = (path, "<network>") if _is_text(path) else (read_text(path), os.fspath(path))
     begin = text.lstrip()[:1]
     if begin == "<":
         top = parse_markup(text, file, "GraphML or CCTP")
@@ -37,11 +37,19 @@ def read(path: str | os.PathLike[str]) -> Network | ConditionalNetwork:
     return parse_text(text, file)
 
 
+def _is_text(source: object) -> TypeGuard[str]:
+    """Whether a network is given as a text: with a line break, or as JSON or XML unless a file has that name."""
+    if not isinstance(source, str) or "\n" in source:
+        return isinstance(source, str)
+    return source.lstrip()[:1] in {"{", "<"} and not os.path.exists(source)
+
+
 def load(path: str | os.PathLike[str]) -> Network:
     """The network in a file, of the format of its content.
 
     Args:
-        path: GraphML of the CSTNU tool, JSON of DREAM or pstnlib, or the text of `.stn` and `.stnu` files.
+        path: GraphML of the CSTNU tool, JSON of DREAM or pstnlib, or the text of `.stn` and `.stnu` files; the path of
+            the file, or what is in it.
 
     Returns:
         Time points, requirements and contingent links, with exact bounds in the unit of time of the file.
@@ -64,7 +72,7 @@ def load(path: str | os.PathLike[str]) -> Network:
 
 
 Source: TypeAlias = Network | str | os.PathLike[str]
-"""A network, or the path of one."""
+"""A network, or the path or the text of one."""
 
 
 def network_of(source: Source) -> Network:
@@ -72,7 +80,7 @@ def network_of(source: Source) -> Network:
     if isinstance(source, Network):
         return source
     if not isinstance(source, str | os.PathLike):
-        raise InputError(f"found {shorten(repr(source))}, expected a network or a path", Location("network"))
+        raise InputError(f"found {shorten(repr(source))}, expected a network, a path or a text", Location("network"))
     return load(source)
 
 

@@ -199,6 +199,22 @@ def test_keys_with_names_of_their_own():
         parse_graphml(other.replace('id="d2"', 'id="d3"'), "n.stnu")
 
 
+def test_texts_are_networks_as_well(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = '{"nodes": [1, 2], "constraints": [{"first_node": 1, "second_node": 2, "lb": 0, "ub": 3}]}'
+    for given in (text, f"\n{text}", "STN\nA B\nA 3 B\n", "<graphml><graph><node id='A'/></graph></graphml>"):
+        if "graphml" in given:
+            with pytest.raises(InputError, match="^<network>:1:10: found no edges, expected at least one"):
+                stnu.load(given)
+        else:
+            assert stnu.check(given).is_controllable
+    Path("{a}").write_text(text, encoding="utf-8")
+    assert stnu.load("{a}").name == "{a}"
+    for wrong, says in (("no.json", "no.json: found no such file"), (3, "expected a network, a path or a text")):
+        with pytest.raises(InputError, match=says):
+            stnu.check(wrong)
+
+
 def test_what_is_said_without_bounding_anything():
     """Infinite values, and requirements of a time point with itself that hold anyway."""
     for infinite in ("∞", "+∞", "inf", "INFINITY"):
