@@ -204,7 +204,7 @@ def test_texts_are_networks_as_well(tmp_path, monkeypatch):
     text = '{"nodes": [1, 2], "constraints": [{"first_node": 1, "second_node": 2, "lb": 0, "ub": 3}]}'
     for given in (text, f"\n{text}", "STN\nA B\nA 3 B\n", "<graphml><graph><node id='A'/></graph></graphml>"):
         if "graphml" in given:
-            with pytest.raises(InputError, match="^<network>:1:10: found no edges, expected at least one"):
+            with pytest.raises(InputError, match=r"^<network>:1:10: found no edges, expected at least one"):
                 stnu.load(given)
         else:
             assert stnu.check(given).is_controllable
