@@ -13,7 +13,7 @@ import json
 import resource
 import subprocess
 import sys
-from argparse import Namespace
+from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -342,6 +342,17 @@ CERTIFICATES = Experiment(
     prepare=_prepare,
 )
 
-if __name__ == "__main__":
-    shown = CERTIFICATES.run(suite=Path(sys.argv[-1]), on_result=lambda *line: print(*line, file=sys.stderr))
+
+def main() -> int:
+    parser = ArgumentParser(prog="python -m benchmarks.certificates", description=__doc__.splitlines()[0])
+    parser.add_argument("--suite", type=Path, required=True, metavar="DIRECTORY", help="a data set with recorded plans")
+    try:
+        shown = CERTIFICATES.run(suite=parser.parse_args().suite, on_result=lambda *line: print(*line, file=sys.stderr))
+    except RobustError as error:
+        parser.error(str(error))
     print(json.dumps(shown.as_dict()))
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
