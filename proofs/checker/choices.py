@@ -255,19 +255,27 @@ def check_choices(tape: Tape, files: Files, kind: str, stated: object, epsilon: 
         demand(stated is None, "the certificate of an execution has no assumptions")
         choices = Choices(files, epsilon, listed(tape.next("execution"), 2))
         demand(all(part == TRUE for part in choices.parts), "the execution is not correct")
-        happens = [event for event, guard in choices.guards.items() if choices.holds(guard) == TRUE]
-        times = ", ".join(f"{quoted(event)} at {choices.times[event].get('', Fraction(0))}" for event in happens)
-        text = f"correct execution of the plan with choices: {shown(choices.chosen)}; {times}"
+        text = execution_text(choices)
     else:
         choices = Choices(files, epsilon)
         choices.chosen = dict(listed(stated))
         parts = [*choices.parts, choices.holds(choices.chosen)]
         refute(tape, choices.formulas, Facts([]), choices.circuit.all(parts))
-        given = f" with {shown(choices.chosen)}" if choices.chosen else ""
-        text = f"no choices and times{given} are a correct execution of the plan with choices"
+        text = knowledge_text(choices.chosen)
     tape.finish()
     refuted = int(kind == "knowledge")
     return Claim(kind, epsilon, text, choices=choices.chosen, obligations=len(choices.parts), refuted=refuted)
+
+
+def execution_text(choices: Choices) -> str:
+    happens = [event for event, guard in choices.guards.items() if choices.holds(guard) == TRUE]
+    times = ", ".join(f"{quoted(event)} at {choices.times[event].get('', Fraction(0))}" for event in happens)
+    return f"correct execution of the plan with choices: {shown(choices.chosen)}; {times}"
+
+
+def knowledge_text(chosen: Guard) -> str:
+    given = f" with {shown(chosen)}" if chosen else ""
+    return f"no choices and times{given} are a correct execution of the plan with choices"
 
 
 def quoted(text: str) -> str:

@@ -129,8 +129,10 @@ def verify(options: VerifyCommand, run: Run) -> int:
 
     opinions = run.only(work)
 
-    from robust.certify.kernel.run import TRUSTED
+    from robust.certify.kernel.run import TRUSTED, TRUSTED_OF_CHOICES
     from robust.show import documents
+
+    trusted = TRUSTED if len(options.files) == 3 else TRUSTED_OF_CHOICES
 
     for opinion in opinions:
         answer, outcome = opinion.verification.answer, opinion.verification.outcome
@@ -147,7 +149,7 @@ def verify(options: VerifyCommand, run: Run) -> int:
             checker=each.checker,
             verdict=each.verification.answer["verdict"],
             reason=each.verification.answer.get("reason"),
-            trusts=TRUSTED[each.checker],
+            trusts=trusted[each.checker],
             seconds=round(each.seconds, 6),
         )
         for each in opinions

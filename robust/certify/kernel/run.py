@@ -15,12 +15,24 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from robust.certify import MEMORY_MB, CheckerFailedError, CheckerOutcome, Verification, verify
-from robust.certify.checker.__main__ import CHOICES, FORMAT, MALFORMED, Inputs, ends_of, lines_of, plain, require
+from robust.certify.checker.__main__ import (
+    CHOICES,
+    FORMAT,
+    MALFORMED,
+    Inputs,
+    ends_of,
+    lines_of,
+    plain,
+    require,
+    require_choices,
+)
+from robust.certify.checker.choices import network_of
 from robust.certify.checker.claims import Claim, box_of, meaning, nominal
 from robust.certify.checker.proofs import Rejected, Tape, demand
 from robust.certify.checker.reader import Ground, Unsupported, ground
 from robust.certify.hints import NotRefutedError
 from robust.certify.kernel.claims import Translation
+from robust.certify.kernel.team import TeamTranslation
 from robust.certify.kernel.terms import unsupported
 from robust.errors import InputError, UnsupportedError
 from robust.processes import Processes
@@ -42,6 +54,12 @@ TRUSTED = {
     "the claim (main.ml); Coq, OCaml",
 }
 """What has to be trusted if a checker says that something is established."""
+TRUSTED_OF_CHOICES = {
+    "python": TRUSTED["python"],
+    "kernel": "Choices.v and Spec.v; what reads networks and their PDDL (reader.py, choices.py, team.py, text.ml, "
+    "team.ml) and prints the claim; Coq, OCaml",
+}
+"""The same of plans with choices."""
 
 
 PATIENCE = 10
@@ -63,7 +81,7 @@ def opinions(checker: str | None, certificate: Path, files: Sequence[Path], **co
     In the last case the checker in Python decides; the verified one says for `PATIENCE` seconds what it can. Keywords,
     and errors, are those of :func:`verify_by_kernel`.
     """
-    optional = checker is None and len(files) == 3 and found() is not None
+    optional = checker is None and found() is not None
     names = ("python", "kernel") if checker == "both" or optional else (checker or "python",)
     said = []
     for name in names:
@@ -149,8 +167,14 @@ class _Asked:
         first = json.loads(next(lines, "null"))
         demand(type(first) is list and len(first) == 3 and first[0] == FORMAT, f"expected a certificate of {FORMAT}")
         _, kind, stated = first
-        if kind in CHOICES or len(files) != 3:
-            raise unsupported("plans with choices")
+        demand(len(files) == (1 if kind in CHOICES else 3), f"a certificate of kind {kind} is about other files")
+        if kind in CHOICES:
+            network = network_of(inputs.text("network", files[0]))
+            domain, problem = (inputs.text(each, files[0].parent / network[each]) for each in ("domain", "problem"))
+            team = TeamTranslation((network, domain, problem), epsilon, self._deadline)
+            said, words = team.claim(Tape(lines), kind, stated)
+            require_choices(said, demanded)
+            return self._of_choices(team, said, words, inputs)
         if kind == "corners":
             raise unsupported("boxes at corners of rates")
         domain, problem, text = (
@@ -177,6 +201,16 @@ class _Asked:
             "box": None if claim.box is None else {name: ends_of(values) for name, values in claim.box.items()},
             "obligations": int(checked.split()[1]),
         }
+
+    def _of_choices(self, team: TeamTranslation, claim: Claim, words: str, inputs: Inputs) -> dict[str, Any]:
+        """What it establishes of a plan with choices."""
+        digests = [f"({name} sha256 {digest})" for name, digest in inputs.items()]
+        with TemporaryDirectory(prefix="robust-kernel-") as directory:
+            path = Path(directory) / "certificate.kernel"
+            whole = team.file(words, claim.kind, digests, partial(self._run, path, words=("--formulas",)))
+            *_, checked = self._run(path, whole).splitlines()
+        said = {"kind": claim.kind, "epsilon": str(claim.epsilon), "claim": plain(claim.text), "box": None}
+        return said | {"obligations": int(checked.split()[1])}
 
     def _run(self, path: Path, text: str, words: Sequence[str] = ()) -> str:
         path.write_text(text, encoding="ascii")
