@@ -309,6 +309,8 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
             InputError: if a planner made another plan then, which no record has, or if a message was taken that
                 contradicts what came before it.
         """
+        if isinstance(self.outcome, said.Succeeded) or (self.ended and not messages):
+            return  # nothing was taken any more
         decisions = tuple(decisions)
         self._is_overdue(now)
         refused = [each.message for each in decisions if isinstance(each, said.Rejected)]

@@ -414,6 +414,16 @@ def test_an_executive_goes_on_from_a_state():
     assert again.step(Fraction(3), [USED])[-1].kind() == "succeeded"
 
 
+def test_what_is_told_after_success_changes_nothing_when_a_journal_is_repeated():
+    plan, late = fetching(), said.Retract(FETCHED)
+    chosen, again = executive(plan), executive(plan)
+    told = [(0, ()), (2, (FETCHED,)), (Fraction(21, 10), ()), (4, (USED,)), (6, (late,)), (7, (FETCHED,))]
+    steps = [JournalStep(Fraction(at), news, tuple(chosen.step(Fraction(at), news))) for at, news in told]
+    assert [each.reason for step in steps[-2:] for each in step.decisions] == ["the execution has ended"] * 2
+    resume(again, steps)
+    assert (again.state(), again.outcome) == (chosen.state(), chosen.outcome)
+
+
 def test_a_state_says_when_a_late_robot_began():
     """Dispatched at 0, begun at 3: the end at 5 is in time, for whoever goes on as for who has begun."""
     chosen = begun(fetching())
