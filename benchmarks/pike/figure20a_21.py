@@ -21,6 +21,7 @@ from typing import Any, ClassVar, TypeVar
 
 from robust.draw.style import BLACK, BLUE
 from robust.errors import UNDECIDED, InputError
+from robust.numbers import plural
 from robust.pike_bridge.action_model import Instance
 from robust.pike_bridge.compile import candidate_subplans
 from robust.pike_bridge.semantics import ExecutionExistence, Oracle
@@ -182,7 +183,7 @@ SOLVED: Columns[Timing] = {
     "median, s": lambda one: middle(one.times),
     "90 %, s": lambda one: quantile(one.times, 0.9),
     "slowest, s": lambda one: max(one.times, default=None),
-    "out of time": lambda one: len(one.runs) - len(one.times),
+    "out of time": lambda one: sum(not run.solved and run.message is None for run in one.runs),
     "greatest MiB": lambda one: number(max((run.memory_mb for run in one.runs), default=None), 0),
 }
 STAGE_MEANS: Columns[Timing] = {
@@ -258,9 +259,9 @@ class TeamReport(Report[TeamRun]):
         decided = [verdicts for verdicts in self._verdicts.values() if len(verdicts) == 1]
         failures = dict.fromkeys(f"{run.contender}, {run.instance}: {run.message}" for run in self.rows if run.message)
         return [
-            f"{len(activities)} plans of seed {self.options.seed}: {mean(activities):.1f} activities on average, "
-            f"{max(activities)} at most; {sum(True in one for one in decided)} of {len(decided)} decided ones admit a "
-            "correct execution",
+            f"{plural(len(activities), 'plan')} of seed {self.options.seed}: {mean(activities):.1f} activities "
+            f"on average, {max(activities)} at most; {sum(True in one for one in decided)} of {len(decided)} decided "
+            "ones admit a correct execution",
             f"processor seconds of whole processes on this machine, stopped at {self.options.limit:g} s of wall time",
             *([f"contradicting answers: {', '.join(self.contradicted)}"] if self.contradicted else []),
             *list(failures)[:5],

@@ -107,6 +107,11 @@ def test_all_contenders_decide_the_same():
     other = replace(report, rows=(wrong, *report.rows[1:]))
     assert (other.contradicted, other.agrees) == (["random_0_000"], False)
     assert "contradicting answers: random_0_000" in rendered(other.tables)
+    failed = replace(report.rows[0], satisfiable=None, message="found no dd")
+    broken = replace(report, rows=(failed, replace(report.rows[1], satisfiable=None), *report.rows[2:]))
+    table = broken.compilation[0]
+    assert [row[table.headings.index("out of time")] for row in table.rows] == ["0", "1", "0", "0"], "an error is none"
+    assert "1 plan of seed 0" in rendered(broken.tables)
 
 
 def test_plans_that_are_feasible_in_many_ways():
