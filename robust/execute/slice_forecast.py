@@ -21,7 +21,7 @@ from robust.execute import controllable_boxes as boxes
 from robust.execute.dispatchable import Dreex, dispatch_network, first_windows
 from robust.execute.forecast import PlanForecast, Prospect, StepAhead, Window, starts_behind
 from robust.execute.messages import StepProgress
-from robust.execute.slices import Observations, SliceAnswer, Slices
+from robust.execute.slices import Observations, SliceAnswer, Slices, continued
 from robust.irr.exact import ExactSearch
 from robust.irr.stops import NO_SCHEDULE
 from robust.network.differences import DifferenceNetwork
@@ -132,7 +132,14 @@ class SliceForecaster:
 
     def pass_time(self, now: Fraction) -> None:
         """What has not happened does not happen before."""
+        if now < self._now:
+            self._forget()
         self._now = now
+
+    def _forget(self) -> None:
+        """What boxes met, and that nothing is left, goes on to hold while more happens; here something did not."""
+        self._met: list[boxes.Obstruction] = []
+        self._is_nothing_left = False
 
     @property
     def _times(self) -> dict[model.TimePoint, Fraction]:
@@ -200,8 +207,8 @@ class SliceForecaster:
         return [name for name, step in self._lasting.items() if name in names and self._known(step).end is None]
 
     def _open_session(self, times: Mapping[model.TimePoint, Fraction]) -> None:
-        """A session that holds the plan, and what has happened; what boxes met may rest on what did not."""
-        self._met: list[boxes.Obstruction] = []
+        """A session that holds the plan, and what has happened."""
+        self._forget()
         self._session = Session(self._encoding.terms)
         self._session.add(*self._valid, *self._facts(times))
         self._stated = dict(times)
@@ -310,7 +317,10 @@ class SliceForecaster:
             if source in happened and target in happened:
                 seen[name] = possible[name]
         facts = Observations(self._now, seen, frozenset(seen), possible, happened)
+        if self._is_nothing_left:
+            return None, continued(self._stnu, facts)
         remainder, network = slices.after(facts, "", self._box, self._met, idle)
+        self._is_nothing_left = remainder.answer is SliceAnswer.NOTHING
         if remainder.answer is SliceAnswer.PROMISED and remainder.box is not None:
             self._box = remainder.box
             return self._box, network

@@ -15,6 +15,7 @@ from robust.execute.dispatchable import first_windows
 from robust.plan.model import ZERO, TimePoint, TimePointKind
 from robust.plan.polynomial import Polynomial
 from robust.qe.box import Box, Interval
+from tests.execute.replays import OPEN, SHARED, TICK, cases, replayed
 from tests.sampling import often
 
 EXAMPLES = Path(__file__).parents[2] / "robust" / "examples" / "generator"
@@ -99,6 +100,27 @@ def test_new_promises_are_wide_at_once_and_as_wide_as_may_be_when_assessed(monit
     assert assessed.promise["pour_1"][1] >= most
     assert monitor.outlook() == assessed
     assert monitor.say("tick", at=assessed.time).promise == assessed.promise, "nothing is taken back"
+
+
+@pytest.mark.skipif(not (SHARED / "planner-logs").is_dir(), reason="no logs of planners")
+def test_nothing_that_is_left_stays_nothing_until_something_is_taken_back(monkeypatch):
+    monkeypatch.setattr(slice_forecast, "SLICE_SECONDS", None)
+    monkeypatch.setattr(slice_forecast, "FIRST_SECONDS", 0)
+    (case,) = (case for case in cases() if case.name == "rovers-2006-4")
+    monitor = case.monitor("+20%", reorder=False, seconds=None)
+    forecaster, looked = monitor._own, 0
+    for message, outlook in replayed(monitor, Random(3), Fraction(1, 4)):  # noqa: S311
+        if outlook.prospect in OPEN and outlook.promise is None and message.kind is not TICK:
+            assert forecaster._is_nothing_left
+            forecaster._is_nothing_left, forecaster._last = False, None
+            assert monitor.outlook().promise is None
+            looked += 1
+        elif looked == 0:
+            promised = monitor.count
+    assert looked > 5
+    for number in sorted((number for number in monitor.taken if number > promised), reverse=True):
+        assert monitor.say("retract", str(number)).refused is None
+    assert monitor.outlook().promise is not None
 
 
 def drawn(random: Random) -> ParametricStnu:
