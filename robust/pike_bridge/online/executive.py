@@ -10,6 +10,7 @@ from fractions import Fraction
 from functools import partial
 from typing import NamedTuple, assert_never
 
+from robust.numbers import Number
 from robust.pike_bridge import model, semantics
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online import semantic
@@ -209,14 +210,16 @@ class PlanExecutive:
         """
         return self.reasoner.possible(self._deadline)
 
-    def step(self, now: Fraction, messages: Sequence[said.Message] = ()) -> list[said.Decision]:
+    def step(self, now: Number, messages: Sequence[said.Message] = ()) -> list[said.Decision]:
         """Take note of what has happened, and do what can be done now [PIKE, Algorithm 1, lines 3 to 18].
 
         A time before that of the last step counts as that time. Messages after the end are rejected.
 
         Raises:
+            InputError: if `now` is no number, or a message is none.
             OutOfTimeError: if the deadline passes.
         """
+        now = said.require_step(now, messages)
         if self.ended:
             return [self._rejected(message, "the execution has ended") for message in messages]
         decisions: list[said.Decision] = []

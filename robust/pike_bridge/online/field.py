@@ -23,7 +23,7 @@ from fractions import Fraction
 from typing import Any, TypeAlias, assert_never
 
 from robust.errors import InputError, Location, did_you_mean
-from robust.numbers import shorten
+from robust.numbers import Number, shorten
 from robust.pike_bridge import model
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.course import COMPLETED, Course, FieldNote, outcomes
@@ -257,12 +257,14 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
             self._course.facts(progress.now),
         )
 
-    def step(self, now: Fraction, messages: Sequence[said.Message] = ()) -> list[said.Decision]:
+    def step(self, now: Number, messages: Sequence[said.Message] = ()) -> list[said.Decision]:
         """Take note of what has happened, and do what can be done now, as :meth:`PlanExecutive.step`.
 
         Raises:
+            InputError: if `now` is no number, or a message is none.
             OutOfTimeError: if the deadline passes.
         """
+        now = said.require_step(now, messages)
         if isinstance(self.outcome, said.Succeeded) or (self.ended and not messages):
             return [said.Rejected(str(message), "the execution has ended", now) for message in messages]
         before, running, now = self.progress, self.running, max(now, self.progress.now)

@@ -11,13 +11,28 @@ from typing import TypeAlias
 
 from robust.errors import InputError, Location
 from robust.json_text import JsonTypes, Tagged, named
-from robust.numbers import format_number, shorten
+from robust.numbers import Number, exact, format_number, shorten
 from robust.pike_bridge import model, semantics
 from robust.plan.model import Atom
 
 
+class Timed(Tagged):
+    """Something that may be told later; `at` is when it was, in the plan's unit: any number, floats as they print.
+
+    Raises:
+        InputError: if it is none.
+    """
+
+    __slots__ = ()
+    at: Fraction | None
+
+    def __post_init__(self) -> None:
+        if self.at is not None:
+            object.__setattr__(self, "at", exact(self.at, Location("at")))
+
+
 @dataclass(frozen=True, slots=True)
-class Outcome(Tagged):
+class Outcome(Timed):
     """A human or nature has decided an uncontrollable choice: U(t) of [PIKE §2.2]; times are in the plan's unit."""
 
     choice: str
@@ -30,7 +45,7 @@ class Outcome(Tagged):
 
 
 @dataclass(frozen=True, slots=True)
-class Completion(Tagged):
+class Completion(Timed):
     """A dispatched activity has ended: A(t) of [PIKE §2.2]; times are in the plan's unit.
 
     `event`, its end, is needed only if several of the same action run.
@@ -51,7 +66,7 @@ class Completion(Tagged):
 
 
 @dataclass(frozen=True, slots=True)
-class Began(Tagged):
+class Began(Timed):
     """Somebody has begun an activity, perhaps before it was dispatched; `at` is in the plan's unit of time."""
 
     KIND = "started"
@@ -67,7 +82,7 @@ class Began(Tagged):
 
 
 @dataclass(frozen=True, slots=True)
-class NotAchieved(Tagged):
+class NotAchieved(Timed):
     """An activity has ended without what it does at its end: it failed, was aborted by its agent, or cancelled.
 
     `at` is in the plan's unit of time.
@@ -104,7 +119,7 @@ class ActivityCancelled(NotAchieved):
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate(Tagged):
+class Estimate(Timed):
     """What is seen of the state now, or was at `at`, in the plan's unit of time: P(t) of [PIKE §2.2].
 
     If `complete`, every atom that is not said to be true is false.
@@ -135,6 +150,16 @@ Ending: TypeAlias = Completion | ActivityFailed | ActivityAborted | ActivityCanc
 Report: TypeAlias = Outcome | Began | Ending | Estimate
 """What happened, as far as somebody knows."""
 Message: TypeAlias = Report | Retract
+
+
+def require_step(now: Number, messages: Iterable[Message]) -> Fraction:
+    """The time of a step; InputError unless it is a number, and each message is one."""
+    for message in messages:
+        if not isinstance(message, Message):
+            raise InputError(
+                f"found {shorten(str(message))}, expected messages such as pike.Outcome", Location("messages")
+            )
+    return exact(now, Location("now"))
 
 
 def _at(time: Fraction | None) -> str:

@@ -467,6 +467,23 @@ def test_a_state_that_is_none_of_the_plan_is_an_error(changes, message):
         executive(fetching(), early="late")
 
 
+def test_times_are_any_numbers_and_messages_are_messages():
+    one, other = executive(fetching()), executive(fetching())
+    assert one.step(0.5) == other.step(Fraction(1, 2))
+    ended = [str(decision) for decision in one.step("1.5")]
+    assert ended == [str(decision) for decision in other.step(Fraction(3, 2))]
+    assert said.Completion("(fetch)", at=0.25) == said.Completion("(fetch)", at=Fraction(1, 4))
+    for make in (lambda: said.Completion("(fetch)", at="soon"), lambda: said.Estimate(at=True)):
+        with pytest.raises(InputError, match=r"at: found .*, expected a number"):
+            make()
+    for wrong, message in (
+        ((None,), "now: found .None., expected a number"),
+        ((2, ["done"]), "messages: found 'done', expected messages such"),
+    ):
+        with pytest.raises(InputError, match=message):
+            one.step(*wrong)
+
+
 # -- random worlds -----------------------------------------------------------------------------------------------------
 
 
