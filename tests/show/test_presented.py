@@ -98,9 +98,10 @@ CASES = {
     # It says how long decisions took.
     "pike run": case(
         pike.run,
-        "pike run FILES --seed 3 --outcome xA1=mug@2",
+        "pike run FILES --seed 3 --outcome xA1=mug@2 --budget none",
         KITCHEN,
         seed=3,
+        budget=None,
         outcome={"xA1": ("mug", 2)},
         says=False,
     ),
@@ -116,7 +117,7 @@ MORE = {
     "certify": ("certify", *example(), "-o", "plan.cert"),
     "verify": ("verify", "plan.cert", *example()),
     "demo": ("demo",),
-    "pike run explained": ("pike", "run", KITCHEN, "--backend", "smt", "--explain"),
+    "pike run explained": ("pike", "run", KITCHEN, "--backend", "smt", "--explain", "--budget", "none"),
     "pike plot": ("pike", "plot", KITCHEN, "-o", "kitchen.svg"),
     "pike new": ("pike", "new", "kitchen", "-o", ".", "--force"),
     "stnu dispatch with a run": ("stnu", "dispatch", HANDOVER),
