@@ -44,7 +44,7 @@ TINY: dict[str, tuple[dict[str, Any], int, str]] = {
     "envelopes": ({"plans": 2, "points": 2, "every": 6}, 5, "Random plans with up to three parameters"),
     "logs": ({"suite": ..., "validator": BINARY}, 2, "1 of 1 that VAL calls valid, 1 of 1 that VAL calls invalid"),
     "table1": ({"problems": 1, "columns": (1,), "executors": ("dreex", "blex:0")}, 1, "BLEX(0)"),
-    "figure20a": ({"instances": 1, "backends": ("pitms",)}, 1, "1 plans of seed 0"),
+    "figure20a": ({"instances": 1, "backends": ("pitms",)}, 1, "1 plan of seed 0"),
     "hesitation": ({"problems": 1, "stories": ("kitchen",)}, 6, "kitchen"),
     "steps": ({"blocks": (1,)}, 6, "blocks-1-shared"),
     "strategies": ({"plans": ("kitchen", "blocks-1"), "runs": 2}, 5, "Whether plans with choices are controllable"),
