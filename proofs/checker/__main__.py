@@ -18,7 +18,7 @@ from pathlib import Path
 from tomllib import TOMLDecodeError
 from typing import Any
 
-from .choices import check_choices, members, network_of
+from .choices import Files, check_choices, members, network_of
 from .claims import Box, Claim, Range, check, nominal
 from .proofs import Rejected, Tape, demand
 from .reader import Ground, Unsupported, ground, need, number
@@ -58,10 +58,7 @@ def checked(certificate: Path, files: list[Path], epsilon: Fraction, inputs: Inp
     demand((kind := first[1]) in (*KINDS, "corners"), "the certificate is of an unknown kind")
     demand(len(files) == (1 if kind in CHOICES else 3), f"a certificate of kind {kind} is about other files")
     if kind in CHOICES:
-        network = network_of(inputs.text("network", files[0]))
-        domain, problem = (inputs.text(each, files[0].parent / network[each]) for each in ("domain", "problem"))
-        claim = check_choices(Tape(lines), (network, domain, problem), kind, first[2], epsilon)
-        claim.text += f", of domain {network['domain']!a} and problem {network['problem']!a}"
+        claim = check_choices(Tape(lines), network_files(inputs, files[0]), kind, first[2], epsilon)
         require_choices(claim, demanded)
         return claim
     domain, problem, text = (inputs.text(each, path) for each, path in zip(("domain", "problem", "plan"), files))
@@ -70,6 +67,12 @@ def checked(certificate: Path, files: list[Path], epsilon: Fraction, inputs: Inp
     claim = check(Tape(lines), plan, kind, first[2], epsilon)
     require(plan, claim, demanded)
     return claim
+
+
+def network_files(inputs: Inputs, path: Path) -> Files:
+    network = network_of(inputs.text("network", path))
+    domain, problem = (inputs.text(each, path.parent / network[each]) for each in ("domain", "problem"))
+    return network, domain, problem
 
 
 def require_choices(claim: Claim, demanded: Any) -> None:

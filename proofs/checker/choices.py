@@ -227,7 +227,11 @@ class Choices:
                 case ("atom", atom) | ("not", ("atom", atom)):
                     self.conditions.append(Condition(atom, part[0] == "atom", *where))
                 case _:
-                    self.parts.append(self.unless(where[2], self.settled(part, owner)))
+                    self.bound(where[2], self.settled(part, owner))
+
+    def bound(self, guard: Guard, literal: int) -> None:
+        """What is said of durations, or of what never changes, holds where the guard does."""
+        self.parts.append(self.unless(guard, literal))
 
     def met(self, condition: Condition) -> int:
         """Some producer is in time, and no threat is between it and the end of the condition.
@@ -264,7 +268,9 @@ def check_choices(tape: Tape, files: Files, kind: str, stated: object, epsilon: 
         text = knowledge_text(choices.chosen)
     tape.finish()
     refuted = int(kind == "knowledge")
-    return Claim(kind, epsilon, text, choices=choices.chosen, obligations=len(choices.parts), refuted=refuted)
+    return Claim(
+        kind, epsilon, text + of_files(files), choices=choices.chosen, obligations=len(choices.parts), refuted=refuted
+    )
 
 
 def execution_text(choices: Choices) -> str:
@@ -276,6 +282,10 @@ def execution_text(choices: Choices) -> str:
 def knowledge_text(chosen: Guard) -> str:
     given = f" with {shown(chosen)}" if chosen else ""
     return f"no choices and times{given} are a correct execution of the plan with choices"
+
+
+def of_files(files: Files) -> str:
+    return f", of domain {files[0]['domain']!a} and problem {files[0]['problem']!a}"
 
 
 def quoted(text: str) -> str:

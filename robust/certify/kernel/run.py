@@ -6,7 +6,7 @@ import shutil
 import time
 import zlib
 from argparse import Namespace
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
@@ -22,16 +22,16 @@ from robust.certify.checker.__main__ import (
     Inputs,
     ends_of,
     lines_of,
+    network_files,
     plain,
     require,
     require_choices,
 )
-from robust.certify.checker.choices import network_of
 from robust.certify.checker.claims import Claim, box_of, meaning, nominal
 from robust.certify.checker.proofs import Rejected, Tape, demand
 from robust.certify.checker.reader import Ground, Unsupported, ground
 from robust.certify.hints import NotRefutedError
-from robust.certify.kernel.claims import Translation
+from robust.certify.kernel.claims import Ask, Translation
 from robust.certify.kernel.team import TeamTranslation
 from robust.certify.kernel.terms import unsupported
 from robust.errors import InputError, UnsupportedError
@@ -153,6 +153,16 @@ def _reading(plan: Ground) -> str:
     return where + read
 
 
+def _answer(claim: Claim, text: str, checked: str) -> dict[str, Any]:
+    return {
+        "kind": claim.kind,
+        "epsilon": str(claim.epsilon),
+        "claim": plain(text),
+        "box": None if claim.box is None else {name: ends_of(values) for name, values in claim.box.items()},
+        "obligations": int(checked.split()[1]),
+    }
+
+
 class _Asked:
     """The verified checker, as often as it is needed."""
 
@@ -169,12 +179,11 @@ class _Asked:
         _, kind, stated = first
         demand(len(files) == (1 if kind in CHOICES else 3), f"a certificate of kind {kind} is about other files")
         if kind in CHOICES:
-            network = network_of(inputs.text("network", files[0]))
-            domain, problem = (inputs.text(each, files[0].parent / network[each]) for each in ("domain", "problem"))
-            team = TeamTranslation((network, domain, problem), epsilon, self._deadline)
-            said, words = team.claim(Tape(lines), kind, stated)
-            require_choices(said, demanded)
-            return self._of_choices(team, said, words, inputs)
+            team = TeamTranslation(network_files(inputs, files[0]), epsilon, self._deadline)
+            claim, words = team.claim(Tape(lines), kind, stated)
+            require_choices(claim, demanded)
+            *_, checked = self._lines(inputs, partial(team.file, words, kind))
+            return _answer(claim, claim.text, checked)
         if kind == "corners":
             raise unsupported("boxes at corners of rates")
         domain, problem, text = (
@@ -186,31 +195,17 @@ class _Asked:
         if kind in ("plan", "box", "maximal"):
             claim.box = nominal(plan) if kind == "plan" else box_of(plan, stated)
         require(plan, claim, demanded)
-        digests = [f"({name} sha256 {digest})" for name, digest in inputs.items()]
-        with TemporaryDirectory(prefix="robust-kernel-") as directory:
-            path = Path(directory) / "certificate.kernel"
-            translation = Translation(plan, epsilon, self._deadline)
-            whole = translation.file(
-                Tape(lines), kind, stated, digests, partial(self._run, path, words=("--formulas",))
-            )
-            established, *_, checked = self._run(path, whole).splitlines()
-        return {
-            "kind": kind,
-            "epsilon": str(epsilon),
-            "claim": plain(established.removeprefix("established: ") + _reading(plan)),
-            "box": None if claim.box is None else {name: ends_of(values) for name, values in claim.box.items()},
-            "obligations": int(checked.split()[1]),
-        }
+        translation = Translation(plan, epsilon, self._deadline)
+        established, *_, checked = self._lines(inputs, partial(translation.file, Tape(lines), kind, stated))
+        return _answer(claim, established.removeprefix("established: ") + _reading(plan), checked)
 
-    def _of_choices(self, team: TeamTranslation, claim: Claim, words: str, inputs: Inputs) -> dict[str, Any]:
-        """What it establishes of a plan with choices."""
+    def _lines(self, inputs: Inputs, file: Callable[[list[str], Ask], str]) -> list[str]:
+        """What it prints of its input, which is made with the digests of files and with what prints its formulas."""
         digests = [f"({name} sha256 {digest})" for name, digest in inputs.items()]
         with TemporaryDirectory(prefix="robust-kernel-") as directory:
             path = Path(directory) / "certificate.kernel"
-            whole = team.file(words, claim.kind, digests, partial(self._run, path, words=("--formulas",)))
-            *_, checked = self._run(path, whole).splitlines()
-        said = {"kind": claim.kind, "epsilon": str(claim.epsilon), "claim": plain(claim.text), "box": None}
-        return said | {"obligations": int(checked.split()[1])}
+            whole = file(digests, partial(self._run, path, words=("--formulas",)))
+            return self._run(path, whole).splitlines()
 
     def _run(self, path: Path, text: str, words: Sequence[str] = ()) -> str:
         path.write_text(text, encoding="ascii")

@@ -6,13 +6,11 @@ which demands and which gains of atoms that makes, and proves the rest by itself
 
 from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
-from typing import Any
 
-from robust.certify.checker.choices import Choices, Condition, Files, Guard, execution_text, knowledge_text
+from robust.certify.checker.choices import Choices, Condition, Files, Guard, execution_text, knowledge_text, of_files
 from robust.certify.checker.claims import Claim
 from robust.certify.checker.formulas import FALSE, TRUE
 from robust.certify.checker.proofs import Tape, demand, listed
-from robust.certify.checker.reader import Tree, conjuncts
 from robust.certify.kernel.evaluation import IndexedFacts
 from robust.certify.kernel.questions import OpenFormulas
 from robust.certify.kernel.terms import listed as listed_words
@@ -38,11 +36,9 @@ class TeamTerms(Choices):
         super().constrain(guard, a, b, low, high)
         self._spans.append((a, b, low, high, guard))
 
-    def require(self, tree: Tree, owner: Any, where: tuple[str, str, Guard, int | None]) -> None:
-        super().require(tree, owner, where)
-        for part in conjuncts(tree):
-            if part[0] != "atom" and (part[0] != "not" or part[1][0] != "atom"):
-                self._spans += ((*span, where[2]) for span in self._said(self.settled(part, owner)))
+    def bound(self, guard: Guard, literal: int) -> None:
+        super().bound(guard, literal)
+        self._spans += ((*span, guard) for span in self._said(literal))
 
     def _said(self, literal: int) -> Iterator[tuple[str, str, Fraction | None, Fraction | None]]:
         """What a literal about durations says of events."""
@@ -123,8 +119,7 @@ class TeamTranslation:
             tape.next("refute")  # for the other checker
             words = f"(none {self._plan.label(claim.choices)})"
         tape.finish()
-        network = self._files[0]
-        claim.text += f", of domain {network['domain']!a} and problem {network['problem']!a}, epsilon = {self._epsilon}"
+        claim.text += f"{of_files(self._files)}, epsilon = {self._epsilon}"
         return claim, words
 
     def file(self, words: str, kind: str, texts: Sequence[str], ask: Callable[[str], str]) -> str:
