@@ -9,23 +9,27 @@ Real sequences of length 2n are multiplied modulo z²ⁿ + 1, as complex ones x[
 ωᵏ, ω²ⁿ = −1, that is a cyclic convolution of length n [Crandall and Fagin 1994].
 
 **Rounding**, u = 2⁻⁵³. Real and imaginary parts are arrays of their own, and all that is done with them is to add,
-subtract and multiply two numbers: each result is rounded by u of its size at most (what underflows is below 2⁻¹⁰⁰⁰). So
-complex sums are rounded by u of their size, and products pq by √8 u |pq| < 3u |pq|: either part by at most 2u times a
-sum of two products, which is at most |p||q|, but for terms in u².
+subtract and multiply two numbers, and to multiply real matrices as everybody does: each entry is a sum of products,
+added in whatever order, fused or not. A sum of k products is wrong by γ = ku / (1 − ku) times that of their sizes at
+most [Higham 2002, §3.1], and any other result by u of its size (what underflows is below 2⁻¹⁰⁰⁰). So products pq of
+complex numbers are rounded by √8 u |pq| < 3u |pq|: either part by at most 2u times a sum of two products, which is at
+most |p||q|, but for terms in u².
 
 - *Roots* are products of entries of two tables, which come from integers and are wrong by 0.71u: roots are within 5u,
   and a product with a root is rounded by 9u of its size.
-- *Transforms* of length n = 2ᵐ multiply by matrices, one after the other: m of sums and differences of two entries (a
-  factor i exchanges parts), and m / 2 diagonal ones of roots or weights. Each is unitary but for a factor. So it does
-  not enlarge, relative to the length |·|₂ of the vector, what was wrong before, and adds u or 9u of that length. With
-  m ≤ 20 a transform is wrong by η ≤ (1 + u)²⁰ (1 + 9u)¹⁰ − 1 < 110.1u of its length.
+- *Transforms* of length n = 2ᵐ multiply by matrices, one after the other: s ≤ 4 of blocks of r ≤ 32 rows of roots, and
+  between them diagonal ones of roots. Each is unitary but for a factor √r or 1. So it does not enlarge, relative to the
+  length |·|₂ of the vector, what was wrong before, and adds 9u of that length if it is diagonal. With parts one below
+  the other a block is a real matrix of 2r rows with a Frobenius norm of √2 r; its roots add 5u√r to what is wrong, and
+  its sums of 2r products γ√(2r): together less than 541u. So a transform is wrong by η < (4 · 541 + 3 · 9 + 1) u
+  < 2200u of its length.
 - *Products.* For exact transforms X and Y, |X|₂ = √n |x|₂. By Cauchy and Schwarz, products are wrong by at most
-  ((1 + η)² (1 + 3u) − 1) n |x|₂ |y|₂ in sum, hence by 224u |x|₂ |y|₂ in each place when transformed back exactly. The
-  transform back rounds by η |x * y|₂ (1 + 10⁻⁹) ≤ 111u |x|₂ |y|₁. To divide by n is exact.
-- *Laws.* |x|₂ ≤ √(2n), and |y|₂ ≤ |y|₁ ≤ 1. So the sum above is wrong by at most 335u √(2n) < 6·10⁻¹¹. Differences are
-  rounded by u of their size; these, two more products, and sums of three terms add less than 10u.
+  ((1 + η)² (1 + 3u) − 1) n |x|₂ |y|₂ in sum, hence by 4404u |x|₂ |y|₂ in each place when transformed back exactly. The
+  transform back rounds by η |x * y|₂ (1 + 10⁻⁹) ≤ 2201u |x|₂ |y|₁. To divide by n is exact.
+- *Laws.* |x|₂ ≤ √(2n), and |y|₂ ≤ |y|₁ ≤ 1. So the sum above is wrong by at most 6605u √(2n) < 1.07·10⁻⁹. Differences
+  are rounded by u of their size; these, two more products, and sums of three terms add less than 10u.
 
-`ROUNDED` = 2⁻³³ > 10⁻¹⁰ bounds all of that.
+`ROUNDED` bounds all of that.
 """
 
 from functools import cache
@@ -36,12 +40,15 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
-ROUNDED = 2.0**-33
+ROUNDED = 1.1e-9
 """By how much a place of a convolution may be wrong."""
 LONGEST = 20
 """Binary logarithm of the greatest length of a transform."""
 TOGETHER = 1 << 14
 """Places that are transformed together, so that they stay close to the processor."""
+BLOCK = 64
+"""Rows or columns of a product of matrices at most: what is larger is shared out to several processors, which costs."""
+_RADIX = 5
 _BITS = 160
 _HALF = LONGEST // 2 + 1
 
@@ -150,123 +157,107 @@ def _product(first: Array, second: Array) -> Array:
     return np.stack((real, first[0] * second[1] + first[1] * second[0]))
 
 
-class _Pass(NamedTuple):
-    """Of a transform: vectors are seen as (…, `radix`, `inner`, `trailing`), and multiplied by roots but for the first;
-    `turned` if the two halves of the index change places before."""
-
-    radix: int
-    inner: int
-    trailing: int
-    roots: Array
-    turned: int
-
-    def forth(self, now: Array, other: Array) -> tuple[Array, Array]:
-        """Where the result is, and room for the next; both arrays change."""
-        x, y = (each.reshape(2, -1, self.radix, self.inner, self.trailing) for each in (now, other))
-        half = self.radix // 2
-        np.add(x[:, :, :half], x[:, :, half:], out=y[:, :, :half])
-        np.subtract(x[:, :, :half], x[:, :, half:], out=y[:, :, half:])
-        if half == 2:  # y = a + c, b + d, a − c, b − d; result a + c + (b + d), − (b + d), a − c − i(b − d), + i(b − d)
-            np.add(y[:, :, 0], y[:, :, 1], out=x[:, :, 0])
-            np.subtract(y[:, :, 0], y[:, :, 1], out=x[:, :, 1])
-            np.add(y[0, :, 2], y[1, :, 3], out=x[0, :, 2])
-            np.subtract(y[1, :, 2], y[0, :, 3], out=x[1, :, 2])
-            np.subtract(y[0, :, 2], y[1, :, 3], out=x[0, :, 3])
-            np.add(y[1, :, 2], y[0, :, 3], out=x[1, :, 3])
-            now, other, x, y = other, now, y, x
-        if self.inner == 1:
-            return other, now
-        np.copyto(x[:, :, 0], y[:, :, 0])
-        _multiply(y[:, :, 1:], self.roots, x[:, :, 1:])
-        return now, other
-
-    def back(self, now: Array, other: Array) -> tuple[Array, Array]:
-        """The inverse of :meth:`forth` but for a factor; both arrays change."""
-        x, y = (each.reshape(2, -1, self.radix, self.inner, self.trailing) for each in (now, other))
-        if self.inner > 1:
-            np.copyto(y[:, :, 0], x[:, :, 0])
-            _multiply(x[:, :, 1:], _conjugate(self.roots), y[:, :, 1:])
-            now, other, x, y = other, now, y, x
-        half = self.radix // 2
-        if half == 2:
-            np.add(x[:, :, 0], x[:, :, 1], out=y[:, :, 0])
-            np.subtract(x[:, :, 0], x[:, :, 1], out=y[:, :, 1])
-            np.add(x[:, :, 2], x[:, :, 3], out=y[:, :, 2])
-            np.subtract(x[1, :, 3], x[1, :, 2], out=y[0, :, 3])
-            np.subtract(x[0, :, 2], x[0, :, 3], out=y[1, :, 3])
-            now, other, x, y = other, now, y, x
-        np.add(x[:, :, :half], x[:, :, half:], out=y[:, :, :half])
-        np.subtract(x[:, :, :half], x[:, :, half:], out=y[:, :, half:])
-        return other, now
-
-
 def _multiply(vectors: Array, factors: Array, result: Array) -> None:
-    """The product; the vectors change."""
+    """The product, parts on the first axis; the vectors change."""
     np.multiply(vectors, factors[0], out=result)
     vectors *= factors[1]
     result[0] -= vectors[1]
     result[1] += vectors[0]
 
 
-@cache
-def _passes(order: int) -> tuple[Array, tuple[_Pass, ...]]:
-    """The weights and the passes of a transform of length 2^order.
+class _Stage(NamedTuple):
+    """Of a transform: a matrix for each r places, whose real parts come before their imaginary ones, and the roots by
+    which the products are multiplied, for each of them and each of the places beside; none in the last stage."""
 
-    After half of the passes the rest of the index comes first, so that what is done at once stays long.
-    """
-    weights = _conjugate(roots(order + 2, np.arange(1 << order)))
-    passes, left, trailing = [], order, 1
-    while left:
-        turned = 0
-        if trailing == 1 and left <= (order + 1) // 2 and left < order:
-            trailing, turned = 1 << (order - left), 1 << left
-        bits = 1 if left % 2 else 2
-        inner = 1 << (left - bits)
-        powers = np.array([1] if bits == 1 else [2, 1, 3])[:, None] * np.arange(inner)
-        passes.append(_Pass(1 << bits, inner, trailing, roots(left, powers)[:, None, ..., None], turned))
+    matrix: Array
+    roots: Array | None
+
+    def forth(self, x: Array) -> Array:
+        """Of arrays (…, parts, r, places beside): arrays (…, r, parts, places beside)."""
+        if self.roots is None:
+            return _in_blocks(x, self.matrix.T)
+        y = _in_columns(self.matrix, x.reshape(-1, len(self.matrix), self.roots.shape[-1]))
+        radix, beside = self.roots.shape[1:]
+        z = np.empty((len(y), radix, 2, beside))
+        _multiply(y.reshape(-1, 2, radix, beside).swapaxes(0, 1), self.roots[:, None], np.moveaxis(z, 2, 0))
+        return z
+
+    def back(self, z: Array) -> Array:
+        """The inverse of :meth:`forth` but for a factor; what is given may change."""
+        if self.roots is None:
+            return _in_blocks(z, self.matrix)
+        radix, beside = self.roots.shape[1:]
+        z = z.reshape(-1, radix, 2, beside)
+        y = np.empty((len(z), 2, radix, beside))
+        _multiply(np.moveaxis(z, 2, 0), _conjugate(self.roots)[:, None], y.swapaxes(0, 1))
+        return _in_columns(self.matrix.T, y.reshape(-1, len(self.matrix), beside))
+
+
+def _in_columns(matrix: Array, vectors: Array) -> Array:
+    """A matrix times each of many others, some columns at a time."""
+    count, height, width = vectors.shape
+    result = np.empty_like(vectors)
+    views = (each.reshape(count, height, -1, min(BLOCK, width)).swapaxes(1, 2) for each in (vectors, result))
+    np.matmul(matrix, next(views), out=next(views))
+    return result
+
+
+def _in_blocks(vectors: Array, matrix: Array) -> Array:
+    """Rows times a matrix, some rows at a time."""
+    rows = vectors.reshape(-1, len(matrix))
+    block = min(BLOCK, len(rows) & -len(rows))
+    return (rows.reshape(-1, block, len(matrix)) @ matrix).reshape(rows.shape)
+
+
+@cache
+def _stages(order: int) -> tuple[_Stage, ...]:
+    """Of a transform of length 2^order; the weights are in the first one."""
+    count = max(1, -(-order // _RADIX))
+    stages, left = [], order
+    for number in range(count):
+        bits = order // count + (number < order % count)
         left -= bits
-    return weights[:, None], tuple(passes)
+        # The first of the two parts of place k is transformed; weights, which are roots of order 4n, are in one stage.
+        j, k = np.arange(1 << bits), np.arange(1 << left)
+        weight = int(number == 0)
+        powers = (j[:, None] << 2) * j - weight * j
+        real, imaginary = roots(bits + 2, powers)
+        matrix = np.block([[real, -imaginary], [imaginary, real]])
+        turned = roots(left + bits + 2, (j[:, None] << 2) * k - weight * k) if left else None
+        stages.append(_Stage(matrix, turned))
+    return tuple(stages)
 
 
 def _transformed(sequences: Array) -> Array:
-    """Of real sequences of length 2n, in rows: parts, rows, and n places in an order of their own."""
+    """Of real sequences of length 2n: parts, rows, and n places in an order of their own."""
     rows, length = sequences.shape[0], sequences.shape[1] // 2
-    weights, passes = _passes(length.bit_length() - 1)
+    stages = _stages(length.bit_length() - 1)
     whole = np.empty((2, rows, length))
-    for begin in range(0, rows, max(1, TOGETHER // length)):
-        part = sequences[begin : begin + max(1, TOGETHER // length)]
-        other = part.reshape(-1, 2, length).swapaxes(0, 1).copy("C")
-        now = np.empty_like(other)
-        _multiply(other, weights, now)
-        for step in passes:
-            if step.turned:
-                source = now.reshape(2, len(part), -1, step.turned).swapaxes(2, 3)
-                np.copyto(other.reshape(source.shape), source)
-                now, other = other, now
-            now, other = step.forth(now, other)
-        whole[:, begin : begin + len(part)] = now
+    together = max(1, TOGETHER // length)
+    for begin in range(0, rows, together):
+        now = sequences[begin : begin + together]
+        count = len(now)
+        for stage in stages:
+            now = stage.forth(now)
+        radix = len(stages[-1].matrix) // 2
+        whole[:, begin : begin + count] = np.moveaxis(now.reshape(count, -1, 2, radix), 2, 0).reshape(2, count, length)
     return whole
 
 
 def _restored(vectors: Array) -> Array:
     """The real sequences of transforms."""
     _, rows, length = vectors.shape
-    weights, passes = _passes(length.bit_length() - 1)
-    whole = np.empty((rows, 2, length))
-    scaled = _conjugate(weights) / length
-    for begin in range(0, rows, max(1, TOGETHER // length)):
-        now = vectors[:, begin : begin + max(1, TOGETHER // length)].copy("C")
-        count = now.shape[1]
-        other = np.empty_like(now)
-        for step in reversed(passes):
-            now, other = step.back(now, other)
-            if step.turned:
-                source = now.reshape(2, count, step.turned, -1).swapaxes(2, 3)
-                np.copyto(other.reshape(source.shape), source)
-                now, other = other, now
-        _multiply(now, scaled, other)
-        whole[begin : begin + count] = other.swapaxes(0, 1)
-    return whole.reshape(rows, -1)
+    stages = _stages(length.bit_length() - 1)
+    radix = len(stages[-1].matrix) // 2
+    whole = np.empty((rows, 2 * length))
+    together = max(1, TOGETHER // length)
+    for begin in range(0, rows, together):
+        part = vectors[:, begin : begin + together]
+        now = np.moveaxis(part.reshape(2, part.shape[1], -1, radix), 0, 2).copy("C")
+        for stage in reversed(stages):
+            now = stage.back(now)
+        np.divide(now.reshape(-1, 2 * length), length, out=whole[begin : begin + together])
+    return whole
 
 
 def _conjugate(factors: Array) -> Array:

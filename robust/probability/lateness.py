@@ -231,55 +231,75 @@ def chains(edges: Sequence[PathEdge]) -> list[PathEdge]:
 Laws = list[LatticeEdge]
 
 
-class PathBounds:
-    """Bounds of the probability that the longest path is in time, closer and closer.
+class ChainLaws:
+    """Laws of edges on lattices up to the last deadline; a chain is summed on a finer lattice.
 
     Args:
-        edges: from 0 to the sink.
         durations: of all names.
         latest: the greatest length that is in time.
     """
 
-    def __init__(self, edges: Sequence[PathEdge], durations: Durations, latest: Fraction) -> None:
-        self._edges = chains(edges)
-        self._durations = durations
-        self._latest = latest
-        self.lower, self.upper = 0.0, 1.0
-        self.cells = 0
-        self.passing: dict[str, float] = {}
-        """With which probability a path that a duration is on is late, at most."""
-        names = {name for edge in self._edges for name in edge.names}
-        self._tail = sum(known.tail for known in durations.values())
-        self._sizes, self._fine = self._lattices([durations[name].distribution for name in names])
+    def __init__(self, durations: Durations, latest: Fraction) -> None:
+        self.durations = durations
+        self.latest = latest
+        self._known: dict[tuple[PathEdge, int, int, bool], Array] = {}
 
-    def _lattices(self, distributions: Sequence[Distribution]) -> tuple[Sequence[int], int]:
-        """A lattice that all values are on, if there is one; else several."""
-        if all(known.kind in DISCRETE for known in distributions):
-            values = [self._latest, *(edge.constant for edge in self._edges)]
-            values += [value for known in distributions for value, _ in known.atoms]
-            scale = lcm(*(value.denominator for value in values))
-            cells = self._latest * scale / gcd(*(int(value * scale) for value in values)) + 1
-            if cells <= SIZES[-1]:
-                return (max(2, int(cells)),), 1
-        return SIZES, FINE
+    def of(self, edges: Sequence[PathEdge], size: int, fine: int, *, upper: bool) -> Laws:
+        """The edges with laws."""
+        return [
+            LatticeEdge(edge.source, edge.target, self._law(edge, size, fine, upper=upper), edge.names or None)
+            for edge in edges
+        ]
 
-    def _laws(self, edges: Sequence[PathEdge], size: int, *, upper: bool) -> Laws:
-        """The edges with laws; a chain is summed on a finer lattice."""
-        fine = self._fine
-        unit = self._latest / (size - 1) / fine
-        laws = []
-        for edge in edges:
+    def _law(self, edge: PathEdge, size: int, fine: int, *, upper: bool) -> Array:
+        key = (edge, size, fine, upper)
+        if key not in self._known:
+            unit = self.latest / (size - 1) / fine
             first, law = 0, np.ones(1)
             for name in edge.names:
-                begin, own = self._durations[name].law(unit, size * fine, upper=upper)
+                begin, own = self.durations[name].law(unit, size * fine, upper=upper)
                 law = lattice.in_full_series(law, own, size * fine, upper=upper) if len(law) > 1 else own
                 first += begin
             shift = edge.constant / unit
             places = np.arange(size) * fine - first
             places = places + fine - 1 - floor(shift) if upper else places - ceil(shift)
-            law = np.where(places >= 0, law[np.clip(places, 0, len(law) - 1)], 0.0)
-            laws.append(LatticeEdge(edge.source, edge.target, law, edge.names or None))
-        return laws
+            self._known[key] = np.where(places >= 0, law[np.clip(places, 0, len(law) - 1)], 0.0)
+        return self._known[key]
+
+
+class PathBounds:
+    """Bounds of the probability that the longest path is in time, closer and closer.
+
+    Args:
+        edges: from 0 to the sink.
+        laws: of all durations, with the greatest length that is in time.
+    """
+
+    def __init__(self, edges: Sequence[PathEdge], laws: ChainLaws) -> None:
+        self._edges = chains(edges)
+        self._known = laws
+        self.lower, self.upper = 0.0, 1.0
+        self.cells = 0
+        self.passing: dict[str, float] = {}
+        """With which probability a path that a duration is on is late, at most."""
+        names = {name for edge in self._edges for name in edge.names}
+        self._tail = sum(known.tail for known in laws.durations.values())
+        self._sizes, self._fine = self._lattices([laws.durations[name].distribution for name in names])
+
+    def _lattices(self, distributions: Sequence[Distribution]) -> tuple[Sequence[int], int]:
+        """A lattice that all values are on, if there is one; else several."""
+        if all(known.kind in DISCRETE for known in distributions):
+            latest = self._known.latest
+            values = [latest, *(edge.constant for edge in self._edges)]
+            values += [value for known in distributions for value, _ in known.atoms]
+            scale = lcm(*(value.denominator for value in values))
+            cells = latest * scale / gcd(*(int(value * scale) for value in values)) + 1
+            if cells <= SIZES[-1]:
+                return (max(2, int(cells)),), 1
+        return SIZES, FINE
+
+    def _laws(self, edges: Sequence[PathEdge], size: int, *, upper: bool) -> Laws:
+        return self._known.of(edges, size, self._fine, upper=upper)
 
     def run(self, within: float, on_bounds: Callable[[], None], deadline: Deadline, work: float = WORK) -> None:
         """Raise the lower and lower the upper bound until they are close, or no more is to be had for so much work.
@@ -332,10 +352,11 @@ class PathBounds:
             return CellSearch(*_with_cells(core, LongestPath(lower), self.passing), cells, check)
 
         enough = within * 0.97
+        search = start(self._sizes[0], None)
+        rounding = search.upper - search.lower - search.open
+        tell(search)
+        on_finer = 0
         for _ in range(ROUNDS):
-            search = start(self._sizes[0], None)
-            rounding = search.upper - search.lower - search.open
-            tell(search)
             chosen: tuple[float, int, list[tuple[lattice.Ends, ...]]] | None = None
             while True:
                 # On a finer lattice: what is close enough with the least work; or else what is closest.
@@ -353,11 +374,14 @@ class PathBounds:
                 check()
                 search.step()
                 tell(search)
-            self.cells += search.cells
             if chosen is not None and self.upper - self.lower > within:
-                finer = start(chosen[1], search.on_finer(chosen[2], chosen[1] // self._sizes[0]))
-                self.cells += finer.cells
-                tell(finer)
+                _, size, cells = chosen
+                takes_long = len(cells) * size * search.width > WORK / 2
+                for own in (size // 4, size)[not takes_long or size == self._sizes[1] :]:  # so that less is known soon
+                    finer = start(own, search.on_finer(cells, own // self._sizes[0]))
+                    on_finer += finer.cells
+                    tell(finer)
+            self.cells = search.cells + on_finer
             if self.upper - self.lower <= within or deadline.moment is None or chosen is None or work < WORK:
                 return
             work *= 4
@@ -375,12 +399,12 @@ def pruned(edges: Laws, budget: float) -> tuple[list[int], float, list[float]]:
         forward[node] = np.ones(size)
         for number in entering[node]:
             along[number] = lattice.lowered(own[number].convolved(forward[edges[number].source]))
-            forward[node] = lattice.lowered(forward[node] * along[number])
+            forward[node] = lattice.parallel(forward[node], along[number], upper=False)
     for node in reversed(order):
         backward[node] = np.ones(size)
         for number in leaving[node]:
             after = lattice.lowered(own[number].convolved(backward[edges[number].target]))
-            backward[node] = lattice.lowered(backward[node] * after)
+            backward[node] = lattice.parallel(backward[node], after, upper=False)
     reserve = 4 * size * 2.0**-52 + lattice.STEP
     costs = [
         max(0.0, 1 - float(law[::-1] @ lattice.differences(backward[edge.target]))) + reserve

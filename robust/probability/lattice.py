@@ -5,8 +5,8 @@ stochastically at least X/h: F[k] ≤ P(X ≤ k·h). Upper laws belong to one th
 Sums and maxima are monotone in every variable, so that lower laws of parts give lower laws of what is made of them, and
 upper laws upper ones. Values of n and more are late, whatever they are, since no length is negative.
 
-**Rounding.** After each operation a step of `STEP` = 2⁻³² to the safe side covers all of its rounding: half of that
-bounds what convolutions are wrong by, see :mod:`robust.probability.convolution`, and a product of two numbers up to 1
+**Rounding.** After each operation a step of `STEP` = 2⁻²⁹ to the safe side covers all of its rounding: 3/5 of that
+bound what convolutions are wrong by, see :mod:`robust.probability.convolution`, and a product of two numbers up to 1
 is rounded by u = 2⁻⁵³. Laws of a variable in a cell are quotients of differences and wrong by 3u of their size. Sums of
 n ≤ 2¹⁷ products that are 1 at most together are wrong by n·u, in whatever order they are added.
 
@@ -28,7 +28,7 @@ import numpy.typing as npt
 
 from robust.probability.convolution import Array, Increments
 
-STEP = 2.0**-32
+STEP = 2.0**-29
 """What one operation adds to the error, with a reserve."""
 BATCH = 24
 """Cells that are looked at together."""
@@ -97,12 +97,14 @@ def differences(law: Array) -> Array:
 
 def lowered(law: Array) -> Array:
     """A step down, and monotone again."""
-    return np.asarray(np.maximum.accumulate(np.clip(law - STEP, 0, 1), axis=-1))
+    law = np.maximum.accumulate(law - STEP, axis=-1)
+    return np.maximum(law, 0, out=law)
 
 
 def raised(law: Array) -> Array:
     """A step up, and monotone again."""
-    return np.asarray(np.minimum.accumulate(np.clip(law + STEP, 0, 1)[..., ::-1], axis=-1)[..., ::-1])
+    law = np.minimum.accumulate((law + STEP)[..., ::-1], axis=-1)[..., ::-1]
+    return np.minimum(law, 1, out=law)
 
 
 def in_series(first: Array, second: Array, *, upper: bool) -> Array:
@@ -118,8 +120,10 @@ def in_full_series(first: Array, second: Array, size: int, *, upper: bool) -> Ar
 
 
 def parallel(first: Array, second: Array, *, upper: bool) -> Array:
-    """The law of the maximum of independent lengths."""
-    return (raised if upper else lowered)(first * second)
+    """The law of the maximum of independent lengths: a product, which is monotone however it is rounded, and a step."""
+    law = first * second
+    law += STEP if upper else -STEP
+    return np.minimum(law, 1, out=law) if upper else np.maximum(law, 0, out=law)
 
 
 def reduced(edges: Sequence[LatticeEdge], *, upper: bool) -> list[LatticeEdge]:
@@ -332,7 +336,7 @@ class LongestPath:
             return branches[0]
         lower = branches[0].lower
         for branch in branches[1:]:
-            lower = lowered(lower * branch.lower)
+            lower = parallel(lower, branch.lower, upper=False)
         names = frozenset().union(*(branch.names for branch in branches))
         if only_lower:
             return _Laws(lower, lower, lower, lower, names)
@@ -346,7 +350,7 @@ class LongestPath:
             return _Laws(lower, upper, upper, lower, names)
         worst = branches[0].worst
         for branch in branches[1:]:
-            worst = lowered(worst * branch.worst)
+            worst = parallel(worst, branch.worst, upper=False)
         return _Laws(lower, upper, best, worst, names)
 
 
@@ -372,8 +376,8 @@ def _joint(first: _Laws, second: _Laws) -> _Laws:
     if first.names & second.names:
         ranges = [np.maximum(branch.best - branch.worst, 0) for branch in (first, second)]
         upper = np.minimum(upper + 0.25 * ranges[0] * ranges[1], np.minimum(first.upper, second.upper))
-    best = raised(first.best * second.best)
-    worst = lowered(first.worst * second.worst)
+    best = parallel(first.best, second.best, upper=True)
+    worst = parallel(first.worst, second.worst, upper=False)
     upper = np.minimum(raised(upper), best)
     return _Laws(first.lower, upper, best, worst, first.names | second.names)
 

@@ -88,15 +88,21 @@ class FixedSchedules:
 
     def _earliest(self, weights: Mapping[str, float]) -> dict[Node, Fraction] | None:
         """The earliest schedule for allowances with the greatest probabilities q^weight that are in time."""
-        constants = {edge: float(edge.constant) for _, entering in self._steps for edge in entering}
+        steps = [
+            (node, [(edge.source, float(edge.constant), edge.names) for edge in entering])
+            for node, entering in self._steps
+        ]
         low, high, latest = 0.0, 1.0, float(self._graph.latest)
         for _ in range(14):
             middle = (low + high) / 2
             allowances = self._allowances(weights, middle)
             times: dict[Node, float] = {}
-            for node, entering in self._steps:
-                ways = (times[e.source] + constants[e] + sum(allowances[name] for name in e.names) for e in entering)
-                times[node] = max(ways, default=0.0)
+            for node, ways in steps:
+                arrivals = (
+                    times[source] + constant + sum([allowances[name] for name in names])
+                    for source, constant, names in ways
+                )
+                times[node] = max(arrivals, default=0.0)
             low, high = (middle, high) if times[SINK] <= latest else (low, middle)
         return self._timed(
             {name: Fraction(floor(value * 4096), 4096) for name, value in self._allowances(weights, low).items()}

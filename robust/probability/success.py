@@ -9,6 +9,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
+from functools import cached_property
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from robust.probability import lattice, packing
 from robust.probability.averages import Conditional, SharedAverage, draw_factors
 from robust.probability.convolution import Array
 from robust.probability.distributions import UNIT, Distribution, Enclosure, product
-from robust.probability.lateness import SINK, WORK, LatenessGraph, PathBounds, PathEdge, lateness_graph
+from robust.probability.lateness import SINK, WORK, ChainLaws, LatenessGraph, PathBounds, PathEdge, lateness_graph
 from robust.probability.lattice import Node
 from robust.probability.measure import Bounds, SuccessProbabilities, interval_probability
 from robust.probability.random_durations import RandomDuration, drawn
@@ -294,7 +295,7 @@ class Lateness:
             for one in merged:
                 lengths[one.name] = one
             constant = sum((edge.constant for edge in path), Fraction(0))
-            bounds = PathBounds([PathEdge(0, SINK, constant, tuple(lengths))], lengths, graph.latest)
+            bounds = PathBounds([PathEdge(0, SINK, constant, tuple(lengths))], ChainLaws(lengths, graph.latest))
             bounds.run(1e-6, lambda: None, self._deadline)
             below = sum((1 - Fraction(one.mass[0], UNIT) for one in lengths.values()), Fraction(0))
             lower = max(Fraction(0), Fraction(bounds.lower) - below)
@@ -404,7 +405,7 @@ class Lateness:
         for edge in graph.edges:
             about = {*edge.names, *((graph.due[edge.source],) if edge.target == SINK else ())} & names
             if about:
-                paths = PathBounds(_through(graph.edges, edge), graph.durations, graph.latest)
+                paths = PathBounds(_through(graph.edges, edge), self._given.laws)
                 paths.run(close, lambda: None, self._deadline, WORK / 100)
                 inside = Fraction(self._given.mass[0], UNIT)
                 bounds = max(Fraction(0), 1 - Fraction(paths.upper)) * inside, 1 - Fraction(paths.lower) * inside
@@ -476,6 +477,11 @@ class GivenDurations:
         self._edges: dict[bool, tuple[tuple[PathEdge, ...], ...]] = {}
         self._paths: dict[tuple[PathEdge, ...], PathBounds] = {}
 
+    @cached_property
+    def laws(self) -> ChainLaws:
+        """The laws of edges of the graph."""
+        return ChainLaws(self.durations, Fraction(0) if self.graph is None else self.graph.latest)
+
     @property
     def short(self) -> float:
         """How probably some duration is shorter than it may be, at most."""
@@ -496,7 +502,7 @@ class GivenDurations:
         """Bounds of how probably a schedule exists, or of how probably our dispatcher finds one."""
         for edges in self._sides(is_policy):
             if edges not in self._paths and self.graph is not None:
-                self._paths[edges] = PathBounds(edges, self.durations, self.graph.latest)
+                self._paths[edges] = PathBounds(edges, self.laws)
                 self._paths[edges].run(within, tell, deadline, work)
         tell()
 

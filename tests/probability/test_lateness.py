@@ -18,7 +18,7 @@ from robust.plan.timed import parse_timed_plan
 from robust.probability import lateness
 from robust.probability import risk as risks
 from robust.probability.distributions import UNIT, Distribution, parse_distribution
-from robust.probability.lateness import SINK, PathBounds, PathEdge
+from robust.probability.lateness import SINK, ChainLaws, PathBounds, PathEdge
 from robust.probability.measure import interval_probability
 from robust.probability.random_durations import RandomDuration, cumulative
 from robust.probability.risk import RiskStatus
@@ -124,7 +124,7 @@ def hunt_paths(seed: int, count: int) -> tuple[int, int]:
         truth = sum(share for end, share in outcomes.items() if end <= latest)
         for within in (0.3, 0.02, 1e-6):
             known: list[tuple[float, float]] = []
-            bounds = PathBounds(edges, durations, latest)
+            bounds = PathBounds(edges, ChainLaws(durations, latest))
             bounds.run(within, lambda known=known, bounds=bounds: known.append((bounds.lower, bounds.upper)), NEVER)
             assert F(bounds.lower) <= truth <= F(bounds.upper)
             assert all(a[0] <= b[0] <= b[1] <= a[1] for a, b in pairwise(known))
@@ -144,7 +144,7 @@ def test_bounds_hold_the_probability_of_all_combinations_of_many():
 
 def test_out_of_time_bounds_are_those_of_the_moment():
     edges, durations = drawn_graph(Random("time"))  # noqa: S311 - reproducible
-    bounds = PathBounds(edges, durations, F(9))
+    bounds = PathBounds(edges, ChainLaws(durations, F(9)))
     with pytest.raises(OutOfTimeError):
         bounds.run(1e-9, lambda: None, Deadline.after(0))
     assert (bounds.lower, bounds.upper) == (0.0, 1.0)
