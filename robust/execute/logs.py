@@ -228,6 +228,8 @@ class _Table:
                 return datetime.fromisoformat(text)
         except ValueError:
             pass
+        if (plain := _decimal(text)) is not None:
+            return plain
         if not is_number(text.strip()):
             raise _wrong(
                 f"time {shorten(text)}", "a date and time such as 2024-05-23 18:45:47, or a number", self._file, line
@@ -237,12 +239,8 @@ class _Table:
     def _duration(self, text: str, line: int) -> tuple[Amount, bool]:
         """A duration, and whether its unit is known to be seconds."""
         unit = self._unit
-        try:
-            plain = Decimal(text)
-            if _ZERO <= plain < _HUGE and "_" not in text:
-                return (plain, False) if unit is None else (plain * unit, True)
-        except InvalidOperation:
-            pass
+        if (plain := _decimal(text)) is not None:
+            return (plain, False) if unit is None else (plain * unit, True)
         match = re.fullmatch(rf"(.*?)\s*{_UNIT}?", text.strip())
         number = match[1] if match else text
         if not is_number(number):
@@ -270,6 +268,15 @@ def action_name(text: str) -> str:
     if not name.startswith("("):
         return name
     return f"({' '.join(name[1:].partition(')')[0].lower().split())})"
+
+
+def _decimal(text: str) -> Decimal | None:
+    """The value of what most numbers in logs look like, a decimal of ordinary size; None for other texts."""
+    try:
+        value = Decimal(text)
+        return value if _ZERO <= value < _HUGE and "_" not in text else None
+    except InvalidOperation:  # of what cannot be compared, too: nan
+        return None
 
 
 def _amount(text: str, place: Location) -> Amount:

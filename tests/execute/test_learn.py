@@ -285,6 +285,10 @@ BAD = {
     "negative": (table("a,3", "a,-3"), "3: found duration '-3', expected at least 0"),
     "no number": (table("a,3", "a,soon"), "3: found duration 'soon', expected a number"),
     "not finite": (table("a,nan"), "2: found duration 'nan', expected a number"),
+    "time that is not finite": (
+        table("a,nan,3", header="action,start,duration"),
+        "2: found time 'nan', expected a date and time",
+    ),
     "no columns": (table("a,3", header="name,time"), "1: found no column 'duration' in 'name,time', expected a header"),
     "no action": (table("a,3", header="what,duration"), "1: found no column 'action'"),
     "no log": (
