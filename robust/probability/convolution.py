@@ -217,7 +217,7 @@ def _stages(order: int) -> tuple[_Stage, ...]:
     for number in range(count):
         bits = order // count + (number < order % count)
         left -= bits
-        # The first of the two parts of place k is transformed; weights, which are roots of order 4n, are in one stage.
+        # Of place k₀ 2^left + k₁, a matrix makes j of k₀, and a root goes by j and k₁; weights are in the first stage.
         j, k = np.arange(1 << bits), np.arange(1 << left)
         weight = int(number == 0)
         powers = (j[:, None] << 2) * j - weight * j
