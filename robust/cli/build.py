@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from robust.cli.guard import EPILOG, Action
+from robust.numbers import shorten
 from robust.options.declare import Option, Options, declared, names_of
 
 if TYPE_CHECKING:
@@ -212,7 +213,10 @@ def _function(asked: Action[Any], carry_out: CarryOut) -> Callable[..., int]:
         make = typer.Argument if declaration.argument else typer.Option
         names = () if declaration.argument else names_of(name, declaration)
         explicit = not (declaration.argument or declaration.default is ...)
-        information = make(*names, help=declaration.help, metavar=declaration.metavar, show_default=explicit)
+        parser = _whole_number if kind in (int, int | None) else None
+        information = make(
+            *names, help=declaration.help, metavar=declaration.metavar, show_default=explicit, parser=parser
+        )
         parameters.append(
             inspect.Parameter(
                 name,
@@ -224,6 +228,15 @@ def _function(asked: Action[Any], carry_out: CarryOut) -> Callable[..., int]:
     called.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     called.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return called
+
+
+def _whole_number(given: str) -> int:
+    import typer
+
+    try:
+        return int(given)
+    except ValueError:
+        raise typer.BadParameter(f"found {shorten(given)}, expected a whole number") from None
 
 
 def _enumeration(values: tuple[str, ...]) -> Any:

@@ -274,9 +274,10 @@ def _decimal(text: str) -> Decimal | None:
     """The value of what most numbers in logs look like, a decimal of ordinary size; None for other texts."""
     try:
         value = Decimal(text)
-        return value if _ZERO <= value < _HUGE and "_" not in text else None
+        is_usual = _ZERO <= value < _HUGE and "_" not in text
     except InvalidOperation:  # of what cannot be compared, too: nan
         return None
+    return value if is_usual else None
 
 
 def _amount(text: str, place: Location) -> Amount:
