@@ -1,5 +1,6 @@
 """Processes in tests: whether they are still running, and Ctrl-C."""
 
+import gc
 import signal
 import threading
 import time
@@ -45,6 +46,7 @@ def interrupted_after(seconds):
     """Ctrl-C, once, from outside of whatever the main thread is doing."""
     main = threading.main_thread().ident
     assert main is not None
+    gc.collect()  # finalisers that run before what is interrupted has begun would drop the exception
     timer = threading.Timer(seconds, signal.pthread_kill, (main, signal.SIGINT))
     timer.start()
     try:
