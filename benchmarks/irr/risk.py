@@ -330,7 +330,7 @@ class RiskReport(Report[RiskRow]):
         for kind, (colour, marker) in named.items():
             rows = self.of(kind=kind)
             points = [(float(row.parameters), max(row.width, LEAST)) for row in rows]
-            over_size.append(Series(points, kind, colour, "", marker))
+            over_size += [Series(points, kind, colour, "", marker)] if points else []
             for row in rows if kind != DELIVERY else ():
                 steps = [*((when, max(width, LEAST)) for when, width in row.progress), (row.seconds, row.width)]
                 over_time.append(Series(steps, None, colour, "-", steps=True))
