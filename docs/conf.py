@@ -49,6 +49,7 @@ nb_execution_in_temp = True
 autodoc_typehints = "description"
 autodoc_member_order = "bysource"
 default_role = "literal"  # names in docstrings
+smartquotes_action = "qe"  # two hyphens begin an option
 
 html_theme = "furo"
 html_title = f"robust {release}"

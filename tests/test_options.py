@@ -414,7 +414,7 @@ WRONG = [
     (lambda _: robust.load_plan(*FILES[:2], "x" * 5000), "cannot read (file name too long), expected a readable"),
     (lambda _: robust.load_plan("(define\n(domain d))", *FILES[1:]), "expected 'd', the domain of <domain>"),
     (lambda plan: robust.risk(plan, {3: "normal:1:1"}), "distribution '3': found unknown parameter '3'"),
-    (lambda _: robust.risk(STEPS, {"dur": "normal:1:1"}), "a step or *; the plan has none, and --parameter makes some"),
+    (lambda _: robust.risk(STEPS, {"dur": "normal:1:1"}), "the plan has none, and --parameter 'duration:*' makes some"),
     (lambda _: pike.region(KITCHEN, LIMIT).possible({}), "found no values, expected one of each parameter: limit"),
     (lambda _: pike.region(KITCHEN, LIMIT).possible({"limit": "x"}), "value of limit: found 'x', expected"),
     (lambda _: stnu.check(3), "network: found '3', expected a network, a path or a text"),

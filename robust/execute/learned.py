@@ -564,7 +564,7 @@ def _subjects(name: str, plan: ParametrizedPlan, place: Location) -> Iterator[tu
     if not found:
         steps = {name for step in plan.instances for name in (*names_of(step), "*")}
         close = closest(name, {*names, *steps}) or did_you_mean(name, names)
-        remedy = close if names else "; the plan has none, and --parameter makes some"
+        remedy = close if names else "; the plan has none, and --parameter 'duration:*' makes some"
         if subject in steps and name != "*":
             message = f"found no parameter that is a duration of {shorten(subject)}, expected one; "
             raise InputError(f"{message}'duration:{subject}' as a parameter makes some", place)
