@@ -48,7 +48,7 @@ from robust.pike_bridge.likelihood import ChanceBounds, ChanceSearch, IntentChan
 from robust.pike_bridge.model import EPSILON, Guard, Literal, TeamPlan, Tpnu, check_choice
 from robust.pike_bridge.online.executive import LatestMoments, Moment, Moments, PlanExecutive
 from robust.pike_bridge.online.field import FieldExecutive, FieldState
-from robust.pike_bridge.online.inquiry import why, why_failed, why_not
+from robust.pike_bridge.online.inquiry import why, why_failed, why_none, why_not
 from robust.pike_bridge.online.kirk_world import KirkRehearsal
 from robust.pike_bridge.online.progress import (
     ActivityAborted,
@@ -173,7 +173,12 @@ def _searching(
 
 def searching_check(plan: TeamPlan, options: asking.PikeCheckOptions) -> Checking:
     """The search behind :func:`check`."""
-    return _searching(Checking, plan, options, temporal=Temporal(options.temporal))
+
+    def explain(assumed: Guard, deadline: Deadline) -> tuple[str, ...]:
+        found = why_none(plan, assumed, solver=options.solver, deadline=deadline)
+        return () if found.conflict is None else found.lines
+
+    return _searching(Checking, plan, options, temporal=Temporal(options.temporal), explain=explain)
 
 
 @_verb(asking.PikeCheckOptions)
@@ -181,7 +186,7 @@ def check(plan: TeamPlan, options: asking.PikeCheckOptions) -> PikeCheck:
     """Decide whether a correct execution of the plan exists, given some of the choices [PIKE].
 
     Returns:
-        PROVED with an execution, which a referee has confirmed, REFUTED or UNKNOWN.
+        PROVED with an execution, which a referee has confirmed; REFUTED, with what contradicts itself; or UNKNOWN.
 
     Raises:
         InputError: if a choice, a value, a back end or a file is unknown or wrong.

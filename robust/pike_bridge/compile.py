@@ -7,8 +7,8 @@ What a compilation consists of is shown to people: labeled causal links with wha
 """
 
 import time
-from collections.abc import Collection, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
@@ -346,7 +346,10 @@ class PlanVerdict(VerdictEnum):
 
 @dataclass
 class PikeCheck(Presented, ask="verdict"):
-    """The answer. `scenarios` is None unless all were asked for; `complete` says whether none is missing."""
+    """The answer. `scenarios` is None unless all were asked for; `complete` says whether none is missing.
+
+    `because`: where it is refuted, lines that say what contradicts itself, none of which could be left out.
+    """
 
     backend: str
     verdict: PlanVerdict
@@ -355,6 +358,7 @@ class PikeCheck(Presented, ask="verdict"):
     complete: bool
     seconds: Mapping[str, float]
     """By stage."""
+    because: tuple[str, ...] = ()
     interrupted: bool = False
     reason: str | None = None
     """Why the check ended early, where neither time nor Ctrl-C ended it."""
@@ -501,6 +505,10 @@ def checked_assumptions(plan: TeamPlan, assume: Mapping[str, str], place: Locati
     return conjunction(assume)
 
 
+EXPLAINED = 5.0
+"""Seconds that an explanation may take beside the answer."""
+
+
 @dataclass
 class Checking(Compiling, Searching[PikeCheck]):
     """Decides whether a correct execution exists.
@@ -509,11 +517,13 @@ class Checking(Compiling, Searching[PikeCheck]):
         backend: `oracle`, or the name of a knowledge base; how time is reasoned about is of no concern to the oracle.
         assume: choices that are made already.
         all_scenarios: whether every team scenario is wanted.
+        explain: says why there is no correct execution under the assumptions, which may take `EXPLAINED`.
     """
 
     backend: str = ORACLE
     assume: Guard = ALWAYS
     all_scenarios: bool = False
+    explain: Callable[[Guard, Deadline], tuple[str, ...]] | None = None
 
     def __post_init__(self) -> None:
         scenarios: list[Mapping[str, str]] | None = [] if self.all_scenarios else None
@@ -535,6 +545,9 @@ class Checking(Compiling, Searching[PikeCheck]):
         known.complete = True
         if known.execution is None:
             known.verdict = PlanVerdict.REFUTED
+            if self.explain is not None:
+                with suppress(OutOfTimeError), self.stage("explanation"):
+                    known.because = self.explain(self.assume, self.deadline.within(EXPLAINED))
 
     def _by_oracle(self) -> Iterator[semantics.Execution]:
         """One execution, or one of each scenario."""

@@ -29,6 +29,7 @@ class PikeChecked(JsonObject, tag_field="schema", tag="robust/pike-check/1", kw_
         verdict: proved: a correct execution exists under the assumptions
         schedule: times of the activated events, the earliest first
         scenarios: with --all-scenarios: every team scenario that admits a correct execution
+        because: if refuted: lines that say what contradicts itself; none could be left out
         complete: whether no scenario that was asked for is missing
     """
 
@@ -37,6 +38,7 @@ class PikeChecked(JsonObject, tag_field="schema", tag="robust/pike-check/1", kw_
     scenario: dict[str, str] | None
     schedule: Rationals | None
     scenarios: list[dict[str, str]] | UnsetType = UNSET
+    because: list[str] | UnsetType = UNSET
     complete: bool
     interrupted: bool
     seconds: Stages
@@ -199,6 +201,7 @@ def check_document(result: PikeCheck) -> Document:
         scenario=None if execution is None else dict(execution.scenario),
         schedule=None if execution is None else dict(in_order(execution.schedule)),
         scenarios=UNSET if result.scenarios is None else [dict(scenario) for scenario in result.scenarios],
+        because=[line.strip() for line in result.because] or UNSET,
         seconds=_rounded(result.seconds or {}),
     )
 
@@ -218,6 +221,8 @@ def print_check(out: Console, result: PikeCheck, *, quiet: bool) -> None:
     out.print(_check_headline(result))
     if quiet:
         return
+    for line in result.because:
+        out.print(f"  {line}")
     if result.execution is not None:
         for line in execution_lines(result.execution, result.plan):
             out.print(f"  {line}")

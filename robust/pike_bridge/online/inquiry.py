@@ -12,10 +12,19 @@ from typing import Any, ClassVar, TypeAlias
 from robust import json_text, presented
 from robust.errors import InputError, did_you_mean
 from robust.numbers import format_number
-from robust.pike_bridge.model import Activity, Assignment, check_choice, may_produce, starts_with
+from robust.pike_bridge.model import (
+    ALWAYS,
+    Activity,
+    Assignment,
+    Guard,
+    TeamPlan,
+    check_choice,
+    may_produce,
+    starts_with,
+)
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.explain import OF_PLAN, About, Fact, Situation, durations, listed
-from robust.pike_bridge.online.progress import Chosen, Decision, Dispatched, Excluded, Executed, Failed
+from robust.pike_bridge.online.progress import Chosen, Decision, Dispatched, Excluded, Executed, Failed, Progress
 from robust.pike_bridge.semantics import Execution, holds
 from robust.smt.limits import NEVER, Deadline
 
@@ -359,6 +368,11 @@ def why_failed(executive: PlanExecutive, *, solver: str = "z3", deadline: Deadli
         SolverError: if the solver is unknown or not installed.
     """
     return Inquiry(executive.progress, solver=solver, deadline=deadline).failed()
+
+
+def why_none(plan: TeamPlan, assume: Guard = ALWAYS, *, solver: str = "z3", deadline: Deadline = NEVER) -> WhyNot:
+    """Why a plan has no correct execution with these choices; that it has one, if so. As :func:`why_failed`."""
+    return Inquiry(Progress(plan, chosen=dict(assume)), solver=solver, deadline=deadline).failed()
 
 
 class Inquiry(Situation):
