@@ -46,6 +46,10 @@ class FixedSchedules:
         edges = graph.with_waits(free=True)
         order, entering, _ = lattice.topology((edge.source, edge.target) for edge in edges) or ([], {}, {})
         self._steps = [(node, [edges[number] for number in entering[node]]) for node in order]
+        self._ways = [
+            (node, [(edge.source, float(edge.constant), edge.names) for edge in entering])
+            for node, entering in self._steps
+        ]
         self._names = sorted({name for edge in edges for name in edge.names})
 
     def best(self) -> tuple[dict[Node, Fraction], dict[str, Fraction]]:
@@ -88,16 +92,12 @@ class FixedSchedules:
 
     def _earliest(self, weights: Mapping[str, float]) -> dict[Node, Fraction] | None:
         """The earliest schedule for allowances with the greatest probabilities q^weight that are in time."""
-        steps = [
-            (node, [(edge.source, float(edge.constant), edge.names) for edge in entering])
-            for node, entering in self._steps
-        ]
         low, high, latest = 0.0, 1.0, float(self._graph.latest)
         for _ in range(14):
             middle = (low + high) / 2
             allowances = self._allowances(weights, middle)
             times: dict[Node, float] = {}
-            for node, ways in steps:
+            for node, ways in self._ways:
                 arrivals = (
                     times[source] + constant + sum([allowances[name] for name in names])
                     for source, constant, names in ways
