@@ -15,7 +15,7 @@ from tests.sampling import often
 def test_answers_in_the_order_of_the_plan_are_those_of_oracles(case):
     replays = [replay_in_order(case, seed, solver=seed % 4 == 0) for seed in range(often(1, 20))]
     assert [text for replay in replays for text in replay.differences] == []
-    assert all(replay.seconds for replay in replays)
+    assert any(replay.seconds for replay in replays)  # a first message may end it
 
 
 @pytest.mark.parametrize("first", range(4, often(12, 204), 4))
