@@ -104,6 +104,7 @@ def test_everybody_is_sent_what_is_answered():
         say('{"tick": 95}')
         state = state_with(first, lambda state: state["status"] == "broken")
         assert state["reasons"]
+        assert state["ends"] == [], "ends of what ran decide nothing any more"
         assert {lane["state"] for lane in state["lanes"]} == {"done", "running", "ready", "coming"}, (
             "what was ahead before"
         )
@@ -196,6 +197,7 @@ def test_what_a_browser_shows_of_a_plan_that_is_broken(width):
         assert w.find_element("id", "chance").text == "succeeds with probability 0 %"
         said = w.execute_script("return [...document.querySelectorAll('.when')].map(each => each.textContent)")
         assert said[:2] == ["too late", "too late"], "n1 had to begin before"
+        assert not w.find_element("id", "ending").is_displayed()
         assert w.execute_script("return document.documentElement.scrollWidth") == width
 
 

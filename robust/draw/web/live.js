@@ -37,6 +37,7 @@ function roundNumbers(from, to) {  // six at most
 function draw() {
   const time = now(), lanes = shown.lanes;
   at("now").textContent = short(time);
+  at("ending").hidden = shown.kind === "bad";
   put("ends", shown.ends.length ? shown.ends.map(([name, step, end]) => made("li", end - time < 0 ? "bad" : "",
     `${name}${step ? ` (${step})` : ""} must end by ${short(end)}${end >= time ? `: ${short(end - time)} left` : ""}`)) : [made("li", "", "nothing that runs now")]);
   const known = lanes.flatMap(lane => [...lane.bar, ...(lane.window ?? [])]).filter(value => value !== null);
