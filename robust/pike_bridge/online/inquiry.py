@@ -372,7 +372,9 @@ def why_failed(executive: PlanExecutive, *, solver: str = "z3", deadline: Deadli
 
 def why_none(plan: TeamPlan, assume: Guard = ALWAYS, *, solver: str = "z3", deadline: Deadline = NEVER) -> WhyNot:
     """Why a plan has no correct execution with these choices; that it has one, if so. As :func:`why_failed`."""
-    return Inquiry(Progress(plan, chosen=dict(assume)), solver=solver, deadline=deadline).failed()
+    known = dict(assume)
+    chosen = {name: known[name] for name in reversed(plan.network.domains) if name in known}  # the last is told first
+    return Inquiry(Progress(plan, chosen=chosen), solver=solver, deadline=deadline).failed()
 
 
 class Inquiry(Situation):
