@@ -178,12 +178,13 @@ class WindowReasoner(Reasoner):
         if self._instead is not None:
             return self._instead.next_time(deadline)
         soonest = self.progress.now + self.progress.grid
-        openings = {
-            (max(-bound, soonest), event)
-            for event in self.progress.frontier
-            if self.progress.ours(event)
+        candidates = self._candidates()
+        openings = {(soonest, event) for event in candidates}  # what could be executed now may have been withheld
+        openings |= {
+            (-bound, event)
+            for event in candidates
             for bound, label in self._windows.lower[event]
-            if -bound > self.progress.now and self._possible(label | self._windows.guards[event])
+            if -bound > soonest and self._possible(label | self._windows.guards[event])
         }
         for moment, event in sorted(openings):
             if self._executable_at(event, moment, deadline):

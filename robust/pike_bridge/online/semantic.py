@@ -113,6 +113,12 @@ class Reasoner(ABC):
     def next_time(self, deadline: Deadline) -> Fraction | None:
         """A time from which on more may be executable or lost, though nothing happens before; None: never."""
 
+    def _candidates(self, withheld: Collection[str] = ()) -> list[str]:
+        """Events that may be executable without a message."""
+        progress = self.progress
+        known = (event for event in progress.frontier if event not in withheld and progress.ours(event))
+        return [event for event in known if not progress.awaits(event)]
+
     def _opening(self, moment: Fraction) -> Fraction:
         """When to look again if something is executable from a moment on."""
         grid = self.progress.grid
@@ -432,12 +438,6 @@ class SemanticReasoner(Reasoner):
         for event in pending:
             if not any(earlier in pending for earlier in before[event]):
                 yield from self.semantics.not_ours_before(event, moment + self._epsilon)
-
-    def _candidates(self, withheld: Collection[str] = ()) -> list[str]:
-        """Events that may be executable without a message."""
-        progress = self.progress
-        known = (event for event in progress.frontier if event not in withheld and progress.ours(event))
-        return [event for event in known if not progress.awaits(event)]
 
     def _earliest_execution(self, deadline: Deadline, withheld: Collection[str] = ()) -> Fraction | None:
         """The least time after now at which an event is executable if nothing happens before."""

@@ -125,17 +125,21 @@ def test_nothing_happens_before_or_with_what_is_to_be_reported(plan, moment, our
 
 
 @each_backend
-def test_what_is_due_first_is_looked_for_first_and_what_is_possible_already_not_again(backend):
+def test_what_is_due_first_is_looked_for_first(backend):
     plan = working(bound(7, None))
     executive = PlanExecutive(plan, make_reasoner(backend))
     executive.step(Fraction(0))
     assert executive.wake == 5 + plan.epsilon
     executive.step(Fraction(3), [Completion("(work)")])
     assert executive.wake == 7
-    plan = working(bound(3, 4))
-    reasoner = make_reasoner(backend)(Progress(plan, Fraction(3), {"begin": Fraction(0)}))
+
+
+@each_backend
+def test_what_could_be_executed_but_was_not_is_due_next(backend):
+    progress = Progress(working(bound(3, 4)), Fraction(3), {"begin": Fraction(0)})
+    reasoner, semantic = make_reasoner(backend)(progress), SemanticReasoner(progress)
     assert reasoner.executable("own", NEVER)
-    assert reasoner.next_time(NEVER) == 4 + reasoner.progress.grid
+    assert reasoner.next_time(NEVER) == semantic.next_time(NEVER) == 3 + progress.grid
 
 
 def test_a_knowledge_base_is_known_and_not_asked_about_what_it_was_told(monkeypatch):
