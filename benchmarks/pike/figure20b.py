@@ -3,9 +3,6 @@
 The semantic oracle finds the plans that admit a correct execution. Each of them is executed once by each back end, in a
 process of its own: the same story each time, so that all must decide the same. Figure 20b is the slowest step of each
 execution.
-
-`python -m benchmarks.pike.figure20b SEED INDEX BACKEND LIMIT DELAY PATIENT` is such a process, and prints one JSON
-object.
 """
 
 from __future__ import annotations
