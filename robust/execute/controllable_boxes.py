@@ -251,10 +251,11 @@ def _extreme(side: Side, length: Length, ends: Ends) -> Fraction | None:
     """The least or the greatest value in the box; None if it is infinite."""
     total = length.constant_term
     for name, factor in length.coefficients():
-        end = ends[name, side if factor > 0 else Side.LOWER if side is Side.UPPER else Side.UPPER]
+        end = ends[name, side if factor > 0 else side.opposite]
         if end is None:
             return None
-        total += factor * end
+        part = end if factor == 1 else factor * end
+        total = total + part if total else part
     return total
 
 
@@ -473,6 +474,10 @@ class Obstruction:
         return frozenset(name for form in self.forms for (name, _), _ in form.coefficients())
 
     @property
+    def faces(self) -> set[Face]:
+        return {face for form in self.forms for face, _ in form.coefficients()}
+
+    @property
     def rooms(self) -> list[tuple[Mapping[Face, Fraction], Fraction]]:
         """The forms as coefficients and constants; a box is controllable if one of them is not negative."""
         return [(dict(form.coefficients()), form.constant_term) for form in self.forms]
@@ -586,6 +591,46 @@ def grow(
         bad=bad, parameters=parameters, pieces=met, groups=[moving], deadline=deadline, on_box=add, start=start
     )
     widening.run()
+
+
+def leap(
+    bad: BadSet,
+    met: list[Obstacle],
+    grown: list[Box],
+    *,
+    parameters: Sequence[model.Parameter],
+    fixed: Collection[str] = (),
+    deadline: Deadline = NEVER,
+) -> None:
+    """A wider box in one step, for want of time: faces that nothing stops move together, half as far as they may.
+
+    Arguments and errors are those of :func:`grow`.
+    """
+    start = grown[-1]
+    weight = {parameter.name: parameter.weight for parameter in parameters}
+    free = {
+        face: (end, weight[face[0]])
+        for face in faces_of(parameters)
+        if face[0] not in fixed and (end := start[face[0]].end(face[1])) is not None
+    }
+    growing, room = Growing(start, free), Fraction(2)
+    near = [(piece, piece.slabs.least_stretch(growing)) for piece in met]
+    while True:
+        for piece, least in near:
+            if least is not None and least[0] == 0:
+                free = {face: moving for face, moving in free.items() if face not in piece.slabs.faces}
+            elif least is not None:
+                room = min(room, least[0])
+        if not free:
+            return
+        ends: Ends = {face: base + face[1].sign * room / 2 * speed for face, (base, speed) in free.items()}
+        box = start.with_faces(ends)
+        found = bad.piece_in(box, deadline)
+        if found is None:
+            grown.append(box)
+            return
+        met.append(found)
+        near = [(found, found.slabs.least_stretch(Growing(start, free)))]
 
 
 @dataclass(frozen=True, slots=True)

@@ -198,6 +198,8 @@ def _natural(link: boxes.ParametricLink, box: Box, executor: Executor) -> Natura
 
 
 def _values(length: boxes.Length, box: Box) -> Interval:
+    if length.is_constant:
+        return Interval(length.constant_term, length.constant_term)
     return box.values_of(length.coefficients(), length.constant_term)
 
 

@@ -42,7 +42,7 @@ FIRST_SECONDS = 5.0
 """For the first promise, once, before the execution begins."""
 SLICE_SECONDS = 0.2
 """For a promise, of which half is for making it as wide as may be, where there is time for that."""
-GROWTH_SECONDS = 0.005
+GROWTH_SECONDS = 0.002
 """Where an answer is awaited, no promise is made wider after this, but for a new one, once."""
 
 

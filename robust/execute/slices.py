@@ -155,12 +155,13 @@ def continued(stnu: boxes.ParametricStnu, facts: Observations) -> boxes.Parametr
     links = [_from_zero(link, times) for link in stnu.links if not _is_over(link, times)]
     bounded = {link.target for link in links if link.is_contingent or _is_after(link, times)}
     mentioned = {point for link in links for point in (link.source, link.target)}
+    now = Polynomial[str].constant(facts.now)
     for point in stnu.points:
-        at = Polynomial[str].constant(times.get(point, facts.now))
         if point in times and point in mentioned and point != ZERO:
+            at = Polynomial[str].constant(times[point])
             links.append(boxes.ParametricLink(ZERO, point, at, at, origin=f"{point} was at {times[point]}"))
         elif point not in times and point not in bounded and point.kind is not TimePointKind.TIMED_LITERAL:
-            links.append(boxes.ParametricLink(ZERO, point, at, None, origin=f"{point} is not before now"))
+            links.append(boxes.ParametricLink(ZERO, point, now, None, origin=f"{point} is not before now"))
     return boxes.ParametricStnu(stnu.points, tuple(links), stnu.vague)
 
 
@@ -216,10 +217,11 @@ class _Promising:
 
     def run(self, promised: Box) -> tuple[Box | None, bool]:
         """The box, None if nothing is left, and whether it holds what was promised before."""
+        before = len(self.met)  # what a promise breaks, the planned values probably break as well
         for find, kept in ((partial(self._remainder, promised), True), (self._planned, False)):
             candidate = find()
             for _, _, bad in self.slices.parts if candidate is not None else ():
-                if candidate is not None and self._holds(candidate, bad):
+                if candidate is not None and self._holds(candidate, [*bad, *self.met[before:]]):
                     return self._grown(candidate, bad, kept=kept), kept
         for base, removed, bad in self.slices.parts:
             centre = self._centre(base, removed)
@@ -254,7 +256,7 @@ class _Promising:
             intervals[parameter.name] = self.facts.seen.get(parameter.name, Interval(value, value))
         return Box(intervals)
 
-    def _holds(self, box: Box, bad: Sequence[Polyhedron]) -> bool:
+    def _holds(self, box: Box, bad: Sequence[Obstacle]) -> bool:
         """Whether a box is left, and the schedule can be continued for sure."""
         return not any(piece.meets(box) for piece in bad) and self._cut(box) is None
 
@@ -269,6 +271,7 @@ class _Promising:
         reason = self.wanted.reason(ends)
         if reason is None:
             return None
+        self.met.append(boxes.Obstruction(reason))
         return sum((form.substitute(lambda face: Polynomial.variable(face[0])) for form in reason), Polynomial[str]({}))
 
     def _centre(self, base: Polyhedron, removed: Sequence[Polyhedron]) -> Box | None:
@@ -316,21 +319,22 @@ class _Promising:
     # -- growing -------------------------------------------------------------------------------------------------------
 
     def _grown(self, start: Box, bad: Sequence[Polyhedron], *, kept: bool = False) -> Box:
-        grown, deadline, hurry = [start], self.wanted.deadline, self.hurry
-        if hurry is not None and kept and any(start[name].width != 0 for name in self._open):
-            deadline = hurry
-        elif hurry is not None:
-            deadline = replace(deadline, idle=lambda: len(grown) == 1 or not hurry.passed)
-        if deadline.passed:
+        hurry = self.hurry or self.wanted.deadline
+        is_new = self.hurry is not None and not (kept and any(start[name].width != 0 for name in self._open))
+        if hurry.passed and not is_new:
             return start
         possible = Box({name: self.facts.possible[name] for name in self._open if name in self.facts.possible})
         beyond = (half for bound in possible.constraints() for half in bound.negation())
         inside = boxes.KnownSet((*bad, *(Polyhedron(self._names, (half,)) for half in beyond)))
         parameters = [self._in_haste(parameter) for parameter in self.slices.parameters]
         wanted = boxes.Controllable(inside, self.wanted, parameters, start)
-        fixed, met = self.facts.settled, list[Obstacle]([*inside.pieces, *self.met])
+        grown, met = [start], list[Obstacle]([*inside.pieces, *self.met])
+        fixed = self.facts.settled
         with suppress(OutOfTimeError):  # a promise was found; time decides how wide it becomes
-            boxes.grow(wanted, met, grown, parameters=parameters, fixed=fixed, deadline=deadline)
+            if is_new:
+                boxes.leap(wanted, met, grown, parameters=parameters, fixed=fixed, deadline=self.wanted.deadline)
+            if not hurry.passed:
+                boxes.grow(wanted, met, grown, parameters=parameters, fixed=fixed, deadline=hurry)
         self.met[:] = [each for each in met if isinstance(each, boxes.Obstruction)]
         return grown[-1]
 

@@ -4,7 +4,7 @@ How far a face may go is a linear program over the bad polyhedra that boxes have
 of them is checked against the envelope, and what is bad in it adds a polyhedron.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
@@ -35,6 +35,10 @@ class Meeting(Protocol):
     """When growing boxes meet something: exactly then, or not before, as `exact` says."""
 
     exact: bool
+
+    @property
+    def faces(self) -> Set[Face]:
+        """The faces that come closer to it as they move outwards."""
 
     def least_stretch(self, growing: Growing) -> tuple[Fraction, bool] | None:
         """The least λ ≥ 0, and whether the box meets it at that λ; None if it never does."""
@@ -358,11 +362,8 @@ class Widening:
 
     def _stretched(self, faces: Iterable[Face], least: Least | None, box: Box | None = None) -> Box:
         """The box with some faces at a stretch, without their ends if bad values attain it; None: infinitely far."""
-        box = box or self._box
-        for face in faces:
-            end = None if least is None else self._place(face, least.value)
-            box = box.moved(face, end, closed=least is None or not least.attained)
-        return box
+        ends = {face: None if least is None else self._place(face, least.value) for face in faces}
+        return (box or self._box).with_faces(ends, closed=least is None or not least.attained)
 
     def _is_inside(self, box: Box) -> bool:
         """Ask; a box that is inside is reported, a bad polyhedron that meets it is remembered."""

@@ -32,7 +32,7 @@ from enum import Enum
 from fractions import Fraction
 from itertools import accumulate
 from math import lcm
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 from robust import errors, presented
 from robust.numbers import format_number
@@ -86,8 +86,7 @@ class Way(Enum):
         return self in {Way.AT_MOST, Way.SHORTEST}
 
 
-@dataclass(frozen=True, slots=True)
-class EdgeStep:
+class EdgeStep(NamedTuple):
     """An edge of the distance graph: the index of its link in :attr:`Stnu.links`, and its bound."""
 
     link: int
@@ -278,7 +277,7 @@ class Case(Enum):
     UPPER = "upper-case"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(slots=True, eq=False)
 class CasedEdge:
     """`t_target − t_source ≤ weight` between numbered nodes; `label` is the contingent link of a cased edge.
 

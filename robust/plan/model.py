@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import Enum, StrEnum
 from fractions import Fraction
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from itertools import combinations
 from typing import Any, Protocol, TypeVar
 
@@ -91,6 +91,7 @@ class Parameter:
 
 
 class TimePointKind(StrEnum):
+    __hash__ = str.__hash__  # that of enumerations is slow, and time points are keys everywhere
     ZERO = "zero"
     START = "start"
     END = "end"
@@ -122,6 +123,8 @@ class TimePoint:
 
 
 ZERO = TimePoint(TimePointKind.ZERO)
+_time_point = lru_cache(maxsize=1 << 14)(TimePoint)
+"""One object for each, so that tables of time points seldom compare more than identity."""
 
 
 class Relation(Enum):
@@ -288,12 +291,12 @@ class NamedAction:
     @property
     def start(self) -> TimePoint:
         """The start, or the only time point of an instantaneous action."""
-        return TimePoint(TimePointKind.START if self.durative else TimePointKind.INSTANT, self.identifier)
+        return _time_point(TimePointKind.START if self.durative else TimePointKind.INSTANT, self.identifier)
 
     @property
     def end(self) -> TimePoint:
         """The end, or the only time point of an instantaneous action."""
-        return TimePoint(TimePointKind.END, self.identifier) if self.durative else self.start
+        return _time_point(TimePointKind.END, self.identifier) if self.durative else self.start
 
     @property
     def time_points(self) -> tuple[TimePoint, ...]:

@@ -225,8 +225,14 @@ class Box(Mapping[str, Interval]):
 
     def moved(self, face: Face, end: Fraction | None, *, closed: bool = True) -> Box:
         """The box with one face elsewhere."""
-        name, side = face
-        return self.replace(name, self.intervals[name].with_end(side, end, closed=closed))
+        return self.with_faces({face: end}, closed=closed)
+
+    def with_faces(self, ends: Mapping[Face, Fraction | None], *, closed: bool = True) -> Box:
+        """The box with some faces elsewhere; all of them belong to it, or none does."""
+        intervals = dict(self.intervals)
+        for (name, side), place in ends.items():
+            intervals[name] = intervals[name].with_end(side, place, closed=closed)
+        return Box(intervals, self.is_empty)
 
     @cached_property
     def grid(self) -> Grid:
@@ -373,6 +379,11 @@ class Slabs:
         halves = [half for constraint in constraints for half in constraint.halves()]
         self.bounds = tuple(map(Bound.of, halves))
         self.exact = _are_apart(halves)
+
+    @property
+    def faces(self) -> set[Face]:
+        """The faces that come closer to some bound as they move outwards."""
+        return {(name, _least_side(factor)) for bound in self.bounds for name, factor in bound.factors}
 
     def all_kept_in(self, box: Box) -> bool:
         """Whether a box meets each bound."""

@@ -9,10 +9,20 @@ import pytest
 
 from robust import InputError, UnsupportedError, envelope
 from robust.execute.controllability import Control, Controllability, ControlVerdict, Objective, shrink, widest
-from robust.execute.controllable_boxes import HORIZON, ends_of, loss, parametric_stnu
+from robust.execute.controllable_boxes import (
+    HORIZON,
+    Controllable,
+    Dynamically,
+    KnownSet,
+    ends_of,
+    leap,
+    loss,
+    parametric_stnu,
+)
 from robust.plan import model
 from robust.qe.box import Box, Side
-from robust.smt.limits import Deadline, OutOfTimeError
+from robust.qe.polyhedron import Polyhedron
+from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from tests.cli import inputs
 from tests.cli.running import answer_of, command, example
 from tests.encode.asking import Judge
@@ -270,6 +280,29 @@ def test_parts_are_controllable_and_no_face_can_move(kind):
             wider = part.moved((name, side), end + side.sign * tiny)
             assert end == box[name].end(side) or not by_oracle(kind, plan, wider), (seed, name, side)
     assert 3 < sum(kept) < len(kept) - 15
+
+
+def test_a_leap_leads_to_a_wider_box_that_is_controllable_whatever_was_met_before():
+    leaps = []
+    for seed in range(often(70, 400)):
+        plan = random_plan(Random(seed))  # noqa: S311
+        start = Box.nominal(plan.parameters)
+        if not by_oracle(Control.DYNAMIC, plan, start):
+            continue
+        most = box_of(**{p.name: (1, Random(seed).choice([6, 9])) for p in plan.parameters})  # noqa: S311
+        beyond = (half for side in most.constraints() for half in side.negation())
+        bad = KnownSet(tuple(Polyhedron(tuple(most), (half,)) for half in beyond))
+        wanted = Controllable(bad, Dynamically(parametric_stnu(plan, start), NEVER), plan.parameters, start)
+        met, fixed = [*bad.pieces], tuple(most)[:1] if seed % 3 == 0 else ()
+        for _ in range(2):  # the second time, all is known that it may meet
+            grown = [start]
+            leap(wanted, met, grown, parameters=plan.parameters, fixed=fixed)
+            assert start.is_within(grown[-1])
+            assert by_oracle(Control.DYNAMIC, plan, grown[-1]), seed
+            assert not any(piece.meets(grown[-1]) for piece in met)
+            assert all(grown[-1][name].width == 0 for name in fixed)
+            leaps.append(grown[-1] != start)
+    assert sum(leaps) > len(leaps) / 2 > 20
 
 
 @pytest.mark.parametrize(("seeds", "most"), [(often(70, 110), 2), (often(50, 80), 1)])
