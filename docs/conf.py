@@ -48,6 +48,7 @@ nb_execution_in_temp = True
 
 autodoc_typehints = "description"
 autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True
 default_role = "literal"  # names in docstrings
 smartquotes_action = "qe"  # two hyphens begin an option
 

@@ -249,8 +249,8 @@ def compare(plan: ParametrizedPlan, options: verbs.CompareOptions) -> Comparison
     """Compare the boxes of all methods with the exact envelope: shares, face gaps with witnesses, times.
 
     Returns:
-        A row for each method: its box, which share of the envelope's volume that is, and for each face how far it could
-        move, in the parameter's unit; out of time or after Ctrl-C, the rows that are known.
+        For each method its box, which share of the envelope's volume that is, and how far each face could move, in the
+        parameter's unit; out of time or after Ctrl-C, what is known by then.
 
     Raises:
         InputError: wrong options, or a network without any schedule.

@@ -1,13 +1,13 @@
-"""Plans with choices in Python: written as programs, read from files, asked, compiled and carried out.
+"""Plans with choices in Python: written as programs, read from files, asked, compiled and carried out::
 
-from robust import pike
+    from robust import pike
 
-plan = pike.load("kitchen.tpnu.json")
-print(pike.check(plan, all_scenarios=True))
-print(pike.run(plan, seed=1))
-coffee = ["coffee=duration:make-coffee", "limit=at-most:e1:e44"]
-print(pike.region(plan, coffee).possible({"coffee": Fraction(3), "limit": Fraction(7)}))
-print(pike.envelope(plan, coffee, for_all=["xA1"]).box)
+    plan = pike.load("kitchen.tpnu.json")
+    print(pike.check(plan, all_scenarios=True))
+    print(pike.run(plan, seed=1))
+    coffee = ["coffee=duration:make-coffee", "limit=at-most:e1:e44"]
+    print(pike.region(plan, coffee).possible({"coffee": 3, "limit": 7}))
+    print(pike.envelope(plan, coffee, for_all=["xA1"]).box)
 
 A plan is what :func:`load` returns, an :class:`Instance` of a generator, or the path of a `.tpnu.json` file. Times are
 in the plan's own unit. Ctrl-C and time limits end a question with what is known by then; its result says so. Where

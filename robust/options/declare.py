@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import re
 import textwrap
 import typing
 import warnings
@@ -615,9 +616,10 @@ class Verb(Generic[Subject, Known]):
         return called
 
     def _documented(self, text: str, options: type[Options]) -> str:
-        """A docstring with the help of each option as the description of an argument."""
-        summary, _, rest = text.partition("\n\n")
-        return "\n".join([summary, "", "Args:", described("plan", self._plan), arguments(options), "", rest])
+        """A docstring with the help of each option as the description of an argument, before what is returned."""
+        said, section, rest = text.partition("\n\nReturns:")
+        args = "\n".join(["Args:", described("plan", self._plan), arguments(options)])
+        return f"{said}\n\n{args}{section}{rest}"
 
 
 def signature(
@@ -648,7 +650,15 @@ def require_known(function: str, given: Iterable[str], options: type[Options], e
 
 def arguments(options: type[Options]) -> str:
     """The help of each option, as docstrings describe arguments."""
-    return "\n".join(described(name, option.help) for name, option in in_order(options))
+    return "\n".join(described(name, _in_python(option.help, options)) for name, option in in_order(options))
+
+
+def _in_python(text: str, options: type[Options]) -> str:
+    """Help that speaks of arguments instead of options; a condition on an option that is no argument always holds."""
+    known = {name.replace("_", "-"): name for name in options.declarations}
+    said = re.sub(r"^with --([a-z-]+): ", lambda match: match[0] if match[1] in known else "", text)
+    said = re.sub(r"--([a-z-]+)", lambda match: f"`{known[match[1]]}`" if match[1] in known else match[0], said)
+    return said.replace("; may be repeated", "; one or several")
 
 
 def described(name: str, text: str) -> str:

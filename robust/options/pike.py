@@ -139,8 +139,8 @@ class ControllableOptions(ParametricOptions, Staged, GameOptions):
 
     repair: bool = declare.option(
         False,
-        "with --controllable and parameters: find the least sum of changes of all of them together, by their weights, "
-        "after which the plan is controllable, instead of how far each can move alone",
+        "with --controllable: find the least sum of changes of all parameters together, by their weights, after which "
+        "the plan is controllable, instead of how far each can move alone",
     )
 
 

@@ -80,7 +80,7 @@ class Limited(declare.Options):
     """A time limit."""
 
     timeout: Number | None = declare.option(
-        None, "time limit in seconds; the result so far is printed then", metavar="S", read=declare.seconds, rank=LIMIT
+        None, "time limit in seconds; the answer is then what is known", metavar="S", read=declare.seconds, rank=LIMIT
     )
 
     @property

@@ -199,7 +199,7 @@ class RiskOptions(shared.SearchOptions):
     factor: Sequence[str] = declare.option(
         (),
         "what durations share: weather*drive,fly=KIND:... multiplies those of these actions by a random number, "
-        "weather+drive=KIND:... adds one; names and kinds as for --distribution; may be repeated",
+        "weather+drive=KIND:... adds one; names and kinds as for distributions; may be repeated",
         metavar="NAME*ACTION,...=KIND:...",
         many=True,
     )

@@ -1,4 +1,4 @@
-"""Plans with choices written as programs: sequences, parallel branches, choices and activities.
+"""Plans with choices written as programs: sequences, parallel branches, choices and activities::
 
     coffee = sequence(act("(make-coffee human)", 3, 5, agent="human"), act("(pour-coffee human)", 1, 2, agent="human"))
     plan = build("breakfast", within(sequence(choose("drink", {"coffee": coffee, "juice": juice}), serve), upper=7))

@@ -70,7 +70,7 @@ class CrossCheck(presented.NoTruthValue, ask="agree"):
 
     @property
     def smallest(self) -> Disagreement | None:
-        """The one that takes least to tell: most others follow from it."""
+        """The one that takes least to tell; most others follow from it."""
         return min(self.disagreements, key=lambda disagreement: len(str(disagreement)), default=None)
 
 

@@ -149,7 +149,9 @@ def require_complete(values: Collection[str], names: Collection[str]) -> None:
 
 @dataclass(frozen=True, repr=False)
 class Box(Mapping[str, Interval]):
-    """An interval for each parameter, in the plan's order; no values are in one that `is_empty`: nothing was proved.
+    """An interval for each parameter, in its unit and in the plan's order.
+
+    No values are in one that `is_empty`: nothing was proved.
 
     A mapping from names to intervals, of which also points are members: `"to_ridge" in box`, and
     `{"to_ridge": 30, "to_crater": 40} in box`.

@@ -337,7 +337,7 @@ class Progress:
     chosen: dict[str, str] = field(default_factory=dict)
     """Choices that were made or observed."""
     void: set[tuple[model.Effect, model.Condition]] = field(default_factory=set)
-    """Effects that do not support conditions any more: broken causal links."""
+    """Broken causal links, as effects with conditions that they do not support any more."""
     reported: set[str] = field(default_factory=set)
     """Events that the world has decided. What has an earlier time is before them, even by less than ε, because it is
     known which came first; ε is for what is still to come."""
@@ -372,7 +372,7 @@ class Progress:
 
     @property
     def grid(self) -> Fraction:
-        """What all bounds of the plan and its ε are multiples of: so are the times at which anything changes."""
+        """What all bounds of the plan and its ε are multiples of, and so all times at which anything changes."""
         return self.structure.grid
 
     def compatible(self, guard: model.Guard) -> bool:
