@@ -134,7 +134,7 @@ def problem_of(problem: up.Problem, *, bounded: bool = False) -> tuple[syntax.Do
         UnsupportedError: for what PDDL 2.1 with timed initial literals cannot say.
     """
     _check_supported(problem)
-    name = name_of(problem.name or "problem")
+    name = re.sub(r"^-|[^a-z0-9_-]", "_", (problem.name or "problem").lower())  # that of a file, from ANML
     file = f"<unified-planning problem {name}>"
     domain = reader.parse_domain(_domain_text(problem, name, bounded=bounded), file)
     read = reader.parse_problem(_problem_text(problem, name), domain, file)

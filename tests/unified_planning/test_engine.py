@@ -280,6 +280,35 @@ def test_what_happens_in_the_middle_of_actions(begin):
         assert judged(problem, network).status is Status.VALID
 
 
+ANML = """
+type Place; instance Place hall, yard;
+fluent boolean at(Place p); fluent boolean dry; fluent boolean shut;
+action go(Place a, Place b) {
+  duration := 10;
+  [start] at(a); [start + 2] at(a) := false;
+  [start + 3] dry == true; [end] at(b) := true;
+};
+[start] { at(hall) := true; at(yard) := false; dry := true; shut := false; };
+[4] dry := false;
+[end] at(yard);
+"""
+
+
+def test_problems_in_anml_are_called_as_their_files(tmp_path):
+    """It has to be dry 3 after the way begins, and is so until 4: who begins at 3/2 is late."""
+    file = tmp_path / "-Round trip.anml"
+    file.write_text(ANML, encoding="utf-8")
+    problem = pytest.importorskip("unified_planning.io").ANMLReader().parse_problem(str(file))
+    hall, yard = (up.ObjectExp(problem.object(name)) for name in ("hall", "yard"))
+    go = plans.ActionInstance(problem.action("go"), (hall, yard))
+    for begin, status in ((Fraction(1, 2), Status.VALID), (Fraction(3, 2), Status.INVALID)):
+        assert judged(problem, plans.TimeTriggeredPlan([(begin, go, Fraction(10))])).status is status
+    network = robust.convert(
+        *from_unified_planning(problem, plans.TimeTriggeredPlan([(Fraction(0), go, Fraction(10))]))
+    )
+    assert judged(problem, to_unified_planning(network.stn, problem)).status is Status.VALID
+
+
 def test_partial_orders_are_judged_by_their_sequences():
     """Loading needs an open door, which closing ends."""
     opened, loaded = up.Fluent("opened"), up.Fluent("loaded")
