@@ -613,12 +613,13 @@ def leap(
         for face in faces_of(parameters)
         if face[0] not in fixed and (end := start[face[0]].end(face[1])) is not None
     }
-    growing, room = Growing(start, free), Fraction(2)
-    near = [(piece, piece.slabs.least_stretch(growing)) for piece in met]
+    growing, room, unknown = Growing(start, free), Fraction(2), list(met)
     while True:
-        for piece, least in near:
+        while unknown and free:  # what was met last is first: nothing else has to be looked at where it stops all
+            piece = unknown.pop()
+            least = piece.slabs.least_stretch(growing)
             if least is not None and least[0] == 0:
-                free = {face: moving for face, moving in free.items() if face not in piece.slabs.faces}
+                free = {face: free[face] for face in free.keys() - piece.slabs.faces}
             elif least is not None:
                 room = min(room, least[0])
         if not free:
@@ -630,7 +631,7 @@ def leap(
             grown.append(box)
             return
         met.append(found)
-        near = [(found, found.slabs.least_stretch(Growing(start, free)))]
+        growing, unknown = Growing(start, free), [found]
 
 
 @dataclass(frozen=True, slots=True)
