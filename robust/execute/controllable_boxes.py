@@ -593,6 +593,10 @@ def grow(
     widening.run()
 
 
+_SHARE = Fraction(7, 8)
+"""How far faces leap, of the way to what stops the first of them."""
+
+
 def leap(
     bad: BadSet,
     met: list[Obstacle],
@@ -602,7 +606,7 @@ def leap(
     fixed: Collection[str] = (),
     deadline: Deadline = NEVER,
 ) -> None:
-    """A wider box in one step, for want of time: faces that nothing stops move together, half as far as they may.
+    """A wider box in one step, for want of time: faces that nothing stops move together, most of the way that they may.
 
     Arguments and errors are those of :func:`grow`.
     """
@@ -624,7 +628,7 @@ def leap(
                 room = min(room, least[0])
         if not free:
             return
-        ends: Ends = {face: base + face[1].sign * room / 2 * speed for face, (base, speed) in free.items()}
+        ends: Ends = {face: base + face[1].sign * _SHARE * room * speed for face, (base, speed) in free.items()}
         box = start.with_faces(ends)
         found = bad.piece_in(box, deadline)
         if found is None:
