@@ -309,18 +309,15 @@ def widest(
     wanted: boxes.Property = (boxes.Dynamically if kind is Control.DYNAMIC else boxes.Strongly)(network, deadline)
     if kind is Control.DYNAMIC and wanted.reason(boxes.ends_of(start)) is not None:
         wanted = boxes.Strongly(network, deadline)  # a fixed schedule is all that is known of vague parameters
-    inside = boxes.Controllable(bad, wanted, plan.parameters, start)
-    met: list[widen.Obstacle] = []
-    grown, bound = [start], None
-    boxes.grow(inside, met, grown, parameters=plan.parameters, deadline=deadline)
+    growing = boxes.GrowingBox(bad, wanted, plan.parameters, start, [])
+    growing.grow(deadline)
+    box, bound = growing.box, None
     if objective.optimal:
         search = exact.OptimalBox(
-            bad=bad, pieces=met, contain_nominal=objective.contain_nominal, deadline=deadline, inside=inside
+            bad=bad, pieces=growing.met, contain_nominal=objective.contain_nominal, deadline=deadline, inside=growing
         )
-        grown.append(search.run())
-        bound = search.bound
-    box = grown[-1]
-    obstructions = [obstacle for obstacle in met if isinstance(obstacle, boxes.Obstruction)]
+        box, bound = search.run(), search.bound
+    obstructions = [obstacle for obstacle in growing.met if isinstance(obstacle, boxes.Obstruction)]
     stops: dict[Face, Stop] = {}
     reach: dict[Face, Fraction] = {}  # each finite face stops because beyond it there is no control, or else no plan
     for parameter, side in product(plan.parameters, Side):
@@ -334,7 +331,7 @@ def widest(
                 reach[face] = JUST
             else:
                 stops[face] = stop
-    return Widest(box, {**stops, **dict(stops_at(bad, box, reach, deadline))}, inside.cut(box), bound)
+    return Widest(box, {**stops, **dict(stops_at(bad, box, reach, deadline))}, growing.cut(box), bound)
 
 
 def _obstructed(box: Box, face: Face, end: Fraction, obstructions: Iterable[boxes.Obstruction]) -> bool:

@@ -85,12 +85,6 @@ def value(form: Form, ends: Ends) -> tuple[Fraction, Fraction]:
     return infinite, finite
 
 
-def finite_value(form: Form, ends: Ends) -> Fraction | None:
-    """A form's value; None if it is infinite."""
-    infinite, finite = value(form, ends)
-    return None if infinite else finite
-
-
 ParametricLink = UncertainLink[Length]
 """A link whose bounds are expressions over parameters; both are the length if it is contingent."""
 
@@ -144,7 +138,7 @@ class ParametricStnu:
     @cached_property
     def _fixed(self) -> Sequence[UncertainLink[Fraction] | None]:
         """The links that are the same for every box."""
-        return [_constant(link) if is_constant(link) else None for link in self.links]
+        return [_concrete(link, {}) if is_constant(link) else None for link in self.links]
 
     def early(self, ends: Ends) -> Iterator[tuple[int, Form]]:
         """Contingent links that may end before they start in a box, by index, with the form that is negative.
@@ -223,14 +217,6 @@ class ParametricStnu:
 
 def is_constant(link: ParametricLink) -> bool:
     return (link.lower is None or link.lower.is_constant) and (link.upper is None or link.upper.is_constant)
-
-
-def _constant(link: ParametricLink) -> UncertainLink[Fraction]:
-    """A link that is the same for every box."""
-    if link.is_contingent:
-        return _concrete(link, {})
-    lower, upper = (None if bound is None else bound.constant_term for bound in (link.lower, link.upper))
-    return UncertainLink(link.source, link.target, lower, upper, origin=link.origin)
 
 
 def _concrete(link: ParametricLink, ends: Ends) -> UncertainLink[Fraction]:
@@ -392,9 +378,7 @@ def strong(network: ParametricStnu, ends: Ends) -> StrongAnswer:
         first = next(need for need in needed if any(face in endless for face, _ in need.form.coefficients()))
         return StrongAnswer(None, (first,), endless)
     points = dict.fromkeys(point for need in needed for point in (need.source, need.target))
-    known = Distances(
-        points, ((need.source, need.target, finite_value(need.form, ends) or Fraction(0)) for need in needed)
-    )
+    known = Distances(points, ((need.source, need.target, value(need.form, ends)[1]) for need in needed))
     if known.network.cycle is not None:
         return StrongAnswer(None, tuple(needed[origin] for origin in known.network.cycle.origins), frozenset())
     times = known.times
@@ -506,43 +490,108 @@ class Obstruction:
         return greatest, attained
 
 
-class Controllable:
-    """The boxes that are inside another set and have a property, as widening asks for them.
+@dataclass(eq=False)
+class GrowingBox:
+    """A box that grows inside of another set as long as it has a property; widening asks it what stops it.
 
     Args:
         inside: what a box must not meet.
         wanted: what it has to have.
         parameters: the parameters, with weights.
-        start: where growing began: faces that must stay finite go no farther than :data:`HORIZON` weights from there.
+        box: where growing begins: faces that must stay finite go no farther than :data:`HORIZON` weights from there;
+            later, the widest box so far.
+        met: what boxes are known to run into, to which all that they run into is added.
+        fixed: parameters whose faces stay.
     """
 
-    def __init__(self, inside: BadSet, wanted: Property, parameters: Sequence[model.Parameter], start: Box) -> None:
-        self._inside = inside
-        self._wanted = wanted
-        self._weight = {parameter.name: parameter.weight for parameter in parameters}
-        self._names = tuple(self._weight)
-        self._start = start
+    inside: BadSet
+    wanted: Property
+    parameters: Sequence[model.Parameter]
+    box: Box
+    met: list[Obstacle]
+    fixed: Collection[str] = ()
+
+    def __post_init__(self) -> None:
+        self._weight = {parameter.name: parameter.weight for parameter in self.parameters}
+        self._start = self.box
         self._horizon: dict[Face, Fraction] = {}
         """Where faces end that could be at any finite place, but must not be infinite."""
 
     def piece_in(self, box: Box, deadline: Deadline) -> Obstacle | None:
         ends = ends_of(box)
-        endless = min(self._wanted.endless(ends), key=_face_order, default=None)
+        endless = min(self.wanted.endless(ends), key=_face_order, default=None)
         if endless is not None:
             return self._beyond(endless)
-        reason = self._wanted.reason(ends)
-        return self._inside.piece_in(box, deadline) if reason is None else Obstruction(reason)
+        reason = self.wanted.reason(ends)
+        return self.inside.piece_in(box, deadline) if reason is None else Obstruction(reason)
 
     def _beyond(self, face: Face) -> Polyhedron:
         name, side = face
         end = (self._start[name].end(side) or 0) + side.sign * HORIZON * self._weight[name]
         self._horizon[face] = end
-        return Polyhedron(self._names, (LinearConstraint.of({name: side.sign}, ">", side.sign * end),))
+        return Polyhedron(tuple(self._weight), (LinearConstraint.of({name: side.sign}, ">", side.sign * end),))
 
     def cut(self, box: Box) -> tuple[Face, ...]:
         """The faces of a box that could be at any finite place, but must not be infinite."""
         faces = (face for face, end in self._horizon.items() if box[face[0]].end(face[1]) == end)
         return tuple(sorted(faces, key=_face_order))
+
+    @property
+    def _moving(self) -> dict[Face, Fraction]:
+        """The finite faces that may move, and where they are."""
+        faces = (face for face in faces_of(self.parameters) if face[0] not in self.fixed)
+        ends = (((name, side), self.box[name].end(side)) for name, side in faces)
+        return {face: end for face, end in ends if end is not None}
+
+    def grow(self, deadline: Deadline) -> None:
+        """Move the faces of the box outwards together until each is stopped.
+
+        No box around the last one is as wanted, but for faces of fixed parameters, which do not move.
+
+        Raises:
+            OutOfTimeError: if the deadline passes first; the box is then as wide as it has become.
+        """
+
+        def keep(box: Box) -> None:
+            self.box = box
+
+        groups = [list(self._moving)]
+        Widening(
+            bad=self, parameters=self.parameters, pieces=self.met, groups=groups, deadline=deadline, on_box=keep,
+            start=self.box,
+        ).run()  # fmt: skip
+
+    def leap(self, deadline: Deadline) -> None:
+        """Widen the box in one step, for want of time: faces that nothing stops move together, most of the way that
+        they may.
+
+        Raises:
+            OutOfTimeError: if the deadline passes first.
+        """
+        free = {face: (end, self._weight[face[0]]) for face, end in self._moving.items()}
+        growing, room, unknown = Growing(self.box, free), Fraction(2), list(self.met)
+        while True:
+            while unknown and free:  # what was met last is first: nothing else has to be looked at where it stops all
+                piece = unknown.pop()
+                least = piece.slabs.least_stretch(growing)
+                if least is not None and least[0] == 0:
+                    free = {face: free[face] for face in free.keys() - piece.slabs.faces}
+                elif least is not None:
+                    room = min(room, least[0])
+            if not free:
+                return
+            ends: Ends = {face: base + face[1].sign * _SHARE * room * speed for face, (base, speed) in free.items()}
+            box = self.box.with_faces(ends)
+            found = self.piece_in(box, deadline)
+            if found is None:
+                self.box = box
+                return
+            self.met.append(found)
+            growing, unknown = Growing(self.box, free), [found]
+
+
+_SHARE = Fraction(7, 8)
+"""How far faces leap, of the way to what stops the first of them."""
 
 
 @dataclass(frozen=True)
@@ -554,88 +603,6 @@ class KnownSet:
     def piece_in(self, box: Box, deadline: Deadline) -> Polyhedron | None:
         deadline.enforce()
         return next((piece for piece in self.pieces if piece.meets(box)), None)
-
-
-def grow(
-    bad: BadSet,
-    met: list[Obstacle],
-    grown: list[Box],
-    *,
-    parameters: Sequence[model.Parameter],
-    fixed: Collection[str] = (),
-    deadline: Deadline = NEVER,
-) -> None:
-    """Move the faces of a box outwards together until each is stopped.
-
-    No box around the last one is as wanted, but for faces of parameters in `fixed`, which do not move.
-
-    Args:
-        bad: where boxes must not go.
-        met: what is known of that, to which all that boxes run into is added.
-        grown: boxes, to which every wider box on the way is added; growing begins with the last of them.
-        parameters: the parameters, with weights.
-        fixed: parameters whose faces stay.
-        deadline: when to give up.
-
-    Raises:
-        OutOfTimeError: if the deadline passes first.
-    """
-    start = grown[-1]
-
-    def add(box: Box) -> None:
-        if box != grown[-1]:
-            grown.append(box)
-
-    moving = [face for face in faces_of(parameters) if face[0] not in fixed and start[face[0]].end(face[1]) is not None]
-    widening = Widening(
-        bad=bad, parameters=parameters, pieces=met, groups=[moving], deadline=deadline, on_box=add, start=start
-    )
-    widening.run()
-
-
-_SHARE = Fraction(7, 8)
-"""How far faces leap, of the way to what stops the first of them."""
-
-
-def leap(
-    bad: BadSet,
-    met: list[Obstacle],
-    grown: list[Box],
-    *,
-    parameters: Sequence[model.Parameter],
-    fixed: Collection[str] = (),
-    deadline: Deadline = NEVER,
-) -> None:
-    """A wider box in one step, for want of time: faces that nothing stops move together, most of the way that they may.
-
-    Arguments and errors are those of :func:`grow`.
-    """
-    start = grown[-1]
-    weight = {parameter.name: parameter.weight for parameter in parameters}
-    free = {
-        face: (end, weight[face[0]])
-        for face in faces_of(parameters)
-        if face[0] not in fixed and (end := start[face[0]].end(face[1])) is not None
-    }
-    growing, room, unknown = Growing(start, free), Fraction(2), list(met)
-    while True:
-        while unknown and free:  # what was met last is first: nothing else has to be looked at where it stops all
-            piece = unknown.pop()
-            least = piece.slabs.least_stretch(growing)
-            if least is not None and least[0] == 0:
-                free = {face: free[face] for face in free.keys() - piece.slabs.faces}
-            elif least is not None:
-                room = min(room, least[0])
-        if not free:
-            return
-        ends: Ends = {face: base + face[1].sign * _SHARE * room * speed for face, (base, speed) in free.items()}
-        box = start.with_faces(ends)
-        found = bad.piece_in(box, deadline)
-        if found is None:
-            grown.append(box)
-            return
-        met.append(found)
-        growing, unknown = Growing(start, free), [found]
 
 
 @dataclass(frozen=True, slots=True)
@@ -663,10 +630,9 @@ def shrink(parameters: Sequence[model.Parameter], box: Box, wanted: Property) ->
     if wanted.reason(ends_of(start)) is not None:
         raise errors.InputError("the plan's network has no schedule at the nominal values")
     beyond = [Polyhedron(tuple(nominal), (half,)) for side in box.constraints() for half in side.negation()]
-    inside = Controllable(KnownSet(tuple(beyond)), wanted, parameters, start)
-    grown = [start]
-    grow(inside, [*beyond], grown, parameters=parameters, deadline=wanted.deadline)
-    return Shrunk(grown[-1], inside.cut(grown[-1]))
+    growing = GrowingBox(KnownSet(tuple(beyond)), wanted, parameters, start, [*beyond])
+    growing.grow(wanted.deadline)
+    return Shrunk(growing.box, growing.cut(growing.box))
 
 
 @dataclass(frozen=True, slots=True)

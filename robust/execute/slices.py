@@ -327,16 +327,15 @@ class _Promising:
         beyond = (half for bound in possible.constraints() for half in bound.negation())
         inside = boxes.KnownSet((*bad, *(Polyhedron(self._names, (half,)) for half in beyond)))
         parameters = [self._in_haste(parameter) for parameter in self.slices.parameters]
-        wanted = boxes.Controllable(inside, self.wanted, parameters, start)
-        grown, met = [start], list[Obstacle]([*inside.pieces, *self.met])
-        fixed = self.facts.settled
+        met: list[Obstacle] = [*inside.pieces, *self.met]
+        growing = boxes.GrowingBox(inside, self.wanted, parameters, start, met, self.facts.settled)
         with suppress(OutOfTimeError):  # a promise was found; time decides how wide it becomes
             if is_new:
-                boxes.leap(wanted, met, grown, parameters=parameters, fixed=fixed, deadline=self.wanted.deadline)
+                growing.leap(self.wanted.deadline)
             if not hurry.passed:
-                boxes.grow(wanted, met, grown, parameters=parameters, fixed=fixed, deadline=hurry)
-        self.met[:] = [each for each in met if isinstance(each, boxes.Obstruction)]
-        return grown[-1]
+                growing.grow(hurry)
+        self.met[:] = [each for each in growing.met if isinstance(each, boxes.Obstruction)]
+        return growing.box
 
     def _in_haste(self, parameter: Parameter) -> Parameter:
         """A parameter that exceeds its plan gets a greater weight, or its value would soon leave the interval again."""

@@ -9,16 +9,7 @@ import pytest
 
 from robust import InputError, UnsupportedError, envelope
 from robust.execute.controllability import Control, Controllability, ControlVerdict, Objective, shrink, widest
-from robust.execute.controllable_boxes import (
-    HORIZON,
-    Controllable,
-    Dynamically,
-    KnownSet,
-    ends_of,
-    leap,
-    loss,
-    parametric_stnu,
-)
+from robust.execute.controllable_boxes import HORIZON, Dynamically, GrowingBox, KnownSet, ends_of, loss, parametric_stnu
 from robust.plan import model
 from robust.qe.box import Box, Side
 from robust.qe.polyhedron import Polyhedron
@@ -292,16 +283,16 @@ def test_a_leap_leads_to_a_wider_box_that_is_controllable_whatever_was_met_befor
         most = box_of(**{p.name: (1, Random(seed).choice([6, 9])) for p in plan.parameters})  # noqa: S311
         beyond = (half for side in most.constraints() for half in side.negation())
         bad = KnownSet(tuple(Polyhedron(tuple(most), (half,)) for half in beyond))
-        wanted = Controllable(bad, Dynamically(parametric_stnu(plan, start), NEVER), plan.parameters, start)
+        wanted = Dynamically(parametric_stnu(plan, start), NEVER)
         met, fixed = [*bad.pieces], tuple(most)[:1] if seed % 3 == 0 else ()
         for _ in range(2):  # the second time, all is known that it may meet
-            grown = [start]
-            leap(wanted, met, grown, parameters=plan.parameters, fixed=fixed)
-            assert start.is_within(grown[-1])
-            assert by_oracle(Control.DYNAMIC, plan, grown[-1]), seed
-            assert not any(piece.meets(grown[-1]) for piece in met)
-            assert all(grown[-1][name].width == 0 for name in fixed)
-            leaps.append(grown[-1] != start)
+            growing = GrowingBox(bad, wanted, plan.parameters, start, met, fixed)
+            growing.leap(NEVER)
+            assert start.is_within(growing.box)
+            assert by_oracle(Control.DYNAMIC, plan, growing.box), seed
+            assert not any(piece.meets(growing.box) for piece in met)
+            assert all(growing.box[name].width == 0 for name in fixed)
+            leaps.append(growing.box != start)
     assert sum(leaps) > len(leaps) / 2 > 20
 
 
