@@ -146,6 +146,20 @@ def reads(instance: model.ActionInstance) -> Iterator[tuple[model.Atom | model.F
         yield name, (point,)
 
 
+def changes(plan: model.ParametrizedPlan) -> Iterator[tuple[model.Atom | model.Fluent, model.TimePoint]]:
+    """The atoms and fluents that a plan may change, with the time points of the changes."""
+    for instance in plan.instances:
+        for effect in instance.atom_effects:
+            yield effect.atom, instance.at(effect.timing)
+        for numeric in instance.numeric_effects:
+            yield numeric.fluent, instance.at(numeric.timing)
+        for continuous in instance.continuous_effects:
+            for point in instance.time_points:
+                yield continuous.fluent, point
+    for literal in plan.timed_literals:
+        yield literal.target, literal.point
+
+
 def names_in(condition: model.Condition) -> Iterator[model.Atom | model.Fluent]:
     """Atoms and fluents that a condition mentions."""
     for leaf in model.leaves(condition):

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 
+from robust.encode.network import changes, names_in
 from robust.execute.messages import StepProgress
 from robust.numbers import format_number
 from robust.plan import model, timeline
@@ -158,11 +159,11 @@ class History:
         for name, step in self.steps.items():
             instance = self.plan.instance[name]
             if step.start is not None:
-                begun = instance if step.end is not None else _so_far(instance)
+                begun = instance if step.end is not None else _without(instance, model.Timing.AT_END)
                 end = max(step.start, self.time) if step.end is None else step.end
                 found.append((replace(begun, durations=()), step.start, end))
             for number, (start, end) in enumerate(step.attempts):
-                begun = replace(_so_far(instance), durations=(), conditions=())
+                begun = replace(_without(instance, model.Timing.AT_END), durations=(), conditions=())
                 found.append((replace(begun, identifier=f"{name}.{number}"), start, end))
         return found
 
@@ -198,11 +199,7 @@ def _said(value: Fraction | bool | None) -> str:
 def variables(plan: model.ParametrizedPlan) -> Mapping[str, model.Atom | model.Fluent]:
     """The atoms and fluents that a plan speaks of, by name without brackets."""
     known: dict[model.Atom | model.Fluent, None] = dict.fromkeys((*plan.initial_atoms, *plan.initial_fluents))
-    known |= dict.fromkeys(literal.target for literal in plan.timed_literals)
-    for instance in plan.instances:
-        known |= dict.fromkeys(effect.atom for effect in instance.atom_effects)
-        known |= dict.fromkeys(effect.fluent for effect in instance.numeric_effects)
-        known |= dict.fromkeys(effect.fluent for effect in instance.continuous_effects)
+    known |= dict.fromkeys(variable for variable, _ in changes(plan))
     known |= dict.fromkeys(read_by(plan.instances, plan.goal))
     return {str(variable)[1:-1]: variable for variable in known}
 
@@ -221,11 +218,7 @@ def read_by(
         expressions += [effect.expression for effect in instance.numeric_effects]
         expressions += [effect.rate for effect in instance.continuous_effects]
     for condition in conditions:
-        for leaf in model.leaves(condition):
-            if isinstance(leaf, model.Holds):
-                yield leaf.atom
-            elif isinstance(leaf, model.NumericCondition):
-                expressions.append(leaf.expression)
+        yield from names_in(condition)
     for expression in expressions:
         yield from model.fluents_in(expression)
 
@@ -280,28 +273,20 @@ def remaining_plan(history: History, epsilon: Fraction, *, ordered: bool) -> mod
 
 def _begun(instance: model.ActionInstance, elapsed: Fraction, values: model.Values) -> model.ActionInstance:
     """A step that has lasted for a while, without its start; `values`: what its duration reads."""
-    later = [part for part in instance.conditions if part.timing is not model.Timing.AT_START]
-    rest = replace(
-        instance,
-        durations=tuple(model.with_values(part, values) for part in instance.durations),
-        conditions=tuple(later),
-        atom_effects=tuple(e for e in instance.atom_effects if e.timing is not model.Timing.AT_START),
-        numeric_effects=tuple(e for e in instance.numeric_effects if e.timing is not model.Timing.AT_START),
-        mentions=frozenset(m for m in instance.mentions if m.timing is not model.Timing.AT_START),
-    )
+    rest = _without(instance, model.Timing.AT_START)
+    rest = replace(rest, durations=model.with_values(rest.durations, values))
     longer = Polynomial.variable(model.Duration()) + elapsed
     return model.with_values(rest, {model.Duration(): longer})
 
 
-def _so_far(instance: model.ActionInstance) -> model.ActionInstance:
-    """A step without its end."""
-    at_end = model.Timing.AT_END
+def _without(instance: model.ActionInstance, timing: model.Timing) -> model.ActionInstance:
+    """A step without what is needed and changed at one of its time points."""
     return replace(
         instance,
-        conditions=tuple(part for part in instance.conditions if part.timing is not at_end),
-        atom_effects=tuple(e for e in instance.atom_effects if e.timing is not at_end),
-        numeric_effects=tuple(e for e in instance.numeric_effects if e.timing is not at_end),
-        mentions=frozenset(m for m in instance.mentions if m.timing is not at_end),
+        conditions=tuple(part for part in instance.conditions if part.timing is not timing),
+        atom_effects=tuple(effect for effect in instance.atom_effects if effect.timing is not timing),
+        numeric_effects=tuple(effect for effect in instance.numeric_effects if effect.timing is not timing),
+        mentions=frozenset(mention for mention in instance.mentions if mention.timing is not timing),
     )
 
 

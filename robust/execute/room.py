@@ -31,6 +31,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from robust.encode import create_encoding, interface
+from robust.encode.network import changes
 from robust.execute import distances
 from robust.execute.causal import CausalNetwork, Tightener, Tightening, UndecidedError, at_least, named_bounds
 from robust.execute.distances import DistanceEdge, Original, TruthWrite
@@ -316,22 +317,16 @@ class _Transformer:
     def _most_recent(self, leaf: model.Leaf, point: model.TimePoint, over_all: bool) -> model.TimePoint | None:
         """The last change before the time point that makes the literal true; for over-all ones also at its time."""
         times, limit = self.original.times, self.original.times[point]
-        changes: list[model.TimePoint] = []
+        known: list[model.TimePoint] = []
         if isinstance(leaf, model.Holds):
-            changes = [write.point for write in self.original.writes(leaf.atom) if write.value is leaf.value]
+            known = [write.point for write in self.original.writes(leaf.atom) if write.value is leaf.value]
         elif isinstance(leaf, model.NumericCondition):
-            changes = [change for fluent in _fluents(leaf) for change in self._changes(fluent)]
-        past = [change for change in changes if times[change] < limit or (over_all and times[change] == limit)]
+            fluents = _fluents(leaf)
+            known = [moment for name, moment in changes(self.original.plan) if name in fluents]
+        past = [change for change in known if times[change] < limit or (over_all and times[change] == limit)]
         latest = max((times[moment] for moment in past), default=limit)
         candidates = [moment for moment in past if times[moment] == latest]
         return point if point in candidates else next(iter(candidates), None)
-
-    def _changes(self, fluent: model.Fluent) -> Iterator[model.TimePoint]:
-        for instance in self.original.plan.instances:
-            yield from (instance.at(effect.timing) for effect in instance.numeric_effects if effect.fluent == fluent)
-            if any(effect.fluent == fluent for effect in instance.continuous_effects):
-                yield from (instance.start, instance.end)
-        yield from (literal.point for literal in self.original.plan.timed_literals if literal.target == fluent)
 
     # -- contradictions --------------------------------------------------------------------------------------------
 

@@ -14,7 +14,7 @@ from functools import cached_property
 from math import lcm
 from operator import le
 
-from robust.encode.network import names_in
+from robust.encode.network import changes, names_in
 from robust.errors import RefutedError
 from robust.network.differences import Bound, delay, following
 from robust.numbers import format_number, plural, round_up
@@ -220,7 +220,7 @@ class _Snapping:
                 if high is not None:
                     yield instance.end, instance.start, -high
         writers: dict[model.Atom | model.Fluent, set[TimePoint]] = {}
-        for name, point in _writes(self._plan):
+        for name, point in changes(self._plan):
             writers.setdefault(name, set()).add(point)
         for instance in self._plan.instances:
             for part in instance.conditions:
@@ -352,19 +352,6 @@ def read_before(execution: timeline.TimedExecution, instance: ActionInstance) ->
         return constraint.condition.expression.substitute(value)
 
     return known
-
-
-def _writes(plan: ParametrizedPlan) -> Iterator[tuple[model.Atom | model.Fluent, TimePoint]]:
-    for instance in plan.instances:
-        for effect in instance.atom_effects:
-            yield effect.atom, instance.at(effect.timing)
-        for numeric in instance.numeric_effects:
-            yield numeric.fluent, instance.at(numeric.timing)
-        for continuous in instance.continuous_effects:
-            for point in instance.time_points:
-                yield continuous.fluent, point
-    for literal in plan.timed_literals:
-        yield literal.target, literal.point
 
 
 def _nearest(value: Fraction, low: Fraction, high: Fraction | None) -> Fraction:
