@@ -10,13 +10,13 @@ Starts that keep to this are in time whatever lengths the box has, so the box is
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from heapq import heappop, heappush
 from math import floor, lcm
-from typing import Protocol
 
 from robust.execute.messages import StepProgress, time_text
 from robust.irr.proposals import DECLARED, SlackPlan
@@ -83,73 +83,98 @@ class PlanForecast:
     pending: bool = False
 
 
-class Forecaster(Protocol):
+@dataclass(frozen=True, slots=True)
+class FollowedPlan:
+    """A plan that is followed while it is executed, or what is left of one.
+
+    Attributes:
+        plan: the plan.
+        epsilon: the separation of mutex time points.
+        lasting: the steps of which parameters are durations, by parameter.
+        planned: how long they take as planned, by step; as their parameters have it if not given.
+        running: of what is left of a plan, the steps that run: their starts are behind, and in the plan they begin now.
+    """
+
+    plan: model.ParametrizedPlan
+    epsilon: Fraction
+    lasting: Mapping[str, str]
+    planned: Mapping[str, Fraction] = field(default_factory=dict)
+    running: Mapping[str, StepProgress] | None = None
+
+
+class Forecaster(ABC):
     """Forecasts what is ahead of a plan while it is executed."""
 
-    @property
+    def __init__(self, followed: FollowedPlan) -> None:
+        self._plan = followed.plan
+        self._lasting = followed.lasting
+        self._planned_else = followed.planned
+        self._progress: dict[str, StepProgress] = dict(followed.running or {})
+        self._begun = frozenset(self._progress)
+        self._now = Fraction(0)
+        starts = {self._plan.instance[step].start for step in self._begun}
+        fixed = (item for item in self._plan.constraints if item.source == model.ZERO and item.target in starts)
+        self._behind = {item.target: item.lower.constant_term for item in fixed if item.lower is not None}
+        """When starts that were behind when this began are in the plan."""
+
+    @cached_property
     def planned(self) -> Mapping[str, Fraction]:
-        """Planned durations."""
+        """Planned durations; of steps whose duration is no parameter, by the schedule that orders the plan."""
+        length = {s.identifier: self.order(s.end) - self.order(s.start) for s in self._plan.instances}
+        nominal = {self._lasting[name]: v for name, v in self._plan.nominal.items() if name in self._lasting}
+        return {step: self._planned_else.get(step, time) for step, time in (length | nominal).items()}
 
     def follow(self, step: str, known: StepProgress) -> None:
         """How far a step is now."""
+        self._progress[step] = known
 
+    @abstractmethod
     def pass_time(self, now: Fraction) -> None:
         """What has not happened does not happen before."""
 
-    def order(self, point: model.TimePoint) -> Fraction | int:
-        """Where a point is in the order of the plan."""
+    @abstractmethod
+    def order(self, point: model.TimePoint) -> Fraction:
+        """When a point happens in the schedule that orders the plan."""
 
+    @abstractmethod
     def look(self, time: Fraction, deadline: Deadline, *, widening: bool = False) -> PlanForecast:
         """The forecast at a time; what is not found by the deadline is as it was promised last.
 
         With `widening`, promises become as wide as there is time for, and not only as wide as is found at once.
         """
 
+    def _known(self, step: str) -> StepProgress:
+        return self._progress.get(step, _NOT_BEGUN)
 
-class Making(Protocol):
-    """Makes forecasters, as their classes do."""
+    def _moments(self, step: str) -> Mapping[model.TimePoint, Fraction]:
+        """When the points of a step happened, without a start that was behind when this began."""
+        instance = self._plan.instance[step]
+        times = self._known(step).times(instance)
+        return {point: time for point, time in times.items() if step not in self._begun or point != instance.start}
 
-    def __call__(
-        self,
-        plan: model.ParametrizedPlan,
-        epsilon: Fraction,
-        lasting: Mapping[str, str],
-        planned: Mapping[str, Fraction],
-        running: Mapping[str, StepProgress],
-    ) -> Forecaster: ...
+    @property
+    def _happened(self) -> dict[model.TimePoint, Fraction]:
+        """When points happened."""
+        times = dict(self._behind)
+        for step in self._progress:
+            times |= self._moments(step)
+        return times
 
 
-class PathForecaster:
-    """Forecasts while a plan is executed.
+_NOT_BEGUN = StepProgress()
 
-    Args:
-        plan: the plan.
-        epsilon: the separation of mutex time points.
-        lasting: the steps of which parameters are durations, by parameter.
-        planned: how long they take as planned, by step; as their parameters have it if not given.
-        running: steps that run when this begins: their starts are behind, and in the plan they begin now.
+
+class PathForecaster(Forecaster):
+    """Forecasts by shortest paths.
 
     Raises:
         OutsideFragmentError: if shortest paths do not decide about the plan.
     """
 
-    def __init__(
-        self,
-        plan: model.ParametrizedPlan,
-        epsilon: Fraction,
-        lasting: Mapping[str, str],
-        planned: Mapping[str, Fraction] | None = None,
-        running: Mapping[str, StepProgress] | None = None,
-    ) -> None:
-        self._plan = plan
-        self._lasting = lasting
-        self._slack = SlackPlan(plan, epsilon)
-        self._number = {point: number for number, point in enumerate(plan.time_points)}
-        self._planned_else = planned or {}
-        self._progress: dict[str, StepProgress] = dict(running or {})
-        self._begun = frozenset(self._progress)
-        self._behind = {self._number[point]: time for point, time in starts_behind(plan, self._begun).items()}
-        self._now = Fraction(0)
+    def __init__(self, followed: FollowedPlan) -> None:
+        super().__init__(followed)
+        self._slack = SlackPlan(followed.plan, followed.epsilon)
+        self._number = {point: number for number, point in enumerate(self._plan.time_points)}
         self._scale = lcm(self._slack.scale, TICKS, *(room.denominator for room, _ in self._limits.values()))
         self._write()
 
@@ -178,16 +203,6 @@ class PathForecaster:
             if parameter.name not in self._lasting or any(len(uses.get(2 * number + k, ())) > 1 for k in (0, 1)):
                 raise OutsideFragmentError(f"{parameter.name} is not the duration of one step")
         return {face: self._lasting[self._plan.parameters[face >> 1].name] for face in uses}
-
-    @cached_property
-    def planned(self) -> Mapping[str, Fraction]:
-        """Planned durations; of steps whose duration is no parameter, by the schedule that the plan is judged by."""
-        times, scale = self._slack.times, self._slack.scale
-        length = {s.identifier: times[self._number[s.end]] - times[self._number[s.start]] for s in self._plan.instances}
-        values = self._plan.nominal
-        nominal = {self._lasting[name]: value for name, value in values.items() if name in self._lasting}
-        known = {step: Fraction(ticks, scale) for step, ticks in length.items()} | nominal
-        return {step: self._planned_else.get(step, time) for step, time in known.items()}
 
     def _write(self) -> None:
         """All bounds, in ticks of which as many are a unit as `_scale` says."""
@@ -234,30 +249,23 @@ class PathForecaster:
     def _times(self) -> dict[int, int]:
         """What has happened, and when timed literals come, in ticks."""
         times = {self._number[literal.point]: self._ticks(literal.time) for literal in self._plan.timed_literals}
-        times |= {number: self._ticks(time) for number, time in self._behind.items()}
-        for step, known in self._progress.items():
-            instance = self._plan.instance[step]
-            for point, time in ((instance.start, known.start), (instance.end, known.end)):
-                if time is not None and (step not in self._begun or point != instance.start):
-                    times[self._number[point]] = self._ticks(time)
-        return times
+        return times | {self._number[point]: self._ticks(time) for point, time in self._happened.items()}
 
     # -- what happens --------------------------------------------------------------------------------------------------
 
     def follow(self, step: str, known: StepProgress) -> None:
         """How far a step is now; networks become finer if they are too coarse for its times."""
-        before = self._progress.get(step, StepProgress())
-        self._progress[step] = known
-        instance = self._plan.instance[step]
+        before = self._known(step)
+        super().follow(step, known)
         finer = lcm(self._scale, *(time.denominator for time in (known.start, known.end) if time is not None))
         if finer != self._scale or before.start not in (None, known.start) or before.end not in (None, known.end):
             self._scale = finer
             self._write()
             return
-        for point, time in ((instance.start, known.start), (instance.end, known.end)):
+        for point, time in self._moments(step).items():
             number = self._number[point]
-            for network in self._networks if step not in self._begun or point != instance.start else ():
-                if time is not None and number not in network.times:
+            for network in self._networks:
+                if number not in network.times:
                     network.happen(number, self._ticks(time), step if known.end is not None else None)
 
     @property
@@ -272,9 +280,9 @@ class PathForecaster:
         for network in self._networks:
             network.lift(self._ticks(now))
 
-    def order(self, point: model.TimePoint) -> int:
-        """Where a point is in the order of the plan."""
-        return self._slack.times[self._number[point]]
+    def order(self, point: model.TimePoint) -> Fraction:
+        """When a point happens in the schedule that the plan is judged by."""
+        return Fraction(self._slack.times[self._number[point]], self._slack.scale)
 
     # -- what is ahead -------------------------------------------------------------------------------------------------
 
@@ -286,16 +294,16 @@ class PathForecaster:
         network = self._expected if on_track else self._possible
         steps, ready, free = {}, [], []
         for instance in self._plan.instances:
-            name, known = instance.identifier, self._progress.get(instance.identifier)
-            if known is not None and known.end is not None:
+            name, known = instance.identifier, self._known(instance.identifier)
+            if known.end is not None:
                 continue
             begin, end = self._number[instance.start], self._number[instance.end]
             least, most = network.window(begin), network.window(end)
             longest = self._longest(network, begin, end)
-            if name in self._begun and known is not None and known.start is not None and longest is not None:
+            if name in self._begun and known.start is not None and longest is not None:
                 longest += Fraction(network.earliest[begin], self._scale) - known.start
             steps[name] = StepAhead(self._window(least), self._window(most), longest)
-            if known is None or known.start is None:
+            if known.start is None:
                 happened = self._possible.times
                 if all(point in happened for point in self._waits_for[begin]):
                     free.append(name)
@@ -400,9 +408,6 @@ class PathForecaster:
             share = narrower
         return None
 
-    def _known(self, step: str) -> StepProgress:
-        return self._progress.get(step, _NOT_BEGUN)
-
     def _lasted(self, step: str) -> int:
         """How long a step has taken by now, in ticks."""
         known = self._known(step)
@@ -465,14 +470,6 @@ class PathForecaster:
         return share - Fraction(excess, slope) if slope else Fraction(-1)
 
 
-def starts_behind(plan: model.ParametrizedPlan, begun: Collection[str]) -> Mapping[model.TimePoint, Fraction]:
-    """When the starts of steps that ran already when the rest of a plan began are in that rest."""
-    starts = {plan.instance[step].start for step in begun}
-    fixed = (item for item in plan.constraints if item.source == model.ZERO and item.target in starts)
-    return {item.target: item.lower.constant_term for item in fixed if item.lower is not None}
-
-
-_NOT_BEGUN = StepProgress()
 _PromisedBound = tuple[Bound, int]
 """A bound, and how it grows with the share that a promise goes beyond the plan."""
 

@@ -136,6 +136,11 @@ class StepProgress:
     def is_running(self) -> bool:
         return self.start is not None and self.end is None
 
+    def times(self, instance: model.ActionInstance) -> dict[model.TimePoint, Fraction]:
+        """When the time points of the step happened, as far as they have."""
+        both = ((instance.start, self.start), (instance.end, self.end))
+        return {point: time for point, time in both if time is not None}
+
 
 JOURNAL = "robust/watch-journal/1"
 

@@ -18,7 +18,17 @@ from math import lcm
 from robust.encode.interface import EPSILON
 from robust.errors import Location, did_you_mean
 from robust.execute import messages
-from robust.execute.forecast import FINEST, OPEN, Forecaster, PathForecaster, PlanForecast, Prospect, StepAhead, Window
+from robust.execute.forecast import (
+    FINEST,
+    OPEN,
+    FollowedPlan,
+    Forecaster,
+    PathForecaster,
+    PlanForecast,
+    Prospect,
+    StepAhead,
+    Window,
+)
 from robust.execute.messages import OBSERVED, STEPS, MessageKind, MonitorMessage, StepProgress, time_text
 from robust.execute.remaining import History, MonitorState, read_by, variables
 from robust.network.slack import OutsideFragmentError
@@ -163,7 +173,7 @@ class Monitor:
             exact(self.epsilon, Location("epsilon")),
             exact(self.lateness, Location("lateness")),
         )
-        self._own = _forecaster(self.plan, self.epsilon, self.plan.lasting)
+        self._own = _forecaster(FollowedPlan(self.plan, self.epsilon, self.plan.lasting))
         self._count = 0
         self._latest_tick = 0
         self._fineness = 1
@@ -593,17 +603,11 @@ def _wrong_times(message: MonitorMessage) -> str | None:
 _WANTED = {MessageKind.VALUE: "a number", MessageKind.FACT: "true or false"}
 
 
-def _forecaster(
-    plan: model.ParametrizedPlan,
-    epsilon: Fraction,
-    lasting: Mapping[str, str],
-    planned: Mapping[str, Fraction] | None = None,
-    running: Mapping[str, StepProgress] | None = None,
-) -> Forecaster:
+def _forecaster(followed: FollowedPlan) -> Forecaster:
     """By shortest paths where they decide about the plan, else by slices."""
     try:
-        return PathForecaster(plan, epsilon, lasting, planned, running)
+        return PathForecaster(followed)
     except OutsideFragmentError:
         from robust.execute.slice_forecast import SliceForecaster  # noqa: PLC0415 - loads solvers, which few plans need
 
-        return SliceForecaster(plan, epsilon, lasting, planned, running)
+        return SliceForecaster(followed)

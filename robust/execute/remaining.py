@@ -97,9 +97,10 @@ class History:
         return {point: time for point, time in self._times_of(self.known).items() if point not in self.happened}
 
     def _times_of(self, steps: Mapping[str, StepProgress]) -> Mapping[model.TimePoint, Fraction]:
-        points = ((step, self.plan.instance[name]) for name, step in steps.items())
-        both = (each for step, known in points for each in ((known.start, step.start), (known.end, step.end)))
-        return {point: time for point, time in both if time is not None}
+        times: dict[model.TimePoint, Fraction] = {}
+        for name, step in steps.items():
+            times |= step.times(self.plan.instance[name])
+        return times
 
     def earliest(self, epsilon: Fraction) -> Mapping[model.TimePoint, Fraction]:
         """When at the earliest a point may happen that is mutex with what happened less than `epsilon` ago."""

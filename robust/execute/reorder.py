@@ -8,7 +8,7 @@ solver finds nothing, no order of these steps succeeds.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -18,7 +18,7 @@ from robust.encode.interface import constant, variable
 from robust.errors import InputError, SolverError, UnsupportedError
 from robust.execute.causal import causal_network
 from robust.execute.distances import Original, with_literals
-from robust.execute.forecast import OPEN, Forecaster, Making, Prospect
+from robust.execute.forecast import OPEN, FollowedPlan, Forecaster, Prospect
 from robust.execute.remaining import History, remaining_plan
 from robust.network.slack import OutsideFragmentError
 from robust.plan import model
@@ -44,7 +44,7 @@ class Reordered:
 
 def reordered(
     history: History,
-    make: Making,
+    make: Callable[[FollowedPlan], Forecaster],
     epsilon: Fraction,
     *,
     free: bool,
@@ -71,7 +71,7 @@ def reordered(
             return Reordered(Prospect.BROKEN, reasons=tuple(breaches))
         if in_order:
             with suppress(OutsideFragmentError, UnsupportedError, InputError):  # if planned durations will not do
-                rest = make(remaining_plan(history, epsilon, ordered=True), epsilon, *known)
+                rest = make(FollowedPlan(remaining_plan(history, epsilon, ordered=True), epsilon, *known))
                 _tell_later(rest, history)
                 if rest.look(history.time, deadline).prospect in OPEN:
                     return Reordered(Prospect.ON_TRACK, rest, in_order=True)
@@ -81,7 +81,7 @@ def reordered(
         found = _schedule(unordered, epsilon, deadline)
         if found is None:
             return Reordered(Prospect.BROKEN)
-        rest = make(_in_order_of(unordered, epsilon, *found), epsilon, *known)
+        rest = make(FollowedPlan(_in_order_of(unordered, epsilon, *found), epsilon, *known))
         _tell_later(rest, history)
         return Reordered(Prospect.AT_RISK, rest)
     except (OutsideFragmentError, UnsupportedError, InputError, SolverError, OutOfTimeError):

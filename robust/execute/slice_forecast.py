@@ -19,8 +19,7 @@ from robust.encode.interface import constant, least, variable
 from robust.errors import InputError
 from robust.execute import controllable_boxes as boxes
 from robust.execute.dispatchable import Dreex, dispatch_network, first_windows
-from robust.execute.forecast import PlanForecast, Prospect, StepAhead, Window, starts_behind
-from robust.execute.messages import StepProgress
+from robust.execute.forecast import FollowedPlan, Forecaster, PlanForecast, Prospect, StepAhead, Window
 from robust.execute.slices import Observations, SliceAnswer, Slices, continued
 from robust.irr.exact import ExactSearch
 from robust.irr.stops import NO_SCHEDULE
@@ -46,28 +45,18 @@ GROWTH_SECONDS = 0.002
 """Where an answer is awaited, no promise is made wider after this, but for a new one, once."""
 
 
-class SliceForecaster:
-    """Forecasts while a plan is executed, as :class:`robust.execute.forecast.PathForecaster`.
+class SliceForecaster(Forecaster):
+    """Forecasts by a solver and by slices.
 
     Raises:
         UnsupportedError: if the plan cannot be encoded.
         InputError: if its network has no schedule.
     """
 
-    def __init__(
-        self,
-        plan: model.ParametrizedPlan,
-        epsilon: Fraction,
-        lasting: Mapping[str, str],
-        planned: Mapping[str, Fraction] | None = None,
-        running: Mapping[str, StepProgress] | None = None,
-    ) -> None:
-        self._plan, self._epsilon, self._lasting = plan, epsilon, lasting
-        self._progress: dict[str, StepProgress] = dict(running or {})
-        self._begun = frozenset(self._progress)
-        self._behind = starts_behind(plan, self._begun)
-        self._now = Fraction(0)
-        self._encoding = RelationalEncoding(plan, epsilon)
+    def __init__(self, followed: FollowedPlan) -> None:
+        super().__init__(followed)
+        plan, self._epsilon, is_rest = followed.plan, followed.epsilon, followed.running is not None
+        self._encoding = RelationalEncoding(plan, self._epsilon)
         terms, places = self._encoding.terms, self._encoding.places
         forward = [terms.at_least(places[step.end] - places[step.start]) for step in plan.instances if step.durative]
         self._valid = [*self._encoding.valid_formulas(self._encoding.obligations), *forward]
@@ -77,21 +66,13 @@ class SliceForecaster:
         self._tables, _ = dispatch_network(self._stnu, self._box, Dreex())
         self._order = {point: low for point, (low, _) in first_windows(self._stnu, self._box).items()}
         self._stnu = self._stnu.without_implied_orders(self._order)
-        self._planned_else = planned or {}
         self._last: PlanForecast | None = None
         self._last_asked: tuple[Mapping[model.TimePoint, Fraction], Fraction, Fraction] | None = None
         self._is_widened = False
-        self._seconds = REGION_SECONDS if running is None else LATER_SECONDS
-        if running is None:
+        self._seconds = LATER_SECONDS if is_rest else REGION_SECONDS
+        if not is_rest:
             self._waits_for, self._as_planned  # noqa: B018 - worked out before the execution begins
-            self._promise(self._times, replace(self._patient_slices, seconds=FIRST_SECONDS))
-
-    @cached_property
-    def planned(self) -> Mapping[str, Fraction]:
-        """Planned durations; of steps whose duration is no parameter, by the earliest schedule."""
-        length = {s.identifier: self._order[s.end] - self._order[s.start] for s in self._plan.instances}
-        nominal = {self._lasting[name]: v for name, v in self._plan.nominal.items() if name in self._lasting}
-        return {step: self._planned_else.get(step, time) for step, time in (length | nominal).items()}
+            self._promise(self._happened, replace(self._patient_slices, seconds=FIRST_SECONDS))
 
     @cached_property
     def _slices(self) -> Slices:
@@ -123,12 +104,8 @@ class SliceForecaster:
         return found
 
     def order(self, point: model.TimePoint) -> Fraction:
-        """Where a point is in the order of the plan."""
+        """When a point happens in the earliest schedule."""
         return self._order[point]
-
-    def follow(self, step: str, known: StepProgress) -> None:
-        """How far a step is now."""
-        self._progress[step] = known
 
     def pass_time(self, now: Fraction) -> None:
         """What has not happened does not happen before."""
@@ -141,17 +118,6 @@ class SliceForecaster:
         self._met: list[boxes.Obstruction] = []
         self._is_nothing_left = False
 
-    @property
-    def _times(self) -> dict[model.TimePoint, Fraction]:
-        """When points happened; starts that were behind when this began are at that time."""
-        times = dict(self._behind)
-        for step, known in self._progress.items():
-            instance = self._plan.instance[step]
-            for point, time in ((instance.start, known.start), (instance.end, known.end)):
-                if time is not None and (step not in self._begun or point != instance.start):
-                    times[point] = time
-        return times
-
     # -- what is ahead -------------------------------------------------------------------------------------------------
 
     def look(self, time: Fraction, deadline: Deadline, *, widening: bool = False) -> PlanForecast:
@@ -159,7 +125,7 @@ class SliceForecaster:
 
         With `widening`, promises become as wide as there is time for, and not only as wide as is found at once.
         """
-        times = self._times
+        times = self._happened
         asked = times, self._now, time
         if self._last is not None and self._last_asked == asked and (not widening or self._is_widened):
             return self._last
@@ -196,9 +162,6 @@ class SliceForecaster:
         blockers = {step.identifier: tables.blockers[tables.index[step.start]] for step in self._plan.instances}
         points = ((step, (tables.points[number] for number in known)) for step, known in blockers.items())
         return {step: frozenset(p for p in known if p.instance is not None) for step, known in points}
-
-    def _known(self, step: str) -> StepProgress:
-        return self._progress.get(step, StepProgress())
 
     @property
     def _open(self) -> list[str]:
