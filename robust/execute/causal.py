@@ -35,7 +35,7 @@ one by one, and the others are loosened together: each bound becomes a parameter
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import pairwise
@@ -208,9 +208,9 @@ class Tightener:
         self.say("dropping bounds")
         bounds = [tightening.edge for tightening in tightened]
         needed = less.without_removable(edges, bounds, bounds)
-        tightened = [tightening for tightening in tightened if tightening.edge in needed]
+        named = named_bounds([tightening for tightening in tightened if tightening.edge in needed])
         self.say("loosening bounds")
-        return tuple(less._loosened(edges, tightened))
+        return tuple(at_lower_ends(named, less._widened(edges, named), self.original.gap))
 
     def without_removable(
         self,
@@ -304,30 +304,13 @@ class Tightener:
 
     # -- less of it --------------------------------------------------------------------------------------------------
 
-    def _loosened(
-        self, edges: Sequence[distances.DistanceEdge], tightened: Sequence[Tightening]
-    ) -> Iterable[Tightening]:
-        """The bounds at the ends of the widest box of bounds; those without end are dropped."""
-        box = self._widened(edges, tightened)
-        for name, tightening in zip(named_bounds(tightened), tightened, strict=True):
-            interval = box[name]
-            weight = interval.lower
-            if weight is not None:
-                # where the end does not belong to it, a little above or the plan's own
-                least = weight if interval.lower_closed else min(weight + self.original.gap, tightening.edge.weight)
-                yield replace(tightening, edge=tightening.edge._replace(weight=least))
-
-    def _widened(self, edges: Sequence[distances.DistanceEdge], tightened: Sequence[Tightening]) -> Box:
+    def _widened(self, edges: Sequence[distances.DistanceEdge], named: Mapping[str, Tightening]) -> Box:
         """The box of lower bounds that widening finds; the bounds themselves if it does not finish in time."""
         from robust.irr.exact import ExactSearch  # noqa: PLC0415 - most networks are proved without
 
-        named = dict(zip(named_bounds(tightened), (bound.edge for bound in tightened), strict=True))
         plan = self._plan(edges)
-        fixed = [replace(parameter, lower=parameter.nominal, upper=parameter.nominal) for parameter in plan.parameters]
-        free = [model.Parameter(name, bound.weight, upper=bound.weight) for name, bound in named.items()]
-        variables = {name: Polynomial.variable(model.ParameterReference(name)) for name in named}
-        bounds = [at_least(bound, variables[name]) for name, bound in named.items()]
-        widened = replace(plan, parameters=(*fixed, *free), constraints=(*plan.constraints, *bounds))
+        fixed = (replace(parameter, lower=parameter.nominal, upper=parameter.nominal) for parameter in plan.parameters)
+        widened = with_free_bounds(replace(plan, parameters=tuple(fixed)), named)
         encoding = create_encoding("relational", widened, self.original.epsilon, self.deadline)
         result = ExactSearch(encoding, solver=self.solver, deadline=self.deadline).run()
         if result.status is searching.Status.INTERRUPTED:
@@ -367,8 +350,26 @@ def verdict_of(plan: model.ParametrizedPlan, answer: Answer) -> CheckResult:
     return CheckResult(answer, Box.nominal(plan.parameters), names, {}, 0.0)
 
 
-def named_bounds(tightened: Sequence[Tightening]) -> list[str]:
-    return [f"bound {i}" for i in range(len(tightened))]
+def named_bounds(tightened: Iterable[Tightening]) -> dict[str, Tightening]:
+    return {f"bound {i}": tightening for i, tightening in enumerate(tightened)}
+
+
+def with_free_bounds(plan: model.ParametrizedPlan, named: Mapping[str, Tightening]) -> model.ParametrizedPlan:
+    """The plan with a parameter for each bound, which may be looser."""
+    edges = {name: tightening.edge for name, tightening in named.items()}
+    free = (model.Parameter(name, bound.weight, upper=bound.weight) for name, bound in edges.items())
+    bounds = (at_least(bound, Polynomial.variable(model.ParameterReference(name))) for name, bound in edges.items())
+    return replace(plan, parameters=(*plan.parameters, *free), constraints=(*plan.constraints, *bounds))
+
+
+def at_lower_ends(named: Mapping[str, Tightening], box: Box, gap: Fraction) -> Iterator[Tightening]:
+    """The bounds at the lower ends of their intervals; those without end are dropped."""
+    for name, tightening in named.items():
+        end = box[name].lower
+        if end is not None:
+            # where the end does not belong to it, a little above or the plan's own
+            least = end if box[name].lower_closed else min(end + gap, tightening.edge.weight)
+            yield replace(tightening, edge=tightening.edge._replace(weight=least))
 
 
 def undecided(result: CheckResult) -> str:

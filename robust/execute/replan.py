@@ -33,10 +33,8 @@ from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import Simulation, simulate
 from robust.plan.timed import TimedPlan
-from robust.qe import compute, lifted
+from robust.qe import compute
 from robust.qe.box import Box
-from robust.qe.polyhedron import Polyhedron
-from robust.qe.region import Region
 from robust.smt.limits import Deadline, OutOfTimeError, one_question
 
 Event = TypeVar("Event", Observation, MessageRejected, slices.Remainder)
@@ -203,22 +201,13 @@ REGION_SECONDS = 5.0
 
 
 def _sliced(dispatchable: Dispatchable, executor: Slice, options: ReplanningOptions) -> Dispatchable:
-    """A dispatchable plan that slices the envelope; where that takes too long, the part of it that was proved.
-
-    Of an envelope with too many inequalities without times only the box is sliced.
-    """
-    plan, box = dispatchable.plan, dispatchable.box
+    """A dispatchable plan that slices the envelope; where that takes too long, the part of it that was proved."""
+    plan = dispatchable.plan
     seconds = REGION_SECONDS if options.timeout is None else min(options.timeout, REGION_SECONDS)
     search = compute.RegionSearch(plan, epsilon=options.epsilon, solver=options.solver, timeout=seconds).run()
     if search.status is searching.Status.INTERRUPTED:
         raise KeyboardInterrupt
-    exact = search.is_exact and not isinstance(search.region, lifted.LiftedRegion)
-    if exact:
-        region = search.region
-    else:
-        names = tuple(parameter.name for parameter in plan.parameters)
-        others = () if search.is_exact else search.inner().as_union().pieces
-        region = Region.union_of(names, (Polyhedron.of_box(names, box), *others))
+    region, exact = slices.sliceable(search, lambda: dispatchable.box)
     return dispatchable.sliced(region, exact=exact, seconds=executor.seconds)
 
 

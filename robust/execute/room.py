@@ -27,17 +27,24 @@ the transformer does, this is what is done here:
 """
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 
 from robust.encode import create_encoding, interface
 from robust.encode.network import changes
 from robust.execute import distances
-from robust.execute.causal import CausalNetwork, Tightener, Tightening, UndecidedError, at_least, named_bounds
+from robust.execute.causal import (
+    CausalNetwork,
+    Tightener,
+    Tightening,
+    UndecidedError,
+    at_lower_ends,
+    named_bounds,
+    with_free_bounds,
+)
 from robust.execute.distances import DistanceEdge, Original, TruthWrite
 from robust.irr import check, exact, widen
 from robust.plan import model
-from robust.plan.polynomial import Polynomial
 from robust.qe.box import Box, Side
 from robust.searching import Status
 from robust.smt.limits import OutOfTimeError
@@ -209,29 +216,17 @@ class RoomFirst:
 
     def _loosened(self, bounds: Sequence[Tightening], box: Box) -> Iterator[Tightening]:
         """The distances among the bounds, lowered together as far as the box stays proved."""
-        loose = dict(zip(named_bounds(bounds), bounds, strict=True))
-        loose = {name: bound for name, bound in loose.items() if not self._is_order(bound.edge)}
+        loose = {name: bound for name, bound in named_bounds(bounds).items() if not self._is_order(bound.edge)}
         firm = [bound for bound in bounds if bound not in loose.values()]
         yield from firm
-        if not loose:
-            return
-        last = self._widened(loose, firm, box)
-        for name, bound in loose.items():
-            end = last[name].lower
-            if end is not None:
-                # where the end does not belong to it, a little above, or the plan's own
-                least = end if last[name].lower_closed else min(end + self.tightener.original.gap, bound.edge.weight)
-                yield replace(bound, edge=bound.edge._replace(weight=least))
+        if loose:
+            yield from at_lower_ends(loose, self._widened(loose, firm, box), self.tightener.original.gap)
 
     def _widened(self, loose: dict[str, Tightening], firm: Sequence[Tightening], box: Box) -> Box:
         """The box with an interval for each loose distance; in less time, what is known by then."""
         tightener = self.tightener.in_less_time
-        plan = self._varied((*self.base, *(bound.edge for bound in firm)))
-        free = [model.Parameter(name, bound.edge.weight, upper=bound.edge.weight) for name, bound in loose.items()]
-        variables = {name: Polynomial.variable(model.ParameterReference(name)) for name in loose}
-        bounds = [at_least(bound.edge, variables[name]) for name, bound in loose.items()]
-        plan = replace(plan, parameters=(*plan.parameters, *free), constraints=(*plan.constraints, *bounds))
-        start = Box({**box.intervals, **Box.nominal(free).intervals})
+        plan = with_free_bounds(self._varied((*self.base, *(bound.edge for bound in firm))), loose)
+        start = box.changed(Box.point({name: bound.edge.weight for name, bound in loose.items()}).intervals)
         boxes = [start]
         encoding = create_encoding("relational", plan, tightener.original.epsilon, tightener.deadline)
         try:

@@ -20,16 +20,13 @@ from robust.errors import InputError
 from robust.execute import controllable_boxes as boxes
 from robust.execute.dispatchable import Dreex, dispatch_network, first_windows
 from robust.execute.forecast import FollowedPlan, Forecaster, PlanForecast, Prospect, StepAhead, Window
-from robust.execute.slices import Observations, SliceAnswer, Slices, continued
+from robust.execute.slices import Observations, SliceAnswer, Slices, continued, sliceable
 from robust.irr.exact import ExactSearch
 from robust.irr.stops import NO_SCHEDULE
 from robust.network.differences import DifferenceNetwork
 from robust.plan import model
 from robust.qe.box import Box, Interval
 from robust.qe.compute import RegionSearch
-from robust.qe.lifted import LiftedRegion
-from robust.qe.polyhedron import Polyhedron
-from robust.qe.region import Region
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Formula, Satisfiability, Session
 
@@ -79,14 +76,12 @@ class SliceForecaster(Forecaster):
         """The envelope; else the part of it that was found in time, and a box, which is found sooner."""
         deadline = Deadline.after(self._seconds)
         search = RegionSearch(self._plan, epsilon=self._epsilon, timeout=self._seconds and self._seconds / 2).run()
-        if search.is_exact and not isinstance(search.region, LiftedRegion):
-            return Slices(self._plan.parameters, search.region, True, self._stnu, SLICE_SECONDS, GROWTH_SECONDS)
-        names = tuple(parameter.name for parameter in self._plan.parameters)
-        pieces = () if search.is_exact else search.inner().as_union().pieces
-        found = ExactSearch(self._encoding, deadline=deadline).run()
-        box = found.box if found.verified else self._box
-        region = Region.union_of(names, (Polyhedron.of_box(names, box), *pieces))
-        return Slices(self._plan.parameters, region, False, self._stnu, SLICE_SECONDS, GROWTH_SECONDS)
+
+        def box() -> Box:
+            found = ExactSearch(self._encoding, deadline=deadline).run()
+            return found.box if found.verified else self._box
+
+        return Slices(self._plan.parameters, *sliceable(search, box), self._stnu, SLICE_SECONDS, GROWTH_SECONDS)
 
     @cached_property
     def _patient_slices(self) -> Slices:

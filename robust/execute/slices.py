@@ -38,7 +38,9 @@ from robust.plan.polynomial import Polynomial
 from robust.presented import NoTruthValue, VerdictEnum
 from robust.qe import inner, simplex
 from robust.qe.box import Box, Interval, Side
+from robust.qe.compute import RegionResult
 from robust.qe.constraint import LinearConstraint
+from robust.qe.lifted import LiftedRegion
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region, outside
 from robust.smt.limits import Deadline, OutOfTimeError
@@ -143,6 +145,18 @@ class Slices:
     def parts(self) -> tuple[tuple[Polyhedron, tuple[Polyhedron, ...], tuple[Polyhedron, ...]], ...]:
         """Polyhedra with what is to be removed from each, and all that is outside of the rest."""
         return tuple((base, removed, (*base.complement(), *removed)) for base, removed in self.region.parts())
+
+
+def sliceable(found: RegionResult, box: Callable[[], Box]) -> tuple[Region, bool]:
+    """The envelope, and that it is all of it; or else a box inside of it with the part that was proved.
+
+    Of an envelope with too many inequalities without times only the box is sliced.
+    """
+    if found.is_exact and not isinstance(found.region, LiftedRegion):
+        return found.region, True
+    names = found.region.parameters
+    others = () if found.is_exact else found.inner().as_union().pieces
+    return Region.union_of(names, (Polyhedron.of_box(names, box()), *others)), False
 
 
 def continued(stnu: boxes.ParametricStnu, facts: Observations) -> boxes.ParametricStnu:
