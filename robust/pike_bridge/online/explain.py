@@ -210,6 +210,8 @@ class Fact:
     """Of a least duration: whose it is."""
     limit: Fraction | None = field(default=None, compare=False)
     """Of an upper bound of the plan that is not a duration: how much."""
+    choice: str | None = field(default=None, compare=False)
+    """Of a choice that has a value: its name."""
 
     def as_dict(self) -> dict[str, str]:
         """The explanation as in `robust/pike-run/1`."""
@@ -250,7 +252,10 @@ class Situation:
     def assignments(self, kind: About, assignments: Iterable[model.Assignment]) -> list[Fact]:
         """The statement that choices are so."""
         suffix = ", if it were so" if kind is About.ASSUMPTION else ""
-        return [Fact(kind, f"{assignment}{suffix}", self.semantics.guard([assignment])) for assignment in assignments]
+        return [
+            Fact(kind, f"{assignment}{suffix}", self.semantics.guard([assignment]), choice=assignment.variable)
+            for assignment in assignments
+        ]
 
     def executed_now(self, event: str) -> Fact:
         """The statement that the executive executes a pending event now."""

@@ -12,16 +12,7 @@ from typing import Any, ClassVar, TypeAlias
 from robust import json_text, presented
 from robust.errors import InputError, did_you_mean
 from robust.numbers import format_number
-from robust.pike_bridge.model import (
-    ALWAYS,
-    Activity,
-    Assignment,
-    Guard,
-    TeamPlan,
-    check_choice,
-    may_produce,
-    starts_with,
-)
+from robust.pike_bridge.model import ALWAYS, Assignment, Guard, TeamPlan, check_choice, may_produce, starts_with
 from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.explain import OF_PLAN, About, Fact, Situation, durations, listed
 from robust.pike_bridge.online.progress import Chosen, Decision, Dispatched, Excluded, Executed, Failed, Progress
@@ -38,6 +29,8 @@ _FEW = 6
 @dataclass(frozen=True, slots=True)
 class Clash:
     """Facts that contradict each other, with what the plan demands; without any one of them they would not.
+
+    Choices that are made are in the order of the plan.
 
     `sequence`: the plan puts the activities whose least durations are among them one after the other.
     """
@@ -373,7 +366,7 @@ def why_failed(executive: PlanExecutive, *, solver: str = "z3", deadline: Deadli
 def why_none(plan: TeamPlan, assume: Guard = ALWAYS, *, solver: str = "z3", deadline: Deadline = NEVER) -> WhyNot:
     """Why a plan has no correct execution with these choices; that it has one, if so. As :func:`why_failed`."""
     known = dict(assume)
-    chosen = {name: known[name] for name in reversed(plan.network.domains) if name in known}  # the last is told first
+    chosen = {name: known[name] for name in plan.network.domains if name in known}
     return Inquiry(Progress(plan, chosen=chosen), solver=solver, deadline=deadline).failed()
 
 
@@ -469,7 +462,7 @@ class Inquiry(Situation):
     def conflict_with(self, assignment: Assignment, known: Iterable[Assignment] = ()) -> Clash | None:
         """Why a choice cannot have a value, where others that were inferred are facts; None if it can."""
         hypotheses = [*self.assignments(About.ASSUMPTION, [assignment]), *self.assignments(About.INFERENCE, known)]
-        return self._told(self.conflict(hypotheses))
+        return self._clash(hypotheses)
 
     def step(self, decisions: Sequence[Decision], inferred: Mapping[str, tuple[str, ...]]) -> StepReasons:
         """The reasons of the step that has just been taken: of decisions, and of values that are still possible.
@@ -511,7 +504,7 @@ class Inquiry(Situation):
             assignment for assignment in ours if assignment.variable in progress.structure.made_at.get(event, ())
         ]
         done = [*then.assignments(About.CHOICE, decided), then.executed_now(event), *then.unreported()]
-        clashes = {values: then._told(then.conflict([*then.meaning(values), *done])) for values in excluded.lost}
+        clashes = {values: then._clash([*then.meaning(values), *done]) for values in excluded.lost}
         return WhyExcluded(event, excluded.reason, _contradicted(clashes))
 
     def meaning(self, values: str) -> list[Fact]:
@@ -542,7 +535,7 @@ class Inquiry(Situation):
         if simple is not None:
             return simple
         hypotheses = [self.executed_now(event), *self.unreported()]
-        conflict = self._told(self.conflict(hypotheses))
+        conflict = self._clash(hypotheses)
         if conflict is not None:
             return WhyNot(name, Obstacle.CONFLICT, f"{name} is impossible at {now}", conflict=conflict)
         found = self.continued(hypotheses)
@@ -557,7 +550,7 @@ class Inquiry(Situation):
 
     def failed(self) -> WhyNot:
         """Why no correct execution is left."""
-        conflict = self._told(self.conflict())
+        conflict = self._clash()
         if conflict is None:
             return WhyNot("the plan", Obstacle.NONE, "a correct execution is left", continuation=self.continuation)
         return WhyNot("the plan", Obstacle.ENDED, "these contradict each other", conflict=conflict)
@@ -627,12 +620,19 @@ class Inquiry(Situation):
         earlier = progress.rewound(times.get(event or "", progress.now), times, chosen)
         return Inquiry(earlier, solver=self.solver, deadline=self.deadline)
 
-    def _told(self, conflict: Sequence[Fact] | None) -> Clash | None:
+    def _clash(self, hypotheses: Sequence[Fact] = ()) -> Clash | None:
+        """A minimal conflict as it is told; None if there is none."""
+        conflict = self.conflict(hypotheses)
         if conflict is None:
             return None
-        facts = list(conflict)
-        least: list[Activity] = [fact.activity for fact in facts if fact.activity is not None]
-        sequence = self.wording.sequence(least)
+        places = {name: place for place, name in enumerate(self._plan.network.domains)}
+
+        def turn(fact: Fact) -> tuple[bool, bool, int]:
+            """What is asked comes first, then choices as the plan has them; all else stays in its order."""
+            return fact.kind is not About.ASSUMPTION, fact.choice is None, places.get(fact.choice or "", -1)
+
+        facts = sorted(conflict, key=turn)
+        sequence = self.wording.sequence([fact.activity for fact in facts if fact.activity is not None])
         if sequence is not None:
             facts.sort(key=lambda fact: sequence.index(fact.activity) if fact.activity in sequence else -1)
         return Clash(tuple(facts), sequence is not None)

@@ -12,7 +12,7 @@ from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online import reasoners
 from robust.pike_bridge.online.continuations import Alike, Continuation
 from robust.pike_bridge.online.explain import About, Situation, conflict
-from robust.pike_bridge.online.inquiry import Inquiry, Obstacle, WhyChosen, WhyNot, why, why_failed, why_not
+from robust.pike_bridge.online.inquiry import Inquiry, Obstacle, WhyChosen, WhyNot, why, why_failed, why_none, why_not
 from robust.pike_bridge.online.semantic import SemanticReasoner
 from robust.pike_bridge.online.world import Ending, Human, Pace, Rehearsal, SimulatedTeam, Story
 from robust.pike_bridge.semantics import Execution, Oracle, faults
@@ -347,6 +347,14 @@ def test_why_not(moment, question, obstacle, text):
     assert reason.obstacle is obstacle
     assert text in reason.text
     assert bool(reason.as_dict()["conflict"]) is (obstacle in {Obstacle.CONFLICT, Obstacle.ENDED})
+
+
+def test_conflicts_tell_choices_in_the_order_of_the_plan():
+    """Whether they are assumed, or made one after the other, in whatever order."""
+    wrong = {"xR1": "juice", "xA1": "mug"}
+    assert why_none(kitchen(), guard(wrong)).conflict.choices == "xA1 = mug, xR1 = juice"
+    for made in (wrong, dict(reversed(wrong.items()))):
+        assert Inquiry(said.Progress(kitchen(), chosen=made)).failed().conflict.choices == "xA1 = mug, xR1 = juice"
 
 
 def test_why_and_questions_without_an_answer():
