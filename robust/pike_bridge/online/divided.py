@@ -143,44 +143,26 @@ class DividedReasoner(Reasoner):
     # -- questions ---------------------------------------------------------------------------------------------------
 
     def executable(self, event: str, deadline: Deadline) -> bool:
-        self.catch_up()
-        return event in self.view.progress.pending and self.view.executable(event, deadline)
+        view = self.under_way()
+        return event in view.progress.pending and view.executable(event, deadline)
 
     def could(self, environment: Guard, deadline: Deadline) -> bool:
-        self.catch_up()
+        view = self.under_way()
         if not self.progress.compatible(environment):
             return False
         fresh = frozenset(each for each in environment if each.variable not in self.progress.chosen)
-        here = frozenset(each for each in fresh if each.variable in self.view.progress.plan.network.domains)
+        here = frozenset(each for each in fresh if each.variable in view.progress.plan.network.domains)
         if here == fresh:
-            return self.view.could(here, deadline)
+            return view.could(here, deadline)
         # A choice in a part to come is made only if the event at which it is made is executed.
         table = None if contradicts(fresh, fresh) else self._table(fresh - here)
         if table is None:
             return False
         more = [self._bound(pair, bound) for pair, bound in table.items() if min(pair) >= 0]
-        return self.view.could(here, deadline, more)
+        return view.could(here, deadline, more)
 
     def next_time(self, deadline: Deadline) -> Fraction | None:
-        self.catch_up()
-        return self.view.next_time(deadline)
-
-    def allows(self, moment: Fraction, environment: Guard, event: str | None, deadline: Deadline) -> bool:
-        """The answer of :class:`~robust.pike_bridge.online.semantic.SemanticReasoner`, about what is under way."""
-        self.catch_up()
-        return self.view.allows(moment, environment, event, deadline)
-
-    def times_of(
-        self, event: str, moment: Fraction, deadline: Deadline, *, first: bool = False
-    ) -> tuple[Fraction, Fraction | None] | None:
-        """The answer of :class:`~robust.pike_bridge.online.semantic.SemanticReasoner`, about what is under way."""
-        self.catch_up()
-        return self.view.times_of(event, moment, deadline, first=first)
-
-    def quiet_until(self, deadline: Deadline) -> Fraction | None:
-        """The answer of :class:`~robust.pike_bridge.online.semantic.SemanticReasoner`."""
-        self.catch_up()
-        return self.view.quiet_until(deadline)
+        return self.under_way().next_time(deadline)
 
     # -- what comes after the window ---------------------------------------------------------------------------------
 

@@ -568,7 +568,7 @@ class LatestMoments(Searching[Moments]):
         while now is not None and not executive.ended:
             executive.step(now)
             progress = executive.progress
-            if executive.running or any(opening.event in progress.frontier for opening in openings(progress)):
+            if executive.running or any(progress.comes_next(opening.event) for opening in openings(progress)):
                 break
             now = executive.wake
         return executive

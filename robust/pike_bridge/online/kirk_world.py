@@ -7,7 +7,7 @@ whoever does them stops.
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from fractions import Fraction
 from functools import partial
@@ -24,7 +24,6 @@ from robust.pike_bridge.online.world import (
     Ending,
     ExecutionRecord,
     ExecutionStep,
-    Judge,
     Planned,
     Rehearsal,
     SimulatedTeam,
@@ -32,7 +31,6 @@ from robust.pike_bridge.online.world import (
 )
 from robust.pike_bridge.semantics import Execution, faults
 from robust.searching import Searching
-from robust.smt.limits import Deadline
 
 
 class Guessing(Watched, Protocol):
@@ -66,43 +64,19 @@ def is_seen(plan: model.TeamPlan, executive: Guessing, choice: model.Choice) -> 
     """
     if choice.event is None:
         return True
-    progress = executive.progress
-    assumed = executive.assumed.get(choice.name)
+    progress, assumed = executive.progress, executive.assumed.get(choice.name)
     if assumed is not None:
         guess = model.Assignment(choice.name, assumed)
         acting = [each.name for each in plan.network.events if guess in each.guard]
         return any(each in progress.times for each in acting or [choice.event])
-    return choice.event in progress.pending and not any(
-        earlier in progress.pending for earlier in progress.structure.not_before[choice.event]
-    )
-
-
-class KirkJudge:
-    """Advises people in Kirk's world: about choices by the whole plan, about the rest by the candidate under way."""
-
-    def __init__(self, kirk: Kirk, candidate: Callable[[], Judge]) -> None:
-        self._kirk = kirk
-        self._candidate = candidate
-
-    def allows(self, moment: Fraction, environment: model.Guard, event: str | None, deadline: Deadline) -> bool:
-        if environment:
-            return self._kirk.could(environment, moment)
-        return self._candidate().allows(moment, environment, event, deadline)
-
-    def times_of(
-        self, event: str, moment: Fraction, deadline: Deadline, *, first: bool = False
-    ) -> tuple[Fraction, Fraction | None] | None:
-        return self._candidate().times_of(event, moment, deadline, first=first)
-
-    def possible(self, deadline: Deadline) -> bool:
-        return self._candidate().possible(deadline)
-
-    def quiet_until(self, deadline: Deadline) -> Fraction | None:
-        return self._candidate().quiet_until(deadline)
+    return progress.comes_next(choice.event)
 
 
 class KirkTeam(SimulatedTeam):
-    """A simulated team that stops what was begun by mistake, and whose choices are seen when somebody acts on them."""
+    """A simulated team that stops what was begun by mistake, and whose choices are seen when somebody acts on them.
+
+    It is advised about choices by the whole plan, about the rest by the candidate under way.
+    """
 
     executive: Kirk
 
@@ -123,6 +97,9 @@ class KirkTeam(SimulatedTeam):
 
     def _is_due(self, choice: model.Choice) -> bool:
         return choice.event is not None and is_seen(self.plan, self.executive, choice)
+
+    def _is_correct(self, made: model.Assignment, now: Fraction) -> bool:
+        return self.executive.could(frozenset({made}), now)
 
 
 @dataclass
@@ -147,8 +124,7 @@ class KirkRehearsal(Rehearsal):
         durations = {each.action: each.lower * self.recovery for each in self.plan.network.activities}
         make = partial(self._reasoner, deciding)
         self._kirk = Kirk(self.plan, make, recovery=durations, deadline=self.deadline)
-        judge = KirkJudge(self._kirk, lambda: self._judge)
-        self._team = KirkTeam(self.plan, self._kirk, judge, self.story, seed=self.seed)
+        self._team = KirkTeam(self.plan, self._kirk, self._judge, self.story, seed=self.seed)
         return Searching.run(self)
 
     def _search(self) -> None:
@@ -163,6 +139,7 @@ class KirkRehearsal(Rehearsal):
         guess = self._kirk.guess if not self._steps else {}
         for each in made:
             if isinstance(each, Replanned):
+                self._team.judge = self._judge
                 self._team.replanned(now, each.abandoned)
                 decisions += (said.Cancel(action, self._agent(action), now, end) for action, end in each.abandoned)
                 decisions.append(said.Resumed(now, (), planned=True))

@@ -416,11 +416,10 @@ class Patience:
         """The reasoning about what is under way, which knows all that has happened."""
         if self.reasoner is None:
             self.reasoner = SemanticReasoner(self.progress, solver=self.solver)
-        self.reasoner.catch_up()
-        if self._view is not self.reasoner.view:
-            self._view, self._found, self._stale = self.reasoner.view, [], []
-        assert self._view is not None  # noqa: S101 - reasoners without one are not given
-        return self._view
+        view = self.reasoner.under_way()
+        if self._view is not view:
+            self._view, self._found, self._stale = view, [], []
+        return view
 
 
 def openings(progress: Progress) -> list[Opening]:

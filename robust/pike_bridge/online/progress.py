@@ -408,9 +408,11 @@ class Progress:
 
         Whatever pending events are not among them come, if at all, no earlier than some event that is.
         """
-        for event in self.pending:
-            if not any(earlier in self.pending for earlier in self.structure.not_before[event]):
-                yield event
+        return (event for event in self.pending if self.comes_next(event))
+
+    def comes_next(self, event: str | None) -> bool:
+        """Whether an event is in the :attr:`frontier`."""
+        return event in self.pending and self.pending.keys().isdisjoint(self.structure.not_before[event])
 
     def lower_bounds(self, event: str) -> Iterator[tuple[str, Fraction]]:
         """Events with how much later the event is at least, by single constraints that hold whenever it is executed."""

@@ -69,6 +69,12 @@ class Reasoner(ABC):
         """The semantic reasoning about what is under way, after :meth:`catch_up`; None if it asks something else."""
         return None
 
+    def under_way(self) -> "SemanticReasoner":
+        """The view, which knows all that has happened; of reasoners that have one."""
+        self.catch_up()
+        assert self.view is not None  # noqa: S101 - others are not asked
+        return self.view
+
     @property
     def known(self) -> Continuation | None:
         """A continuation that was found, after :meth:`catch_up`; None if none is known. Choices that do not matter may

@@ -17,7 +17,7 @@ from typing import Protocol, TypeAlias
 from robust import backends, errors
 from robust.execute.drive import run_in_world
 from robust.pike_bridge.likelihood import ChanceBounds, IntentChance, LikelyChoices, probabilities
-from robust.pike_bridge.model import ALWAYS, Assignment, Choice, Guard, Literal, TeamPlan
+from robust.pike_bridge.model import ALWAYS, Assignment, Choice, Literal, TeamPlan
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online import reasoners, semantic, service
 from robust.pike_bridge.online.executive import PlanExecutive, Thrift
@@ -80,20 +80,6 @@ Planned: TypeAlias = said.Message | Callable[[Fraction], said.Message | None]
 """What is told at a time; it may depend on what has happened by then."""
 
 
-class Judge(Protocol):
-    """What advises rational people and cooperative agents; the methods are those of the semantic reasoner."""
-
-    def allows(self, moment: Fraction, environment: Guard, event: str | None, deadline: Deadline) -> bool: ...
-
-    def times_of(
-        self, event: str, moment: Fraction, deadline: Deadline, *, first: bool = False
-    ) -> tuple[Fraction, Fraction | None] | None: ...
-
-    def possible(self, deadline: Deadline) -> bool: ...
-
-    def quiet_until(self, deadline: Deadline) -> Fraction | None: ...
-
-
 class Watched(Protocol):
     """What a team sees of an executive."""
 
@@ -112,12 +98,13 @@ class SimulatedTeam:
     """The world of one execution, a :class:`robust.execute.drive.World`.
 
     An uncontrollable choice is made once all events before its own have been executed. Rational humans and cooperative
-    agents are advised by `judge`, a reasoner that the executive tells what happens; it is asked only when they act.
+    agents are advised by `judge`, which knows what happens, and reasons about the semantics; it is asked only when they
+    act.
     """
 
     plan: TeamPlan
     executive: Watched
-    judge: Judge
+    judge: semantic.Reasoner
     story: Story = Story()
     _: KW_ONLY
     seed: int = 0
@@ -157,10 +144,11 @@ class SimulatedTeam:
 
     def _is_due(self, choice: Choice) -> bool:
         """Whether a choice can be made now."""
-        progress = self.executive.progress
-        return choice.event in progress.pending and not any(
-            earlier in progress.pending for earlier in progress.structure.not_before[choice.event]
-        )
+        return self.executive.progress.comes_next(choice.event)
+
+    @property
+    def _advice(self) -> semantic.SemanticReasoner:
+        return self.judge.under_way()
 
     @property
     def next_time(self) -> Fraction | None:
@@ -188,7 +176,7 @@ class SimulatedTeam:
             case Pace.RANDOM:
                 self._plan_for(first + self._drawn(last - first), completion)
             case Pace.COOPERATIVE:
-                times = self.judge.times_of(activity.end, now, NEVER)
+                times = self._advice.times_of(activity.end, now, NEVER)
                 if times is not None:
                     first, last = times[0], min(last, times[1] or last)
                 time = first + self._drawn(max(last - first, Fraction(0)))
@@ -197,12 +185,12 @@ class SimulatedTeam:
 
     def _complete(self, end: str, now: Fraction) -> said.Message | None:
         """End an activity, unless that is better done later, or is done already."""
-        if end in self._running and not self.judge.allows(now, ALWAYS, end, NEVER):
-            times = self.judge.times_of(end, now, NEVER, first=True)
+        if end in self._running and not self._advice.allows(now, ALWAYS, end, NEVER):
+            times = self._advice.times_of(end, now, NEVER, first=True)
             if times is not None:
                 self._plan_for(times[0], partial(self._complete, end))
                 return None
-            if self.judge.possible(NEVER):
+            if self._advice.possible(NEVER):
                 self._waiting.append(end)
                 return None
         return self._running.pop(end, None)
@@ -210,16 +198,16 @@ class SimulatedTeam:
     def _hurry(self) -> None:
         """End an activity before it was meant to, where nothing correct would be left if all waited for the next."""
         wake = self.executive.wake
-        if self.executive.ended or (self._agenda and self.judge.allows(self._agenda[0][0], ALWAYS, None, NEVER)):
+        if self.executive.ended or (self._agenda and self._advice.allows(self._agenda[0][0], ALWAYS, None, NEVER)):
             return
-        latest = self.judge.quiet_until(NEVER)
+        latest = self._advice.quiet_until(NEVER)
         if wake is not None and (latest is None or wake <= latest):
             return
         for end in self._running:
-            span = self.judge.times_of(end, self.executive.progress.now, NEVER, first=True)
+            span = self._advice.times_of(end, self.executive.progress.now, NEVER, first=True)
             if span is not None:
                 times = span[:1] if latest is None else (min(latest, span[1] or latest), span[0])
-                time = next((each for each in times if self.judge.allows(each, ALWAYS, end, NEVER)), None)
+                time = next((each for each in times if self._advice.allows(each, ALWAYS, end, NEVER)), None)
                 if time is not None:
                     self._plan_for(time, partial(self._complete, end))
                     return
@@ -236,11 +224,12 @@ class SimulatedTeam:
                 choice, self._random.choices(list(shares), [float(share) for share in shares.values()])[0]
             )
         if self.story.human is Human.RATIONAL:
-            correct = [
-                value for value in values if self.judge.allows(now, frozenset({Assignment(choice, value)}), None, NEVER)
-            ]
-            values = correct or values
+            values = [value for value in values if self._is_correct(Assignment(choice, value), now)] or values
         return said.Outcome(choice, self._random.choice(values))
+
+    def _is_correct(self, made: Assignment, now: Fraction) -> bool:
+        """Whether something correct is left if a choice is made now."""
+        return self._advice.allows(now, frozenset({made}), None, NEVER)
 
     def _drawn(self, greatest: Fraction) -> Fraction:
         """A random time on the grid, from 0 to the greatest."""
