@@ -12,6 +12,7 @@ they do not, the strategy says nothing; from then on the semantic reasoner decid
 from collections.abc import Callable, Iterator
 from dataclasses import KW_ONLY, dataclass, replace
 from fractions import Fraction
+from functools import partial
 from typing import NamedTuple
 
 from robust.errors import RefutedError, UnsupportedError
@@ -287,36 +288,32 @@ class StrategyRehearsal(Rehearsal):
     on_stage: Announce = unheard
     known_strategy: Strategy | None = None
 
-    def run(self) -> ExecutionRecord:
-        """The record of the run, as of :class:`Rehearsal`.
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.patience = None  # waiting is part of the strategy
+
+    def _deciding(self) -> Callable[[Progress], Reasoner]:
+        """What follows the strategy.
 
         Raises:
             RefutedError: if there is no strategy.
             UnsupportedError: if it is not known whether there is one.
         """
-        if self.known_strategy is None:
-            self.known_strategy = find_strategy(
-                self.plan,
-                human=self.story.human,
-                delay=self.story.delay,
-                solver=self.solver,
-                deadline=self.deadline,
-                on_stage=self.on_stage,
-            )
-        self.patience = None  # waiting is part of the strategy
-        return super().run()
-
-    def _reasoner(self, deciding: Callable[[Progress], Reasoner], progress: Progress) -> Reasoner:
-        if self.known_strategy is None:
-            return super()._reasoner(deciding, progress)
-        super()._reasoner(deciding, progress)
-        self._following = StrategyReasoner(progress, self.known_strategy, solver=self.solver)
-        return self._following
+        strategy = self.known_strategy or find_strategy(
+            self.plan,
+            human=self.story.human,
+            delay=self.story.delay,
+            solver=self.solver,
+            deadline=self.deadline,
+            on_stage=self.on_stage,
+        )
+        return partial(StrategyReasoner, strategy=strategy, solver=self.solver)
 
     @property
     def was_followed(self) -> bool:
         """Whether everything was as the strategy supposes, so far."""
-        return self._following.is_followed
+        reasoner = self._executive.reasoner
+        return isinstance(reasoner, StrategyReasoner) and reasoner.is_followed
 
     def _record(self, ending: Ending) -> ExecutionRecord:
         return replace(super()._record(ending), reasoner=STRATEGY)

@@ -7,7 +7,7 @@ now and when to look again. Whatever it decides, a correct execution remains pos
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import partial
+from functools import cached_property, partial
 from typing import NamedTuple, assert_never
 
 from robust.numbers import Number
@@ -117,15 +117,12 @@ class PlanExecutive:
         self.thrift = Thrift()
         """What the budget gave away so far."""
         self.progress = progress or said.Progress(plan)
-        self.reasoner = reasoner(self.progress)
         self.running: dict[int, Fraction] = {}
         """When each activity that runs was dispatched, by its place in the plan."""
         self.outcome: said.Failed | said.Succeeded | None = None
         self._monitor = said.ExecutionMonitor(self.progress) if monitor else None
         self._ranking, self._preference, self._flexible = ranking, preference, flexible
-        shared = None if self.reasoner.view is None else self.reasoner
-        self._patience = Patience(self.progress, patience, reasoner=shared, solver=solver, deadline=deadline)
-        self._patience.alarm_time = self._share(_ALARM)
+        self._make, self._margin, self._solver = reasoner, patience, solver
         self._values: Mapping[str, str] = {}
         """Of the choices that are made at the event that is being executed, as far as they are decided."""
         self._deadline = self._limit = deadline
@@ -150,6 +147,22 @@ class PlanExecutive:
         if self._monitor is not None:
             for event in self.progress.times:
                 self._monitor.executed(event)
+
+    @cached_property
+    def reasoner(self) -> semantic.Reasoner:
+        """What answers, from the first question on: whoever repeats what was decided asks none."""
+        return self._make(self.progress)
+
+    @cached_property
+    def _patience(self) -> Patience:
+        return Patience(
+            self.progress,
+            self._margin,
+            reasoner=None if self.reasoner.view is None else self.reasoner,
+            solver=self._solver,
+            deadline=self._deadline,
+            alarm_time=self._share(_ALARM),
+        )
 
     @property
     def ended(self) -> bool:

@@ -144,6 +144,7 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         self._stale = False
         """Whether notes or acts were added that the executive does not know of."""
         self._executive: PlanExecutive = self._make(plan, said.Progress(plan, now))
+        self._executive.reasoner  # noqa: B018 - if it cannot be made for the plan, that is better known now
 
     # -- what drivers see ----------------------------------------------------------------------------------------------
 

@@ -306,7 +306,7 @@ class Kirk:
         self.recovered = Fraction(0)
         self.outcome: said.Failed | said.Succeeded | None = None
         self.observed: dict[str, str] = {}
-        self._reasoner = reasoner
+        self._make = reasoner
         self._durations = recovery or {}
         self._ranking = ranking
         self._deadline = deadline
@@ -335,6 +335,11 @@ class Kirk:
     def progress(self) -> said.Progress:
         """Of the candidate that is executed now."""
         return self._inner.progress
+
+    @property
+    def reasoner(self) -> Reasoner:
+        """What answers about the candidate that is executed now."""
+        return self._inner.reasoner
 
     @property
     def running(self) -> Iterator[model.Activity]:
@@ -484,7 +489,7 @@ class Kirk:
         yield Replanned(now, undone, abandoned, facts.release - now)
 
     def _executive(self, plan: model.TeamPlan) -> PlanExecutive:
-        return PlanExecutive(plan, self._reasoner, ranking=self._ranking, patience=None, deadline=self._deadline)
+        return PlanExecutive(plan, self._make, ranking=self._ranking, patience=None, deadline=self._deadline)
 
     def _resume(self, kept: Mapping[str, Fraction]) -> None:
         """Tell a new candidate what has happened before."""

@@ -15,11 +15,9 @@ from heapq import heapify
 from typing import Protocol
 
 from robust.backends import KIRK
-from robust.execute.drive import run_in_world
 from robust.pike_bridge import model
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.kirk import Kirk, Replanned
-from robust.pike_bridge.online.reasoners import make_reasoner
 from robust.pike_bridge.online.world import (
     Ending,
     ExecutionRecord,
@@ -35,8 +33,6 @@ from robust.searching import Searching
 
 class Guessing(Watched, Protocol):
     """An executive that may assume how others choose."""
-
-    outcome: said.Failed | said.Succeeded | None
 
     @property
     def assumed(self) -> Mapping[str, str]: ...
@@ -120,15 +116,10 @@ class KirkRehearsal(Rehearsal):
             InputError: if there is no such back end.
             OutOfTimeError: if the deadline passes before the first step.
         """
-        deciding = make_reasoner(self.backend, solver=self.solver, deadline=self.deadline)
         durations = {each.action: each.lower * self.recovery for each in self.plan.network.activities}
-        make = partial(self._reasoner, deciding)
-        self._kirk = Kirk(self.plan, make, recovery=durations, deadline=self.deadline)
-        self._team = KirkTeam(self.plan, self._kirk, self._judge, self.story, seed=self.seed)
+        self._driven = self._kirk = Kirk(self.plan, self._deciding(), recovery=durations, deadline=self.deadline)
+        self._world = self._team = KirkTeam(self.plan, self._kirk, self._judge(), self.story, seed=self.seed)
         return Searching.run(self)
-
-    def _search(self) -> None:
-        run_in_world(self, self._team)
 
     def step(self, now: Fraction, messages: Sequence[said.Message]) -> list[said.Decision]:
         """One step of Kirk, recorded; a re-plan is told as what is cancelled and that there is another plan."""
@@ -139,7 +130,7 @@ class KirkRehearsal(Rehearsal):
         guess = self._kirk.guess if not self._steps else {}
         for each in made:
             if isinstance(each, Replanned):
-                self._team.judge = self._judge
+                self._team.judge = self._judge()
                 self._team.replanned(now, each.abandoned)
                 decisions += (said.Cancel(action, self._agent(action), now, end) for action, end in each.abandoned)
                 decisions.append(said.Resumed(now, (), planned=True))
@@ -151,20 +142,6 @@ class KirkRehearsal(Rehearsal):
             self._steps.append(step)
             self.on_step(step)
         return decisions
-
-    @property
-    def wake(self) -> Fraction | None:
-        """When Kirk is to step again."""
-        return self._kirk.wake
-
-    @property
-    def ended(self) -> bool:
-        """Whether the execution has succeeded or failed."""
-        return self._kirk.ended
-
-    @property
-    def _outcome(self) -> said.Failed | said.Succeeded | None:
-        return self._kirk.outcome
 
     def _agent(self, action: str) -> str | None:
         return next((each.agent for each in self.plan.network.activities if each.action == action), None)

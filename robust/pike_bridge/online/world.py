@@ -81,16 +81,24 @@ Planned: TypeAlias = said.Message | Callable[[Fraction], said.Message | None]
 
 
 class Watched(Protocol):
-    """What a team sees of an executive."""
+    """What a team, and who rehearses with it, sees of an executive."""
 
     @property
     def progress(self) -> said.Progress: ...
+
+    @property
+    def reasoner(self) -> semantic.Reasoner: ...
 
     @property
     def wake(self) -> Fraction | None: ...
 
     @property
     def ended(self) -> bool: ...
+
+    @property
+    def outcome(self) -> said.Failed | said.Succeeded | None: ...
+
+    def prepare(self) -> bool: ...
 
 
 @dataclass(eq=False)
@@ -354,13 +362,13 @@ class Rehearsal(Searching[ExecutionRecord]):
             OutOfTimeError: if the deadline passes before the first step.
             SolverError: if the solver is unknown, or an execution that ended well is not correct.
         """
-        deciding = reasoners.make_reasoner(self.backend, solver=self.solver, deadline=self.deadline)
+        deciding = self._deciding()
         seen = reasoners.without_states(self.plan) if self.drake else self.plan
         if self.chance is not None:
             self._likely = LikelyChoices(self.plan, self.chance, solver=self.solver, deadline=self.deadline)
         self._executive = PlanExecutive(
             seen,
-            partial(self._reasoner, deciding),
+            deciding,
             preference=self._likely,
             patience=self.patience,
             flexible=self.flexible,
@@ -368,7 +376,8 @@ class Rehearsal(Searching[ExecutionRecord]):
             budget=self.budget,
             deadline=self.deadline,
         )
-        self._world = SimulatedTeam(seen, self._executive, self._judge, self.story, seed=self.seed)
+        self._driven: Watched = self._executive
+        self._world = SimulatedTeam(seen, self._executive, self._judge(), self.story, seed=self.seed)
         return super().run()
 
     @property
@@ -376,23 +385,19 @@ class Rehearsal(Searching[ExecutionRecord]):
         return bool(self._steps)
 
     def _search(self) -> None:
-        self._executive.prepare()  # what is loaded and stated before the first step takes none of its time
+        self._driven.prepare()  # what is loaded and stated before the first step takes none of its time
         run_in_world(self, self._world)
 
     def _result(self, status: Status, reason: str | None = None) -> ExecutionRecord:
         if status not in DECIDED:
             return self._record(Ending(status.value))
-        outcome = self._outcome
+        outcome = self._driven.outcome
         wrong = self._faults() if isinstance(outcome, said.Succeeded) else ()
         if wrong and not self.drake:
             raise errors.SolverError(f"the execution is not correct: {wrong[0]}; please report this")
         if wrong:
             return replace(self._record(Ending.SUCCEEDED), ending=Ending.FAILED, faults=wrong)
         return self._record(Ending.WAITING if outcome is None else Ending(outcome.kind()))
-
-    @property
-    def _outcome(self) -> said.Failed | said.Succeeded | None:
-        return self._executive.outcome
 
     def _record(self, ending: Ending) -> ExecutionRecord:
         progress = self._executive.progress
@@ -439,19 +444,23 @@ class Rehearsal(Searching[ExecutionRecord]):
     @property
     def wake(self) -> Fraction | None:
         """When the executive is to step again."""
-        return self._executive.wake
+        return self._driven.wake
 
     @property
     def ended(self) -> bool:
         """Whether the execution has succeeded or failed."""
-        return self._executive.ended
+        return self._driven.ended
 
-    def _reasoner(
-        self, deciding: Callable[[said.Progress], semantic.Reasoner], progress: said.Progress
-    ) -> semantic.Reasoner:
-        """The reasoner that decides; a semantic reasoner, which may be the same one, advises the team."""
-        self._judge = reasoners.make_semantic(progress, solver=self.solver, deadline=self.deadline)
-        return self._judge if self.backend == backends.SMT else deciding(progress)
+    def _deciding(self) -> Callable[[said.Progress], semantic.Reasoner]:
+        """What makes the reasoner that decides."""
+        return reasoners.make_reasoner(self.backend, solver=self.solver, deadline=self.deadline)
+
+    def _judge(self) -> semantic.Reasoner:
+        """The semantic reasoner that advises the team: the one that decides, if it is semantic, or one beside it."""
+        own = self._driven.reasoner
+        if self.backend == backends.SMT and own.view is not None:
+            return own
+        return reasoners.make_semantic(self._driven.progress, solver=self.solver, deadline=self.deadline)
 
     def _inferred(self) -> dict[str, tuple[str, ...]]:
         chosen = self._executive.progress.chosen

@@ -121,14 +121,14 @@ def test_an_executive_that_resumes_anywhere_decides_the_same(index, human):
 
 
 def test_resuming_asks_and_chooses_nothing_and_steps_fit():
-    class Silent(semantic.SemanticReasoner):
-        def _never(self, *_arguments):
-            raise AssertionError
-
-        possible = executable = could = next_time = _never
-
-    resumed = new_executive(None, Silent, ranking=lambda values: list(reversed(values)))
+    made = Mock(side_effect=semantic.SemanticReasoner)
+    in_field = FieldExecutive(kitchen(), made)
+    service.resume(in_field, steps())
+    assert in_field.ended
+    made.assert_called_once()  # before
+    resumed = new_executive(None, made, ranking=lambda values: list(reversed(values)))
     service.resume(resumed, steps())
+    made.assert_called_once()
     choices = [(each.choice, each.value) for step in steps() for each in step.decisions if isinstance(each, Chosen)]
     assert resumed.progress.chosen == dict(choices)
     assert resumed.ended
