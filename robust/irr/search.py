@@ -52,8 +52,10 @@ class Step:
 class OuterPoint:
     """A point that breaks the plan, beyond one side of a box and within it in all other parameters.
 
-    `gap` is how far beyond; `counterexample` an execution, which the simulator confirms. None: the point leaves no
-    schedule, or there was no time to execute it.
+    Attributes:
+        gap: how far beyond that side.
+        counterexample: an execution, which the simulator confirms. None: the point leaves no schedule, or there was no
+            time to execute it.
     """
 
     parameter: str
@@ -64,7 +66,12 @@ class OuterPoint:
 
 @dataclass(frozen=True, slots=True)
 class InnerBox:
-    """Of a box that is sound, but not the widest: the `rates` whose ends it was decided at, and what is just beyond."""
+    """Of a box that is sound, but not the widest: what is known of how far it may be from that.
+
+    Attributes:
+        rates: the parameters that multiply times that vary, at whose ends the box was decided.
+        outer: what is just beyond sides.
+    """
 
     rates: tuple[str, ...]
     outer: tuple[OuterPoint, ...]

@@ -64,9 +64,16 @@ class Bounds:
 
 @dataclass(frozen=True)
 class SuccessProbabilities:
-    """Weak: a schedule exists. Dynamic: an executor is in time that sees what has ended, and starts each action as soon
-    as all that it waits for has happened. Strong: one fixed schedule is, the best that was found, with these starts.
-    The others are of the best executor, and of the best fixed schedule that there is."""
+    """How probably a plan succeeds, by what who executes it may know.
+
+    Attributes:
+        weak: a schedule exists.
+        dynamic: an executor succeeds that sees what has ended, and starts each action as soon as it may.
+        strong: the fixed schedule succeeds that is the best of those that were tried.
+        best_dynamic: the best executor succeeds that sees what has ended.
+        best_strong: the best fixed schedule succeeds.
+        starts: the schedule of strong.
+    """
 
     weak: Bounds
     dynamic: Bounds

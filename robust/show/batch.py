@@ -285,17 +285,15 @@ class BatchCompareDocument(Ran, tag_field="schema", tag="robust/batch-compare/1"
 @documenting.register(Batch)
 def batch_document(batch: Batch) -> Document:
     """The document that `robust batch --json` prints."""
-    common = {"notes": list(batch.notes)}
     if batch.verb != "compare":
         runs = [(row, run) for row in batch.plans for run in row.runs.values()]
         counts = Counter(run.status for _, run in runs)
         plans = [like(BatchPlan, row.instance, instance=row.instance.name, answer=_answered(run)) for row, run in runs]
-        return document_of(BatchDocument, batch, **common, counts=dict(counts), plans=plans)
+        return document_of(BatchDocument, batch, counts=counts, plans=plans)
     shares = volume_shares(batch)
     return document_of(
         BatchCompareDocument,
         batch,
-        **common,
         solved={asked.name: batch.solved(asked.name) for asked in batch.asked},
         volume_ratio=Shares(
             plans=len(shares),
@@ -446,18 +444,11 @@ class Rank(Noted, tag_field="schema", tag="robust/rank/1"):
 
 @documenting.register(Ranking)
 def _(ranking: Ranking) -> Document:
-    return document_of(
-        Rank, ranking, status=ranking.status.value, plans=[_ranked_record(plan) for plan in ranking.plans]
-    )
+    return document_of(Rank, ranking, plans=[_ranked_record(plan) for plan in ranking.plans])
 
 
 def _ranked_record(plan: RankedPlan) -> RankedPlanRecord:
-    return like(
-        RankedPlanRecord,
-        plan,
-        fitness=plan.fitness.value,
-        success=None if plan.success is None else range_of(plan.success),
-    )
+    return like(RankedPlanRecord, plan, success=None if plan.success is None else range_of(plan.success))
 
 
 has_table(Ranking, "plans", numbers=("end",))
@@ -531,7 +522,7 @@ class Learn(Noted, tag_field="schema", tag="robust/learn/1"):
 
 @documenting.register(Learned)
 def _(learned: Learned) -> Document:
-    return document_of(Learn, learned, actions=dict(learned.actions))
+    return document_of(Learn, learned)
 
 
 has_table(Learned, "actions", named="action", numbers=("lower", "upper", "longest", "drift_earlier", "drift_later"))

@@ -258,15 +258,6 @@ class Certify(Noted, tag_field="schema", tag="robust/certify/1"):
     alethe_holes: Count | None
 
 
-class Proved(JsonObject):
-    """The values of a parameter that have been proved."""
-
-    lower: str
-    upper: str
-    lower_closed: bool
-    upper_closed: bool
-
-
 class CheckedBy(JsonObject):
     """What one checker says of a certificate, and what has to be trusted if it establishes something."""
 
@@ -278,13 +269,17 @@ class CheckedBy(JsonObject):
 
 
 class Verify(JsonObject, tag_field="schema", tag="robust/verify/1"):
-    """robust verify --json: what a certificate establishes of files with these digests."""
+    """robust verify --json: what a certificate establishes of files with these digests.
+
+    Attributes:
+        box: the values of parameters that have been proved
+    """
 
     verdict: Annotated[str, one_of("established", "rejected")]
     kind: str | None
     claim: str | None
     epsilon: str | None
-    box: dict[str, Proved] | None
+    box: dict[str, Ends] | None
     files: dict[str, str]
     obligations: Count | None
     refuted: Count | None

@@ -10,7 +10,7 @@ from math import ceil, floor
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from msgspec import UNSET, Meta, UnsetType
+from msgspec import UNSET, Meta, UnsetType, field
 from rich import box as borders
 from rich.table import Table
 
@@ -80,7 +80,7 @@ class Files(JsonObject):
     tree: str | UnsetType = UNSET
 
 
-class Convert(Noted, tag_field="schema", tag="robust/convert/1"):
+class Convert(Noted, kw_only=True, tag_field="schema", tag="robust/convert/1"):
     """robust convert --json: a time-triggered plan with a temporal network
 
     Attributes:
@@ -100,17 +100,17 @@ class Convert(Noted, tag_field="schema", tag="robust/convert/1"):
     mode: Annotated[str, one_of(*CONVERSIONS)]
     solver: Solver
     epsilon: Rational
-    stn: str | None
+    stn: str | None = None
     parameters: list[str]
-    parameter_file: str | None
-    files: Files
-    schedule: Rationals
-    instances: Count
-    constraints: Count
-    redundant: Count
-    obligations: Count
-    tightened: list[causal.Tightening]
-    violations: list[Violation]
+    parameter_file: str | None = None
+    files: Files = field(default_factory=Files)
+    schedule: Rationals = field(default_factory=dict)
+    instances: Count = 0
+    constraints: Count = 0
+    redundant: Count = 0
+    obligations: Count = 0
+    tightened: list[causal.Tightening] = field(default_factory=list)
+    violations: list[Violation] = field(default_factory=list)
     unkept: list[str] | UnsetType = UNSET
 
 
@@ -122,7 +122,7 @@ def converted(
     return document_of(
         Convert,
         conversion,
-        verdict=conversion.check.answer.value,
+        verdict=conversion.check.answer,
         stn=write_stn(conversion.stn),
         parameters=[parameter.name for parameter in conversion.plan.parameters],
         parameter_file=write_specs(conversion.beside) or None,
@@ -130,7 +130,6 @@ def converted(
         instances=len(conversion.stn.instances),
         constraints=len(conversion.stn.constraints),
         obligations=len(conversion.check.obligations),
-        violations=[],
         unkept=UNSET if made is None else list(map(str, made.unkept)),
         notes=UNSET,
     )
@@ -181,20 +180,8 @@ has_table(convert.Conversion, "tightened", numbers=("lower", "own"))
 
 def unconverted(options: ConvertCommand, violations: Sequence[Violation]) -> Document:
     """The document of a time-triggered plan that is invalid."""
-    counts = dict.fromkeys(("instances", "constraints", "redundant", "obligations"), 0)
     return document_of(
-        Convert,
-        options,
-        verdict="invalid",
-        epsilon=options.separation,
-        stn=None,
-        parameters=[],
-        parameter_file=None,
-        files=Files(),
-        schedule={},
-        tightened=[],
-        violations=list(violations),
-        **counts,
+        Convert, options, verdict="invalid", epsilon=options.separation, parameters=[], violations=violations
     )
 
 

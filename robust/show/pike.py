@@ -96,11 +96,7 @@ class PikeCross(JsonObject, tag_field="schema", tag="robust/pike-cross/1"):
     witness: str | None
 
 
-class PikeChanceInterval(JsonObject):
-    """a probability, exactly; two different bounds if time did not suffice"""
-
-    lower: Rational
-    upper: Rational
+on_wire("ChanceBounds")
 
 
 class PikeIntent(JsonObject):
@@ -132,8 +128,8 @@ class PikeChance(JsonObject, tag_field="schema", tag="robust/pike-chance/1"):
     status: Ended
     backend: str
     order: list[str]
-    success: PikeChanceInterval
-    hasty: PikeChanceInterval
+    success: ChanceBounds
+    hasty: ChanceBounds
     intents: list[PikeIntent]
     uniform: list[str]
     seconds: Seconds
@@ -197,10 +193,9 @@ def check_document(result: PikeCheck) -> Document:
     return document_of(
         PikeChecked,
         result,
-        verdict=result.verdict.value,
-        scenario=None if execution is None else dict(execution.scenario),
+        scenario=None if execution is None else execution.scenario,
         schedule=None if execution is None else dict(in_order(execution.schedule)),
-        scenarios=UNSET if result.scenarios is None else [dict(scenario) for scenario in result.scenarios],
+        scenarios=UNSET if result.scenarios is None else result.scenarios,
         because=[line.strip() for line in result.because] or UNSET,
         seconds=_rounded(result.seconds or {}),
     )
@@ -406,19 +401,7 @@ def chance_document(result: TeamChance) -> Document:
         PikeIntent(each.choice, each.value, each.probability, *(each.success or (None, None)))
         for each in result.intents
     ]
-    return document_of(
-        PikeChance,
-        result,
-        order=list(result.order),
-        success=_interval(result.success),
-        hasty=_interval(result.hasty),
-        intents=intents,
-        uniform=list(result.uniform),
-    )
-
-
-def _interval(chance: ChanceBounds) -> PikeChanceInterval:
-    return PikeChanceInterval(chance.lower, chance.upper)
+    return document_of(PikeChance, result, intents=intents)
 
 
 @printing.register(TeamChance)

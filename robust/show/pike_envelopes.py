@@ -173,7 +173,6 @@ def _choices(label: Guard) -> dict[str, str]:
 
 
 def _polyhedra(pieces: Iterable[Polyhedron]) -> list[PolyhedronRecord]:
-
     return [PolyhedronRecord(constraints=list(map(_constraint, piece.constraints))) for piece in pieces]
 
 
@@ -210,9 +209,8 @@ def region_document(region: LabeledRegion, cells: Cells | None) -> Document:
     return document_of(
         PikeRegion,
         region,
-        status=region.status.value,
         assume=_choices(region.assume),
-        choices=list(region.key),
+        choices=region.key,
         epsilon=region.plan.plan.epsilon,
         parameters={
             parameter.name: TeamParameterRecord(
@@ -255,9 +253,7 @@ def envelope_document(envelope: TeamEnvelope) -> Document:
     return document_of(
         PikeEnvelope,
         envelope,
-        status=envelope.status.value,
         assume=_choices(envelope.assume),
-        for_all=list(envelope.for_all),
         epsilon=envelope.plan.plan.epsilon,
         parameters={parameter.name: _within(envelope, parameter, telling) for parameter in envelope.plan.parameters},
         broken=broken,
@@ -280,7 +276,7 @@ def _within(envelope: TeamEnvelope, parameter: TeamParameter, telling: Telling) 
     return like(
         TeamWithin,
         ends_of(interval),
-        kind=parameter.kind.value,
+        kind=parameter.kind,
         meaning=parameter.meaning,
         nominal=parameter.parameter.nominal,
         stopped_below=stopped(Side.LOWER),
@@ -444,35 +440,31 @@ def print_region(out: Console, region: LabeledRegion, *, quiet: bool) -> None:
         else:
             impossible.append(guard_text(combination.choices))
     if region.assume:
-        _line(out, f"Assumed: {guard_text(region.assume)}.")
+        out.line(f"Assumed: {guard_text(region.assume)}.")
     for sentence, combinations in by_sentence.items():
         shown = [label or "any choices" for label in combinations]
         for label in shown[: -1 if len(shown) <= MANY else MANY]:
-            _line(out, f"With {label}, or")
+            out.line(f"With {label}, or")
         more = "" if len(shown) <= MANY else f"{len(shown) - MANY} other combinations like "
         known = ", as far as is known yet" if region.cut_short else ""
-        _line(out, f"With {more}{shown[-1]}{known}: {sentence}.")
+        out.line(f"With {more}{shown[-1]}{known}: {sentence}.")
     if not by_sentence:
         known = " are known yet to lead" if region.cut_short else " lead"
-        _line(out, f"No parameter values{known} to a correct execution.")
+        out.line(f"No parameter values{known} to a correct execution.")
     elif impossible:
         what = "Nothing is known yet of" if region.cut_short else "Impossible, whatever the parameters are:"
-        _line(out, what)
+        out.line(what)
         for label in impossible[:MANY]:
-            _line(out, f"  {label}")
+            out.line(f"  {label}")
         if len(impossible) > MANY:
-            _line(out, f"  {len(impossible) - MANY} more (--json lists them)")
+            out.line(f"  {len(impossible) - MANY} more (--json lists them)")
     if quiet:
         return
     out.print()
     for parameter in region.plan.parameters:
-        _line(out, f"{parameter.words}: {parameter.meaning}, {readable(parameter.parameter.nominal)} in the plan")
+        out.line(f"{parameter.words}: {parameter.meaning}, {readable(parameter.parameter.nominal)} in the plan")
     count = plural(len(region.pieces), "polyhedron").replace("polyhedrons", "polyhedra")
-    _line(out, f"{_ended(region)}: {count}, {duration(region.seconds)}.")
-
-
-def _line(out: Console, text: str) -> None:
-    out.line(text)
+    out.line(f"{_ended(region)}: {count}, {duration(region.seconds)}.")
 
 
 def _ended(result: LabeledRegion | TeamEnvelope) -> str:
@@ -487,22 +479,22 @@ def print_envelope(out: Console, envelope: TeamEnvelope, *, quiet: bool) -> None
     telling = Telling(envelope.plan)
     promised = promise(envelope)
     if not envelope.verified:
-        _line(out, _failure(envelope, telling, promised))
+        out.line(_failure(envelope, telling, promised))
     else:
         ranges = [telling.interval(parameter, envelope.box[parameter.name]) for parameter in envelope.plan.parameters]
-        _line(out, f"{promised}: {'; '.join(ranges)}.")
+        out.line(f"{promised}: {'; '.join(ranges)}.")
         if not quiet:
             out.print()
             for parameter in envelope.plan.parameters:
-                _line(out, f"{parameter.words} ∈ {interval_text(envelope.box[parameter.name])}: {parameter.meaning}, "
+                out.line(f"{parameter.words} ∈ {interval_text(envelope.box[parameter.name])}: {parameter.meaning}, "
                            f"{readable(parameter.parameter.nominal)} in the plan")  # fmt: skip
                 for side, word in ((Side.UPPER, "above"), (Side.LOWER, "below")):
                     stop = envelope.stops.get((parameter.name, side))
                     if stop is not None:
-                        _line(out, f"  {word}: {telling.stop(stop)}")
+                        out.line(f"  {word}: {telling.stop(stop)}")
     if not quiet:
         out.print()
-        _line(out, f"{_ended(envelope)}: {plural(envelope.boxes, 'box').replace('boxs', 'boxes')} tried, "
+        out.line(f"{_ended(envelope)}: {plural(envelope.boxes, 'box').replace('boxs', 'boxes')} tried, "
                    f"{duration(envelope.seconds)}.")  # fmt: skip
 
 

@@ -19,7 +19,7 @@ from robust.pike_bridge.game.dividing import GamePart
 from robust.pike_bridge.game.plays import GameBranch, Policy
 from robust.pike_bridge.model import contradicts, guard_text
 from robust.show.console import Console, printing
-from robust.show.documents import Document, Ended, document, documenting, has_table
+from robust.show.documents import Document, Ended, document_of, documenting, has_table
 
 MOST_LINES = 12
 """Of a strategy or a reason that people are shown."""
@@ -151,21 +151,16 @@ has_table(TeamControllability, "situations")
 @documenting.register(TeamControllability)
 def controllable_document(found: TeamControllability) -> Document:
     """`robust/pike-controllable/1`."""
-    return document(
-        like(
-            PikeControllable,
-            found,
-            verdict=found.verdict.value,
-            situations=list(map(_situation, found.situations)),
-            exceeded=None if found.exceeded is None else _broken_limit(found.exceeded),
-            strategy=None if found.strategy is None else list(_branches(found.strategy)),
-            limits=[
-                like(MovedBound, each, name=each.parameter.name, meaning=each.parameter.meaning)
-                for each in found.limits
-            ],
-            repair=None if found.repair is None else _repaired(found.repair),
-            seconds=round(found.seconds, 6),
-        )
+    return document_of(
+        PikeControllable,
+        found,
+        situations=list(map(_situation, found.situations)),
+        exceeded=None if found.exceeded is None else _broken_limit(found.exceeded),
+        strategy=None if found.strategy is None else list(_branches(found.strategy)),
+        limits=[
+            like(MovedBound, each, name=each.parameter.name, meaning=each.parameter.meaning) for each in found.limits
+        ],
+        repair=None if found.repair is None else _repaired(found.repair),
     )
 
 
@@ -173,7 +168,7 @@ def _repaired(repair: BoundsRepair) -> RepairedBounds:
     changes = [
         like(ChangedBound, each, name=each.parameter.name, meaning=each.parameter.meaning) for each in repair.changes
     ]
-    return like(RepairedBounds, repair, status=repair.status.value, changes=changes)
+    return like(RepairedBounds, repair, changes=changes)
 
 
 def _situation(situation: GameSituation) -> BrokenSituation:

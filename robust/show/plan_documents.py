@@ -11,7 +11,7 @@ from robust import numbers
 from robust.irr import search, stops, templates
 from robust.irr.check import CheckResult, Counterexample
 from robust.irr.compare import Comparison, Entry, FaceWitness, RatioBounds
-from robust.json_text import Count, End, JsonObject, Rational, Seconds, like, on_wire, one_of
+from robust.json_text import Count, End, JsonObject, Rational, Seconds, like, on_wire, one_of, wire
 from robust.qe.box import Box, Side
 from robust.show import documents, regions
 
@@ -59,7 +59,8 @@ class CounterexampleRecord(JsonObject):
     trace: list[HappeningRecord]
 
 
-def _counterexample(example: Counterexample) -> CounterexampleRecord:
+@wire.register(Counterexample)
+def _(example: Counterexample) -> CounterexampleRecord:
     simulation = example.simulation
     return like(
         CounterexampleRecord,
@@ -110,8 +111,8 @@ class Check(documents.Noted, tag_field="schema", tag="robust/check/1"):
     parameters: Box
     obligations: list[ObligationRecord]
     settled: Count
-    counterexample: CounterexampleRecord | None
-    counterexamples: list[CounterexampleRecord]
+    counterexample: Counterexample | None
+    counterexamples: list[Counterexample]
     reason: str | None
     repair: list[documents.PlanChange] | None
     tolerance: stops.Tolerance | None
@@ -125,11 +126,11 @@ class Check(documents.Noted, tag_field="schema", tag="robust/check/1"):
 @documents.documenting.register(CheckResult)
 def check(result: CheckResult) -> documents.Document:
     """`counterexample` is the first, `counterexamples` are all that were found."""
-    examples = [_counterexample(example) for example in result.counterexamples.values()]
+    examples = list(result.counterexamples.values())
     return documents.document_of(
         Check,
         result,
-        verdict=result.answer.value,
+        verdict=result.answer,
         parameters=result.box,
         obligations=[ObligationRecord(name=name, verdict=answer.value) for name, answer in result.obligations.items()],
         counterexample=examples[0] if examples else None,
@@ -206,7 +207,7 @@ def _stops_of(stops: Mapping[Face, Stop], name: str) -> dict[str, Any]:
     for key, side in (("stopped_below", Side.LOWER), ("stopped_above", Side.UPPER)):
         stop = stops.get((name, side))
         fields[key] = None if stop is None else str(stop)
-        fields[f"all_{key}"] = [] if stop is None else list(stop.every)
+        fields[f"all_{key}"] = () if stop is None else stop.every
     return fields
 
 
@@ -262,33 +263,6 @@ def _shape(shape: templates.Shape) -> ShapeRecord:
     return ShapeRecord(name=shape.name, faces=faces)
 
 
-class OuterRecord(JsonObject):
-    """a point that breaks the plan, beyond one side of a box and within it in all other parameters
-
-    Attributes:
-        gap: how far beyond that side
-        counterexample: an execution that the simulator confirms; null if the point leaves no schedule, or there was no
-            time for it
-    """
-
-    parameter: str
-    side: Annotated[str, one_of("lower", "upper")]
-    gap: Rational
-    counterexample: CounterexampleRecord | None
-
-
-class InnerRecord(JsonObject):
-    """a sound box that is not the widest
-
-    Attributes:
-        rates: the parameters that multiply times that vary, at whose ends the box was decided
-        outer: what is just beyond sides
-    """
-
-    rates: list[str]
-    outer: list[OuterRecord]
-
-
 class Envelope(documents.Noted, tag_field="schema", tag="robust/envelope/1"):
     """robust envelope --json: a box of parameter values for which a plan is valid
 
@@ -335,13 +309,13 @@ class Envelope(documents.Noted, tag_field="schema", tag="robust/envelope/1"):
     seconds: Seconds
     reason: str | None
     values: documents.Rationals
-    counterexample: CounterexampleRecord | None
+    counterexample: Counterexample | None
     advice: list[Advice]
     tolerance: stops.Tolerance | None
     fallback: str | None
     convergence: list[Convergence]
     statistics: Statistics
-    inner: InnerRecord | None
+    inner: search.InnerBox | None
     shape: ShapeRecord | UnsetType = UNSET
     controllability: ControllabilityRecord | UnsetType | None = UNSET
     probability: documents.Range | UnsetType = UNSET
@@ -353,37 +327,20 @@ def envelope(
 ) -> documents.Document:
     """With `controllability`, it is null where it was asked for and is not known; else it is left out then."""
     seconds = {step.check: step.seconds for step in result.trace}
-    report, shown = beside.controllability, beside.counterexample
-    first = result.first_widening_seconds
+    report, first = beside.controllability, result.first_widening_seconds
     return documents.document_of(
         Envelope,
         result,
         parameters={parameter.name: _parameter(result, parameter) for parameter in result.parameters},
         first_widening_s=None if first is None else round(first, 6),
-        counterexample=None if shown is None else _counterexample(shown),
+        counterexample=beside.counterexample,
         convergence=[
             Convergence(check=number, seconds=round(seconds[number], 6), share=round(float(share), 6))
             for number, share in result.convergence()
         ],
-        inner=None if result.inner is None else _inner(result.inner),
         shape=UNSET if result.shape is None else _shape(result.shape),
         controllability=_controllability(report) if report is not None else None if controllability else UNSET,
         probability=UNSET if beside.probability is None else documents.range_of(beside.probability),
-    )
-
-
-def _inner(inner: search.InnerBox) -> InnerRecord:
-    return InnerRecord(
-        rates=list(inner.rates),
-        outer=[
-            like(
-                OuterRecord,
-                point,
-                side=point.side.value,
-                counterexample=None if point.counterexample is None else _counterexample(point.counterexample),
-            )
-            for point in inner.outer
-        ],
     )
 
 

@@ -127,7 +127,7 @@ def repair_document(repair: Repair, written: Path | None = None) -> documents.Do
         PlanRepair,
         repair,
         status=_ended(repair),
-        repair=repair.status.value,
+        repair=repair.status,
         gap=cost.total - repair.bound.total if cost is not None and cost.count == repair.bound.count else None,
         changes=documents.changes_of(repair.changes),
         written=None if written is None else str(written),

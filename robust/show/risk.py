@@ -44,25 +44,6 @@ class Disjoint(JsonObject):
     boxes: Count
 
 
-class ThreeProbabilities(JsonObject):
-    """
-    Attributes:
-        weak: a schedule exists
-        dynamic: an executor succeeds that sees what has ended, and starts each action as soon as it may
-        strong: the fixed schedule succeeds that is the best of those that were tried
-        best_dynamic: the best executor succeeds that sees what has ended
-        best_strong: the best fixed schedule succeeds
-        starts: the schedule of strong
-    """
-
-    weak: measure.Bounds
-    dynamic: measure.Bounds
-    strong: measure.Bounds
-    best_dynamic: measure.Bounds
-    best_strong: measure.Bounds
-    starts: dict[str, Rational]
-
-
 class LateAt(JsonObject):
     """
     Attributes:
@@ -157,7 +138,7 @@ class RiskAnswer(documents.Noted, tag_field="schema", tag="robust/risk/1", kw_on
     cells: Count
     disjoint: Disjoint | UnsetType = UNSET
     estimate: packing.SampledEstimate | UnsetType = UNSET
-    probabilities: ThreeProbabilities | UnsetType = UNSET
+    probabilities: measure.SuccessProbabilities | UnsetType = UNSET
     late: LateDocument | UnsetType = UNSET
     factors: list[FactorDocument] | UnsetType = UNSET
     joints: list[JointDurations] | UnsetType = UNSET
@@ -185,7 +166,7 @@ def _(result: RiskResult) -> documents.Document:
         by_obligation=result.shares,
         disjoint=Disjoint(boxes=len(result.disjoint)) if result.disjoint else UNSET,
         estimate=UNSET if result.estimate is None else result.estimate,
-        probabilities=UNSET if result.probabilities is None else like(ThreeProbabilities, result.probabilities),
+        probabilities=UNSET if result.probabilities is None else result.probabilities,
         late=UNSET if result.late is None else _late_document(result.late),
         factors=[
             FactorDocument(

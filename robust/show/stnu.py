@@ -9,6 +9,8 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar
 
+from msgspec import field
+
 from robust.errors import UNDECIDED, exit_code_of
 from robust.json_text import Count, End, JsonObject, Rational, Seconds, like, one_of, wire
 from robust.network.uncertain import Wait
@@ -20,7 +22,6 @@ from robust.stnu.verdicts import DispatchResult, LinkChange, NetworkCheck, Netwo
 
 if TYPE_CHECKING:
     from robust.errors import RobustError
-    from robust.network.uncertain import Wait
     from robust.stnu.network import Network
     from robust.stnu.verdicts import NetworkExecution, Requirement
 
@@ -58,9 +59,9 @@ class JudgedNetwork(Generic[Result]):
         return exit_code_of(self.word) if self.error is None else self.error.exit_code
 
     @property
-    def trouble(self) -> str | None:
-        """The error as text."""
-        return None if self.error is None else str(self.error)
+    def named(self) -> dict[str, Any]:
+        """The file and the error, as in JSON."""
+        return {"file": str(self.file), "error": None if self.error is None else str(self.error)}
 
 
 # -- for people --------------------------------------------------------------------------------------------------------
@@ -201,7 +202,7 @@ class CycleEdge(JsonObject):
     link: str
 
 
-class CheckedNetwork(JsonObject):
+class CheckedNetwork(JsonObject, kw_only=True):
     """
     Attributes:
         cycle: of an uncontrollable network: a semi-reducible negative cycle, which an independent function has checked
@@ -210,10 +211,10 @@ class CheckedNetwork(JsonObject):
     """
 
     file: str
-    verdict: Annotated[str, one_of("controllable", "uncontrollable", "unknown")]
-    cycle: list[Edge]
-    reason: str | None
-    seconds: Seconds | None
+    verdict: Annotated[str, one_of("controllable", "uncontrollable", "unknown")] = "unknown"
+    cycle: list[Edge] = field(default_factory=list)
+    reason: str | None = None
+    seconds: Seconds | None = None
     error: str | None
 
 
@@ -235,13 +236,9 @@ def _(edge: Edge) -> CycleEdge:
 
 def check_document(judged: Sequence[JudgedNetwork[NetworkCheck]], status: str) -> Document:
     """The document that `robust stnu check --json` prints."""
-    return document(StnuCheck(status=status, results=[_checked(network) for network in judged]))
-
-
-def _checked(judged: JudgedNetwork[NetworkCheck]) -> CheckedNetwork:
-    unread: dict[str, Any] = {"verdict": "unknown", "cycle": [], "reason": None, "seconds": None}
-    files = {"file": str(judged.file), "error": judged.trouble}
-    return like(CheckedNetwork, judged.result, **files, **({} if judged.result is not None else unread))
+    return document(
+        StnuCheck(status=status, results=[like(CheckedNetwork, each.result, **each.named) for each in judged])
+    )
 
 
 class LinkRecord(JsonObject):
@@ -274,7 +271,7 @@ def _(wait: Wait) -> WaitRecord:
     return like(WaitRecord, wait, point=str(wait.point), activation=str(wait.activation), end=str(wait.end))
 
 
-class DispatchedNetwork(JsonObject):
+class DispatchedNetwork(JsonObject, kw_only=True):
     """
     Attributes:
         contingent: the contingent links, as they were
@@ -283,14 +280,14 @@ class DispatchedNetwork(JsonObject):
     """
 
     file: str
-    verdict: Annotated[str, one_of("controllable", "uncontrollable", "unknown")]
-    reason: str | None
-    contingent: list[Link]
-    requirements: list[Requirement]
-    waits: list[Wait]
-    derived: Count
-    executions: list[NetworkExecution]
-    seconds: Seconds | None
+    verdict: Annotated[str, one_of("controllable", "uncontrollable", "unknown")] = "unknown"
+    reason: str | None = None
+    contingent: list[Link] = field(default_factory=list)
+    requirements: list[Requirement] = field(default_factory=list)
+    waits: list[Wait] = field(default_factory=list)
+    derived: Count = 0
+    executions: list[NetworkExecution] = field(default_factory=list)
+    seconds: Seconds | None = None
     error: str | None
 
 
@@ -311,17 +308,14 @@ def dispatch_document(judged: Sequence[JudgedNetwork[SimulatedDispatch]], status
 
 
 def _dispatched(judged: JudgedNetwork[SimulatedDispatch]) -> DispatchedNetwork:
-    files = {"file": str(judged.file), "error": judged.trouble}
     if judged.result is None:
-        unread: dict[str, Any] = dict.fromkeys(("reason", "seconds"))
-        unread |= {name: [] for name in ("contingent", "requirements", "waits", "executions")}
-        return like(DispatchedNetwork, None, **files, verdict="unknown", derived=0, **unread)
+        return DispatchedNetwork(**judged.named)
     dispatch = judged.result.dispatch
     return like(
         DispatchedNetwork,
         dispatch,
-        **files,
-        verdict=dispatch.checked.verdict.value,
+        **judged.named,
+        verdict=dispatch.checked.verdict,
         reason=dispatch.checked.reason,
         contingent=() if dispatch.tables is None else dispatch.network.contingents,
         executions=judged.result.executions,
@@ -344,7 +338,7 @@ class BoundChange(JsonObject):
     serves: list[str]
 
 
-class RepairedNetwork(JsonObject):
+class RepairedNetwork(JsonObject, kw_only=True):
     """
     Attributes:
         repair: unneeded: controllable as it is; feasible: perhaps not the cheapest; impossible: of what may be changed,
@@ -357,14 +351,14 @@ class RepairedNetwork(JsonObject):
     """
 
     file: str
-    repair: Annotated[str, one_of("unneeded", "optimal", "feasible", "impossible", "unknown")]
-    cost: Rational | None
-    bound: Rational
-    gap: Rational | None
-    changes: list[LinkChange]
-    conflicts: Count
-    candidates: Count
-    seconds: Seconds | None
+    repair: Annotated[str, one_of("unneeded", "optimal", "feasible", "impossible", "unknown")] = "unknown"
+    cost: Rational | None = None
+    bound: Rational = Fraction(0)
+    gap: Rational | None = None
+    changes: list[LinkChange] = field(default_factory=list)
+    conflicts: Count = 0
+    candidates: Count = 0
+    seconds: Seconds | None = None
     error: str | None
 
 
@@ -396,12 +390,9 @@ def repair_document(
 
 
 def _repaired(judged: JudgedNetwork[NetworkRepair]) -> RepairedNetwork:
-    files = {"file": str(judged.file), "error": judged.trouble}
     if judged.result is None:
-        unread: dict[str, Any] = dict.fromkeys(("cost", "gap", "seconds"))
-        unread |= {"bound": Fraction(0), "conflicts": 0, "candidates": 0, "changes": []}
-        return like(RepairedNetwork, None, **files, repair="unknown", **unread)
-    return like(RepairedNetwork, judged.result, **files, repair=judged.result.status.value)
+        return RepairedNetwork(**judged.named)
+    return like(RepairedNetwork, judged.result, **judged.named, repair=judged.result.status)
 
 
 @documenting.register(NetworkCheck)

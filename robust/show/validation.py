@@ -9,9 +9,11 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from msgspec import field
+
 from robust.errors import UNSUPPORTED
 from robust.execute.validate import Breach, Remedies, Verdict
-from robust.json_text import Count, JsonObject, Rational, on_wire, one_of
+from robust.json_text import Count, JsonObject, Rational, like, on_wire, one_of
 from robust.numbers import format_number, plural
 from robust.show.console import Console, Text, colour_of, printing
 from robust.show.documents import Document, Ended, Noted, document, documenting, has_table
@@ -76,7 +78,7 @@ def print_verdicts(out: Console, judged: Sequence[JudgedPlan], *, quiet: bool) -
 on_wire("Snapped", times=None, shift="most")
 
 
-class JudgedPlanRecord(JsonObject):
+class JudgedPlanRecord(JsonObject, kw_only=True):
     """
     Attributes:
         verdict: error: what cannot be read, or does not fit together; unsupported: what cannot be decided
@@ -91,11 +93,11 @@ class JudgedPlanRecord(JsonObject):
     problem: str
     plan: str
     verdict: Annotated[str, one_of(*_WORDS)]
-    steps: Count | None
-    end: Rational | None
+    steps: Count | None = None
+    end: Rational | None = None
     shift: Snapped | None
-    violations: list[Breach]
-    remedies: Remedies
+    violations: list[Breach] = field(default_factory=list)
+    remedies: Remedies = Remedies()
     error: str | None
 
 
@@ -146,16 +148,13 @@ def validate(judged: Sequence[JudgedPlan], status: str, epsilon: Fraction, toler
 
 
 def _record(judged: JudgedPlan) -> JudgedPlanRecord:
-    verdict = judged.verdict
-    return JudgedPlanRecord(
+    return like(
+        JudgedPlanRecord,
+        judged.verdict,
         domain=str(judged.domain),
         problem=str(judged.problem),
         plan=str(judged.plan),
         verdict=judged.word,
-        steps=None if verdict is None else verdict.steps,
-        end=None if verdict is None else verdict.end,
-        shift=None if verdict is None else verdict.snapped,
-        violations=[] if verdict is None else list(verdict.violations),
-        remedies=Remedies() if verdict is None else verdict.remedies,
-        error=None if verdict is not None else str(judged.error),
+        shift=None if judged.verdict is None else judged.verdict.snapped,
+        error=None if judged.verdict is not None else str(judged.error),
     )
