@@ -1,7 +1,8 @@
 """The verbs of the package as functions: check, envelope, region and others; and as searches that can be given up.
 
-Their keyword arguments are the fields of the classes in :mod:`robust.options`, from which commands are made as well.
-What is not asked for is not imported.
+What a verb takes by name are the fields of its class in :mod:`robust.options`, of which its command is made as well:
+`check(plan, timeout=5)` reads the plan, makes `CheckOptions(timeout=5)`, and calls the function of that name below,
+whose search is :func:`searching_check`. What is not asked for is not imported.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ParamSpec, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 from robust.errors import InputError, did_you_mean
 from robust.numbers import Number, shorten
@@ -377,20 +378,21 @@ def searching_rank(
     )
     if options.world is not None:
         read_rules(options.world)  # what is wrong with it is said once
-
-    def success(plan: ParametrizedPlan, deadline: Deadline) -> Bounds:
-        return searching_risk(plan, random.changed(timeout=deadline.remaining)).run().probability
-
     return RankSearch(
         *domain_and_problem(domain, problem),
         _several(plans, "plans", "plans: paths or texts"),
         specs=specs,
         latest=options.deadline,
         settings={"epsilon": options.separation, "solver": options.solver, "timeout": options.limit},
-        success=success if options.distribution or options.world is not None else None,
+        success=partial(_probability, random) if options.distribution or options.world is not None else None,
         deadline=Deadline.after(options.limit),
         on_plan=options.on_plan or (lambda _: None),
     )
+
+
+def _probability(options: verbs.RiskOptions, plan: ParametrizedPlan, deadline: Deadline) -> Bounds:
+    """How probably a plan succeeds, as far as that is known by then."""
+    return searching_risk(plan, options.changed(timeout=deadline.remaining)).run().probability
 
 
 def rank(
@@ -502,27 +504,15 @@ def run_batch(verb: str, suite: str | os.PathLike[str], options: BatchOptions) -
     )
 
 
-class Batching(Protocol[Given]):
-    """The signature of :func:`batch`, for type checkers."""
-
-    def __call__(self, verb: str, suite: str | os.PathLike[str], *args: Given.args, **given: Given.kwargs) -> Batch: ...
-
-
-def _batching(options: Callable[Given, BatchOptions]) -> Callable[[Callable[..., Batch]], Batching[Given]]:
-    """Say in signature and docstring what the options are."""
-
-    def decorate(function: Callable[..., Batch]) -> Batching[Given]:
-        taken = cast("type[BatchOptions]", options)
-        by_place = list(inspect.signature(function).parameters.values())[:2]
-        function.__signature__ = declare.signature(by_place, taken, function)  # type: ignore[attr-defined]
-        text = inspect.getdoc(function) or ""
-        function.__doc__ = text.replace("\n\nReturns:", f"\n{declare.arguments(taken)}\n\nReturns:")
-        return function
-
-    return decorate
+def _taking(
+    options: Callable[Given, BatchOptions],
+) -> Callable[[Callable[..., Batch]], Callable[Concatenate[str, str | os.PathLike[str], Given], Batch]]:
+    """Say in signature and docstring what the options of :func:`batch` are."""
+    taken: Any = options
+    return lambda batch: declare.stated(batch, taken, list(inspect.signature(batch).parameters.values())[:2])
 
 
-@_batching(AnyBatchOptions)
+@_taking(AnyBatchOptions)
 def batch(verb: str, suite: str | os.PathLike[str], **given: Any) -> Batch:
     """Ask one question about many plans, each in its own process, as `robust batch` does.
 

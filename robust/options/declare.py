@@ -22,7 +22,7 @@ from fractions import Fraction
 from functools import wraps
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Concatenate, Generic, ParamSpec, Protocol, Self, TypeVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Concatenate, Generic, ParamSpec, Protocol, Self, TypeVar
 
 from robust.errors import InputError, InputWarning, Location, did_you_mean, missing
 from robust.numbers import EXPECTED_NUMBER, Number, exact, parse_number, quoted, shorten
@@ -580,64 +580,53 @@ class Verb(Generic[Subject, Known]):
         self, options: Callable[Given, Taken]
     ) -> Callable[[Callable[[Known, Taken], Result]], Callable[Concatenate[Subject, Given], Result]]:
         """Make a function whose keyword arguments are the fields of the options."""
-
-        def decorate(function: Callable[[Known, Taken], Result]) -> Callable[Concatenate[Subject, Given], Result]:
-            return cast("Callable[Concatenate[Subject, Given], Result]", self._made(function, options, None))
-
-        return decorate
+        return lambda function: self._made(function, options)
 
     def with_first(
         self, options: Callable[Given, Taken], first: str
     ) -> Callable[[Callable[[Known, Taken], Result]], WithFirst[Subject, Given, Result]]:
         """Make a function, one option of which may also be given by its place, behind the plan."""
+        return lambda function: self._made(function, options, first)
 
-        def decorate(function: Callable[[Known, Taken], Result]) -> WithFirst[Subject, Given, Result]:
-            return cast("WithFirst[Subject, Given, Result]", self._made(function, options, first))
-
-        return decorate
-
-    def _made(self, function: Callable[..., Any], options: Callable[..., Options], first: str | None) -> object:
-        taken = cast("type[Options]", options)
-        names = () if first is None else (first,)
-        parameters = (inspect.Parameter("plan", inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation="Plan"),)
-
+    def _made(self, function: Callable[..., Any], options: Any, *first: str) -> Any:
         @wraps(function)
         def called(plan: Subject, *args: Any, **given: Any) -> Any:
-            if len(args) > len(names) or given.keys() & set(names[: len(args)]):
+            if len(args) > len(first) or given.keys() & set(first[: len(args)]):
                 name = function.__name__
                 raise TypeError(f"{name}() takes one plan, such as [domain, problem, plan], and options by name")
-            require_known(function.__name__, (*names, *given), taken, self._elsewhere)
-            chosen = taken(**dict(zip(names, args, strict=False)), **given)
+            require_known(function.__name__, (*first, *given), options, self._elsewhere)
+            chosen = options(**dict(zip(first, args, strict=False)), **given)
             with one_question():
                 return function(self._read(plan, chosen), chosen)
 
-        called.__signature__ = signature(parameters, taken, function, first)  # type: ignore[attr-defined]
-        called.__doc__ = self._documented(inspect.getdoc(function) or "", taken)
-        return called
-
-    def _documented(self, text: str, options: type[Options]) -> str:
-        """A docstring with the help of each option as the description of an argument, before what is returned."""
-        said, section, rest = text.partition("\n\nReturns:")
-        args = "\n".join(["Args:", described("plan", self._plan), arguments(options)])
-        return f"{said}\n\n{args}{section}{rest}"
+        parameter = inspect.Parameter("plan", inspect.Parameter.POSITIONAL_OR_KEYWORD, annotation="Plan")
+        return stated(called, options, [parameter], *first, about=f"\nArgs:\n{described('plan', self._plan)}\n")
 
 
-def signature(
-    parameters: Iterable[inspect.Parameter],
-    options: type[Options],
-    function: Callable[..., Any],
-    first: str | None = None,
-) -> inspect.Signature:
-    """The signature of a function with these parameters, and options as keyword arguments, `first` also by place."""
+def stated(
+    function: Any, options: type[Options], parameters: Iterable[inspect.Parameter], *first: str, about: str = ""
+) -> Any:
+    """A function whose signature and docstring say which options it takes by name, behind these parameters.
+
+    Args:
+        function: what is called; its docstring has a section on what it returns.
+        options: whose help is said of each.
+        parameters: of the function, but for options.
+        first: the option that may be given by its place as well, if there is one.
+        about: what is said of the parameters, where the docstring does not say it.
+    """
     by_place, by_name = inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY
-    types: dict[str, Any] = {}
-    for base in reversed(options.__mro__):
-        types |= inspect.get_annotations(base)
+    types = {name: kind for base in reversed(options.__mro__) for name, kind in inspect.get_annotations(base).items()}
     every = list(parameters)
-    for name, option in sorted(in_order(options), key=lambda item: item[0] != first):
-        kind = by_place if name == first else by_name
+    for name, option in sorted(in_order(options), key=lambda item: item[0] not in first):
+        kind = by_place if name in first else by_name
         every.append(inspect.Parameter(name, kind, default=option.default, annotation=types[name]))
-    return inspect.Signature(every, return_annotation=inspect.get_annotations(function)["return"])
+    returned = inspect.get_annotations(function)["return"]
+    function.__signature__ = inspect.Signature(every, return_annotation=returned)
+    said, section, rest = (inspect.getdoc(function) or "").partition("\n\nReturns:")
+    arguments = "\n".join(described(name, _in_python(option.help, options)) for name, option in in_order(options))
+    function.__doc__ = f"{said}\n{about}{arguments}{section}{rest}"
+    return function
 
 
 def require_known(function: str, given: Iterable[str], options: type[Options], elsewhere: Mapping[str, str]) -> None:
@@ -646,11 +635,6 @@ def require_known(function: str, given: Iterable[str], options: type[Options], e
         if name not in options.declarations:
             where = f"; {elsewhere[name]}" if name in elsewhere else did_you_mean(name, options.declarations)
             raise TypeError(f"{function}() got an unexpected keyword argument {name!r}{where}")
-
-
-def arguments(options: type[Options]) -> str:
-    """The help of each option, as docstrings describe arguments."""
-    return "\n".join(described(name, _in_python(option.help, options)) for name, option in in_order(options))
 
 
 def _in_python(text: str, options: type[Options]) -> str:
