@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from robust.execute.planners.interface import Planner
     from robust.execute.situation import NewPlan, RunState
     from robust.execute.validate import Verdict
-    from robust.options.batch import CertifyCommand, ConvertCommand
+    from robust.options.batch import CertifyCommand, ConvertCommand, WatchCommand
 
 Plan: TypeAlias = "ParametrizedPlan | HasPlan | Sequence[File | Domain | Problem | TimedPlan | STNPlan]"
 """What :func:`load_plan` or :func:`convert` returns, or a domain, a problem and a plan: three paths or texts."""
@@ -131,7 +131,7 @@ class _Reading(shared.Demands, shared.FromSteps, shared.Separation, shared.Solvi
 
 
 def conversion_settings(
-    options: _Reading | ConvertCommand | CertifyCommand,
+    options: _Reading | ConvertCommand | CertifyCommand | WatchCommand,
     specs: Sequence[ParameterSpec],
     timeout: float | None,
     on_progress: Callable[[str], None] | None,

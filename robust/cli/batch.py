@@ -5,17 +5,17 @@
 
 from __future__ import annotations
 
-import inspect
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from robust import errors, records
 from robust.cli.build import Command
-from robust.cli.guard import Action, Run, action
+from robust.cli.guard import Action, Run
 from robust.options import batch
 from robust.options.declare import place_of
 
@@ -26,20 +26,10 @@ EPILOG = (
     "Exit codes: 1 if a plan is refuted; else 2 if one cannot be read; else 4 if one is not supported; else 3 if one "
     "is undecided, out of time or missing; else 0."
 )
-
-
-_SUITE = """
+_SUITE = """\
 SUITE is a folder of plans with problem.pddl and domain.pddl beside or above them, or a list: lines of DOMAIN PROBLEM
 PLAN, a .json or a .csv file. What is wrong with one plan is its answer, and the others go on. Ctrl-C and time limits
-keep what is answered; with --store the same command goes on from there.
-"""
-CarryOut = TypeVar("CarryOut", bound=Callable[..., int])
-
-
-def _about_suites(carry_out: CarryOut) -> CarryOut:
-    """Say in its help what a suite is."""
-    carry_out.__doc__ = f"{inspect.cleandoc(carry_out.__doc__ or '')}\n{_SUITE}"
-    return carry_out
+keep what is answered; with --store the same command goes on from there."""
 
 
 def _carry_out(verb: str, options: batch.BatchCommand, run: Run) -> int:
@@ -59,36 +49,27 @@ def _carry_out(verb: str, options: batch.BatchCommand, run: Run) -> int:
     return result.exit_code
 
 
-@action(batch.BatchCheckCommand, epilog=EPILOG)
-@_about_suites
-def check(options: batch.BatchCheckCommand, run: Run) -> int:
-    """Is each plan of a suite valid for every schedule that its network allows?"""
-    return _carry_out("check", options, run)
+def _asking(verb: str, options: type[batch.BatchCommand], help: str) -> Action[Any]:
+    return Action(options, partial(_carry_out, verb), EPILOG, f"{help}\n\n{_SUITE}")
 
 
-@action(batch.BatchEnvelopeCommand, epilog=EPILOG)
-@_about_suites
-def envelope(options: batch.BatchEnvelopeCommand, run: Run) -> int:
-    """How far may the parameters of each plan of a suite deviate?"""
-    return _carry_out("envelope", options, run)
-
-
-@action(batch.BatchRegionCommand, epilog=EPILOG)
-@_about_suites
-def region(options: batch.BatchRegionCommand, run: Run) -> int:
-    """For exactly which parameter values is each plan of a suite valid?"""
-    return _carry_out("region", options, run)
-
-
-@action(batch.BatchCompareCommand, epilog=EPILOG)
-@_about_suites
-def compare(options: batch.BatchCompareCommand, run: Run) -> int:
+check = _asking(
+    "check", batch.BatchCheckCommand, "Is each plan of a suite valid for every schedule that its network allows?"
+)
+envelope = _asking(
+    "envelope", batch.BatchEnvelopeCommand, "How far may the parameters of each plan of a suite deviate?"
+)
+region = _asking(
+    "region", batch.BatchRegionCommand, "For exactly which parameter values is each plan of a suite valid?"
+)
+compare = _asking(
+    "compare",
+    batch.BatchCompareCommand,
     """CCMMZ against IRR on each plan of a suite: who answers, in which time, and whose box is how large.
 
-    IRR is incremental robustification (robust envelope --method irr); CCMMZ asks for the box of greatest total width
-    (robust envelope --method optimal), which here is found exactly; each is a process of its own with the same limit.
-    """
-    return _carry_out("compare", options, run)
+IRR is incremental robustification (robust envelope --method irr); CCMMZ asks for the box of greatest total width
+(robust envelope --method optimal), which here is found exactly; each is a process of its own with the same limit.""",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,11 +79,7 @@ class ExperimentCommand(Command):
     entry: Any
 
     def load(self) -> Action[Any]:
-        def carry_out(options: Any, run: Run) -> int:
-            return _measure(self.entry, options, run)
-
-        carry_out.__doc__ = self.entry.help
-        return Action(self.entry.options, carry_out, None)
+        return Action(self.entry.options, partial(_measure, self.entry), None, self.entry.help)
 
 
 def _measure(entry: Any, options: Any, run: Run) -> int:

@@ -21,7 +21,6 @@ from robust.options.declare import place_of, refuse_replacing, settings
 from robust.plan.load import domain_parameters
 from robust.plan.parameters import ParameterSpec, Target, specifications, wire
 from robust.plan.pddl.forms import read_bytes, read_plan_text, read_text
-from robust.plan.pddl.reader import read_domain, read_problem
 from robust.plan.stn import is_network, parse_stn, write_stn
 from robust.qe.box import Box, Interval
 from robust.smt.limits import Deadline, OutOfTimeError
@@ -252,9 +251,9 @@ def _parametrized(
     from dataclasses import replace
 
     from robust.plan.pddl.grounding import initial_fluents
+    from robust.reading import domain_and_problem
 
-    domain = read_domain(options.files[0])
-    problem = read_problem(options.files[1], domain)
+    domain, problem = domain_and_problem(*options.files[:2])
     stn = parse_stn(text, file)
     needed = options.kind != "region"
     fluents = initial_fluents(problem)
@@ -269,14 +268,13 @@ def _network_of_steps(
 ) -> tuple[Conversion, Sequence[str]]:
     from robust.execute.convert import ConversionEnd, convert
     from robust.plan.timed import parse_timed_plan
-    from robust.reading import conversion_settings
+    from robust.reading import conversion_settings, domain_and_problem
 
-    domain = read_domain(options.files[0])
-    problem = read_problem(options.files[1], domain)
+    parsed = domain_and_problem(*options.files[:2])
     timed = parse_timed_plan(text, file, options.plan_number)
     remaining = None if run.remaining is None else run.remaining / 2
     settings = conversion_settings(options, specs, remaining, run.display.say)
-    conversion = convert(domain, problem, timed, **settings)
+    conversion = convert(*parsed, timed, **settings)
     if conversion.ended is ConversionEnd.INTERRUPTED:
         raise KeyboardInterrupt
     return conversion, conversion.notes(timed)

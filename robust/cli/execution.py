@@ -10,12 +10,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from robust.cli import build, plans
-from robust.cli.guard import Action, Cause, GivenUpError, Run, action, carry_out
+from robust.cli.guard import Action, Run, action, carry_out
 from robust.cli.output import answering, print_json
 from robust.errors import UNDECIDED, InputError, RefutedError, RobustError, worst
 from robust.numbers import plural
@@ -52,13 +52,7 @@ def validate(options: verbs.ValidateCommand, run: Run) -> int:
     from robust.show import validation
 
     judged: list[JudgedPlan] = []
-    cause: Cause | None = None
-    try:
-        run.only(lambda: _judge_all(options, run, judged))
-    except GivenUpError as error:
-        if not judged:
-            raise
-        cause = run.guard.why(error)
+    cause = run.several(lambda: _judge_all(options, run, judged), judged)
     status = "complete" if cause is None else cause.value
     run.answer(
         lambda: validation.validate(judged, status, options.separation, options.rounding),
@@ -73,10 +67,15 @@ def _judge_all(options: verbs.ValidateCommand, run: Run, judged: list[JudgedPlan
     from robust.show.validation import JudgedPlan
     from robust.sweeps.batch import listed_files
 
-    problems = _Problems()
+    domain_of = lru_cache(maxsize=1)(read_domain)  # the last ones are kept: plans of one problem come together
+
+    @lru_cache(maxsize=1)
+    def problem_of(domain: Path, problem: Path) -> tuple[Domain, Problem]:
+        return domain_of(domain), read_problem(problem, domain_of(domain))
+
     every: list[_Files] = []
     if options.domain is not None and options.problem is not None:
-        problems.read(options.domain, options.problem)  # what is wrong with these is said once
+        problem_of(options.domain, options.problem)  # what is wrong with these is said once
         every = [(options.domain, options.problem, plan) for plan in options.plans]
     elif options.suite is not None:
         every = listed_files(options.suite)
@@ -85,7 +84,7 @@ def _judge_all(options: verbs.ValidateCommand, run: Run, judged: list[JudgedPlan
         run.display.say(doing)
         log.debug(doing)
         try:
-            verdict = _judged(options, *problems.read(domain, problem), plan)
+            verdict = _judged(options, *problem_of(domain, problem), plan)
         except RobustError as error:
             if len(every) == 1:
                 raise
@@ -101,21 +100,6 @@ def _judged(options: verbs.ValidateCommand, domain: Domain, problem: Problem, pl
 
     timed = read_plan(*read_plan_text(plan), options.plan_number)
     return validate(domain, problem, timed, epsilon=options.separation, tolerance=options.rounding)
-
-
-class _Problems:
-    """Reads domains and problems; the last ones are kept, because plans of one problem come together."""
-
-    def __init__(self) -> None:
-        self._domain: tuple[Path, Domain] | None = None
-        self._problem: tuple[tuple[Path, Path], Problem] | None = None
-
-    def read(self, domain: Path, problem: Path) -> tuple[Domain, Problem]:
-        if self._domain is None or self._domain[0] != domain:
-            self._domain = domain, read_domain(domain)
-        if self._problem is None or self._problem[0] != (domain, problem):
-            self._problem = (domain, problem), read_problem(problem, self._domain[1])
-        return self._domain[1], self._problem[1]
 
 
 # -- convert -----------------------------------------------------------------------------------------------------------
@@ -257,14 +241,13 @@ def _show(
 
 def _converting(options: ConvertCommand, run: Run) -> tuple[TimedPlan, Converting]:
     from robust.execute.convert import Converting
-    from robust.reading import conversion_settings
+    from robust.reading import conversion_settings, domain_and_problem
 
     specs, _ = specifications(options.parameter, options.parameters)
-    domain = read_domain(options.domain)
-    problem = read_problem(options.problem, domain)
+    parsed = domain_and_problem(options.domain, options.problem)
     timed = parse_timed_plan(*read_plan_text(options.plan), options.plan_number)
     settings = conversion_settings(options, specs, run.remaining, run.display.say)
-    return timed, Converting(domain, problem, timed, **settings)
+    return timed, Converting(*parsed, timed, **settings)
 
 
 def _write(options: ConvertCommand, conversion: Conversion) -> None:
@@ -290,13 +273,7 @@ def _write(options: ConvertCommand, conversion: Conversion) -> None:
 def execute(options: ExecuteCommand, run: Run) -> int:
     """Execute a plan in simulated worlds, and plan anew from the state reached when an observation leaves the box."""
     runs: list[replan.ReplanningRun] = []
-    cause: Cause | None = None
-    try:
-        run.only(lambda: _execute_all(options, run, runs))
-    except GivenUpError as error:
-        if not runs:
-            raise
-        cause = run.guard.why(error)
+    cause = run.several(lambda: _execute_all(options, run, runs), runs)
     from robust.show import execution as show
 
     if (picture := options.plot) is not None:
@@ -336,6 +313,7 @@ def _mission(options: ExecuteCommand, run: Run) -> replan.Mission:
     from robust.execute.replan import Mission, ReplanningOptions
     from robust.execute.rules import Rules, read_rules
     from robust.irr.exact import BoxMethod
+    from robust.reading import domain_and_problem
 
     specs, beside = specifications(options.parameter, options.parameters, options.plan)
     if beside is not None:
@@ -352,8 +330,7 @@ def _mission(options: ExecuteCommand, run: Run) -> replan.Mission:
         timeout=run.remaining,
         controllability=options.controllability,
     )
-    domain = read_domain(options.domain)
-    problem = read_problem(options.problem, domain)
+    domain, problem = domain_and_problem(options.domain, options.problem)
     return Mission(
         domain=domain,
         problem=problem,

@@ -16,7 +16,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sized
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from enum import Enum
@@ -400,6 +400,20 @@ class Run:
         except OutOfTimeError as stopped:
             raise _given_up(stopped) from None
 
+    def several(self, work: Callable[[], object], found: Sized) -> Cause | None:
+        """Do work that adds to what is found, one after the other; why it was given up, if it was.
+
+        Raises:
+            GivenUpError: if nothing had been found by then.
+        """
+        try:
+            self.only(work)
+        except GivenUpError as error:
+            if not found:
+                raise
+            return self.guard.why(error)
+        return None
+
     def also(self, what: str, work: Callable[[], Found]) -> Found | None:
         """The result of the work; None if it was interrupted, which leaves the answer as it is."""
         self.display.say(what)
@@ -431,22 +445,19 @@ Given = TypeVar("Given", bound=Options)
 
 @dataclass(frozen=True, slots=True)
 class Action(Generic[Given]):
-    """The action of a command: `carry_out` returns the exit code, and its docstring is the help text."""
+    """The action of a command: `carry_out` returns the exit code."""
 
     options: type[Given]
     carry_out: Callable[[Given, Run], int]
     epilog: str | None
-
-    @property
-    def help(self) -> str:
-        return inspect.cleandoc(self.carry_out.__doc__ or "")
+    help: str
 
 
 def action(
     options: type[Given], *, epilog: str | None = EPILOG
 ) -> Callable[[Callable[[Given, Run], int]], Action[Given]]:
-    """Make a function of options and a run the action of a command."""
-    return lambda carry_out: Action(options, carry_out, epilog)
+    """Make a function of options and a run the action of a command, whose help text is the docstring."""
+    return lambda carry_out: Action(options, carry_out, epilog, inspect.getdoc(carry_out) or "")
 
 
 def carry_out(guard: Guard, asked: Action[Any], given: Mapping[str, Any]) -> int:

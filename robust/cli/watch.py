@@ -21,7 +21,7 @@ from robust.cli import output, plans
 from robust.cli.guard import Run, action
 from robust.cli.lines import LineReader, LineWriter, listening
 from robust.errors import UNDECIDED, InputError, Location, RobustError
-from robust.execute.convert import Mode, Settings
+from robust.execute.convert import Settings
 from robust.execute.drive import WallClock
 from robust.execute.forecast import Prospect
 from robust.execute.messages import MessageKind, MonitorMessage, message_of, read_journal, read_message
@@ -30,8 +30,8 @@ from robust.execute.situation import NewPlan, OpenProblem, deadline_of, new_plan
 from robust.json_text import JsonTypes, Object
 from robust.options.batch import WatchCommand
 from robust.plan.parameters import parse_parameter_file, specifications
-from robust.plan.pddl.reader import read_domain, read_problem
 from robust.plan.stn import parse_stn
+from robust.reading import conversion_settings, domain_and_problem
 from robust.show.execution import not_a_message, outlook_line
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError, from_copy
 
@@ -74,22 +74,14 @@ class Replanning:
         rate = Fraction(options.rate or 1)
         given = options.planning_time
         self._time = Fraction(self.seconds) / rate if given is None else Fraction(given)
-        self._domain = read_domain(options.domain)
-        self._problem = read_problem(options.problem, self._domain)
+        self._domain, self._problem = domain_and_problem(options.domain, options.problem)
         self._planner: Planner | None = None
         if options.planner is not None:
             self._planner = create_planner(options.planner, epsilon=options.separation)
         specs, _ = specifications(options.parameter or ("duration:*",), options.parameters)
         self._deadline = deadline_of(plan)
-        self._settings: Settings = {  # another plan becomes a network as the first
-            "mode": Mode(options.mode),
-            "free_durations": options.free_durations,
-            "specs": specs,
-            "deadline": self._deadline,
-            "relative": options.relative,
-            "epsilon": options.separation,
-            "solver": options.solver,
-        }
+        known = conversion_settings(options, specs, None, None)  # another plan becomes a network as the first
+        self._settings: Settings = {**known, "deadline": self._deadline, "tolerance": None}
         self._epsilon = options.separation
         self._thread: threading.Thread | None = None
         self._open = False
