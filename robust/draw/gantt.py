@@ -5,7 +5,7 @@ overlaps, labels included, goes to another row. Executions of plans, and of plan
 """
 
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import groupby
@@ -25,6 +25,7 @@ from robust.draw import style
 from robust.draw.style import DARK_GREY, HATCHES, LIGHT, STRONG, cut
 from robust.errors import InputError
 from robust.execute import dispatchable, replan, worlds
+from robust.network.differences import delayed
 from robust.numbers import format_number, plural, readable
 from robust.pike_bridge.model import Constraint, Guard
 from robust.pike_bridge.online import progress, world
@@ -473,7 +474,7 @@ def _ends(record: world.ExecutionRecord) -> dict[str, list[Fraction]]:
 
 
 def _kept(record: world.ExecutionRecord) -> tuple[list[Constraint], list[Constraint]]:
-    """Bounds between events that were to be executed by what was chosen: all, the last first; those but durations."""
+    """Bounds between events that were to be executed by what was chosen: all, and those but durations."""
     network = record.plan.network
 
     def holds(guard: Guard) -> bool:
@@ -484,7 +485,7 @@ def _kept(record: world.ExecutionRecord) -> tuple[list[Constraint], list[Constra
         [each for each in bounds if {each.source, each.target} <= activated and holds(each.guard)]
         for bounds in (network.temporal_constraints, network.constraints)
     )
-    return sorted(all_bounds, key=lambda each: record.schedule.get(each.target, record.time), reverse=True), others
+    return all_bounds, others
 
 
 def _limits(record: world.ExecutionRecord, bounds: Iterable[Constraint], now: Fraction) -> dict[str, Fraction]:
@@ -497,15 +498,8 @@ def _limits(record: world.ExecutionRecord, bounds: Iterable[Constraint], now: Fr
     return latest
 
 
-def _latest_moments(limits: Mapping[str, Fraction], bounds: Sequence[Constraint]) -> Mapping[str, Fraction]:
+def _latest_moments(limits: Mapping[str, Fraction], bounds: Iterable[Constraint]) -> Mapping[str, Fraction]:
     """Until when events have to happen, so that limits are kept if all that follows takes its least time."""
-    latest = dict(limits)
-    changed = True
-    while changed:
-        changed = False
-        for each in bounds:
-            if each.lower is not None and each.lower >= 0 and each.target in latest:
-                moment = latest[each.target] - each.lower
-                if moment >= 0 and moment < latest.get(each.source, moment + 1):
-                    latest[each.source], changed = moment, True
-    return latest
+    least = [(each.target, each.source, each.lower) for each in bounds if each.lower is not None and each.lower >= 0]
+    backwards = delayed({event: -limit for event, limit in limits.items()}, least)
+    return {**limits, **{event: -time for event, time in backwards.items() if time <= 0}}

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from robust.draw.interactive import self_contained
 from robust.draw.style import part
+from robust.network.differences import delayed
 
 if TYPE_CHECKING:
     from robust.execute.monitor import Outlook, StepOutlook
@@ -72,8 +73,7 @@ def watched(
     lanes = [_lane(step, name, "done", (start, end)) for step, name, start, end in ended]
     for state, looks in (("running", outlook.running), ("ready", outlook.startable), ("coming", outlook.coming)):
         lanes += [_ahead(look, state) for look in looks if look.step not in over]
-    running = () if outlook.prospect.value == "broken" else outlook.running  # its ends decide nothing any more
-    ends = sorted(running, key=lambda look: (look.end[1] is None, look.end[1] or 0))
+    ends = sorted(outlook.running, key=lambda look: (look.end[1] is None, look.end[1] or 0))
     return {
         **_frame(outlook.time, rate, outlook.prospect.value, words),
         "reasons": list(outlook.reasons),
@@ -225,28 +225,20 @@ def event_windows(progress: Progress) -> Mapping[str, tuple[Fraction, Fraction |
     By all bounds that hold whenever it is executed; what conditions, effects and other choices demand is not in them,
     so that events may have less room than this. Nothing that is open happens before now.
     """
-    times, structure = progress.times, progress.structure
-    early = {event: times.get(event, progress.now) for event in (*times, *progress.pending)}
-    late: dict[str, Fraction | None] = {event: times.get(event) for event in early}
+    times, structure, pending = progress.times, progress.structure, progress.pending
+    early = {event: times.get(event, progress.now) for event in (*times, *pending)}
     bounds = [
         (event, each, progress.certain(each.guard | structure.guards[event], structure.guards[each.source]))
-        for event in progress.pending
+        for event in pending
         for each in structure.incoming[event]
         if each.source in early and progress.certain(each.guard, structure.guards[event])
     ]
-    for _ in early:  # as often as a path can be long
-        changed = False
-        for event, each, comes in bounds:
-            if each.lower is not None and early[each.source] + each.lower > early[event]:
-                early[event], changed = early[each.source] + each.lower, True
-            limit, known = late[each.source], late[event]
-            if each.upper is not None and limit is not None and (known is None or limit + each.upper < known):
-                late[event], changed = limit + each.upper, True
-            limit, known = late[event], late[each.source]  # what certainly comes after it has a limit
-            if not comes or each.source not in progress.pending or each.lower is None or limit is None:
-                continue
-            if known is None or limit - each.lower < known:
-                late[each.source], changed = limit - each.lower, True
-        if not changed:
-            break
-    return {event: (early[event], late[event]) for event in early}
+    early = delayed(early, [(each.source, event, each.lower) for event, each, _ in bounds if each.lower is not None])
+    limits = [(each.source, event, -each.upper) for event, each, _ in bounds if each.upper is not None]
+    limits += [  # before what certainly comes after it, and has a limit
+        (event, each.source, each.lower)
+        for event, each, comes in bounds
+        if comes and each.source in pending and each.lower is not None
+    ]
+    backwards = delayed({event: -time for event, time in times.items()}, limits)
+    return {event: (first, -backwards[event] if event in backwards else None) for event, first in early.items()}

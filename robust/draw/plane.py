@@ -38,6 +38,7 @@ Rectangle = tuple[tuple[Fraction, Fraction], ...]
 
 THIN = Fraction(1, 150)
 """Slabs narrower than this share of the view are drawn as lines, so that they stay visible."""
+_POSSIBLE = "Which choices are possible, by the values of two parameters"
 _NAMED = 4
 """Combinations of choices that the legend names of an area."""
 
@@ -156,19 +157,17 @@ def draw_region(
     figure = Figure(figsize=(8.6, 2.0 + 0.35 * len(sliced) if flat else 5.0), layout="constrained")
     canvas = figure.add_subplot()
     (_draw_line if flat else draw_plane)(canvas, shown, rectangle, sliced, points, words=words, exact=exact)
+    clip = Polyhedron(shown.parameters, tuple(_clip_to(shown.parameters, rectangle)))
+    view = Region.union_of(shown.parameters, [clip])
     for order, (label, shape) in enumerate((shapes or {}).items() if not flat else ()):
-        clipped = Region.union_of(
-            shown.parameters, [Polyhedron(shown.parameters, tuple(_clip_to(shown.parameters, rectangle)))]
-        )
-        for piece in _shown(shape, tuple(axes), at or {}).intersection(clipped).as_union().pieces:
+        for piece in _shown(shape, tuple(axes), at or {}).intersection(view).as_union().pieces:
             look = style.box_line(order + len(sliced), len(sliced) + len(shapes or {}))
             _draw_box(canvas, piece, rectangle, {**look, "zorder": 12 + order, "label": label})
     if inner is not None:
         _draw_inner(canvas, inner, shown.parameters, rectangle)
     what = "Values for which the plan is valid" if exact else "Outer bound: outside the plan can fail, inside it may"
     title = _title(what, (((words or {}).get(name, name), value) for name, value in (at or {}).items()))
-    view = Polyhedron(shown.parameters, tuple(_clip_to(shown.parameters, rectangle)))
-    if shown.intersection(Region.union_of(shown.parameters, [view])).is_empty:
+    if shown.intersection(view).is_empty:
         title += "\nnone of them in this view"
     figure.suptitle(title, fontsize=10, x=0.01, ha="left")
     _legend(canvas)
@@ -515,8 +514,7 @@ def plot_cells(
         layers = [(guard_text(combination.choices), region.region(dict(combination.choices))) for combination in parts]
     else:
         layers = [(_combinations_text(possible), cell) for possible, cell in cells if possible]
-    what = "Which choices are possible, by the values of two parameters"
-    return _plot_layers(what, region.plan, layers, path, axes)
+    return _plot_layers(_POSSIBLE, region.plan, layers, path, axes)
 
 
 def plot_team_envelope(envelope: TeamEnvelope, path: Path | None, axes: Sequence[str]) -> Figure:
@@ -527,12 +525,7 @@ def plot_team_envelope(envelope: TeamEnvelope, path: Path | None, axes: Sequence
     """
     if not envelope.combinations:
         raise InputError("found an envelope of which nothing is known, expected something to draw", place_of("plot"))
-    box = envelope.box if envelope.verified else None
-    what = (
-        "Values in the box, and around it"
-        if box is not None
-        else "Which choices are possible, by the values of two parameters"
-    )
+    box, what = (envelope.box, "Values in the box, and around it") if envelope.verified else (None, _POSSIBLE)
     return _plot_layers(what, envelope.plan, [(pike_envelopes.promise(envelope), envelope.region)], path, axes, box=box)
 
 

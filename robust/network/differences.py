@@ -387,6 +387,21 @@ class Distances(Generic[Point]):
         return None if weight is None else Fraction(weight, self.scale)
 
 
+def delayed(times: Mapping[Point, Fraction], bounds: Iterable[tuple[Point, Point, Fraction]]) -> dict[Point, Fraction]:
+    """Times, delayed as little as bounds (a, b, w) for t_b − t_a ≥ w demand, which have schedules.
+
+    Points that bounds lead to from one with a time have one as well, as early as that; others have none.
+    """
+    bounds = tuple(bounds)
+    points = dict.fromkeys((*times, *(point for bound in bounds for point in bound[:2])))
+    known = Distances(points, bounds, times.values())
+    scaled = [int(times[point] * known.scale) if point in times else -UNBOUNDED for point in points]
+    delay(scaled, following(len(scaled), known.bounds), range(len(scaled)))
+    return {
+        point: Fraction(time, known.scale) for point, time in zip(points, scaled, strict=True) if time > -UNBOUNDED // 2
+    }
+
+
 # -- elimination -------------------------------------------------------------------------------------------------------
 
 Weight = TypeVar("Weight")
