@@ -33,7 +33,7 @@ from robust.irr import exact, widen
 from robust.irr.search import stops_at
 from robust.irr.stops import JUST, Stop, declared_stop
 from robust.network.dispatchable import waits
-from robust.network.uncertain import Wait, dynamic, explain
+from robust.network.uncertain import Wait, explain
 from robust.plan.model import ParametrizedPlan, TimePointKind
 from robust.probability.measure import Bounds, SuccessProbabilities
 from robust.qe.box import Box, Face, Growing, Side
@@ -133,7 +133,7 @@ class Controllability:
         """
         if self._is_strong_only():
             return ()
-        answer = dynamic(self.network.at(boxes.ends_of(self.box)), self.deadline)
+        answer = self.network.dynamic(boxes.ends_of(self.box), self.deadline)
         return () if answer.cycle is not None else waits(answer)
 
     def _is_strong_only(self) -> bool:
@@ -188,7 +188,7 @@ class Controllability:
         for known, part in self._corners(self.network.vague):
             network, ends = boxes.parametric_stnu(self.plan, part), boxes.ends_of(part)
             if _is_exact(network, ends):
-                answer = dynamic(network.at(ends), self.deadline)
+                answer = network.dynamic(ends, self.deadline)
                 if answer.cycle is not None:
                     beforehand = ", ".join(f"{name} = {value}" for name, value in known.items())
                     why = explain(answer.form.stnu, answer.cycle)
@@ -202,7 +202,7 @@ class Controllability:
         endless = self.network.endless(ends)
         if endless:
             return f"no time is late enough for all values of {', '.join(sorted({name for name, _ in endless}))}"
-        answer = dynamic(self.network.at(ends), self.deadline)
+        answer = self.network.dynamic(ends, self.deadline)
         return None if answer.cycle is None else explain(answer.form.stnu, answer.cycle)
 
     def _corners(self, vague: Mapping[str, str]) -> Iterator[tuple[dict[str, Fraction], Box]]:

@@ -291,7 +291,8 @@ class Converting:
         original, chosen, _ = self._original
         points = sorted(original.plan.time_points, key=lambda point: (point != model.ZERO, original.times[point]))
         plain = distances.constraints_of(network.edges, {point: i for i, point in enumerate(points)})
-        every = [*(bound for bound in plain if not chosen.says_all_about(bound)), *chosen.constraints]
+        said = {frozenset((bound.source, bound.target)) for bound in chosen.constraints}
+        every = [*(bound for bound in plain if {bound.source, bound.target} not in said), *chosen.constraints]
         constraints = tuple(sorted(every, key=lambda bound: bound.source.instance != bound.target.instance))
         stn = replace(chosen.bare, parameters=chosen.parameters, constraints=constraints)
         end = max(original.times[instance.end] for instance in stn.instances)

@@ -49,18 +49,10 @@ class World(Protocol[_Message_co, _Decision_contra]):
         """The messages of this moment; each is returned once."""
 
 
-class Clock(Protocol):
-    """Tells the time in the plan's unit, from 0 at the start of the execution."""
-
-    def now(self) -> Fraction: ...
-
-    def seconds_until(self, moment: Fraction) -> float:
-        """Seconds to sleep until a moment; at most 0 if it has come."""
-
-
 class WallClock:
-    """Real time: one unit of the plan lasts a number of seconds. It never goes back, whatever is done to the
-    computer's clock.
+    """Real time, from 0 at the start of the execution: one unit of the plan lasts a number of seconds.
+
+    It never goes back, whatever is done to the computer's clock.
     """
 
     def __init__(self, unit_seconds: Fraction = Fraction(1), start: Fraction = Fraction(0)) -> None:
@@ -73,7 +65,7 @@ class WallClock:
         return self._start + Fraction(time.monotonic_ns() - self._origin, 10**9) / self._unit
 
     def seconds_until(self, moment: Fraction) -> float:
-        """Seconds until a moment; below 0 once it has passed."""
+        """Seconds to sleep until a moment; below 0 once it has passed."""
         return float((moment - self.now()) * self._unit)
 
 
@@ -116,7 +108,7 @@ async def drive(
     executive: Executive[Message, Decision],
     inbox: asyncio.Queue[Message | None],
     announce: Callable[[Fraction, Sequence[Decision]], None],
-    clock: Clock,
+    clock: WallClock,
 ) -> Fraction:
     """Run in the time of a clock until the executive has ended or None closes the inbox.
 
@@ -126,7 +118,7 @@ async def drive(
         executive: what decides, such as :class:`robust.pike.PlanExecutive`.
         inbox: the messages as they come; None is the last.
         announce: called with the time of each step, in the plan's unit, and what was decided.
-        clock: tells the time, such as :class:`WallClock`.
+        clock: tells the time.
 
     Returns:
         The time of the last step.

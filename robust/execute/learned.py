@@ -25,6 +25,7 @@ from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal, localcontext
 from fractions import Fraction
 from functools import lru_cache
 from math import exp, floor, lgamma, log
+from operator import attrgetter
 from typing import Any, Final, NamedTuple
 
 from robust.errors import InputError, InputWarning, Location, closest, did_you_mean
@@ -297,8 +298,7 @@ def _note_order(runs: dict[str, list[ActionRun]]) -> None:
         warnings.warn(InputWarning(f"{Location(first.file, first.line)}: {message}: {remedy}"), stacklevel=4)
 
 
-def _start(run: ActionRun) -> Any:
-    return run.start
+_start = attrgetter("start")
 
 
 def _learnt(name: str, runs: Sequence[ActionRun], cover: Fraction, confidence: Fraction) -> LearntAction:

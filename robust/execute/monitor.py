@@ -162,6 +162,8 @@ class Monitor:
     reorder: bool = True
     distributions: Mapping[str, Distribution] = field(default_factory=dict)
     eager: bool = True
+    count: int = field(default=0, init=False, repr=False, compare=False)
+    """The number of the last message."""
     taken: dict[int, MonitorMessage] = field(default_factory=dict, init=False)
     """What has been said and was neither refused nor taken back, by number."""
     time: Fraction = field(default=Fraction(0), init=False)
@@ -169,12 +171,9 @@ class Monitor:
 
     def __post_init__(self) -> None:
         self.plan = model.plan_itself(self.plan)
-        self.epsilon, self.lateness = (
-            exact(self.epsilon, Location("epsilon")),
-            exact(self.lateness, Location("lateness")),
-        )
+        self.epsilon = exact(self.epsilon, Location("epsilon"))
+        self.lateness = exact(self.lateness, Location("lateness"))
         self._own = _forecaster(FollowedPlan(self.plan, self.epsilon, self.plan.lasting))
-        self._count = 0
         self._latest_tick = 0
         self._fineness = 1
         self._observed: dict[int, model.TimedLiteral] = {}
@@ -197,11 +196,6 @@ class Monitor:
         named = ((self.plan.lasting.get(name), each) for name, each in self.distributions.items())
         self.chances = {str(self.plan.instance[step]): each for step, each in named if step is not None}
         """The distributions of durations by ground action, those of plans before included."""
-
-    @property
-    def count(self) -> int:
-        """The number of the last message."""
-        return self._count
 
     @property
     def ended(self) -> Sequence[tuple[str, str, Fraction, Fraction]]:
@@ -229,10 +223,8 @@ class Monitor:
         observed = tuple(self._observed[number] for number in numbers)
         known = time, tuple(self._progress.values()), observed
         if self._last_history is None or known != self._last_history[0]:
-            self._last_history = (
-                known,
-                History(self.plan, self.planned, dict(self._progress), observed, time, self._mutex),
-            )
+            history = History(self.plan, self.planned, dict(self._progress), observed, time, self._mutex)
+            self._last_history = known, history
         return self._last_history[1]
 
     @property
@@ -281,7 +273,7 @@ class Monitor:
 
     def take(self, message: MonitorMessage) -> str | None:
         """Take a message without an answer; why it is refused, if it is."""
-        self._count += 1
+        self.count += 1
         refused = self._take(message)
         if refused is None:
             is_later = message.kind in {MessageKind.START, MessageKind.END} and (message.at or 0) >= self._lost_since
@@ -309,10 +301,10 @@ class Monitor:
         other.retired = self.retired | self.plan.instance.keys()
         for number, message in sorted(self.taken.items()):
             is_known = message.step in plan.instance or message.kind not in STEPS
-            other._count = number - 1
+            other.count = number - 1
             if other.take(message) is not None if is_known else number > after:
                 return None
-        other._count, other.time = self._count, self.time
+        other.count, other.time = self.count, self.time
         return other
 
     def _take(self, message: MonitorMessage) -> str | None:
@@ -338,9 +330,9 @@ class Monitor:
             self._fineness = fineness
             self._follow(step, progress)
         if wrong is None:
-            self.taken[self._count] = message
+            self.taken[self.count] = message
             self.time = max(self.time, message.time)
-            self._note_ticks({self._latest_tick, self._count})
+            self._note_ticks({self._latest_tick, self.count})
         return wrong
 
     def _note_ticks(self, numbers: Iterable[int]) -> None:
@@ -367,7 +359,7 @@ class Monitor:
         for known in self._observed.values():
             if known.point == literal.point and known.target == variable and known != literal:
                 return f"found two values of {variable} at {time_text(message.at)}; retract what was wrong first"
-        self._observed[self._count] = literal
+        self._observed[self.count] = literal
         return None
 
     def _retract(self, message: MonitorMessage) -> str | None:
@@ -440,13 +432,13 @@ class Monitor:
         forecast = self._forecast(deadline, waits=waits, widening=widening)
         prospect = forecast.prospect
         if prospect in OPEN and all(known.end is not None for known in self._progress.values()):
-            return Outlook(self._count, self.time, Prospect.DONE, refused=refused, assumed=self._assumed)
+            return Outlook(self.count, self.time, Prospect.DONE, refused=refused, assumed=self._assumed)
         looks = [self._look(step, ahead) for step, ahead in (forecast.steps or {}).items()]
         running = sorted((look for look in looks if look.since is not None), key=lambda look: look.start)
         startable = [look for look in looks if look.since is None and look.step in forecast.ready]
         rest = [look for look in looks if look.since is None and look.step not in forecast.ready]
         return Outlook(
-            self._count,
+            self.count,
             self.time,
             prospect,
             forecast.reasons,
@@ -489,11 +481,10 @@ class Monitor:
             return None
         from robust.execute.chances import RunChances  # noqa: PLC0415 - where it is asked for
 
-        known = (
-            (self.plan.lasting[name], each) for name, each in self.distributions.items() if name in self.plan.lasting
-        )
+        lasting = self.plan.lasting
+        known = {lasting[name]: each for name, each in self.distributions.items() if name in lasting}
         followed = self._own if self._other is None else self._other
-        bounds = RunChances(dict(known), self._progress, self._now).bounds(followed, forecast, deadline)
+        bounds = RunChances(known, self._progress, self._now).bounds(followed, forecast, deadline)
         if bounds is not None:
             self._last_success = SuccessOutlook(bounds.lower, bounds.upper, self.time)
         return self._last_success
@@ -569,9 +560,8 @@ class Monitor:
             self._other, self._seen_by_other = judged.forecaster, seen
             self._in_order = judged.in_order
             if self._other is None:
-                is_late = (
-                    judged.prospect is Prospect.BROKEN and moment > self._now
-                )  # what happened before may be heard yet
+                # what happened before may be heard yet
+                is_late = judged.prospect is Prospect.BROKEN and moment > self._now
                 prospect = Prospect.UNDECIDED if is_late else judged.prospect
                 return self._lose(PlanForecast(prospect, (*judged.reasons, *causes), pending=judged.pending), moment)
             self._other.pass_time(self._now)

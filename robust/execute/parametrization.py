@@ -16,7 +16,6 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cached_property
 
 from robust.errors import InputError, Location
 from robust.execute import snap
@@ -184,14 +183,6 @@ class Parametrization:
         """The instances whose duration is a parameter."""
         ends = (constraint.target for constraint in self.constraints if constraint.source != model.ZERO)
         return frozenset(end.instance or "" for end in ends)
-
-    def says_all_about(self, constraint: STNConstraint) -> bool:
-        """Whether a parameter says what the distance between these two time points is."""
-        return frozenset((constraint.source, constraint.target)) in self._said
-
-    @cached_property
-    def _said(self) -> frozenset[frozenset[model.TimePoint]]:
-        return frozenset(frozenset((bound.source, bound.target)) for bound in self.constraints)
 
     def pinned_starts(self, times: Mapping[model.TimePoint, Fraction]) -> tuple[DistanceEdge, ...]:
         """Bounds that fix the start times that are parameters."""

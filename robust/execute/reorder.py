@@ -16,7 +16,7 @@ from fractions import Fraction
 from robust.encode.encoding import RelationalEncoding
 from robust.encode.interface import constant, variable
 from robust.errors import InputError, SolverError, UnsupportedError
-from robust.execute.causal import causal_network
+from robust.execute.causal import at_least, causal_network
 from robust.execute.distances import Original, with_literals
 from robust.execute.forecast import OPEN, FollowedPlan, Forecaster, Prospect
 from robust.execute.remaining import History, remaining_plan
@@ -145,14 +145,6 @@ def _in_order_of(
     parameters = tuple(replace(known, nominal=values[known.name]) for known in plan.parameters)
     plan = replace(plan, parameters=parameters)
     bare = replace(model.at_values(plan, values), constraints=())
-    orders = causal_network(Original(bare, with_literals(bare, schedule), epsilon)).edges
-    return replace(
-        plan,
-        constraints=(
-            *plan.constraints,
-            *(
-                model.TemporalConstraint(source, target, Polynomial.constant(weight), None)
-                for source, target, weight in orders
-            ),
-        ),
-    )
+    edges = causal_network(Original(bare, with_literals(bare, schedule), epsilon)).edges
+    orders = (at_least(edge, Polynomial.constant(edge.weight)) for edge in edges)
+    return replace(plan, constraints=(*plan.constraints, *orders))

@@ -94,10 +94,6 @@ class RoomFirst:
         self.tightener.say("loosening distances")
         return tuple(self._loosened(needed, chosen.box))
 
-    @property
-    def _plan(self) -> model.ParametrizedPlan:
-        return self.tightener.original.plan
-
     def _roomiest(self, loosest: Rung) -> Rung:
         orders, ties = self._rung(esterel_edges(self.tightener.original)), self._rung(self._ties())
         chosen = ties if _size(ties.box) > _size(orders.box) else orders
@@ -140,7 +136,7 @@ class RoomFirst:
 
     def _ties(self) -> Iterator[DistanceEdge]:
         """Each start follows its critical predecessor by the plan's own distance."""
-        times = self.tightener.original.times
+        original, times = self.tightener.original, self.tightener.original.times
         before: dict[model.TimePoint, list[DistanceEdge]] = {}
         for edge in (*self.causal.edges, *self.causal.certain):
             if edge.source.instance != edge.target.instance:
@@ -151,7 +147,7 @@ class RoomFirst:
             varies = edge.source.instance in self.varying
             return times[edge.target] - start - edge.weight, edge.source == model.ZERO, not varies, -start
 
-        for instance in self._plan.instances:
+        for instance in original.plan.instances:
             if edges := before.get(instance.start):
                 source = min(edges, key=slack).source
                 gap = times[instance.start] - times[source]

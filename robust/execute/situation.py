@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from math import ceil
+from operator import attrgetter
 from typing import Any, Unpack
 
 from robust import errors
@@ -159,7 +160,7 @@ def origin_after(now: Fraction, literals: Iterable[model.TimedLiteral], epsilon:
     """
     gap = epsilon or EPSILON
     origin = now + gap
-    for literal in sorted(literals, key=lambda literal: literal.time):
+    for literal in sorted(literals, key=_moment):
         if origin - gap < literal.time <= origin:
             origin = literal.time + gap
     return origin
@@ -224,8 +225,7 @@ class OpenProblem:
     def asked(self) -> tuple[syntax.Domain, syntax.Problem]:
         """For planners: time begins at the origin."""
         state = WorldState(self._known.atoms, self._known.fluents)
-        literals = sorted(self.problem.timed_literals, key=lambda literal: literal.time)
-        for literal in literals:
+        for literal in sorted(self.problem.timed_literals, key=_moment):
             if self.situation.time < literal.time <= self.origin:
                 state.pass_literal(literal)
         problem = remaining_problem(self.problem, state.snapshot(), self.origin)
@@ -308,8 +308,7 @@ def _limited(domain: syntax.Domain, problem: syntax.Problem, latest: Fraction) -
     return replace(domain, predicates=predicates, actions=actions), limited
 
 
-def _moment(literal: model.TimedLiteral) -> Fraction:
-    return literal.time
+_moment = attrgetter("time")
 
 
 def _atom(mark: str, running: RunningStep) -> model.Atom:

@@ -139,7 +139,13 @@ class SliceForecaster(Forecaster):
         slices, idle = (self._patient_slices, deadline.idle) if widening else (self._slices, None)
         promised, network = self._promise(times, slices, idle)
         steps = self._windows(times, network, self._box if promised is None else promised)
-        promise = None if promised is None else {self._lasting[n]: _window(promised[n]) for n in self._open}
+        promise = (
+            None
+            if promised is None
+            else {
+                self._lasting[name]: (promised[name].lower or Fraction(0), promised[name].upper) for name in self._open
+            }
+        )
         reasons = (
             () if prospect is Prospect.ON_TRACK else ("no durations are left of which all are at least as planned",)
         )
@@ -299,7 +305,3 @@ class SliceForecaster(Forecaster):
                 start, end = (lower.get(p, (times.get(p, self._now), None)) for p in (instance.start, instance.end))
                 found[instance.identifier] = StepAhead(start, end, most.get(instance.identifier))
         return found
-
-
-def _window(interval: Interval) -> Window:
-    return interval.lower or Fraction(0), interval.upper

@@ -167,9 +167,8 @@ class _Snapping:
         reach = [self._tolerances.get(point, Fraction(0)) for point in points]
         numbers += [*(self._printed[point] for point in points), *reach]
         scale = 2 * lcm(*(number.denominator for number in numbers))
-        if (
-            not self._epsilon
-        ):  # All numbers are multiples of 2 / scale, and less than all steps of this length together.
+        if not self._epsilon:
+            # All numbers are multiples of 2 / scale, and less than all steps of this length together.
             scale *= len(points) + 1
         gap = self._epsilon or Fraction(2, scale)
         for pair in self._pairs:

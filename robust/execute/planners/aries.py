@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import importlib
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial, reduce
@@ -122,16 +122,12 @@ class AriesTranslation:
             case _:
                 assert_never(condition)
 
-    def expansions(self, variables: Iterable[syntax.TypedName], bindings: Bindings) -> Iterator[Bindings]:
+    def expansions(self, variables: Sequence[syntax.TypedName], bindings: Bindings) -> Iterator[Bindings]:
         """The bindings with every choice of objects for the variables of a quantifier."""
-        known, hierarchy = self._problem.objects.items(), self._domain.types
-        choices = {
-            variable.name: [name for name, typed in known if declarations.fits(typed.types, variable.types, hierarchy)]
-            for variable in variables
-        }
-        for chosen in product(*choices.values()):
+        names = [variable.name for variable in variables]
+        for chosen in product(*declarations.choices(variables, self._problem.objects, self._domain.types)):
             objects = (self.manager.ObjectExp(self.objects[name]) for name in chosen)
-            yield {**bindings, **dict(zip(choices, objects, strict=True))}
+            yield {**bindings, **dict(zip(names, objects, strict=True))}
 
     def _term(self, term: syntax.Term, bindings: Bindings) -> up.FNode:
         return bindings[term.name] if term.variable else self.manager.ObjectExp(self.objects[term.name])

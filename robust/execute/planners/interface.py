@@ -291,15 +291,7 @@ def kairos_planner(*, epsilon: Fraction = EPSILON) -> KairosPlanner:
     command = program("kairos")
     if command is None:
         raise missing("planner kairos (package kairos-planner)", "planners")
-    options = (
-        "--no-anytime",
-        "--threads",
-        "1",
-        "--memory",
-        str(_MEMORY_MB),
-        "--epsilon",
-        numbers.format_number(epsilon),
-    )
+    options = f"--no-anytime --threads 1 --memory {_MEMORY_MB} --epsilon {numbers.format_number(epsilon)}".split()
     arguments = (command, "solve", "{domain}", "{problem}", "--timeout", "{timeout}", *options)
     first = CommandPlanner("kairos", (*arguments, "--search", "eager-lama"), epsilon, _verdict)
     return KairosPlanner(first, CommandPlanner("kairos", arguments, epsilon, _verdict))

@@ -205,11 +205,7 @@ class _Constants:
                 if self.fixed(proposition.predicate):
                     place = max((places[term.name] for term in proposition.arguments if term.variable), default=-1)
                     checks.setdefault(place, []).append(proposition)
-        objects = self._problem.objects.values()
-        choices = [
-            [thing.name for thing in objects if declarations.fits(thing.types, parameter.types, self._hierarchy)]
-            for parameter in schema.parameters
-        ]
+        choices = declarations.choices(schema.parameters, self._problem.objects, self._hierarchy)
 
         def holds(proposition: syntax.Proposition, chosen: Sequence[str]) -> bool:
             terms = proposition.arguments

@@ -167,6 +167,16 @@ def count(number: int, noun: str) -> str:
     return f"{number or 'no'} {noun}{'' if number == 1 else 's'}"
 
 
+def choices(
+    variables: Iterable[TypedName], objects: Mapping[str, TypedName], hierarchy: Mapping[str, frozenset[str]]
+) -> list[list[str]]:
+    """The names of the objects that each variable may stand for."""
+    return [
+        [name for name, known in objects.items() if fits(known.types, variable.types, hierarchy)]
+        for variable in variables
+    ]
+
+
 def fits(types: Iterable[str], expected: Iterable[str], hierarchy: Mapping[str, frozenset[str]]) -> bool:
     """Whether an object of one of `types` is one of the `expected` types."""
     wanted = set(expected)

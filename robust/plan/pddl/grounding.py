@@ -12,7 +12,7 @@ from typing import TypeVar, assert_never
 from robust.errors import InputError, Location, UnsupportedError, did_you_mean
 from robust.plan import model
 from robust.plan.pddl import syntax
-from robust.plan.pddl.declarations import count, fits
+from robust.plan.pddl.declarations import choices, count, fits
 from robust.plan.pddl.write import condition_text, duration_text, expression_text, type_text
 from robust.plan.polynomial import Polynomial
 
@@ -35,13 +35,8 @@ class Context:
 
     def instances(self, variables: tuple[syntax.TypedName, ...]) -> Iterator[Context]:
         """One context for every choice of objects for quantified variables."""
-        hierarchy, objects = self.domain.types, self.problem.objects.values()
-        choices = [
-            [candidate.name for candidate in objects if fits(candidate.types, variable.types, hierarchy)]
-            for variable in variables
-        ]
         names = [variable.name for variable in variables]
-        for chosen in product(*choices):
+        for chosen in product(*choices(variables, self.problem.objects, self.domain.types)):
             yield replace(self, bindings={**self.bindings, **dict(zip(names, chosen, strict=True))})
 
 
