@@ -311,9 +311,11 @@ class Monitor:
         if message.kind is MessageKind.RETRACT:
             return self._retract(message)
         wrong = _wrong_times(message)
-        if wrong is None and message.kind in {*OBSERVED, MessageKind.TICK}:
-            wrong = self._wrong_clock(message) if message.kind is MessageKind.TICK else self._wrong_observation(message)
-        if wrong is None and message.kind not in {*OBSERVED, MessageKind.TICK}:
+        if wrong is None and message.kind is MessageKind.TICK:
+            wrong = self._wrong_clock(message)
+        elif wrong is None and message.kind in OBSERVED:
+            wrong = self._wrong_observation(message)
+        elif wrong is None:
             step = message.step if message.step in self._said else self._meant(message)
             if step is None:
                 names = [name for each in self.plan.instances for name in (each.identifier, str(each)[1:-1])]

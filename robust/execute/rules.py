@@ -189,9 +189,7 @@ def _rule(table: Mapping[str, object], place: str) -> Rule:
         named = "none" if not subjects else " and ".join(subject.value for subject in subjects)
         raise InputError(f"found {named}, expected one of duration, consumption and parameter", location)
     subject = subjects[0]
-    name = table[subject.value]
-    if not isinstance(name, str) or not name.strip():
-        raise InputError(f"found {shorten(str(name))} for {subject.value!r}, expected a name", location)
+    name = _name(table, subject.value, location)
     rule = Rule(subject, _normal_name(subject, name), _form(table, {subject.value, "relative"}, location))
     _check_numbers(rule, location)
     return rule
@@ -203,9 +201,7 @@ def _factor_rule(table: Mapping[str, object], place: str) -> FactorRule:
     if len(effects) != 1:
         raise InputError(f"found {' and '.join(effects) or 'none'}, expected one of scales and shifts", location)
     form = _form(table, {"name", *effects}, location)
-    name = table.get("name")
-    if not isinstance(name, str) or not name.strip():
-        raise InputError(f"found {shorten(str(name))} for 'name', expected a name", location)
+    name = _name(table, "name", location)
     return factor_rule(name, _subjects(table, effects[0], location), form, scales=effects == ["scales"], place=location)
 
 
@@ -223,6 +219,13 @@ def factor_rule(
         found = "no minimum" if least is None else f"least value {least}"
         raise InputError(f"found {found} of a factor that scales durations, expected one above 0", place)
     return FactorRule(name.strip(), distribution.settled, tuple(map(normal_name, subjects)), scales)
+
+
+def _name(table: Mapping[str, object], key: str, location: Location) -> str:
+    name = table.get(key)
+    if not isinstance(name, str) or not name.strip():
+        raise InputError(f"found {shorten(str(name))} for {key!r}, expected a name", location)
+    return name
 
 
 def _subjects(table: Mapping[str, object], key: str, location: Location) -> list[str]:

@@ -17,7 +17,7 @@ from graphlib import TopologicalSorter
 from robust.encode import interface
 from robust.errors import RefutedError, SolverError, UnsupportedError
 from robust.execute import trees
-from robust.execute.trees import BehaviorTree, StepMoment, earliest_starts, parse_tree, sides_of, unkept
+from robust.execute.trees import BehaviorTree, StepMoment, TreeEncoding, earliest_starts, parse_tree, sides_of, unkept
 from robust.irr import check
 from robust.numbers import format_number
 from robust.plan import model
@@ -78,7 +78,7 @@ def make_tree(
         tree = parse_tree(text, plan)
         allowed = tree.network(plan, epsilon, lag)
         box = Box.nominal(plan.parameters)
-        encoding = tree.encoding(allowed, epsilon, lag, box.ranges)
+        encoding = TreeEncoding(tree, allowed, epsilon, lag, box)
         result = check.Checker(encoding, box, solver=solver, deadline=deadline).run()
         if result.answer is check.Answer.PROVED:
             return MadeTree(text, result, tuple(item for item, _ in unkept(plan, allowed, box)), tree)
@@ -228,17 +228,13 @@ class _TreeWriter:
         level, name, begun = part.level, part.text, part.begun
         parts = [_TreePart(level, f'<Sequence name="{self._names[name]}">', is_line=True)]
         while True:
-            inner = [] if begun else [("WaitAction", other) for other in self._for_ends[name]]
-            inner += [] if begun else [("WaitAtStartReq", name), ("ApplyAtStartEffect", name)]
-            inside = [] if begun else self._inside[name]
-            if inside:
-                parts += self._leaves(level + 1, inner)
-                parts += _in_parallel(
-                    level + 1,
-                    [_TreePart(level + 2, name, begun=True), *(_TreePart(level + 2, other) for other in inside)],
-                )
+            if not begun:
+                waits = [("WaitAction", other) for other in self._for_ends[name]]
+                parts += self._leaves(level + 1, [*waits, ("WaitAtStartReq", name), ("ApplyAtStartEffect", name)])
+            if not begun and self._inside[name]:
+                inside = [_TreePart(level + 2, other) for other in self._inside[name]]
+                parts += _in_parallel(level + 1, [_TreePart(level + 2, name, begun=True), *inside])
                 break
-            parts += self._leaves(level + 1, inner)
             parts.append(_TreePart(level + 1, f'<ReactiveSequence name="{self._names[name]}">', is_line=True))
             parts += self._leaves(level + 2, [("CheckOverAllReq", name), ("ExecuteAction", name)])
             parts.append(_TreePart(level + 1, "</ReactiveSequence>", is_line=True))

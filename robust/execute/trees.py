@@ -131,39 +131,20 @@ class BehaviorTree:
             waits[order.after].append(order)
         return waits
 
-    def encoding(
-        self,
-        allowed: model.ParametrizedPlan,
-        epsilon: Fraction,
-        lag: Fraction | None,
-        ranges: Mapping[str, interface.Range],
-    ) -> TreeEncoding:
-        """The obligations of :meth:`network`."""
-        starts = {
-            point: tuple(order.before for order in orders)
-            for point, orders in self.waits(allowed).items()
-            if lag is not None and len(orders) > 1 and point.kind is not model.TimePointKind.END
-        }
-        return TreeEncoding(allowed, epsilon, ranges, starts, lag or Fraction(0))
-
 
 class TreeEncoding(RelationalEncoding):
     """The obligations of a tree's network, with starts that come within a lag after the last thing waited for."""
 
     def __init__(
-        self,
-        plan: model.ParametrizedPlan,
-        epsilon: Fraction,
-        ranges: Mapping[str, interface.Range],
-        starts: Mapping[model.TimePoint, tuple[model.TimePoint, ...]],
-        lag: Fraction,
+        self, tree: BehaviorTree, allowed: model.ParametrizedPlan, epsilon: Fraction, lag: Fraction | None, box: Box
     ) -> None:
-        super().__init__(plan, epsilon, ranges)
+        super().__init__(allowed, epsilon, box.ranges)
         self._prompt = [
             self.terms.disjunction(
-                [self.terms.at_least(self.network.distance(point, before) + lag) for before in waited_for]
+                [self.terms.at_least(self.network.distance(point, order.before) + lag) for order in orders]
             )
-            for point, waited_for in starts.items()
+            for point, orders in tree.waits(allowed).items()
+            if lag is not None and len(orders) > 1 and point.kind is not model.TimePointKind.END
         ]
 
     def network_formulas(self) -> list[Formula]:
@@ -562,7 +543,7 @@ class TreeQuestion(CheckQuestion):
         return self._tree.network(self.plan, self.manner.epsilon, self._lag)
 
     def encoded(self, plan: model.ParametrizedPlan, box: Box) -> TreeEncoding:
-        return self._tree.encoding(plan, self.manner.epsilon, self._lag, box.ranges)
+        return TreeEncoding(self._tree, plan, self.manner.epsilon, self._lag, box)
 
     @cached_property
     def _formulas(self) -> TreeEncoding:
