@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from robust.encode.interface import EPSILON
 from robust.errors import InputError, Location, RefutedError
-from robust.execute.snap import Snapped, TooFarError, snap
+from robust.execute.snap import Snapped, Snapping, TooFarError
 from robust.network.differences import Distances
 from robust.numbers import format_number, round_up
 from robust.plan import stn, timed, timeline
@@ -240,7 +240,7 @@ def snapped(
         UnsupportedError: if the simulator cannot decide an over-all condition or a continuous effect.
     """
     try:
-        return snap(plan, with_literals(plan, times), tolerances, mutex_pairs(plan), epsilon)
+        return Snapping(plan, with_literals(plan, times), tolerances, tuple(mutex_pairs(plan)), epsilon).run()
     except TooFarError as error:
         near = error.shift is not None and error.shift <= COARSEST
         remedy = f", which --tolerance {format_number(round_up(error.shift or Fraction(0)))} allows" if near else ""

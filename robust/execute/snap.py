@@ -7,7 +7,7 @@ before the printed times, it is half of the greatest L − printed, unless zero 
 because a chain of steps may begin as much earlier as it ends later.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -105,14 +105,10 @@ class TooFarError(RefutedError):
         self.shift = shift
 
 
-def snap(
-    plan: ParametrizedPlan,
-    printed: Mapping[TimePoint, Fraction],
-    tolerances: Mapping[TimePoint, Fraction],
-    pairs: Iterable[tuple[TimePoint, TimePoint]],
-    epsilon: Fraction,
-) -> Snapped:
-    """The nearest schedule with the durations that the domain demands, the printed order, and mutex points ε apart.
+@dataclass(frozen=True)
+class Snapping:
+    """The search for the nearest schedule with the durations that the domain demands, the printed order, and mutex
+    points ε apart.
 
     Args:
         plan: the ground plan, without constraints; parameters have their nominal values.
@@ -120,39 +116,37 @@ def snap(
         tolerances: how far each start, and each end, may be from where it was printed.
         pairs: the mutex pairs of the plan.
         epsilon: their separation; 0 is at different times, as little apart as that can be said of them all.
-
-    Raises:
-        TooFarError: if there is no such schedule.
-        InputError: if a fluent is read that has no value.
     """
-    return _Snapping(plan, printed, tolerances, tuple(pairs), epsilon).run()
 
-
-@dataclass(frozen=True)
-class _Snapping:
-    _plan: ParametrizedPlan
-    _printed: Mapping[TimePoint, Fraction]
-    _tolerances: Mapping[TimePoint, Fraction]
-    _pairs: Sequence[tuple[TimePoint, TimePoint]]
-    _epsilon: Fraction
+    plan: ParametrizedPlan
+    printed: Mapping[TimePoint, Fraction]
+    tolerances: Mapping[TimePoint, Fraction]
+    pairs: Sequence[tuple[TimePoint, TimePoint]]
+    epsilon: Fraction
 
     @cached_property
     def _order(self) -> dict[TimePoint, int]:
         """The time points in the printed order; of what is printed at one time, ends come before starts."""
-        starts = {instance.start for instance in self._plan.instances if instance.durative}
-        ordered = sorted(self._plan.time_points, key=lambda point: (self._printed[point], point in starts))
+        starts = {instance.start for instance in self.plan.instances if instance.durative}
+        ordered = sorted(self.plan.time_points, key=lambda point: (self.printed[point], point in starts))
         return {point: number for number, point in enumerate(ordered)}
 
     def run(self) -> Snapped:
+        """The schedule.
+
+        Raises:
+            TooFarError: if there is none.
+            InputError: if a fluent is read that has no value.
+        """
         demands = self._demands()
         self._check_durations(demands)
         nodes: dict[TimePoint, tuple[int, Fraction]] = {}
         """The node of the network that a time point belongs to, and how long after it the time point is."""
         points: list[TimePoint] = [ZERO]
-        for point in self._plan.time_points:
+        for point in self.plan.time_points:
             if point == ZERO or point.time is not None:
                 nodes[point] = 0, point.time or Fraction(0)
-        for instance in self._plan.instances:
+        for instance in self.plan.instances:
             nodes[instance.start] = len(points), Fraction(0)
             points.append(instance.start)
             if instance.durative:
@@ -163,15 +157,15 @@ class _Snapping:
                     nodes[instance.end] = len(points), Fraction(0)
                     points.append(instance.end)
         bounds = [(nodes[source], nodes[target], weight) for source, target, weight in self._bounds(demands)]
-        numbers = [self._epsilon, *(weight for _, _, weight in bounds), *(after for _, after in nodes.values())]
-        reach = [self._tolerances.get(point, Fraction(0)) for point in points]
-        numbers += [*(self._printed[point] for point in points), *reach]
+        numbers = [self.epsilon, *(weight for _, _, weight in bounds), *(after for _, after in nodes.values())]
+        reach = [self.tolerances.get(point, Fraction(0)) for point in points]
+        numbers += [*(self.printed[point] for point in points), *reach]
         scale = 2 * lcm(*(number.denominator for number in numbers))
-        if not self._epsilon:
+        if not self.epsilon:
             # All numbers are multiples of 2 / scale, and less than all steps of this length together.
             scale *= len(points) + 1
-        gap = self._epsilon or Fraction(2, scale)
-        for pair in self._pairs:
+        gap = self.epsilon or Fraction(2, scale)
+        for pair in self.pairs:
             early, late = sorted(pair, key=self._order.__getitem__)
             bounds.append((nodes[early], nodes[late], gap))
         network = [
@@ -179,7 +173,7 @@ class _Snapping:
             for (source, before), (target, after), weight in bounds
             if source != target or weight + before - after > 0
         ]
-        wished = [int(self._printed[point] * scale) for point in points]
+        wished = [int(self.printed[point] * scale) for point in points]
         if any(source == target for source, target, _ in network):
             raise TooFarError(_CONTRADICTION, self._with_durations(demands))
         times = self._placed(network, wished, [int(distance * scale) for distance in reach], scale, demands)
@@ -211,7 +205,7 @@ class _Snapping:
         return windows(reach).place(wished)
 
     def _bounds(self, demands: Demands) -> Iterator[tuple[TimePoint, TimePoint, Fraction]]:
-        for instance in self._plan.instances:
+        for instance in self.plan.instances:
             yield ZERO, instance.start, Fraction(0)
             if instance.durative:
                 low, high = demands[instance.identifier]
@@ -219,9 +213,9 @@ class _Snapping:
                 if high is not None:
                     yield instance.end, instance.start, -high
         writers: dict[model.Atom | model.Fluent, set[TimePoint]] = {}
-        for name, point in changes(self._plan):
+        for name, point in changes(self.plan):
             writers.setdefault(name, set()).add(point)
-        for instance in self._plan.instances:
+        for instance in self.plan.instances:
             for part in instance.conditions:
                 if part.timing is model.Timing.OVER_ALL:
                     for name in names_in(part.condition):
@@ -235,11 +229,11 @@ class _Snapping:
         """
         if point in instance.time_points:
             return
-        start, end = self._printed[instance.start], self._printed[instance.end]
-        near = self._tolerances.get(point, Fraction(0)) + self._tolerances.get(instance.end, Fraction(0))
-        if self._printed[point] <= start:
+        start, end = self.printed[instance.start], self.printed[instance.end]
+        near = self.tolerances.get(point, Fraction(0)) + self.tolerances.get(instance.end, Fraction(0))
+        if self.printed[point] <= start:
             yield point, instance.start, Fraction(0)
-        elif self._printed[point] >= end - near:
+        elif self.printed[point] >= end - near:
             yield instance.end, point, Fraction(0)
         else:
             yield instance.start, point, Fraction(0)
@@ -253,14 +247,14 @@ class _Snapping:
         demands: dict[str, tuple[Fraction, Fraction | None]] = {}
         times = self._spread()
         durations = {
-            instance.identifier: self._printed[instance.end] - self._printed[instance.start]
-            for instance in self._plan.instances
+            instance.identifier: self.printed[instance.end] - self.printed[instance.start]
+            for instance in self.plan.instances
         }
         for _ in range(len(durations) + 1):
-            execution = timeline.TimedExecution(self._plan, self._plan.nominal, times, durations)
+            execution = timeline.TimedExecution(self.plan, self.plan.nominal, times, durations)
             demands = {
                 instance.identifier: duration_range(instance, read_before(execution, instance))
-                for instance in self._plan.instances
+                for instance in self.plan.instances
                 if instance.durative
             }
             exact = {name: _nearest(durations[name], *limits) for name, limits in demands.items()}
@@ -279,18 +273,18 @@ class _Snapping:
 
     def _changes(self, demands: Demands) -> Iterator[tuple[ActionInstance, Fraction]]:
         """Differences between the durations that the domain demands and the printed ones."""
-        for instance in self._plan.instances:
+        for instance in self.plan.instances:
             if instance.durative:
-                printed = self._printed[instance.end] - self._printed[instance.start]
+                printed = self.printed[instance.end] - self.printed[instance.start]
                 yield instance, _nearest(printed, *demands[instance.identifier]) - printed
 
     def _reach(self, instance: ActionInstance) -> Fraction:
         """Tolerance of a duration."""
-        return self._tolerances.get(instance.end, Fraction(0))
+        return self.tolerances.get(instance.end, Fraction(0))
 
     def _with_durations(self, demands: Demands) -> dict[TimePoint, Fraction]:
         """The printed starts, and ends by exact durations where these are near enough."""
-        times = dict(self._printed)
+        times = dict(self.printed)
         for instance, change in self._changes(demands):
             if abs(change) <= self._reach(instance):
                 times[instance.end] += change
@@ -298,15 +292,15 @@ class _Snapping:
 
     def _spread(self) -> dict[TimePoint, Fraction]:
         """The printed times with mutex points that share one a little apart, in their order."""
-        tied = {point for pair in self._pairs for point in pair if self._printed[pair[0]] == self._printed[pair[1]]}
+        tied = {point for pair in self.pairs for point in pair if self.printed[pair[0]] == self.printed[pair[1]]}
         little = Fraction(1, 10**12)
         return {
             point: time + little * self._order[point] if point in tied and point.time is None else time
-            for point, time in self._printed.items()
+            for point, time in self.printed.items()
         }
 
     def _result(self, times: Mapping[TimePoint, Fraction], shift: int, scale: int) -> Snapped:
-        printed, instances = self._printed, self._plan.instances
+        printed, instances = self.printed, self.plan.instances
         changes = [
             (times[instance.end] - times[instance.start]) - (printed[instance.end] - printed[instance.start])
             for instance in instances

@@ -20,7 +20,7 @@ from functools import cached_property
 from robust.encode.interface import EPSILON
 from robust.errors import InputError, Location
 from robust.execute import distances
-from robust.execute.snap import Snapped, TooFarError, snap
+from robust.execute.snap import Snapped, Snapping, TooFarError
 from robust.numbers import decimal_at, decimal_index, format_number, plural, readable, readable_values, round_up
 from robust.plan import load, stn
 from robust.plan.model import ActionInstance, Atom, Condition, Holds, ParametrizedPlan, TimePoint, TimePointKind, Timing
@@ -257,7 +257,7 @@ class _Judge:
         if printed.valid or not any(rounding.values()):
             return printed
         try:
-            snapped = snap(self.plan, self.printed, rounding, self._pairs, epsilon)
+            snapped = Snapping(self.plan, self.printed, rounding, self._pairs, epsilon).run()
         except TooFarError as error:
             nearest = self._simulated(error.times, epsilon)
             stretched = self._stretched(error.times) if not nearest.violations else None
@@ -272,7 +272,7 @@ class _Judge:
     def shift(self, epsilon: Fraction) -> Fraction | None:
         """The least shift of times that satisfies durations and separations; None if no times do."""
         try:
-            snap(self.plan, self.printed, {}, self._pairs, epsilon)
+            Snapping(self.plan, self.printed, {}, self._pairs, epsilon).run()
         except TooFarError as error:
             return error.shift
         return None
