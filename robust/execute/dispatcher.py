@@ -18,7 +18,7 @@ from time import perf_counter
 
 from robust.errors import did_you_mean
 from robust.execute.dispatchable import Dispatchable, Guarantee, Means, NaturalLink
-from robust.execute.slices import Observations, Remainder, hull
+from robust.execute.slices import Observations, Remainder
 from robust.network.dispatchable import Windows
 from robust.numbers import format_number
 from robust.plan import model, timeline
@@ -634,7 +634,7 @@ class Dispatcher:
                 possible[varying] = Interval(end, None) if factor > 0 else Interval(None, end)
         return Observations(
             now=self._now,
-            seen={name: hull(seen) for name, seen in values.items()},
+            seen={name: Interval(min(seen), max(seen)) for name, seen in values.items()},
             settled=frozenset(name for name, seen in values.items() if len(seen) >= reveals[name]),
             possible=possible,
             times=self.times,

@@ -381,8 +381,3 @@ def _around(interval: Interval, seen: Interval) -> Interval:
         if end is not None and new is not None and side.sign * new >= side.sign * end:
             interval = interval.with_end(side, new)
     return interval
-
-
-def hull(values: Sequence[Fraction]) -> Interval:
-    """The least interval around some values."""
-    return Interval(min(values), max(values))

@@ -89,12 +89,10 @@ class Luck:
 class WorldState:
     """Atoms, fluents and the moment; `flows` are the rates of running instances by their identifier."""
 
-    def __init__(
-        self, atoms: Iterable[model.Atom], fluents: Mapping[model.Fluent, Fraction], time: Fraction = Fraction(0)
-    ) -> None:
+    def __init__(self, atoms: Iterable[model.Atom], fluents: Mapping[model.Fluent, Fraction]) -> None:
         self.atoms = set(atoms)
         self.fluents = dict(fluents)
-        self.time = time
+        self.time = Fraction(0)
         self.flows: dict[str, tuple[tuple[model.Fluent, Fraction], ...]] = {}
 
     def snapshot(self) -> timeline.State:
