@@ -369,6 +369,7 @@ def searching_rank(
     options: verbs.RankOptions,
 ) -> RankSearch:
     """The search behind :func:`rank`."""
+    from robust.execute.convert import Settings
     from robust.execute.rules import read_rules
     from robust.sweeps.rank import RankSearch
 
@@ -383,7 +384,7 @@ def searching_rank(
         _several(plans, "plans", "plans: paths or texts"),
         specs=specs,
         latest=options.deadline,
-        settings={"epsilon": options.separation, "solver": options.solver, "timeout": options.limit},
+        settings=Settings(epsilon=options.separation, solver=options.solver, timeout=options.limit),
         success=partial(_probability, random) if options.distribution or options.world is not None else None,
         deadline=Deadline.after(options.limit),
         on_plan=options.on_plan or (lambda _: None),

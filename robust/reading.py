@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from robust.errors import InputError
@@ -116,9 +117,8 @@ def load_plan(
 
     from robust.execute.convert import ConversionEnd, convert
 
-    conversion = convert(
-        parsed_domain, parsed_problem, steps, **conversion_settings(reading, specs, reading.limit, on_progress)
-    )
+    settings = conversion_settings(reading, specs, reading.limit, on_progress)
+    conversion = convert(parsed_domain, parsed_problem, steps, settings)
     if conversion.ended is ConversionEnd.INTERRUPTED:
         raise KeyboardInterrupt
     note = f"made a network of {plural(len(conversion.stn.constraints), 'constraint')}"
@@ -137,20 +137,20 @@ def conversion_settings(
     on_progress: Callable[[str], None] | None,
 ) -> Settings:
     """The settings for converting steps to a network, of options for that."""
-    from robust.execute.convert import Mode
+    from robust.execute.convert import Mode, Settings
 
-    return {
-        "mode": Mode(options.mode),
-        "free_durations": options.free_durations,
-        "specs": specs,
-        "deadline": options.deadline,
-        "relative": options.relative,
-        "epsilon": options.separation,
-        "tolerance": options.rounding,
-        "solver": options.solver,
-        "timeout": timeout,
-        "on_progress": on_progress,
-    }
+    return Settings(
+        mode=Mode(options.mode),
+        free_durations=options.free_durations,
+        specs=specs,
+        deadline=options.deadline,
+        relative=options.relative,
+        epsilon=options.separation,
+        tolerance=options.rounding,
+        solver=options.solver,
+        timeout=timeout,
+        on_progress=on_progress,
+    )
 
 
 def _name_of(mode: str | Mode) -> str:
@@ -316,7 +316,7 @@ def convert(
     if not isinstance(plan, TimedPlan):
         _require_path("plan", plan)
         plan = parse_timed_plan(*plan_text(plan), reading.plan_number)
-    return convert(*parsed, plan, **conversion_settings(reading, specs, reading.limit, on_progress))
+    return convert(*parsed, plan, conversion_settings(reading, specs, reading.limit, on_progress))
 
 
 # -- from here on ------------------------------------------------------------------------------------------------------
@@ -382,5 +382,5 @@ def replan(
     remainder = OpenProblem(*domain_and_problem(domain, problem), state, passed, reading.separation, latest)
     if isinstance(planner, str):
         planner = create_planner(planner, epsilon=reading.separation)
-    settings: Settings = {**conversion_settings(reading, specs, reading.limit, None), "deadline": latest}
-    return new_plan(remainder, planner, reading.limit, **settings)
+    settings = replace(conversion_settings(reading, specs, reading.limit, None), deadline=latest)
+    return new_plan(remainder, planner, reading.limit, settings)

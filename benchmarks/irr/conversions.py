@@ -23,7 +23,7 @@ from typing import ClassVar
 from robust.encode.interface import EPSILON
 from robust.errors import InputError, RobustError
 from robust.execute.causal import check_plan
-from robust.execute.convert import Conversion, Mode, convert
+from robust.execute.convert import Conversion, Mode, Settings, convert
 from robust.execute.distances import DistanceEdge, EdgeNetwork
 from robust.execute.planners import create_planner
 from robust.irr.check import Answer, CheckResult
@@ -205,7 +205,7 @@ def convert_and_judge(
     domain = parse_domain(texts.domain)
     problem = parse_problem(texts.problem, domain)
     timed = parse_timed_plan(texts.plan)
-    conversion = convert(domain, problem, timed, mode=Mode.CAUSAL, timeout=limit)
+    conversion = convert(domain, problem, timed, Settings(mode=Mode.CAUSAL, timeout=limit))
     converted = time.perf_counter()
     judgements = judge_constraints(conversion, EPSILON, "z3", Deadline.after(limit))
     counts = Counter((one.kind, one.removal) for one in judgements)

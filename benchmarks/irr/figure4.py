@@ -20,7 +20,7 @@ from typing import Any, ClassVar
 from robust.api import envelope
 from robust.errors import InputError, RobustError
 from robust.execute.controllability import Control, Controllability
-from robust.execute.convert import convert
+from robust.execute.convert import Settings, convert
 from robust.execute.parametrization import option_of
 from robust.plan.model import ActionInstance, Duration, ParameterReference, ParametrizedPlan, Relation
 from robust.plan.parameters import parse_specs
@@ -89,7 +89,7 @@ def own_instance(parameters: int, seed: int) -> DeliveryInstance:
     made = scaling_instance(parameters, seed)
     domain = parse_domain(made.domain)
     problem, timed = parse_problem(made.problem, domain), parse_timed_plan(made.plan)
-    conversion = convert(domain, problem, timed, specs=parse_specs(made.specs))
+    conversion = convert(domain, problem, timed, Settings(specs=parse_specs(made.specs)))
     found = len(conversion.plan.parameters)
     if found != parameters:
         raise ValueError(f"the instance has {found} parameters, expected {parameters}")

@@ -274,7 +274,7 @@ def _network_of_steps(
     timed = parse_timed_plan(text, file, options.plan_number)
     remaining = None if run.remaining is None else run.remaining / 2
     settings = conversion_settings(options, specs, remaining, run.display.say)
-    conversion = convert(*parsed, timed, **settings)
+    conversion = convert(*parsed, timed, settings)
     if conversion.ended is ConversionEnd.INTERRUPTED:
         raise KeyboardInterrupt
     return conversion, conversion.notes(timed)

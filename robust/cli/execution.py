@@ -247,7 +247,7 @@ def _converting(options: ConvertCommand, run: Run) -> tuple[TimedPlan, Convertin
     parsed = domain_and_problem(options.domain, options.problem)
     timed = parse_timed_plan(*read_plan_text(options.plan), options.plan_number)
     settings = conversion_settings(options, specs, run.remaining, run.display.say)
-    return timed, Converting(*parsed, timed, **settings)
+    return timed, Converting(*parsed, timed, settings)
 
 
 def _write(options: ConvertCommand, conversion: Conversion) -> None:
@@ -357,8 +357,8 @@ def _prepared(options: ExecuteCommand, mission: replan.Mission, run: Run) -> rep
         return prepare_plan(with_relative_widths(plan) if options.relative else plan, mission.options)
     timed = parse_timed_plan(text, file, options.plan_number)
     # Of re-plans nobody knows by how much later they may end.
-    settings, rounding = replace(mission.options, deadline=options.deadline), options.rounding
-    return prepare_timed(mission.domain, mission.problem, timed, settings, tolerance=rounding, on_note=run.note)
+    settings = replace(mission.options, deadline=options.deadline, tolerance=options.rounding)
+    return prepare_timed(mission.domain, mission.problem, timed, settings, on_note=run.note)
 
 
 # -- demo --------------------------------------------------------------------------------------------------------------

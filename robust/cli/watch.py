@@ -21,7 +21,6 @@ from robust.cli import output, plans
 from robust.cli.guard import Run, action
 from robust.cli.lines import LineReader, LineWriter, listening
 from robust.errors import UNDECIDED, InputError, Location, RobustError
-from robust.execute.convert import Settings
 from robust.execute.drive import WallClock
 from robust.execute.forecast import Prospect
 from robust.execute.messages import MessageKind, MonitorMessage, message_of, read_journal, read_message
@@ -81,7 +80,7 @@ class Replanning:
         specs, _ = specifications(options.parameter or ("duration:*",), options.parameters)
         self._deadline = deadline_of(plan)
         known = conversion_settings(options, specs, None, None)  # another plan becomes a network as the first
-        self._settings: Settings = {**known, "deadline": self._deadline, "tolerance": None}
+        self._settings = replace(known, deadline=self._deadline, tolerance=None)
         self._epsilon = options.separation
         self._thread: threading.Thread | None = None
         self._open = False
@@ -134,7 +133,7 @@ class Replanning:
     def _answer(self, remainder: OpenProblem) -> NewPlan | str:
         def plan() -> NewPlan | str:
             try:
-                found = new_plan(remainder, self._planner, self.seconds, **self._settings)
+                found = new_plan(remainder, self._planner, self.seconds, self._settings)
             except RobustError as error:
                 return " ".join(str(error).split())
             return found if found.texts else ""  # which are written there, not here

@@ -8,12 +8,11 @@ parameters, :mod:`robust.execute.room` sees to it that the network takes nothing
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, replace
+from dataclasses import dataclass, replace
 from enum import Enum
 from fractions import Fraction
 from functools import cached_property
 from itertools import pairwise
-from typing import TypedDict, Unpack
 
 from robust.encode.interface import EPSILON
 from robust.errors import Location, SolverError, UnsupportedError
@@ -105,7 +104,8 @@ class Conversion(Presented, ask="check"):
         return tuple(filter(None, (timed.note, str(self.snapped), missing, taken, "" if self.epsilon else gap)))
 
 
-class Settings(TypedDict, total=False):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
     """Settings of a conversion.
 
     Attributes:
@@ -124,16 +124,16 @@ class Settings(TypedDict, total=False):
         on_progress: called with what is being done.
     """
 
-    mode: Mode
-    free_durations: bool
-    specs: Iterable[parameters.ParameterSpec]
-    deadline: Number | None
-    relative: bool
-    epsilon: Fraction
-    tolerance: Fraction | None
-    solver: str
-    timeout: float | None
-    on_progress: Callable[[str], None] | None
+    mode: Mode = Mode.ROOM
+    free_durations: bool = False
+    specs: Sequence[parameters.ParameterSpec] = ()
+    deadline: Number | None = None
+    relative: bool = False
+    epsilon: Fraction = EPSILON
+    tolerance: Fraction | None = None
+    solver: str = "z3"
+    timeout: float | None = None
+    on_progress: Callable[[str], None] | None = None
 
 
 @dataclass
@@ -146,22 +146,11 @@ class Converting:
     domain: Domain
     problem: Problem
     timed: TimedPlan
-    _: KW_ONLY
-    mode: Mode = Mode.ROOM
-    free_durations: bool = False
-    specs: Iterable[parameters.ParameterSpec] = ()
-    deadline: Number | None = None
-    relative: bool = False
-    epsilon: Fraction = EPSILON
-    tolerance: Fraction | None = None
-    solver: str = "z3"
-    timeout: float | None = None
-    on_progress: Callable[[str], None] | None = None
+    settings: Settings = Settings()
 
     def __post_init__(self) -> None:
-        self.specs = tuple(self.specs)
-        self._deadline = Deadline.after(self.timeout)
-        self._say = self.on_progress or (lambda _: None)
+        self._deadline = Deadline.after(self.settings.timeout)
+        self._say = self.settings.on_progress or (lambda _: None)
         self._proved: _Network | None = None
 
     def run(self) -> Conversion:
@@ -169,7 +158,7 @@ class Converting:
         self._say("executing the plan")
         original, _, _ = self._original
         try:
-            if self.mode is Mode.ESTEREL:
+            if self.settings.mode is Mode.ESTEREL:
                 network = _Network(
                     (*esterel_edges(original), *self._ties), check=verdict_of(original.plan, Answer.UNKNOWN)
                 )
@@ -178,8 +167,8 @@ class Converting:
                 network = self._causal()
             stn, plan = self._written(network)
             self._say("proving the plan")
-            result = check_plan(plan, self.epsilon, self.solver, self._deadline)
-            if self.mode is not Mode.ESTEREL:
+            result = check_plan(plan, self.settings.epsilon, self.settings.solver, self._deadline)
+            if self.settings.mode is not Mode.ESTEREL:
                 _assert_proved(result)
         except (UndecidedError, OutOfTimeError):
             return self._best(ConversionEnd.UNDECIDED if self._deadline.moment is None else ConversionEnd.TIMEOUT)
@@ -196,17 +185,17 @@ class Converting:
     @cached_property
     def _original(self) -> tuple[distances.Original, Parametrization, snap.Snapped]:
         """The plan at exact times, executed; its parameters; and how far its times moved."""
-        timed, epsilon = self.timed, self.epsilon
+        timed, epsilon = self.timed, self.settings.epsilon
         instances = distances.declarations(timed, self.domain, epsilon)
         times = distances.schedule_of(timed, instances)
         untimed = STNPlan((), instances, (), timed.file)
 
         def ground(times: Mapping[model.TimePoint, Fraction]) -> tuple[Parametrization, model.ParametrizedPlan]:
-            chosen = parametrization(self.domain, self.problem, untimed, times, self.specs)
+            chosen = parametrization(self.domain, self.problem, untimed, times, self.settings.specs)
             return chosen, load.assemble(self.domain, self.problem, chosen.bare, chosen.fluents)
 
         chosen, bare = ground(times)
-        reach = distances.tolerances(timed, instances, epsilon, Fraction(0) if timed.ties else self.tolerance)
+        reach = distances.tolerances(timed, instances, epsilon, Fraction(0) if timed.ties else self.settings.tolerance)
         snapped = distances.snapped(bare, times, reach, epsilon, timed.file)
         if str(snapped):
             times = dict(snapped.times)
@@ -220,7 +209,7 @@ class Converting:
         """
         original, chosen, _ = self._original
         has_parameters = bool(chosen.parameters or chosen.beside)
-        tightener = Tightener(original, self.solver, self._deadline, self._say)
+        tightener = Tightener(original, self.settings.solver, self._deadline, self._say)
         causal = causality.causal_network(original, self._pinned, chosen.pinned_durations)
         fixed = (*causal.durations, *chosen.pinned_starts(original.times), *self._ties)
         network = distances.EdgeNetwork(causal.points, (*causal.certain, *causal.edges))
@@ -229,7 +218,7 @@ class Converting:
         forced, proof = tightener.forced(needed)
         self._proved = _Network((*needed, *(bound.edge for bound in forced)), tuple(forced), check=proof)
         tightened: tuple[Tightening, ...] = ()
-        if not (self.mode is Mode.ROOM and has_parameters):
+        if not (self.settings.mode is Mode.ROOM and has_parameters):
             tightened = tightener.loosened(needed, forced)
         elif forced or _compares_over_time(original.plan):
             from robust.execute.room import RoomFirst  # noqa: PLC0415 - searches for boxes, which few plans need
@@ -272,7 +261,7 @@ class Converting:
     def _pinned(self) -> Collection[str]:
         """The instances whose durations are as planned."""
         original, chosen, _ = self._original
-        if self.mode is Mode.CAUSAL or self.free_durations:
+        if self.settings.mode is Mode.CAUSAL or self.settings.free_durations:
             return chosen.pinned_durations
         return [instance.identifier for instance in original.plan.instances if instance.durative]
 
@@ -296,8 +285,8 @@ class Converting:
         constraints = tuple(sorted(every, key=lambda bound: bound.source.instance != bound.target.instance))
         stn = replace(chosen.bare, parameters=chosen.parameters, constraints=constraints)
         end = max(original.times[instance.end] for instance in stn.instances)
-        stn = with_deadline(stn, self.deadline, Location("--deadline"), end)
-        stn = with_relative_weights(stn) if self.relative else stn
+        stn = with_deadline(stn, self.settings.deadline, Location("--deadline"), end)
+        stn = with_relative_weights(stn) if self.settings.relative else stn
         return stn, load.assemble(self.domain, self.problem, stn, chosen.beside)
 
     def _conversion(
@@ -315,13 +304,13 @@ class Converting:
                 Location(self.timed.file),
             )
         return Conversion(
-            self.mode, stn, plan, chosen.beside, original.times, snapped, check, network.tightened, network.redundant,
-            ended, self.epsilon, self.solver, original.gap,
+            self.settings.mode, stn, plan, chosen.beside, original.times, snapped, check, network.tightened,
+            network.redundant, ended, self.settings.epsilon, self.settings.solver, original.gap,
         )  # fmt: skip
 
 
 @one_question()
-def convert(domain: Domain, problem: Problem, timed: TimedPlan, **settings: Unpack[Settings]) -> Conversion:
+def convert(domain: Domain, problem: Problem, timed: TimedPlan, settings: Settings = Settings()) -> Conversion:
     """The time-triggered plan as an STN plan whose network allows its schedule [IRR §3].
 
     In mode CAUSAL the network is proved valid. Both the proof and the plan's own schedule (executed by the simulator,
@@ -331,7 +320,7 @@ def convert(domain: Domain, problem: Problem, timed: TimedPlan, **settings: Unpa
         domain: the domain, see :func:`robust.plan.pddl.reader.read_domain`.
         problem: the problem.
         timed: the time-triggered plan.
-        **settings: see :class:`Settings`.
+        settings: how its steps become a network.
 
     Raises:
         InputError: if the plan is empty, or does not fit the domain and problem, or a specification does not fit it.
@@ -341,7 +330,7 @@ def convert(domain: Domain, problem: Problem, timed: TimedPlan, **settings: Unpa
     Out of time, interrupted, or where the solver cannot decide, the conversion says so (`ended`), and its network is
     the last one that was proved: at worst that which allows the plan's own schedule only.
     """
-    return Converting(domain, problem, timed, **settings).run()
+    return Converting(domain, problem, timed, settings).run()
 
 
 @dataclass(frozen=True, slots=True)

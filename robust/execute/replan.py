@@ -16,10 +16,10 @@ from time import monotonic
 from typing import TypeVar
 
 from robust import errors, presented, searching
-from robust.encode import create_encoding, interface
+from robust.encode import create_encoding
 from robust.execute import drive, slices
 from robust.execute.controllability import Control, shrink
-from robust.execute.convert import ConversionEnd, Mode, convert
+from robust.execute.convert import ConversionEnd, Settings, convert
 from robust.execute.dispatchable import Blex, Dispatchable, Dreex, Executor, Guarantee, Slice, make_dispatchable
 from robust.execute.dispatcher import Dispatcher, Ending, LeftBox, MessageRejected, Observation
 from robust.execute.planners.interface import Planner
@@ -27,8 +27,8 @@ from robust.execute.rules import Rules
 from robust.execute.situation import NoPlanError, fitting, origin_after, plans_for, remaining_problem
 from robust.execute.worlds import ExecutedInstance, InstanceOutcome, Luck, SimulatedWorld
 from robust.irr.exact import BoxMethod
-from robust.numbers import Number, format_number
-from robust.plan import model, parameters, timeline
+from robust.numbers import format_number
+from robust.plan import model, timeline
 from robust.plan.pddl.syntax import Domain, Problem
 from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import Simulation, simulate
@@ -101,27 +101,18 @@ class ReplanningRun(presented.NoTruthValue, ask="status"):
         return self.segments[-1].end if self.segments else Fraction(0)
 
 
-@dataclass(frozen=True, slots=True)
-class ReplanningOptions:
-    """Preparation of plans: executor, parameters, method for the box, and time limits.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplanningOptions(Settings):
+    """Preparation of plans: how steps become a network, and the executor and the method for the box.
 
-    `deadline` and `relative` are as for conversions. `method` finds the box, around the nominal point.
-    `timeout` limits conversion and box, each, in seconds; out of time, a box is as large as it has become.
-    `controllability` is `dynamic` or `strong` if the box is to be shrunk to its part that is so; None leaves it.
-    `mode` and `free_durations` say how steps become a network.
+    `method` finds the box, around the nominal point. `timeout` limits conversion and box, each, in seconds; out of
+    time, a box is as large as it has become. `controllability` is `dynamic` or `strong` if the box is to be shrunk to
+    its part that is so; None leaves it.
     """
 
     executor: Executor = field(default_factory=Dreex)
-    specs: tuple[parameters.ParameterSpec, ...] = ()
-    deadline: Number | None = None
-    relative: bool = False
     method: BoxMethod = field(default_factory=BoxMethod)
-    epsilon: Fraction = interface.EPSILON
-    solver: str = "z3"
-    timeout: float | None = None
     controllability: str | None = None
-    mode: Mode = Mode.ROOM
-    free_durations: bool = False
 
 
 @dataclass(frozen=True)
@@ -142,7 +133,6 @@ def prepare_timed(
     timed: TimedPlan,
     options: ReplanningOptions,
     *,
-    tolerance: Fraction | None = None,
     on_note: Callable[[str], None] | None = None,
 ) -> Prepared:
     """A time-triggered plan, converted to the least constrained network, with its box.
@@ -153,21 +143,7 @@ def prepare_timed(
         RobustError: if the plan is invalid, cannot be converted or has no box.
     """
     begun = monotonic()
-    specs = fitting(options.specs, timed)
-    conversion = convert(
-        domain,
-        problem,
-        timed,
-        mode=options.mode,
-        free_durations=options.free_durations,
-        specs=specs,
-        deadline=options.deadline,
-        relative=options.relative,
-        epsilon=options.epsilon,
-        tolerance=tolerance,
-        solver=options.solver,
-        timeout=options.timeout,
-    )
+    conversion = convert(domain, problem, timed, replace(options, specs=fitting(options.specs, timed)))
     if conversion.ended is ConversionEnd.INTERRUPTED:
         raise KeyboardInterrupt
     if on_note is not None and (notes := conversion.notes(timed)):

@@ -18,7 +18,7 @@ from fractions import Fraction
 from functools import cached_property
 from math import ceil
 from operator import attrgetter
-from typing import Any, Unpack
+from typing import Any
 
 from robust import errors
 from robust.encode.interface import EPSILON
@@ -371,16 +371,14 @@ def plans_for(
     return answer, (answer.plan, *answer.others)
 
 
-def new_plan(
-    remainder: OpenProblem, planner: Planner | None, seconds: float | None, **settings: Unpack[Settings]
-) -> NewPlan:
+def new_plan(remainder: OpenProblem, planner: Planner | None, seconds: float | None, settings: Settings) -> NewPlan:
     """A plan for what is left, proved; the best if several come back.
 
     Args:
         remainder: what is left.
         planner: who is asked.
         seconds: how long planning and the proof may take; None without limit.
-        **settings: how steps become a network, in the time of the run; see :class:`robust.execute.convert.Settings`.
+        settings: how steps become a network, in the time of the run.
 
     Raises:
         NoPlanError: if none was found, or none that is proved, with the reason in one line.
@@ -394,7 +392,6 @@ def new_plan(
     for timed in plans:
         if proved and deadline.passed:
             break
-        settings["timeout"] = deadline.remaining
         try:
             proved.append(_proved(remainder, answer, remainder.in_run(timed), deadline, settings))
         except errors.RobustError as error:
@@ -414,9 +411,8 @@ def _proved(
 ) -> NewPlan:
     """A plan in the time of the run as a network, in which nothing new starts before the plan begins."""
     domain, problem = remainder.true
-    specs = fitting(_specs(settings.get("specs", ())), timed)
-    asked: Settings = {**settings, "specs": specs}
-    conversion = convert(domain, problem, timed, **asked)
+    specs = fitting(_specs(settings.specs), timed)
+    conversion = convert(domain, problem, timed, replace(settings, specs=specs, timeout=deadline.remaining))
     if conversion.ended is ConversionEnd.INTERRUPTED:
         raise KeyboardInterrupt
     since = {running.step: running.since for running in remainder.situation.running}
@@ -427,7 +423,7 @@ def _proved(
         limits.append(stn.STNConstraint(instance.start, model.ZERO, first, at))
     network = replace(conversion.stn, constraints=(*conversion.stn.constraints, *limits))
     plan = read_again(domain, problem, network, conversion.beside)
-    borne = tolerance(plan, settings.get("epsilon", EPSILON), deadline, settings.get("solver", "z3"))
+    borne = tolerance(plan, settings.epsilon, deadline, settings.solver)
     ends = max(conversion.schedule[instance.end] for instance in conversion.stn.instances)
     found = (remainder.origin, ends, borne, 1, answer.planner, answer.seconds)
     return NewPlan(plan, network, domain, problem, conversion.beside, *found)

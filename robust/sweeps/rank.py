@@ -156,7 +156,7 @@ class RankSearch(Searching[Ranking]):
             return replace(ranked, fitness=Fitness.LATE)
         try:
             network = self._network(plan)
-            found = tolerance(network, self._settings["epsilon"], self._deadline, self._settings["solver"])
+            found = tolerance(network, self._settings.epsilon, self._deadline, self._settings.solver)
             success = None if self._success is None else self._success(network, self._deadline)
         except RobustError as error:
             return replace(ranked, fitness=Fitness.WRONG, reason=str(error))
@@ -165,14 +165,14 @@ class RankSearch(Searching[Ranking]):
 
     def _network(self, plan: timed.TimedPlan | stn.STNPlan) -> model.ParametrizedPlan:
         if isinstance(plan, timed.TimedPlan):
-            settings: Settings = {**self._settings, "specs": self._specs, "deadline": self._latest}
-            return convert(self._domain, self._problem, plan, **settings).plan
+            settings = replace(self._settings, specs=self._specs, deadline=self._latest)
+            return convert(self._domain, self._problem, plan, settings).plan
         limited = with_deadline(plan, self._latest, Location("--deadline"))
         return load.assemble(self._domain, self._problem, limited, self._specs)
 
     def _result(self, status: Status, reason: str | None = None) -> Ranking:
         ordered = sorted(self._ranked.values(), key=lambda ranked: ranked.merit, reverse=True)
-        return Ranking(status, tuple(ordered), self._latest, self._settings["epsilon"], self._seconds(), reason)
+        return Ranking(status, tuple(ordered), self._latest, self._settings.epsilon, self._seconds(), reason)
 
 
 def named(

@@ -12,7 +12,7 @@ from textwrap import dedent
 
 from robust import Box, Interval, ParametrizedPlan, envelope, reading
 from robust.errors import Location
-from robust.execute.convert import Conversion, Mode, convert
+from robust.execute.convert import Conversion, Mode, Settings, convert
 from robust.execute.dispatchable import Dispatchable, make_dispatchable
 from robust.execute.rules import Rule, Rules, Subject
 from robust.plan import load, parameters, stn, timed
@@ -148,7 +148,8 @@ def converted(domain: str, problem: str, plan: str, *specs: str, **options: obje
     """The conversion of three texts, if not said otherwise the least constrained one."""
     parsed = parse_domain(domain)
     read, steps = parse_problem(problem, parsed), timed.parse_timed_plan(plan, "plan.txt")
-    return convert(parsed, read, steps, specs=parameters.parse_specs(specs), **{"mode": Mode.CAUSAL, **options})  # type: ignore[arg-type]
+    settings = Settings(specs=parameters.parse_specs(specs), **{"mode": Mode.CAUSAL, **options})  # type: ignore[arg-type]
+    return convert(parsed, read, steps, settings)
 
 
 def durative(name: str, duration: str, conditions: str, effects: str) -> str:

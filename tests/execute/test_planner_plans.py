@@ -24,7 +24,7 @@ from benchmarks.generators import delivery
 from benchmarks.generators.delivery import DeliveryOptions, DeliveryVariant, Order
 from robust import Answer, Box, InputError, InputWarning, InvalidPlanError, envelope
 from robust.execute.causal import check_plan
-from robust.execute.convert import convert
+from robust.execute.convert import Settings, convert
 from robust.execute.planners.interface import check
 from robust.plan.load import assemble
 from robust.plan.model import Fluent
@@ -144,7 +144,7 @@ def first_problem(variant=DURATIONS, **options):
 
 
 def conversion_of(steps, specs, domain, problem):
-    conversion = convert(domain, problem, parse_timed_plan(steps), specs=parse_specs(specs))
+    conversion = convert(domain, problem, parse_timed_plan(steps), Settings(specs=parse_specs(specs)))
     assert conversion.check.answer is Answer.PROVED
     return conversion.plan
 
@@ -260,7 +260,7 @@ def test_durations_that_are_parameters_leave_nothing_more_to_solvers(name, monke
     monkeypatch.setattr("robust.plan.timeline.did_you_mean", None)
     given, plain = converted(name)
     specs = parse_specs([f"duration:{instance.identifier}" for instance in plain.plan.instances if instance.durative])
-    varied = convert(*given, specs=specs)
+    varied = convert(*given, Settings(specs=specs))
     assert len(varied.plan.parameters) == len(specs)
     assert varied.check.statistics.queries == plain.check.statistics.queries
     assert varied.check.box == Box.nominal(varied.plan.parameters)

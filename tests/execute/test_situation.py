@@ -9,6 +9,7 @@ import pytest
 import robust
 from robust.errors import UnsupportedError
 from robust.execute import situation
+from robust.execute.convert import Settings
 from robust.execute.messages import MessageKind, MonitorMessage
 from robust.execute.monitor import Monitor
 from robust.execute.planners.interface import PlannerAnswer, PlannerStatus, check
@@ -116,7 +117,7 @@ def test_a_new_plan_goes_on_where_the_run_is(first):
         remainder = OpenProblem(DOMAIN, PROBLEM, here, Fraction(random.randrange(5)), EPSILON, Fraction(400))
         if monitor.outlook().prospect is robust.Prospect.DONE:
             continue  # nothing is left to be planned
-        found = new_plan(remainder, OneByOne(), None, specs=SPECS, deadline=Fraction(400), epsilon=EPSILON)
+        found = new_plan(remainder, OneByOne(), None, Settings(specs=SPECS, deadline=Fraction(400), epsilon=EPSILON))
         kept = {running.step: running.since for running in here.running}
         assert kept.keys() <= found.plan.instance.keys()
         assert all(found.plan.instance[step].action == monitor.plan.instance[step].action for step in kept)
@@ -136,9 +137,9 @@ def test_a_new_plan_goes_on_where_the_run_is(first):
 def test_of_several_plans_the_one_that_bears_most_is_taken():
     here = run_state(Monitor(workshop()))
     remainder = OpenProblem(DOMAIN, PROBLEM, here, Fraction(0), EPSILON, Fraction(150))
-    settings = {"specs": SPECS, "deadline": Fraction(150), "epsilon": EPSILON}
-    found = new_plan(remainder, OneByOne(0, 2, 1), None, **settings)
-    alone = [new_plan(remainder, OneByOne(pause), None, **settings) for pause in (0, 1, 2)]
+    settings = Settings(specs=SPECS, deadline=Fraction(150), epsilon=EPSILON)
+    found = new_plan(remainder, OneByOne(0, 2, 1), None, settings)
+    alone = [new_plan(remainder, OneByOne(pause), None, settings) for pause in (0, 1, 2)]
     assert found.found == 3
     assert found.bears.ratio == max(each.bears.ratio for each in alone)
     assert found.ends == min(each.ends for each in alone)
@@ -195,7 +196,7 @@ def test_texts_read_as_the_plan(tmp_path):
     monitor = Monitor(workshop())
     monitor.say("start", "n0", at=1)
     remainder = OpenProblem(DOMAIN, PROBLEM, run_state(monitor), Fraction(2), EPSILON)
-    found = new_plan(remainder, OneByOne(), None, specs=SPECS, epsilon=EPSILON)
+    found = new_plan(remainder, OneByOne(), None, Settings(specs=SPECS, epsilon=EPSILON))
     names = {"domain": "d.pddl", "problem": "p.pddl", "plan": "plan.stn", "parameters": "plan.toml"}
     for what, name in names.items():
         (tmp_path / name).write_text(found.texts[what])
@@ -279,4 +280,4 @@ def test_what_cannot_be_planned_from_is_said(tmp_path):
     with pytest.raises(NoPlanError, match="the deadline is over before another plan could begin"):
         _ = OpenProblem(DOMAIN, PROBLEM, replace(here, running=()), Fraction(3), EPSILON, Fraction(7)).asked
     with pytest.raises(NoPlanError, match="there is no planner"):
-        new_plan(OpenProblem(DOMAIN, PROBLEM, replace(here, running=()), Fraction(3), EPSILON), None, None)
+        new_plan(OpenProblem(DOMAIN, PROBLEM, replace(here, running=()), Fraction(3), EPSILON), None, None, Settings())

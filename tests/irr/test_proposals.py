@@ -9,7 +9,7 @@ import pytest
 from robust import Answer, ParametrizedPlan, RiskStatus, Status, check, envelope, risk
 from robust.encode import create_encoding
 from robust.encode.interface import EPSILON
-from robust.execute.convert import convert
+from robust.execute.convert import Settings, convert
 from robust.irr.containment import Containment
 from robust.irr.exact import ExactSearch
 from robust.irr.proposals import propose, tolerance
@@ -82,7 +82,7 @@ def drawn_plan(seed: int) -> ParametrizedPlan:
 def made(domain: str, problem: str, plan: str, *specs: str, **settings: Any) -> ParametrizedPlan:
     parsed = parse_domain(domain)
     steps = parse_timed_plan(plan, "plan.txt")
-    return convert(parsed, parse_problem(problem, parsed), steps, specs=parse_specs(specs), **settings).plan
+    return convert(parsed, parse_problem(problem, parsed), steps, Settings(specs=parse_specs(specs), **settings)).plan
 
 
 def asked_of_solvers(plan: ParametrizedPlan, monkeypatch: pytest.MonkeyPatch) -> ExactSearch:

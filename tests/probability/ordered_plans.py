@@ -7,7 +7,7 @@ from random import Random
 
 import numpy as np
 
-from robust.execute.convert import convert
+from robust.execute.convert import Settings, convert
 from robust.plan.model import ParametrizedPlan
 from robust.plan.parameters import parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem
@@ -71,6 +71,6 @@ def ordered_plan(random: Random, count: int, *, width: int = 3, late: str = "+8%
         for n, (end, length) in enumerate(zip(ends, planned, strict=True))
     ]
     timed = parse_timed_plan("\n".join(lines))
-    plan = convert(domain, problem, timed, specs=parse_specs(["duration:*"]), deadline=late).plan
+    plan = convert(domain, problem, timed, Settings(specs=parse_specs(["duration:*"]), deadline=late)).plan
     latest = max(ends) * (1 + Fraction(late.strip("+%")) / 100)
     return OrderedPlan(plan, planned, before, latest)

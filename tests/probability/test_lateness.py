@@ -11,7 +11,7 @@ import pytest
 
 import robust
 from robust import Interval, Location
-from robust.execute.convert import convert
+from robust.execute.convert import Settings, convert
 from robust.plan.parameters import parse_specs
 from robust.plan.pddl.reader import parse_domain, parse_problem
 from robust.plan.timed import parse_timed_plan
@@ -292,7 +292,7 @@ def test_three_probabilities_differ_where_an_end_waits_for_another():
     )
     problem = parse_problem(f"(define (problem p) (:domain d) (:init (ready)) (:goal (and {atoms})))", domain)
     timed = parse_timed_plan("\n".join(f"{3 * (n == 1)}: (a{n}) [{length}]" for n, length in enumerate(planned)))
-    plan = convert(domain, problem, timed, specs=parse_specs(["duration:*"]), deadline="11").plan
+    plan = convert(domain, problem, timed, Settings(specs=parse_specs(["duration:*"]), deadline="11")).plan
     kinds = {"a0": "empirical:4,8:1,1", "a1": "empirical:3,6:1,3", "a2": "empirical:1,20:9,1"}
     known = robust.risk(plan, kinds, within="1/100000").probabilities
     in_time = F(9, 10)

@@ -11,7 +11,7 @@ import pytest
 
 import robust
 from robust import Answer, InputError, InvalidPlanError, UnsupportedError, validate
-from robust.execute.convert import convert
+from robust.execute.convert import Settings, convert
 from robust.plan.load import assemble
 from robust.plan.model import Atom, Fluent, TimedLiteral
 from robust.plan.parameters import parse_specs
@@ -78,7 +78,7 @@ def plan_of(problem, start=THIRD, duration=Fraction(7, 3)):
 
 
 def converted(problem, **options):
-    return convert(*from_unified_planning(problem, plan_of(problem)), **options)
+    return convert(*from_unified_planning(problem, plan_of(problem)), Settings(**options))
 
 
 def edges(network):
