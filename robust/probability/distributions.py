@@ -16,7 +16,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, reduce
 from math import isqrt, lcm
 from random import Random
 from statistics import NormalDist
@@ -59,6 +59,11 @@ def of(value: Fraction) -> Enclosure:
 def product(left: Enclosure, right: Enclosure) -> Enclosure:
     """The product of two numbers that are not negative."""
     return left[0] * right[0] >> BITS, -(-left[1] * right[1] >> BITS)
+
+
+def product_of(factors: Iterable[Enclosure]) -> Enclosure:
+    """The product of numbers that are not negative: how probable it is that independent events all happen."""
+    return reduce(product, factors, ONE)
 
 
 def quotient(left: Enclosure, right: Enclosure) -> Enclosure:

@@ -11,6 +11,7 @@ goes, so that no valid box contains the result.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import cache
 from heapq import heappop, heappush
 from math import ceil, floor, lcm
 from typing import Unpack
@@ -20,7 +21,7 @@ from robust.irr import search, widen
 from robust.irr.exact import BoxMethod, ExactSearch, end_of, missing
 from robust.plan.model import Parameter
 from robust.probability import measure, packing
-from robust.probability.distributions import ONE, UNIT, Distribution, Enclosure, product
+from robust.probability.distributions import UNIT, ZERO, Distribution, Enclosure, product_of
 from robust.qe import constraint
 from robust.qe.box import Box, Face, Growing, Interval, Side
 from robust.qe.polyhedron import Polyhedron
@@ -81,7 +82,7 @@ class ProbableEnds:
             for parameter, known in zip(parameters, self._distributions, strict=True)
         ]
         self._clauses: list[Clause] = []
-        self._masses: dict[tuple[int, int, int], Enclosure] = {}
+        self._share = cache(self._between)
         self.is_exact = True
         """Whether every box that misses what is bad satisfies the clauses."""
         self.best: list[int] | None = None
@@ -271,23 +272,18 @@ class ProbableEnds:
             self.best, self.value = ends, value
 
     def _mass(self, ends: Sequence[int]) -> Enclosure:
-        mass = ONE
-        for number, distribution in enumerate(self._distributions):
-            key = number, ends[2 * number], ends[2 * number + 1]
-            share = self._masses.get(key)
-            if share is None:
-                share = self._masses[key] = self._between(distribution, *key)
-            mass = product(mass, share)
-        return mass
+        return product_of(map(self._share, range(len(self._distributions)), ends[::2], ends[1::2]))
 
-    def _between(self, distribution: Distribution, number: int, low: int, high: int) -> Enclosure:
+    def _between(self, number: int, low: int, high: int) -> Enclosure:
         """The probability between two ends; where nothing is in the way, all that is beyond as well."""
+        if low > high:
+            return ZERO
         least, most = self._limits[number]
         below, above = self._endless[number]
         lower = None if low == least and below else Fraction(low, self._unit)
         upper = None if high == most and above else Fraction(high, self._unit)
-        closed = lower is not None, upper is not None
-        return measure.interval_probability(Interval(lower, upper, *closed), distribution) if low <= high else (0, 0)
+        inside = Interval(lower, upper, lower is not None, upper is not None)
+        return measure.interval_probability(inside, self._distributions[number])
 
 
 def _is_emptiness(side: constraint.LinearConstraint) -> bool:

@@ -161,7 +161,7 @@ def necessary(edges: Sequence[PathEdge], durations: Durations, limits: Sequence[
     Raises:
         OutsideFragmentError: if there is a cycle, or one of the limits is not implied.
     """
-    known = lattice.topology((edge.source, edge.target) for edge in edges)
+    known = lattice.topology(edges)
     if known is None:
         raise OutsideFragmentError("points of the network come one after the other in a circle")
     place = {node: number for number, node in enumerate(known.order)}

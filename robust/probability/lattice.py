@@ -21,7 +21,7 @@ of the laws is a bound.
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from heapq import heappop, heappush
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -44,9 +44,6 @@ class LatticeEdge(NamedTuple):
     name: Hashable | None
 
 
-Leg = tuple[Node, Node]
-
-
 class Topology(NamedTuple):
     """Nodes in an order in which edges lead forwards, and the numbers of edges that enter and leave each."""
 
@@ -55,11 +52,11 @@ class Topology(NamedTuple):
     leaving: dict[Node, list[int]]
 
 
-def topology(legs: Iterable[Leg]) -> Topology | None:
-    """None if there is a cycle."""
+def topology(edges: Iterable[tuple[Node, Node, *tuple[Any, ...]]]) -> Topology | None:
+    """Of edges that begin with source and target; None if there is a cycle."""
     entering: dict[Node, list[int]] = {}
     leaving: dict[Node, list[int]] = {}
-    for number, (source, target) in enumerate(legs):
+    for number, (source, target, *_) in enumerate(edges):
         entering.setdefault(target, []).append(number)
         entering.setdefault(source, [])
         leaving.setdefault(source, []).append(number)
@@ -79,9 +76,9 @@ def topology(legs: Iterable[Leg]) -> Topology | None:
     return Topology(order, entering, leaving) if len(order) == len(missing) else None
 
 
-def ordered(edges: Sequence[LatticeEdge]) -> Topology:
+def ordered(edges: Iterable[tuple[Node, Node, *tuple[Any, ...]]]) -> Topology:
     """The topology of edges without a cycle."""
-    known = topology((edge.source, edge.target) for edge in edges)
+    known = topology(edges)
     if known is None:
         raise ValueError("a longest path needs edges without a cycle")
     return known
@@ -421,7 +418,8 @@ class CellSearch:
         ]
         supports = (self._support(number, ends) for number, ends in enumerate(self._whole))
         self._widths = [max(1, last - first) for first, last in supports]
-        self._made = 0
+        self.cells = 0
+        """How many cells were looked at."""
         self._heap: list[tuple[float, int, tuple[Ends, ...], float, float]] = []
         self.lower = self.upper = 0.0
         begin = [tuple(self._whole)] if cells is None else list(cells)
@@ -431,11 +429,6 @@ class CellSearch:
         self._gain = [1.0] * len(self._whole)
         if cells is None:
             self._learn()
-
-    @property
-    def cells(self) -> int:
-        """How many cells were looked at."""
-        return self._made
 
     @property
     def current(self) -> list[tuple[Ends, ...]]:
@@ -485,11 +478,11 @@ class CellSearch:
         certain, _ = self._lower.bounds(moved, only_lower=True)
         parts = []
         for number, (cell, weight, mass) in enumerate(zip(cells, weights, self._lower.weights(moved), strict=True)):
-            self._made += 1
+            self.cells += 1
             gap = weight * max(0.0, float(most[number] - least[number]))
             lower = max(0.0, mass * float(certain[number]) - STEP)
             upper = weight * float(most[number]) + STEP
-            heappush(self._heap, (-gap, self._made, cell, lower, upper))
+            heappush(self._heap, (-gap, self.cells, cell, lower, upper))
             self.lower, self.upper = self.lower + lower, self.upper + upper
             parts.append((lower, upper))
         return parts

@@ -20,7 +20,7 @@ from itertools import product as every
 from math import factorial, floor, lcm, prod
 
 from robust.numbers import readable
-from robust.probability.distributions import DISCRETE, ONE, UNIT, Distribution, Enclosure, Weights, product
+from robust.probability.distributions import DISCRETE, UNIT, Distribution, Enclosure, Weights, product_of
 from robust.qe.box import Box, Interval
 from robust.qe.conjunctions import linked
 from robust.qe.constraint import LinearConstraint
@@ -327,7 +327,8 @@ class Measure:
 
         active = [(halves(base), tuple(map(halves, removed))) for base, removed in parts]
         self._heap: list[tuple[int, int, int, int, Cell, list[Active]]] = []
-        self._made = 0
+        self.cells = 0
+        """How many cells were looked at."""
         shares = [self._share(cell, active) for cell in every(*(axis.roots() for axis in self._axes))]
         self._total = sum(lower for lower, _ in shares), sum(upper for _, upper in shares)
 
@@ -337,26 +338,19 @@ class Measure:
         return Bounds.of(self._total)
 
     @property
-    def cells(self) -> int:
-        """How many cells were looked at."""
-        return self._made
-
-    @property
     def is_done(self) -> bool:
         """Whether no cell can be split that would make a difference."""
         return not self._heap
 
     def _share(self, cell: Cell, active: Sequence[Active]) -> tuple[int, int]:
         """Bounds of how much of the parts is in a cell, which is to be split if they differ."""
-        self._made += 1
+        self.cells += 1
         rest = _unsettled(active, cell)
-        mass = ONE
-        for span in cell:
-            mass = product(mass, span.mass)
+        mass = product_of(span.mass for span in cell)
         share = share_of(rest, cell)
         lower, upper = mass[0] * share[0] // WHOLE, -(-mass[1] * share[1] // WHOLE)
         if share[0] < share[1]:
-            heappush(self._heap, (lower - upper, self._made, lower, upper, cell, rest))
+            heappush(self._heap, (lower - upper, self.cells, lower, upper, cell, rest))
         return lower, upper
 
     def step(self) -> None:
@@ -449,10 +443,8 @@ def _unit(parts: Iterable[Part], distributions: Iterable[Distribution]) -> int:
 
 def box_probability(box: Box, distributions: Mapping[str, Distribution]) -> Bounds:
     """The probability of a box, to the last digit that is computed."""
-    mass = ONE
-    for name, interval in box.intervals.items():
-        mass = product(mass, interval_probability(interval, distributions[name].settled))
-    return Bounds.of(mass)
+    sides = box.intervals.items()
+    return Bounds.of(product_of(interval_probability(side, distributions[name].settled) for name, side in sides))
 
 
 def interval_probability(interval: Interval, distribution: Distribution) -> Enclosure:

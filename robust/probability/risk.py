@@ -339,7 +339,7 @@ class Risk(Searching[RiskResult]):
 
     def _know(self, lower: Fraction, upper: Fraction) -> None:
         """Bounds that hold, beside those that are known."""
-        self._bounds = Bounds(max(lower, self._bounds.lower), min(upper, self._bounds.upper))
+        self._bounds = self._bounds.within(Bounds(lower, upper))
         if self.on_bounds is not None:
             self.on_bounds(self._bounds)
 

@@ -18,7 +18,7 @@ from robust.irr.proposals import SlackPlan
 from robust.probability import lattice
 from robust.probability.averages import Conditional
 from robust.probability.convolution import Array
-from robust.probability.distributions import UNIT, Distribution, product
+from robust.probability.distributions import UNIT, Distribution, product_of
 from robust.probability.lateness import SINK, LatenessGraph, PathEdge
 from robust.probability.lattice import Node
 from robust.probability.measure import interval_probability
@@ -44,12 +44,8 @@ class FixedSchedules:
         self._graph = graph
         self._slack = slack
         edges = graph.with_waits(free=True)
-        order, entering, _ = lattice.topology((edge.source, edge.target) for edge in edges) or ([], {}, {})
-        self._steps = [(node, [edges[number] for number in entering[node]]) for node in order]
-        self._ways = [
-            (node, [(edge.source, float(edge.constant), edge.names) for edge in entering])
-            for node, entering in self._steps
-        ]
+        self._steps = _steps(edges)
+        self._ways = [(n, [(e.source, float(e.constant), e.names) for e in entering]) for n, entering in self._steps]
         self._names = sorted({name for edge in edges for name in edge.names})
 
     def best(self) -> tuple[dict[Node, Fraction], dict[str, Fraction]]:
@@ -168,14 +164,11 @@ class FixedSchedules:
                     keep(ends, edge.target, 0, arrival)
         return _intervals(lower), _intervals(upper)
 
-    # -- from above ----------------------------------------------------------------------------------------------------
 
-    def at_most(self, times: Mapping[Node, Fraction]) -> Fraction:
-        """A bound on how probably any fixed schedule succeeds, under the condition of the durations' intervals.
-
-        The flow goes along paths without time left; what it carries along each is what makes the bound least.
-        """
-        return Fraction(FlowBound(self._graph).least())
+def _steps(edges: Sequence[PathEdge]) -> list[tuple[Node, list[PathEdge]]]:
+    """Nodes in an order in which edges lead forwards, with the edges that enter each."""
+    order, entering, _ = lattice.ordered(edges)
+    return [(node, [edges[number] for number in entering[node]]) for node in order]
 
 
 def _intervals(windows: Mapping[str, Sequence[Fraction | None]]) -> Windows | None:
@@ -188,9 +181,7 @@ def fitting(windows: Windows | None, durations: Mapping[str, RandomDuration]) ->
     """The probability that each duration is in its window, from both sides."""
     if windows is None:
         return Fraction(0), Fraction(0)
-    total = (UNIT, UNIT)
-    for name, window in windows.items():
-        total = product(total, interval_probability(window, durations[name].distribution))
+    total = product_of(interval_probability(window, durations[n].distribution) for n, window in windows.items())
     return Fraction(total[0], UNIT), Fraction(min(UNIT, total[1]), UNIT)
 
 
@@ -200,14 +191,16 @@ def conditionally(
     """How probably durations with given factors fit in."""
     if windows is None:
         return Conditional(0.0, 0.0)
-    least, most, short = UNIT, UNIT, 0
-    for name, window in windows.items():
-        inside = interval_probability(window, distributions[name])
-        least, most = product((least, most), inside)
-        if window.lower is not None:
-            short += interval_probability(Interval(None, window.lower, upper_closed=False), distributions[name])[1]
-    charge = min(1.0, short / UNIT * (1 + 2.0**-50)) if all(factor.is_rising for factor in factors) else 0.0
+    least, most = product_of(interval_probability(window, distributions[n]) for n, window in windows.items())
+    charge = too_short(windows, distributions) if all(factor.is_rising for factor in factors) else 0.0
     return Conditional(least / UNIT * (1 - 2.0**-50), min(1.0, most / UNIT * (1 + 2.0**-50) + charge), charge)
+
+
+def too_short(windows: Windows, distributions: Mapping[str, Distribution]) -> float:
+    """How probably some duration is shorter than its window allows, at most."""
+    least = ((each.lower, distributions[n]) for n, each in windows.items() if each.lower is not None)
+    total = sum(interval_probability(Interval(None, end, upper_closed=False), known)[1] for end, known in least)
+    return min(1.0, total / UNIT * (1 + 2.0**-50))
 
 
 GRID = 2048
@@ -217,13 +210,16 @@ SWEEPS = 12
 
 
 class FlowBound:
-    """The least bound on the best fixed schedule, by flows; see the module's text."""
+    """The least bound on how probably any fixed schedule succeeds, under the condition of the durations' intervals.
+
+    The flow goes along paths without time left; what it carries along each is what makes the bound least. See the
+    module's text.
+    """
 
     def __init__(self, graph: LatenessGraph) -> None:
         self._latest = float(graph.latest)
         edges = [edge for edge in graph.edges if edge.names or edge.target not in graph.links]
-        order, entering, _ = lattice.topology((edge.source, edge.target) for edge in edges) or ([], {}, {})
-        self._steps = [(node, [edges[number] for number in entering[node]]) for node in order]
+        self._steps = _steps(edges)
         self._laws = {name: self._law(graph.durations[name]) for edge in edges for name in edge.names}
         self._flow = dict.fromkeys(self._laws, 0.0)
         self._carried: dict[tuple[PathEdge, ...], float] = {}

@@ -23,12 +23,12 @@ from robust.plan.polynomial import Polynomial
 from robust.probability import lattice, packing
 from robust.probability.averages import Conditional, SharedAverage, draw_factors
 from robust.probability.convolution import Array
-from robust.probability.distributions import UNIT, Distribution, Enclosure, product
+from robust.probability.distributions import UNIT, Distribution, product_of
 from robust.probability.lateness import SINK, WORK, ChainLaws, LatenessGraph, PathBounds, PathEdge, lateness_graph
 from robust.probability.lattice import Node
 from robust.probability.measure import Bounds, SuccessProbabilities, interval_probability
 from robust.probability.random_durations import RandomDuration, drawn
-from robust.probability.schedules import FixedSchedules, Windows, conditionally, fitting
+from robust.probability.schedules import FixedSchedules, FlowBound, Windows, conditionally, fitting, too_short
 from robust.probability.sharing import Given, Joint, SharedFactor, deviation, influenced, root, shared_range
 from robust.qe.box import Box, Interval
 from robust.smt.limits import Deadline, raise_if_interrupted
@@ -181,7 +181,7 @@ class Lateness:
         on_bounds(Bounds(strong.lower, Fraction(1)))
         best = min(strong.upper if self._factors else Fraction(1), Fraction(1))
         if not self._factors:
-            best = self._bounds(0, schedules.at_most(found) * Fraction(self._given.mass[1], UNIT)).upper
+            best = self._bounds(0, Fraction(FlowBound(self.graph).least()) * Fraction(self._given.mass[1], UNIT)).upper
         weak = Bounds(Fraction(1) if self._certain else strong.lower, Fraction(1))
         dynamic = Bounds(Fraction(0), Fraction(1))
         self.probabilities = None
@@ -347,7 +347,7 @@ class Lateness:
             if not wait.free
         ]
         names = [edge.names for edge in graph.edges] + [()] * (len(edges) - len(graph.edges))
-        order, entering, _ = lattice.topology((source, target) for source, target, _ in edges) or ([], {}, {})
+        order, entering, _ = lattice.ordered(edges)
         times: dict[Node, Array] = {}
         for node in order:
             ways = [times[edges[number][0]] + edges[number][2] for number in entering[node]]
@@ -469,10 +469,9 @@ class GivenDurations:
         intervals: Mapping[str, Interval],
         graph: LatenessGraph | None = None,
     ) -> None:
+        self._distributions = distributions
         self.durations = {name: RandomDuration(name, known, intervals[name]) for name, known in distributions.items()}
-        self.mass: Enclosure = (UNIT, UNIT)
-        for known in self.durations.values():
-            self.mass = product(self.mass, known.mass)
+        self.mass = product_of(known.mass for known in self.durations.values())
         self.graph = graph if graph is None else replace(graph, durations=self.durations)
         self._edges: dict[bool, tuple[tuple[PathEdge, ...], ...]] = {}
         self._paths: dict[tuple[PathEdge, ...], PathBounds] = {}
@@ -485,11 +484,7 @@ class GivenDurations:
     @property
     def short(self) -> float:
         """How probably some duration is shorter than it may be, at most."""
-        total = 0
-        for known in self.durations.values():
-            if (least := known.interval.lower) is not None:
-                total += interval_probability(Interval(None, least, upper_closed=False), known.distribution)[1]
-        return min(1.0, total / UNIT * (1 + 2.0**-50))
+        return too_short({n: each.interval for n, each in self.durations.items()}, self._distributions)
 
     @property
     def cells(self) -> int:
