@@ -4,12 +4,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
+from itertools import combinations
 from math import isqrt
 from typing import NamedTuple
 
 from robust.errors import InputError, Location
 from robust.probability.distributions import Distribution
 from robust.qe.box import Interval
+from robust.qe.conjunctions import linked
 
 Matrix = tuple[tuple[Fraction, ...], ...]
 Loadings = dict[int, Fraction]
@@ -150,19 +152,8 @@ def _loadings(matrix: Matrix, group: Sequence[int]) -> tuple[Loadings, Fraction]
 
 def _groups(matrix: Matrix) -> list[list[int]]:
     """Quantities that are correlated, directly or through others; single ones left out."""
-    groups: list[list[int]] = []
-    left = set(range(len(matrix)))
-    while left:
-        group, waiting = [], [min(left)]
-        left.remove(waiting[0])
-        while waiting:
-            number = waiting.pop()
-            group.append(number)
-            more = [other for other in left if matrix[number][other]]
-            left.difference_update(more)
-            waiting += more
-        groups.append(sorted(group))
-    return [group for group in groups if len(group) > 1]
+    correlated = (pair for pair in combinations(range(len(matrix)), 2) if matrix[pair[0]][pair[1]])
+    return sorted(map(sorted, set(linked(correlated).values())))
 
 
 class Joint(NamedTuple):

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from heapq import heappop, heappush
 from math import lcm
+from typing import TypeVar
 
 from robust.qe.constraint import LinearConstraint, Sense, combine, substitute_equality, trim
 from robust.qe.simplex import IntegerForm, Optimum, Tableau, extend, integer_form, tableau, violates
@@ -92,9 +93,12 @@ def irredundant(constraints: Iterable[LinearConstraint]) -> Conjunction | None:
     return None if form is None else form.constraints
 
 
-def linked(statements: Iterable[Iterable[str]]) -> dict[str, frozenset[str]]:
+NameT = TypeVar("NameT", str, int)
+
+
+def linked(statements: Iterable[Iterable[NameT]]) -> dict[NameT, frozenset[NameT]]:
     """By name, all names that statements link with it, directly or by others."""
-    groups: dict[str, frozenset[str]] = {}
+    groups: dict[NameT, frozenset[NameT]] = {}
     for names in statements:
         known = frozenset(names)
         met = {groups.get(name, frozenset({name})) for name in known}
