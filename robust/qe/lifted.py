@@ -28,9 +28,9 @@ from robust.qe.box import Box, Interval
 from robust.qe.conjunctions import Conjunction
 from robust.qe.constraint import LinearConstraint
 from robust.qe.nnf import FormulaReader, alternatives_of, names_in
-from robust.qe.polyhedron import Point, Polyhedron, check_known, check_names
+from robust.qe.polyhedron import Point, Polyhedron, check_known, check_names, extent_by
 from robust.qe.region import SCHEMA, Region
-from robust.qe.simplex import Supremum, extend, tableau
+from robust.qe.simplex import Supremum, extend, supremum, tableau
 from robust.smt.limits import Deadline, raise_if_interrupted
 
 if TYPE_CHECKING:
@@ -169,12 +169,25 @@ class LiftedRegion(Region):
 
     # -- points --------------------------------------------------------------------------------------------------------
 
-    def _settle(self, weights: Iterable[int], numbers: Sequence[int], times: list[int]) -> Cycle | None:
-        """Delay times as these bounds demand with these weights; a positive cycle if there is one."""
-        ends = [(self._bounds[number].source, self._bounds[number].target) for number in numbers]
+    def _settled(self, weights: Iterable[int], numbers: Sequence[int]) -> tuple[list[int], Cycle | None]:
+        """The least times that these bounds demand with these weights; and a positive cycle if there is one."""
+        times = [0] * (len(self.times) + 1)
+        ends = ((self._bounds[number].source, self._bounds[number].target) for number in numbers)
         bounds = following(len(times), ((*pair, weight) for pair, weight in zip(ends, weights, strict=True)))
         cycle = delay(times, bounds, range(len(times)))
-        return None if cycle is None else Cycle(tuple(numbers[origin] for origin in cycle.origins))
+        return times, None if cycle is None else Cycle(tuple(numbers[origin] for origin in cycle.origins))
+
+    def _scaled(self, point: Point) -> tuple[list[int], int]:
+        """The values of all parameters as multiples of 1 / unit, and that unit."""
+        values = [point[name] for name in self.parameters]
+        unit = lcm(*(value.denominator for value in values))
+        return [value.numerator * (unit // value.denominator) for value in values], unit
+
+    def _times_at(self, point: Point) -> tuple[list[int], int]:
+        """The least times at a point of the region as multiples of 1 / (unit · scale), and that unit."""
+        scaled, unit = self._scaled(point)
+        times, _ = self._settled([bound.at(scaled, unit) for bound in self._bounds], range(len(self._bounds)))
+        return times, unit
 
     def _cut(self, cycle: Cycle) -> LinearConstraint:
         """What a cycle says about parameters."""
@@ -189,13 +202,11 @@ class LiftedRegion(Region):
 
     def _broken_cut(self, point: Point, *, homogeneous: bool = False) -> LinearConstraint | None:
         """An inequality of a cycle that a point breaks; `homogeneous`: along which the point, a direction, leaves."""
-        values = [point[name] for name in self.parameters]
-        unit = lcm(*(value.denominator for value in values))
-        scaled = [value.numerator * (unit // value.denominator) for value in values]
+        scaled, unit = self._scaled(point)
         weights = [self._bounds[number].at(scaled, unit) for number in self._cyclic]
         if homogeneous:
             weights = [w - self._bounds[n].constant * unit for w, n in zip(weights, self._cyclic, strict=True)]
-        cycle = self._settle(weights, self._cyclic, [0] * (len(self.times) + 1))
+        _, cycle = self._settled(weights, self._cyclic)
         return None if cycle is None else self._cut(cycle)
 
     def __contains__(self, point: Point) -> bool:
@@ -341,11 +352,9 @@ class LiftedRegion(Region):
     def _sweep(self) -> list[int]:
         """The bounds on cycles, in the order of time of some schedule."""
         point = self.some_point()
-        times = [0] * (len(self.times) + 1)
-        if point is not None:
-            unit = lcm(*(value.denominator for value in point.values()))
-            scaled = [int(value * unit) for value in point.values()]
-            self._settle([bound.at(scaled, unit) for bound in self._bounds], range(len(self._bounds)), times)
+        if point is None:
+            return self._cyclic
+        times, _ = self._times_at(point)
         return sorted(self._cyclic, key=lambda number: times[self._bounds[number].source])
 
     def schedule(self, point: Point) -> dict[TimePoint, Fraction] | None:
@@ -358,10 +367,7 @@ class LiftedRegion(Region):
             raise InputError("the region was read from a document without its time points; expected one of a plan")
         if point not in self:
             return None
-        unit = lcm(*(point[name].denominator for name in self.parameters))
-        scaled = [int(point[name] * unit) for name in self.parameters]
-        times = [0] * (len(self.times) + 1)
-        self._settle([bound.at(scaled, unit) for bound in self._bounds], range(len(self._bounds)), times)
+        times, unit = self._times_at(point)
         known = dict(zip(self.times, (Fraction(time, unit * self._scale) for time in times[1:]), strict=True))
         known |= {name: point[name] for name in self.parameters}
         return {
@@ -384,30 +390,22 @@ class LiftedRegion(Region):
 
     def maximize(self, objective: Mapping[str, Fraction]) -> Supremum | None:
         """The least upper bound of a linear form; None if the region is empty."""
-        names = self.parameters
-        scale = lcm(*(Fraction(factor).denominator for factor in objective.values()))
-        form = [int(objective.get(name, 0) * scale) for name in names]
-        solved = tableau(names, [*self.demands.constraints, *self._cuts])
+        solved = tableau(self.parameters, [*self.demands.constraints, *self._cuts])
         while solved.restore():
             raise_if_interrupted()
-            best = solved.maximize(form)
-            point = dict(zip(names, best.point, strict=True))
-            cut = self._broken_cut(point)
+            best = supremum(solved, self.parameters, objective)
+            cut = self._broken_cut(best.point)
             if cut is None and best.ray is not None:
-                cut = self._broken_cut(dict(zip(names, best.ray, strict=True)), homogeneous=True)
+                cut = self._broken_cut(best.ray, homogeneous=True)
             if cut is None:
-                value = None if best.value is None else best.value / scale
-                return Supremum(value, best.is_attained, point)
-            extend(solved, names, [cut])
+                return best
+            extend(solved, self.parameters, [cut])
         return None
 
     def extent(self, name: str) -> Interval | None:
         """The interval of values that a parameter takes; None if the region is empty."""
         check_known((name,), self.parameters)
-        high, low = self.maximize({name: Fraction(1)}), self.maximize({name: Fraction(-1)})
-        if high is None or low is None:
-            return None
-        return Interval(None if low.value is None else -low.value, high.value, low.attained, high.attained)
+        return extent_by(self.maximize, name)
 
     def interval(self, name: str, at: Point) -> Interval | None:
         """The values of one parameter where the others are as at a point; None if there are none."""
@@ -477,7 +475,7 @@ class LiftedRegion(Region):
             numbers.append(number)
             weights.append(bound.constant + sum((end * factor for end, factor in ends if end is not None), Fraction(0)))
         unit = lcm(*(weight.denominator for weight in weights))
-        cycle = self._settle([int(weight * unit) for weight in weights], numbers, [0] * (len(self.times) + 1))
+        _, cycle = self._settled([int(weight * unit) for weight in weights], numbers)
         return cycle, cycle is None
 
     # -- slices and projections ----------------------------------------------------------------------------------------

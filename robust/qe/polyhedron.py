@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -190,10 +190,7 @@ class Polyhedron:
 
     def extent(self, name: str) -> Interval | None:
         """The interval of values that a parameter takes; None if the polyhedron is empty."""
-        high, low = self.maximize({name: Fraction(1)}), self.maximize({name: Fraction(-1)})
-        if high is None or low is None:
-            return None
-        return Interval(None if low.value is None else -low.value, high.value, low.attained, high.attained)
+        return extent_by(self.maximize, name)
 
     def bounding_box(self) -> dict[str, Interval] | None:
         """The smallest box around the polyhedron, with open, closed and infinite ends; None if empty."""
@@ -298,6 +295,14 @@ def check_known(names: Iterable[str], parameters: tuple[str, ...]) -> None:
     for name in names:
         if name not in parameters:
             raise InputError(f"{name!r} is not a parameter{did_you_mean(name, parameters)}")
+
+
+def extent_by(maximize: Callable[[Mapping[str, Fraction]], Supremum | None], name: str) -> Interval | None:
+    """The interval of values that a parameter takes in a convex set with these maxima; None if there are none."""
+    high, low = maximize({name: Fraction(1)}), maximize({name: Fraction(-1)})
+    if high is None or low is None:
+        return None
+    return Interval(None if low.value is None else -low.value, high.value, low.attained, high.attained)
 
 
 def _solution(names: tuple[str, ...], equations: Iterable[LinearConstraint]) -> dict[str, Fraction] | None:

@@ -9,7 +9,7 @@ run ends.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from math import gcd, lcm
 
@@ -294,6 +294,8 @@ class Supremum:
     value: Fraction | None
     attained: bool
     point: dict[str, Fraction]
+    ray: dict[str, Fraction] | None = field(default=None, repr=False, compare=False)
+    """If the form is unbounded, a direction in which it grows for ever."""
 
 
 def integer_form(constraint: LinearConstraint, parameters: Sequence[str]) -> IntegerForm:
@@ -340,8 +342,9 @@ def supremum(solved: Tableau, parameters: Sequence[str], objective: Mapping[str,
     form = [int(objective.get(name, 0) * scale) for name in parameters]
     optimum = solved.maximize(form)
     point = dict(zip(parameters, optimum.point, strict=True))
+    ray = None if optimum.ray is None else dict(zip(parameters, optimum.ray, strict=True))
     value = None if optimum.value is None else optimum.value / scale
-    return Supremum(value, optimum.is_attained, point)
+    return Supremum(value, optimum.is_attained, point, ray)
 
 
 def violates(optimum: Optimum, constraint: LinearConstraint) -> bool:
