@@ -19,7 +19,7 @@ from typing import Any
 
 from robust.encode.interface import Grid
 from robust.errors import InputError, did_you_mean
-from robust.numbers import end, parse_end, shorten
+from robust.numbers import parse_end, readable, shorten
 from robust.plan.model import Parameter
 from robust.qe.constraint import LinearConstraint, Sense
 
@@ -119,12 +119,12 @@ class Interval:
             return Interval(self.lower, end, self.lower_closed, closed)
         return Interval(end, self.upper, closed, self.upper_closed)
 
-    def written(self, number: Callable[[Fraction], str]) -> str:
-        """`[1/3, inf)`, with numbers in that way."""
+    def written(self, number: Callable[[Fraction], str], infinity: str = "inf", minus: str = "-") -> str:
+        """`[1/3, inf)`, with numbers and infinity in that way."""
         opening = "[" if self.lower is not None and self.lower_closed else "("
         closing = "]" if self.upper is not None and self.upper_closed else ")"
-        lower = "-inf" if self.lower is None else number(self.lower)
-        upper = "inf" if self.upper is None else number(self.upper)
+        lower = f"{minus}{infinity}" if self.lower is None else number(self.lower)
+        upper = infinity if self.upper is None else number(self.upper)
         return f"{opening}{lower}, {upper}{closing}"
 
     def __str__(self) -> str:
@@ -136,9 +136,7 @@ class Interval:
 
 def interval_text(interval: Interval) -> str:
     """`[1, 2)`, `(−∞, 3]`, for people."""
-    opening = "[" if interval.lower is not None and interval.lower_closed else "("
-    closing = "]" if interval.upper is not None and interval.upper_closed else ")"
-    return f"{opening}{end(interval.lower, upper=False)}, {end(interval.upper, upper=True)}{closing}"
+    return interval.written(readable, "∞", "−")
 
 
 def require_complete(values: Collection[str], names: Collection[str]) -> None:
