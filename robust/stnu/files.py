@@ -9,11 +9,11 @@ edge B − A ≤ 5, and `A 2 4 C` for each contingent link from A to C of length
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TypeAlias, TypeGuard
+from typing import TypeAlias
 
 from robust.errors import InputError, Location, UnsupportedError
 from robust.numbers import Number, exact, is_number, parse_number, plural, shorten
-from robust.plan.pddl.forms import read_text
+from robust.plan.pddl.forms import is_text, read_text
 from robust.smt.limits import Deadline
 from robust.stnu.cctp import read_cctp
 from robust.stnu.graphml import INFINITE, graphml, parse_markup, read_graphml
@@ -27,7 +27,7 @@ def read(path: str | os.PathLike[str]) -> Network | ConditionalNetwork:
     Raises:
         InputError: at the place of whatever is wrong.
     """
-    text, file = (path, "<network>") if _is_text(path) else (read_text(path), os.fspath(path))
+    text, file = (path, "<network>") if is_text(path, _is_markup) else (read_text(path), os.fspath(path))
     begin = text.lstrip()[:1]
     if begin == "<":
         top = parse_markup(text, file, "GraphML or CCTP")
@@ -37,11 +37,9 @@ def read(path: str | os.PathLike[str]) -> Network | ConditionalNetwork:
     return parse_text(text, file)
 
 
-def _is_text(source: object) -> TypeGuard[str]:
-    """Whether a network is given as a text: with a line break, or as JSON or XML unless a file has that name."""
-    if not isinstance(source, str) or "\n" in source:
-        return isinstance(source, str)
-    return source.lstrip()[:1] in {"{", "<"} and not os.path.exists(source)
+def _is_markup(line: str) -> bool:
+    """Whether a line is JSON or XML, rather than a path."""
+    return line.lstrip()[:1] in {"{", "<"}
 
 
 def load(path: str | os.PathLike[str]) -> Network:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
@@ -54,14 +54,19 @@ def read_plan_text(path: str | os.PathLike[str]) -> tuple[str, str]:
     return _decode(data, place), place.file
 
 
-def is_text(source: object) -> TypeGuard[str]:
-    """Whether an input is a text rather than a path: a string with a line break, or with a parenthesis as in PDDL.
+def _is_form(line: str) -> bool:
+    """Whether a line has a parenthesis and ends as a form, a step or a statement of PDDL does."""
+    return "(" in line and line.rstrip().endswith((")", "]", ";"))
 
-    A string of one line is a text if it ends as a form, a step or a statement does, and no file has that name.
+
+def is_text(source: object, is_written: Callable[[str], bool] = _is_form) -> TypeGuard[str]:
+    """Whether an input is a text rather than a path: a string with a line break.
+
+    A string of one line is a text if it is written as one, such as a form of PDDL, and no file has that name.
     """
     if not isinstance(source, str) or "\n" in source:
         return isinstance(source, str)
-    return "(" in source and source.rstrip().endswith((")", "]", ";")) and not os.path.exists(source)
+    return is_written(source) and not os.path.exists(source)
 
 
 def plan_text(plan: str | os.PathLike[str]) -> tuple[str, str]:
