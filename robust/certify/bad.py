@@ -13,6 +13,7 @@ from math import lcm
 from typing import Any
 
 from robust.certify import tape
+from robust.certify.checker.claims import SEGMENT
 from robust.certify.checker.formulas import FALSE, Formulas, plus, replaced
 from robust.certify.checker.reader import Ground, Linear, constant
 from robust.certify.hints import Fact, KnownFacts, Line, LinearSide, Model, SolverModels, implied, model, refutation
@@ -28,7 +29,6 @@ from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region, outside
 from robust.smt.limits import Deadline
 
-SEGMENT = "~"
 MARGIN = "margin"
 """By how much strict constraints hold, at least; at most 1."""
 REACH = 1

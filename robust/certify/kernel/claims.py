@@ -54,8 +54,7 @@ class Sides:
         given = {name: plus(constant(limit[name]), plus({}, along, beyond[name] - limit[name])) for name in limit}
         facts: list[Fact] = [(along, True), (plus(constant(Fraction(1)), along, -1), False)]
         for name, form in given.items():
-            gap = plus({name: Fraction(1)}, form, -1)
-            facts += [(gap, False), (plus({}, gap, -1), False)]
+            facts += _equal(name, form)
         return Sides(facts, given)
 
 
