@@ -10,7 +10,7 @@ from operator import itemgetter
 from robust.encode import create_encoding, interface
 from robust.errors import UnsupportedError
 from robust.irr import check, stops, widen
-from robust.irr.corners import CornerContainment, inner_box
+from robust.irr.corners import with_inner
 from robust.irr.exact import BoxMethod
 from robust.irr.proposals import tolerance
 from robust.irr.questions import CheckQuestion, Manner
@@ -194,8 +194,7 @@ class Comparing(Searching[Comparison]):
             if method in METHODS_OF_RATES:
                 raise
             return
-        if isinstance(search.questions, CornerContainment) and result.verified:
-            result = replace(result, inner=inner_box(search.questions, result, deadline))
+        result = with_inner(result, search.questions, deadline)
         if method == "widen" and result.verified and not result.cut_short:
             with suppress(OutOfTimeError):
                 known = tolerance(self.plan, self.epsilon, deadline, self.solver, result.box)

@@ -307,10 +307,11 @@ class Containment(Questions[Callable[[], Refutation]]):
         Raises:
             OutOfTimeError: if the deadline passes first.
         """
-        return (
-            not any(box.includes(known.values) for known in reversed(self._refuted))
-            and self._look_in(box, deadline) is None
-        )
+        return self._met_before(box) is None and self._look_in(box, deadline) is None
+
+    def _met_before(self, box: Box) -> Refutation | None:
+        """A point of the box that was found to break the plan, the last one first."""
+        return next((known for known in reversed(self._refuted) if box.includes(known.values)), None)
 
     def keeps(self, box: Box, deadline: Deadline) -> bool:
         """Whether all schedules keep all obligations for values in the box; some values may leave no schedule.
@@ -326,9 +327,8 @@ class Containment(Questions[Callable[[], Refutation]]):
         Raises:
             OutOfTimeError: if the deadline passes first.
         """
-        for known in reversed(self._refuted):
-            if box.includes(known.values):
-                return known
+        if (known := self._met_before(box)) is not None:
+            return known
         obstacle = self._look_in(box, deadline)
         return None if obstacle is None else obstacle()
 

@@ -3,7 +3,7 @@
 Which corners these are, and why they decide, is in :mod:`robust.irr.rates`. The widest box is looked for on a grid of
 four significant digits of each nominal value: all sides move at once, in proportion to the weights of their parameters,
 then those that can go on alone. So each side of the result, moved by one step of the grid, takes in a point that breaks
-the plan; :func:`inner_box` executes it.
+the plan; :func:`with_inner` executes it.
 """
 
 from __future__ import annotations
@@ -15,16 +15,15 @@ from dataclasses import replace
 from fractions import Fraction
 from functools import cached_property
 from itertools import product
-from typing import Unpack
+from typing import Any, Unpack
 
 from robust.encode import create_encoding
 from robust.encode.interface import Encoding, Facet
 from robust.errors import SolverError, UnsupportedError
-from robust.irr import search as searching
 from robust.irr.check import Answer, Checker, CheckResult, Counterexample, NoScheduleError, require_some_schedule
-from robust.irr.containment import Containment, Margins, Refutation
+from robust.irr.containment import Containment, Margins, Questions, Refutation
 from robust.irr.rates import Rates, multiplied, part_of, rates_of
-from robust.irr.search import BoxSearch, Conduct, EnvelopeResult, InnerBox, OuterPoint, OutsideError
+from robust.irr.search import BoxSearch, Conduct, EnvelopeResult, InnerBox, OuterPoint
 from robust.irr.stops import NO_SCHEDULE, Stop
 from robust.plan import model
 from robust.plan.model import Parameter, ParametrizedPlan
@@ -67,9 +66,8 @@ class CornerContainment(Containment):
         return self.rates.is_decided(box) and self.refute(box, deadline) is None
 
     def refute(self, box: Box, deadline: limits.Deadline) -> Refutation | None:
-        for known in reversed(self._refuted):
-            if box.includes(known.values):
-                return known
+        if (known := self._met_before(box)) is not None:
+            return known
         found = self._apart.refute(self._rest(box), deadline)
         if found is not None:
             values = {name: box[name].some_value() for name in self.rates.names}
@@ -314,12 +312,7 @@ class CornerWidening(BoxSearch):
         return self._checks
 
     def _search(self) -> None:
-        refutation = self._corners.refute(self.box, self.deadline)
-        if refutation is not None:
-            if refutation.facet is not None:
-                require_some_schedule(self.encoding, self.questions.open_session(), self.deadline)
-            raise OutsideError(refutation.reason, refutation.values)
-        self.verified = True
+        self._verify_nominal(self._corners)
         faces = product((parameter.name for parameter in self.encoding.plan.parameters), Side)
         active = [face for face in faces if not self._released(face)]
         while active:
@@ -457,36 +450,13 @@ def corner_containment(
     return None
 
 
-def searching_corners(
-    corners: CornerContainment,
-    method: str,
-    *,
-    beta: Fraction,
-    doubling: bool,
-    order: Sequence[str],
-    **conduct: Unpack[Conduct],
-) -> BoxSearch | None:
-    """A search for a box of a plan with products of two unknowns; None if the method knows none.
+def with_inner(result: EnvelopeResult, corners: Questions[Any] | None, deadline: limits.Deadline) -> EnvelopeResult:
+    """A box that was decided at corners, with how far its sides are from points that break the plan.
 
-    Args:
-        corners: decides boxes.
-        method: `widen` without an order, or `irr`.
-        beta: the precision of `irr`.
-        doubling: whether `irr` doubles its steps until the first failure.
-        order: parameters in the order in which `irr` takes them.
-        conduct: see :class:`Conduct`.
+    Each of these is executed if there is time. Other boxes are as they are.
     """
-    if method == "widen" and not order:
-        return CornerWidening(corners, **conduct)
-    if method != "irr":
-        return None
-    search = searching.IncrementalRobustification(corners, beta=beta, doubling=doubling, order=order, **conduct)
-    search.fallback = corners.reason
-    return search
-
-
-def inner_box(corners: CornerContainment, result: EnvelopeResult, deadline: limits.Deadline) -> InnerBox:
-    """How far the sides of a box are from points that break the plan, each executed if there is time."""
+    if not isinstance(corners, CornerContainment) or not result.verified:
+        return result
     nearest: dict[Face, tuple[Fraction, Refutation]] = {}
     for refutation in corners.refutations:
         outside = [name for name, interval in result.box.intervals.items() if refutation.values[name] not in interval]
@@ -508,7 +478,7 @@ def inner_box(corners: CornerContainment, result: EnvelopeResult, deadline: limi
         except (limits.OutOfTimeError, KeyboardInterrupt):
             log.info("no time was left to execute what is beyond the sides")
         points.append(OuterPoint(name, side, gap, shown))
-    return InnerBox(corners.rates.names, tuple(points))
+    return replace(result, inner=InnerBox(corners.rates.names, tuple(points)))
 
 
 def _executed(corners: CornerContainment, refutation: Refutation, deadline: limits.Deadline) -> Counterexample | None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
 from itertools import product
-from typing import Unpack
+from typing import Any, Unpack
 
 from robust.encode.interface import Encoding, Linear, variable
 from robust.errors import UnsupportedError
@@ -21,7 +21,7 @@ from robust.irr import corners, proposals, stops, templates
 from robust.irr import search as searching
 from robust.irr.check import require_some_schedule
 from robust.irr.conflicts import Candidate, Chosen, Clause, MasterProblem, Point
-from robust.irr.containment import Containment, Margins
+from robust.irr.containment import Containment, Margins, Questions
 from robust.irr.questions import Manner, PlanQuestion
 from robust.irr.search import BoxSearch, Conduct, EnvelopeResult, OutsideError, Step, ordered
 from robust.irr.widen import BadSet, DiscoveredBadSet, Obstacle, Widening, faces_of
@@ -395,17 +395,16 @@ class BoxMethod:
             InputError: if `order` names unknown or repeated parameters.
             UnsupportedError: if there are products of two unknowns that corners do not decide, or with other methods.
         """
-        if (decided := corners.corner_containment(formulas, solver=solver)) is not None:
-            found = corners.searching_corners(
-                decided, self.name, beta=self.beta, doubling=self.doubling, order=self.order, **conduct
-            )
-            if found is not None:
-                return found
+        decided = corners.corner_containment(formulas, solver=solver)
+        if decided is not None and self.name == "widen" and not self.order:
+            return corners.CornerWidening(decided, **conduct)
         if self.name == "irr":
-            containment = Containment(formulas, solver=solver, exporter=exporter)
-            return searching.IncrementalRobustification(
+            containment = decided or Containment(formulas, solver=solver, exporter=exporter)
+            search = searching.IncrementalRobustification(
                 containment, beta=self.beta, doubling=self.doubling, order=self.order, **conduct
             )
+            search.fallback = None if decided is None else decided.reason
+            return search
         return ExactSearch(
             formulas,
             method=self.name,
@@ -441,7 +440,7 @@ class EnvelopeQuestion(PlanQuestion[EnvelopeResult]):
         self.method = method
         self._shape = shape
         self._on_step = on_step
-        self._corners: corners.CornerContainment | None = None
+        self._questions: Questions[Any] | None = None
 
     def search(self, formulas: Encoding) -> Searching[EnvelopeResult]:
         search = self.method.search(
@@ -451,7 +450,7 @@ class EnvelopeQuestion(PlanQuestion[EnvelopeResult]):
             deadline=self.manner.deadline,
             on_step=self._on_step,
         )
-        self._corners = search.questions if isinstance(search.questions, corners.CornerContainment) else None
+        self._questions = search.questions
         return search
 
     def nothing(self, *, timed_out: bool) -> EnvelopeResult:
@@ -471,8 +470,9 @@ class EnvelopeQuestion(PlanQuestion[EnvelopeResult]):
         )
 
     def completed(self, result: EnvelopeResult) -> EnvelopeResult:
-        if self._corners is not None and result.verified:
-            return replace(result, inner=corners.inner_box(self._corners, result, self.manner.deadline))
+        result = corners.with_inner(result, self._questions, self.manner.deadline)
+        if result.inner is not None:
+            return result
         if not result.verified or result.cut_short:
             return result
         if result.contain_nominal:

@@ -258,6 +258,20 @@ class BoxSearch(Searching[EnvelopeResult]):
                 stops[face] = stopping.declared_stop(parameter, side, end) or self._stops.get(face, unknown)
         return stops
 
+    def _verify_nominal(self, containment: Containment) -> None:
+        """Make sure that the nominal point, where the search begins, is inside.
+
+        Raises:
+            OutsideError: if it is not.
+            InputError: if no parameter values leave a schedule.
+        """
+        refutation = containment.refute(self.box, self.deadline)
+        if refutation is not None:
+            if refutation.facet is not None:
+                require_some_schedule(self.encoding, containment.open_session(), self.deadline)
+            raise OutsideError(refutation.reason, refutation.values)
+        self.verified = True
+
     def _accept(self, box: Box) -> None:
         """Keep a box that is inside the envelope, and better than those before it."""
         self.box = box
@@ -350,12 +364,7 @@ class IncrementalRobustification(BoxSearch):
     # -- Algorithm 1 ---------------------------------------------------------------------------------------------
 
     def _search(self) -> None:
-        refutation = self._containment.refute(self.box, self.deadline)
-        if refutation is not None:
-            if refutation.facet is not None:
-                require_some_schedule(self.encoding, self._containment.open_session(), self.deadline)
-            raise OutsideError(refutation.reason, refutation.values)
-        self.verified = True
+        self._verify_nominal(self._containment)
         turns = [self._first_turn(parameter) for parameter in self._parameters]
         least = self._precision / 2
         # The recorded runs try parameters down to β/2 as well, but end as soon as every Δ is below β.
