@@ -302,6 +302,19 @@ class DifferenceNetwork:
         return self.times[bound[1]] - self.times[bound[0]] - bound[2]
 
 
+NodeT = TypeVar("NodeT", bound=Hashable)
+
+
+def reachable(steps: Mapping[NodeT, Iterable[NodeT]], start: NodeT) -> set[NodeT]:
+    """A node, and all nodes to which steps lead from it."""
+    seen, waiting = {start}, [start]
+    while waiting:
+        new = set(steps.get(waiting.pop(), ())) - seen
+        seen |= new
+        waiting += new
+    return seen
+
+
 def strong_components(steps: Sequence[Sequence[int]]) -> list[int]:
     """The number of the strongly connected component of each node [Kosaraju], without recursion."""
     before: list[list[int]] = [[] for _ in steps]
@@ -338,13 +351,7 @@ def _spanning(bounds: Sequence[Bound], given: Sequence[Bound], times: Sequence[i
         for source, target, weight in (*rest, *given):
             if times[target] - times[source] == weight:
                 steps[source].append(target)
-        seen, waiting = {bound[0]}, [bound[0]]
-        while waiting:
-            for other in steps[waiting.pop()]:
-                if other not in seen:
-                    seen.add(other)
-                    waiting.append(other)
-        if bound[1] in seen:
+        if bound[1] in reachable(steps, bound[0]):
             kept = rest
     return kept
 

@@ -23,7 +23,7 @@ from functools import cached_property
 from heapq import heappop, heappush
 from math import inf
 
-from robust.network.differences import forward_only, strong_components
+from robust.network.differences import forward_only, reachable, strong_components
 
 FaceNumber = int
 """2i is the lower end of interval i, 2i + 1 its upper end."""
@@ -360,13 +360,7 @@ def _blocks(path: _Shortest, faces: set[FaceNumber]) -> bool:
     for source, target, face in path.steps:
         if face not in faces:
             leading[source].append(target)
-    seen, waiting = {path.points[0]}, [path.points[0]]
-    while waiting:
-        for other in leading[waiting.pop()]:
-            if other not in seen:
-                seen.add(other)
-                waiting.append(other)
-    return path.points[-1] not in seen
+    return path.points[-1] not in reachable(leading, path.points[0])
 
 
 class _Circles:

@@ -24,6 +24,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from robust.irr.proposals import SlackPlan
+from robust.network.differences import reachable
 from robust.network.slack import OutsideFragmentError
 from robust.probability import lattice
 from robust.probability.convolution import Array, Increments
@@ -198,15 +199,24 @@ Edge = TypeVar("Edge", PathEdge, LatticeEdge)
 
 def connected(edges: Sequence[Edge], root: Node = 0) -> list[Edge]:
     """Edges on paths from the root to the sink."""
-    kept = list(edges)
-    while True:
-        sources, targets = {edge.source for edge in kept}, {edge.target for edge in kept}
-        rest = [
-            e for e in kept if (e.source == root or e.source in targets) and (e.target == SINK or e.target in sources)
-        ]
-        if len(rest) == len(kept):
-            return rest
-        kept = rest
+    before, after = _linked(edges, SINK, root)
+    return [edge for edge in edges if edge.source in after and edge.target in before]
+
+
+def through(edges: Sequence[PathEdge], edge: PathEdge) -> list[PathEdge]:
+    """An edge with all paths to it and from it."""
+    before, after = _linked(edges, edge.source, edge.target)
+    return [edge, *(e for e in edges if e.target in before or e.source in after)]
+
+
+def _linked(edges: Iterable[PathEdge | LatticeEdge], end: Node, start: Node) -> tuple[set[Node], set[Node]]:
+    """The nodes from which paths lead to an end, and those to which paths lead from a start; these themselves, too."""
+    forth: dict[Node, list[Node]] = defaultdict(list)
+    back: dict[Node, list[Node]] = defaultdict(list)
+    for edge in edges:
+        forth[edge.source].append(edge.target)
+        back[edge.target].append(edge.source)
+    return reachable(back, end), reachable(forth, start)
 
 
 def chains(edges: Sequence[PathEdge]) -> list[PathEdge]:

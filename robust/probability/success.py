@@ -20,7 +20,7 @@ from robust.network.slack import FaceBound, OutsideFragmentError, SlackRequireme
 from robust.plan import model
 from robust.plan.model import within as restricted
 from robust.plan.polynomial import Polynomial
-from robust.probability import lattice, packing
+from robust.probability import lateness, lattice, packing
 from robust.probability.averages import Conditional, SharedAverage, draw_factors
 from robust.probability.convolution import Array
 from robust.probability.distributions import UNIT, Distribution, product_of
@@ -405,7 +405,7 @@ class Lateness:
         for edge in graph.edges:
             about = {*edge.names, *((graph.due[edge.source],) if edge.target == SINK else ())} & names
             if about:
-                paths = PathBounds(_through(graph.edges, edge), self._given.laws)
+                paths = PathBounds(lateness.through(graph.edges, edge), self._given.laws)
                 paths.run(close, lambda: None, self._deadline, WORK / 100)
                 inside = Fraction(self._given.mass[0], UNIT)
                 bounds = max(Fraction(0), 1 - Fraction(paths.upper)) * inside, 1 - Fraction(paths.lower) * inside
@@ -423,18 +423,6 @@ SHARES = Fraction(1, 200)
 
 def _greatest(shares: Mapping[str, float]) -> list[tuple[str, float]]:
     return [(name, share) for name, share in sorted(shares.items(), key=lambda item: -item[1]) if share]
-
-
-def _through(edges: Sequence[PathEdge], edge: PathEdge) -> list[PathEdge]:
-    """An edge with all paths to it and from it."""
-    before, after = {edge.source}, {edge.target}
-    while True:
-        more = [e for e in edges if (e.target in before and e.source not in before)]
-        rest = [e for e in edges if (e.source in after and e.target not in after)]
-        if not more and not rest:
-            return [edge, *(e for e in edges if e.target in before or e.source in after)]
-        before.update(e.source for e in more)
-        after.update(e.target for e in rest)
 
 
 PATHS = 300

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 from robust.encode.encoding import RelationalEncoding
 from robust.encode.interface import Linear, TimeVariable, Unknown, constant, variable
 from robust.errors import InputError, UnsupportedError
-from robust.network.differences import Cycle, Elimination, delay, following, strong_components
+from robust.network.differences import Cycle, Elimination, delay, following, reachable, strong_components
 from robust.plan.model import TimePoint
 from robust.qe.box import Box, Interval
 from robust.qe.conjunctions import Conjunction
@@ -283,16 +283,11 @@ class LiftedRegion(Region):
     @cached_property
     def _is_grounded(self) -> bool:
         """Whether no time on a cycle may be before zero: whatever delays zero is on a positive cycle then."""
-        grounded = {0}
         leaving: dict[int, list[int]] = defaultdict(list)
         for bound in self._bounds:
             if self._is_least_zero(bound.constant, dict(bound.factors)):
                 leaving[bound.source].append(bound.target)
-        waiting = [0]
-        while waiting:
-            new = set(leaving[waiting.pop()]) - grounded
-            grounded |= new
-            waiting += new
+        grounded = reachable(leaving, 0)
         return all(self._bounds[number].source in grounded for number in self._cyclic)
 
     @cached_property
