@@ -23,7 +23,7 @@ from functools import cache, cached_property
 from robust.encode import interface, settled
 from robust.encode import network as networks
 from robust.encode.interface import EPSILON, Auxiliary, Encoding, Linear, Obligation, Range, Stage, constant, variable
-from robust.encode.network import Flow, FluentWrite, IndependentParts, Orders, TemporalNetwork, Writes, names_in
+from robust.encode.network import Flow, FluentWrite, IndependentParts, Orders, TemporalNetwork, Writes
 from robust.encode.validity import Validity
 from robust.errors import UnsupportedError
 from robust.plan import model
@@ -384,7 +384,7 @@ class OverAll:
     def _breakpoints(self, condition: model.Condition) -> dict[model.TimePoint, bool]:
         """The happenings that can change a condition's truth: whether it jumps there, or a fluent only bends."""
         jumps: dict[model.TimePoint, bool] = {}
-        for name in names_in(condition):
+        for name in model.names_in(condition):
             match name:
                 case model.Atom():
                     jumps.update((write.point, True) for write in self._writes.of_atom.get(name, ()))
@@ -398,7 +398,7 @@ class OverAll:
     def _flows(self, leaf: model.NumericCondition) -> list[Flow]:
         return [
             flow
-            for name in names_in(leaf)
+            for name in model.names_in(leaf)
             if isinstance(name, model.Fluent)
             for flow in self._writes.flows.get(name, ())
         ]

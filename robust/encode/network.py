@@ -8,7 +8,7 @@ Mutex pairs of time points [Fox and Long 2003, §8] come from the effects of a p
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -126,15 +126,9 @@ def _conflicts(plan: model.ParametrizedPlan) -> Iterator[tuple[model.TimePoint, 
 
 def reads(instance: model.ActionInstance) -> Iterator[tuple[model.Atom | model.Fluent, tuple[model.TimePoint, ...]]]:
     """The atoms and fluents that an instance reads, with the time points of the reads."""
-    parts: tuple[model.TimedCondition | model.DurationConstraint | model.AtomEffect | model.NumericEffect, ...] = (
-        *instance.conditions,
-        *instance.durations,
-        *instance.atom_effects,
-        *instance.numeric_effects,
-    )
-    for part in parts:
+    for part in instance.parts:
         if part.timing is not model.Timing.OVER_ALL:
-            for name in names_in(part.condition):
+            for name in model.names_in(part.condition):
                 yield name, (instance.at(part.timing),)
     for numeric in instance.numeric_effects:
         for fluent in model.fluents_in(numeric.expression):
@@ -158,16 +152,6 @@ def changes(plan: model.ParametrizedPlan) -> Iterator[tuple[model.Atom | model.F
                 yield continuous.fluent, point
     for literal in plan.timed_literals:
         yield literal.target, literal.point
-
-
-def names_in(condition: model.Condition) -> Iterator[model.Atom | model.Fluent]:
-    """Atoms and fluents that a condition mentions."""
-    for leaf in model.leaves(condition):
-        match leaf:
-            case model.Holds(atom):
-                yield atom
-            case model.NumericCondition(expression):
-                yield from model.fluents_in(expression)
 
 
 Bound = tuple[model.TimePoint, model.TimePoint, Fraction]
@@ -219,8 +203,8 @@ class TemporalNetwork:
 
     def __init__(self, plan: model.ParametrizedPlan) -> None:
         self.plan = plan
-        self.ranges: dict[str, interface.Range] = {p.name: (p.lower, p.upper) for p in plan.parameters}
-        self.differences = tuple(_differences(plan))
+        self.ranges = declared_ranges(plan)
+        self.differences = tuple(differences_of(plan))
         self.places = _places(plan)
 
     @cached_property
@@ -238,10 +222,7 @@ class TemporalNetwork:
 
     def bounds(self, differences: Iterable[Difference]) -> Iterator[Bound]:
         """What the differences say for all declared parameter values, where they say anything."""
-        for difference in differences:
-            weight = interface.least(difference.weight, self.ranges)
-            if weight is not None:
-                yield difference.source, difference.target, weight
+        return least_bounds(differences, self.ranges)
 
     def _inequalities(self) -> Iterator[Inequality]:
         # Said before unsaid: what is left out as implied must not be a statement of the plan.
@@ -265,7 +246,24 @@ class TemporalNetwork:
                 yield Inequality(-value + parameter.upper, (f"parameter {parameter.name} ub {parameter.upper}",))
 
 
-def _differences(plan: model.ParametrizedPlan) -> Iterator[Difference]:
+def declared_ranges(plan: model.ParametrizedPlan) -> dict[str, interface.Range]:
+    """The declared bounds of parameters."""
+    return {parameter.name: (parameter.lower, parameter.upper) for parameter in plan.parameters}
+
+
+def least_bounds(differences: Iterable[Difference], ranges: Mapping[str, interface.Range]) -> Iterator[Bound]:
+    """What differences say for all parameter values in these ranges, where they say anything."""
+    for difference in differences:
+        weight = interface.least(difference.weight, ranges)
+        if weight is not None:
+            yield difference.source, difference.target, weight
+
+
+def differences_of(plan: model.ParametrizedPlan) -> Iterator[Difference]:
+    """The whole network of a plan as lower bounds.
+
+    Beside its statements, no time point is before zero, and timed literals happen at their times.
+    """
     for point in plan.time_points[1:]:
         yield Difference(model.ZERO, point, interface.constant(0), (f"{point} ≥ 0",), is_default=True)
         if point.time is not None:

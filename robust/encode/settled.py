@@ -19,10 +19,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import groupby, pairwise, product
-from math import lcm
 
-from robust.encode import interface, network
-from robust.network.differences import DifferenceNetwork
+from robust.encode import network
+from robust.network.differences import DifferenceNetwork, Distances, reachable
 from robust.plan import model
 from robust.plan.polynomial import Polynomial
 
@@ -115,17 +114,11 @@ class Settled:
         for name, writes in accesses.writes.items():
             for write in writes:
                 expression = None if isinstance(write.amount, bool) else write.amount
-                for read in (*network.names_in(write.condition), *(model.fluents_in(expression) if expression else ())):
+                for read in (*model.names_in(write.condition), *(model.fluents_in(expression) if expression else ())):
                     readers[read].append(name)
                 if not self._is_known(write.condition, write.instance, expression):
                     unsteady.add(name)
-        waiting = list(unsteady)
-        while waiting:
-            for name in readers[waiting.pop()]:
-                if name not in unsteady:
-                    unsteady.add(name)
-                    waiting.append(name)
-        return unsteady
+        return reachable(readers, *unsteady)
 
     def _is_ordered(self, name: Name) -> bool:
         """Whether all points that may not touch a name at the same time are apart, each pair in one order."""
@@ -166,7 +159,7 @@ class Settled:
         self, condition: model.Condition, instance: int | None, expression: model.Expression | None = None
     ) -> bool:
         """Whether a condition and an expression mention nothing but fluents and durations that are fixed."""
-        expressions = [leaf.expression for leaf in model.leaves(condition) if isinstance(leaf, model.NumericCondition)]
+        expressions = [comparison.expression for comparison in model.comparisons(condition)]
         if expression is not None:
             expressions.append(expression)
         variables = {
@@ -197,7 +190,7 @@ class Settled:
 
     def holds_at(self, condition: model.Condition, point: int, instance: int | None = None) -> bool:
         """Whether a condition that is read at a point, or FINALLY, holds there in all schedules."""
-        if not self._is_known(condition, instance) or not self._are_steady(network.names_in(condition)):
+        if not self._is_known(condition, instance) or not self._are_steady(model.names_in(condition)):
             return False
         return self.history.before(point).holds(condition, self._duration(instance))
 
@@ -408,32 +401,12 @@ def _holds_between(relation: model.Relation, slope: Fraction, first: Fraction | 
 
 def settle(plan: model.ParametrizedPlan, epsilon: Fraction) -> Settled | None:
     """What the network of a plan settles, for all values of its parameters; None if it has no schedule."""
-    ranges = {parameter.name: (parameter.lower, parameter.upper) for parameter in plan.parameters}
-    index = {point: number for number, point in enumerate(plan.time_points)}
-    bounds: list[tuple[int, int, Fraction]] = []
-    for number, point in enumerate(plan.time_points):
-        bounds.append((0, number, point.time or Fraction(0)))
-        if point.time is not None:
-            bounds.append((number, 0, -point.time))
-    for constraint in plan.constraints:
-        source, target = index[constraint.source], index[constraint.target]
-        if (
-            constraint.lower is not None
-            and (low := interface.least(interface.over_parameters(constraint.lower), ranges)) is not None
-        ):
-            bounds.append((source, target, low))
-        if (
-            constraint.upper is not None
-            and (high := interface.least(-interface.over_parameters(constraint.upper), ranges)) is not None
-        ):
-            bounds.append((target, source, high))
-    scale = lcm(epsilon.denominator, *(weight.denominator for _, _, weight in bounds))
-    apart = int(epsilon * scale)
-    scaled = [(source, target, int(weight * scale)) for source, target, weight in bounds]
-    paths = DifferenceNetwork(len(index), scaled)
+    bounds = network.least_bounds(network.differences_of(plan), network.declared_ranges(plan))
+    distances = Distances(plan.time_points, bounds, [epsilon])
+    paths, scale = distances.network, distances.scale
     if paths.schedule is None or paths.schedule[0] != 0:
         return None
-    return Settled(plan, paths, scale, apart)
+    return Settled(plan, paths, scale, int(epsilon * scale))
 
 
 def proved(

@@ -206,10 +206,7 @@ def relevant_fluents(plan: model.ParametrizedPlan, writes: Writes) -> tuple[mode
 def _fluents_read(plan: model.ParametrizedPlan) -> Iterator[model.Fluent]:
     conditions: list[model.Condition] = [goal.condition for goal in plan.goal]
     for instance in plan.instances:
-        conditions += [part.condition for part in instance.conditions]
-        conditions += [part.condition for part in instance.durations]
-        conditions += [effect.condition for effect in instance.atom_effects]
-        conditions += [numeric.condition for numeric in instance.numeric_effects]
+        conditions += [part.condition for part in instance.parts]
         for numeric in instance.numeric_effects:
             yield from model.fluents_in(numeric.expression)
     for condition in conditions:

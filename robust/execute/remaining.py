@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 
-from robust.encode.network import changes, names_in
+from robust.encode.network import changes
 from robust.execute.messages import StepProgress
 from robust.numbers import format_number
 from robust.plan import model, timeline
@@ -212,14 +212,11 @@ def read_by(
     conditions: list[model.Condition] = [demand.condition for demand in goal]
     expressions: list[model.Expression] = []
     for instance in instances:
-        conditions += [part.condition for part in instance.durations]
-        conditions += [part.condition for part in instance.conditions]
-        conditions += [effect.condition for effect in instance.atom_effects]
-        conditions += [effect.condition for effect in instance.numeric_effects]
+        conditions += [part.condition for part in instance.parts]
         expressions += [effect.expression for effect in instance.numeric_effects]
         expressions += [effect.rate for effect in instance.continuous_effects]
     for condition in conditions:
-        yield from names_in(condition)
+        yield from model.names_in(condition)
     for expression in expressions:
         yield from model.fluents_in(expression)
 

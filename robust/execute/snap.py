@@ -14,7 +14,7 @@ from functools import cached_property
 from math import lcm
 from operator import le
 
-from robust.encode.network import changes, names_in
+from robust.encode.network import changes
 from robust.errors import RefutedError
 from robust.network.differences import Bound, delay, following
 from robust.numbers import format_number, plural, round_up
@@ -218,7 +218,7 @@ class Snapping:
         for instance in self.plan.instances:
             for part in instance.conditions:
                 if part.timing is model.Timing.OVER_ALL:
-                    for name in names_in(part.condition):
+                    for name in model.names_in(part.condition):
                         for point in writers.get(name, ()):
                             yield from self._outside(instance, point)
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from itertools import groupby, pairwise
-from math import ceil, lcm
+from math import ceil
 
 from robust.encode import create_encoding
 from robust.encode.interface import Linear, constant, is_over_parameters, over_parameters, variable
@@ -25,7 +25,7 @@ from robust.encode.settled import FINALLY, Settled, Write
 from robust.irr.containment import Containment
 from robust.irr.stops import NO_SCHEDULE, Stop, Tolerance
 from robust.network import slack as slacks
-from robust.network.differences import DifferenceNetwork
+from robust.network.differences import DifferenceNetwork, Distances
 from robust.network.slack import FaceBound, FaceStop, LinearForm, OutsideFragmentError, SlackGraph, SlackRequirement
 from robust.plan import model
 from robust.plan.polynomial import Polynomial
@@ -149,16 +149,13 @@ class SlackPlan:
         self.plan = plan
         self._number = {parameter.name: number for number, parameter in enumerate(plan.parameters)}
         self._network = TemporalNetwork(plan)
-        weights = [self._nominal(bound.weight) for bound in self._network.differences]
+        given = [(each.source, each.target, self._nominal(each.weight)) for each in self._network.differences]
         parts = [part.condition.expression for instance in plan.instances for part in instance.durations]
         factors = [factor for part in parts for factor in part.terms.values()]
         limits = [self._nominal(over_parameters(value)) for value in plan.initial_fluents.values()]
-        self.scale = lcm(epsilon.denominator, *(number.denominator for number in (*weights, *factors, *limits)))
+        distances = Distances(plan.time_points, given, [epsilon, *factors, *limits])
+        self.scale, paths = distances.scale, distances.network
         self._apart = int(epsilon * self.scale)
-        index = {point: number for number, point in enumerate(plan.time_points)}
-        ends = [(index[bound.source], index[bound.target]) for bound in self._network.differences]
-        scaled = [(*pair, int(weight * self.scale)) for pair, weight in zip(ends, weights, strict=True)]
-        paths = DifferenceNetwork(len(index), scaled)
         if paths.schedule is None or paths.schedule[0]:
             raise OutsideFragmentError(NO_SCHEDULE)
         self.times = paths.schedule
@@ -167,7 +164,7 @@ class SlackPlan:
             raise OutsideFragmentError(f"the order of what happens to {min(map(str, self.settled.unsteady))} is open")
         self.bounds = [
             FaceBound(*bound, self._face(difference.weight), "; ".join(difference.origins))
-            for bound, difference in zip(scaled, self._network.differences, strict=True)
+            for bound, difference in zip(distances.bounds, self._network.differences, strict=True)
         ]
         self._check_uses()
         self._requirements: dict[tuple[int, int, int], SlackRequirement] = {}

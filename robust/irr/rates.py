@@ -16,6 +16,7 @@ from fractions import Fraction
 from itertools import product
 
 from robust.errors import UnsupportedError
+from robust.network.differences import reachable
 from robust.plan import model
 from robust.plan.model import Fluent, NumericVariable, ParameterReference, ParametrizedPlan, Relation
 from robust.qe.box import Box, Side
@@ -152,12 +153,7 @@ def _multiplied(plan: ParametrizedPlan) -> tuple[str, ...]:
         for demand in _demands(instance):
             for comparison in model.comparisons(demand.condition):
                 note(comparison.expression)
-    reached, pending = set[NumericVariable](), list(products)
-    while pending:
-        name = pending.pop()
-        if name not in reached:
-            reached.add(name)
-            pending.extend(sources.get(name, ()))
+    reached = reachable(sources, *products)
     names = {name.name for name in reached if isinstance(name, ParameterReference)} - temporal
     return tuple(parameter.name for parameter in plan.parameters if parameter.name in names)
 
@@ -272,9 +268,5 @@ def _with_demands(instance: model.ActionInstance, counts: Callable[[str], bool])
         if counts(instance.label(part)):
             kept.append(part)
             continue
-        for leaf in model.leaves(part.condition):
-            if isinstance(leaf, model.Holds):
-                mentions.add(model.Mention(part.timing, leaf.atom))
-            elif isinstance(leaf, model.NumericCondition):
-                mentions |= {model.Mention(part.timing, fluent) for fluent in model.fluents_in(leaf.expression)}
+        mentions |= {model.Mention(part.timing, name) for name in model.names_in(part.condition)}
     return replace(instance, conditions=tuple(kept), mentions=frozenset(mentions))

@@ -305,9 +305,9 @@ class DifferenceNetwork:
 NodeT = TypeVar("NodeT", bound=Hashable)
 
 
-def reachable(steps: Mapping[NodeT, Iterable[NodeT]], start: NodeT) -> set[NodeT]:
-    """A node, and all nodes to which steps lead from it."""
-    seen, waiting = {start}, [start]
+def reachable(steps: Mapping[NodeT, Iterable[NodeT]], *starts: NodeT) -> set[NodeT]:
+    """Nodes, and all nodes to which steps lead from them."""
+    seen, waiting = set(starts), list(starts)
     while waiting:
         new = set(steps.get(waiting.pop(), ())) - seen
         seen |= new

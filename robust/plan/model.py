@@ -349,6 +349,11 @@ class ActionInstance(NamedAction):
         return tuple(agreements)
 
     @property
+    def parts(self) -> tuple[TimedCondition | DurationConstraint | AtomEffect | NumericEffect, ...]:
+        """All that reads a condition at some time."""
+        return (*self.durations, *self.conditions, *self.atom_effects, *self.numeric_effects)
+
+    @property
     def demands(self) -> tuple[TimedCondition, ...]:
         """The conditions, and that effects agree."""
         return (*self.conditions, *self.agreements)
@@ -592,6 +597,16 @@ def comparisons(condition: Condition) -> Iterator[NumericCondition]:
 def fluents_in(expression: Expression) -> Iterator[Fluent]:
     """The fluents that an expression mentions, each once."""
     return (variable for variable in expression.variables if isinstance(variable, Fluent))
+
+
+def names_in(condition: Condition) -> Iterator[Atom | Fluent]:
+    """The atoms and fluents that a condition mentions."""
+    for leaf in leaves(condition):
+        match leaf:
+            case Holds(atom):
+                yield atom
+            case NumericCondition(expression):
+                yield from fluents_in(expression)
 
 
 def written_fluents(plan: ParametrizedPlan) -> set[Fluent]:

@@ -280,14 +280,14 @@ def _checked_name(name: str, location: Location) -> str:
 
 def _checked_subject(target: Target, text: str, location: Location) -> str:
     subject = text.strip()
-    if target is not Target.FLUENT:
-        if not subject:
-            raise InputError(f"found nothing after '{target.value}', expected an instance identifier", location)
-        return f"({' '.join(subject[1:-1].lower().split())})" if _FLUENT.fullmatch(subject) else subject
-    if _FLUENT.fullmatch(subject) is None:
+    if _FLUENT.fullmatch(subject):
+        return f"({' '.join(subject[1:-1].lower().split())})"
+    if target is Target.FLUENT:
         message = f"found {shorten(subject)}, expected a fluent with its objects in parentheses, such as '(charge auv)'"
         raise InputError(message, location)
-    return f"({' '.join(subject[1:-1].lower().split())})"
+    if not subject:
+        raise InputError(f"found nothing after '{target.value}', expected an instance identifier", location)
+    return subject
 
 
 @dataclass(frozen=True, slots=True)

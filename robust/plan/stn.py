@@ -18,14 +18,13 @@ import re
 from bisect import bisect_right
 from dataclasses import dataclass, field
 from fractions import Fraction
-from os import PathLike
 from pathlib import PurePath
 from typing import Any, NoReturn
 
 from robust.errors import InputError, Location, did_you_mean
 from robust.numbers import format_number, is_number, parse_number, shorten
 from robust.plan.model import ZERO, NamedAction, ParameterReference, TimePoint
-from robust.plan.pddl.forms import LARGEST, read_text, too_large
+from robust.plan.pddl.forms import LARGEST, too_large
 
 STNBound = Fraction | ParameterReference | None
 """A bound of a constraint; None is the infinite one: −∞ below, +∞ above."""
@@ -109,11 +108,6 @@ def parse_stn(text: str, file: str = "<plan>") -> STNPlan:
 def is_network(text: str, file: str = "") -> bool:
     """Whether a text is meant to be a plan with a network, by its file's name or by a line that only these have."""
     return file.lower().endswith(".stn") or _TELLTALE.search(text) is not None
-
-
-def read_stn(path: str | PathLike[str]) -> STNPlan:
-    """The plan in a file; InputError if it cannot be read or is not a plan."""
-    return parse_stn(read_text(path), str(path))
 
 
 def write_stn(plan: STNPlan) -> str:

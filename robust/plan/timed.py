@@ -139,9 +139,9 @@ def plans_in(text: str, file: str = "<plan>") -> Iterator[TimedPlan | InputError
     yield from (TimedPlan(tuple(steps), file) for steps in reversed(log.plans))
 
 
-def read_timed_plan(path: str | PathLike[str], number: int | None = None) -> TimedPlan:
-    """The plan in a file; InputError if it cannot be read or has no such plan."""
-    return parse_timed_plan(*read_plan_text(path), number)
+def read_timed_plan(path: str | PathLike[str]) -> TimedPlan:
+    """The plan in a file, the last one; InputError if it cannot be read or has none."""
+    return parse_timed_plan(*read_plan_text(path))
 
 
 def write_timed_plan(plan: TimedPlan) -> str:

@@ -19,7 +19,7 @@ from unified_planning.plans import PlanKind
 from robust.encode.interface import EPSILON
 from robust.errors import InputError, Location, RobustError
 from robust.execute import causal, distances
-from robust.irr.check import Answer
+from robust.irr.check import Answer, CheckResult
 from robust.numbers import parse_number, plural, readable, readable_values
 from robust.plan import load, model
 from robust.plan.pddl.syntax import Domain, Problem
@@ -171,9 +171,7 @@ class _PlanJudge:
     def _of_network(
         self, domain: Domain, problem: Problem, stn: STNPlan, timeout: float | None
     ) -> results.ValidationResult:
-        plan = load.assemble(domain, problem, stn, may_be_empty=True)
-        with one_question():
-            checked = causal.check_plan(plan, self.epsilon, "z3", Deadline.after(timeout))
+        checked = self._checked(domain, problem, stn, timeout)
         if checked.answer is Answer.PROVED and type_bounds(self.problem):
             return self._within_bounds(timeout)
         if checked.answer is Answer.PROVED:
@@ -192,14 +190,17 @@ class _PlanJudge:
         )
         return self._refuted(example.simulation, broken, f"; the plan allows this schedule: {times}")
 
+    def _checked(self, domain: Domain, problem: Problem, stn: STNPlan, timeout: float | None) -> CheckResult:
+        plan = load.assemble(domain, problem, stn, may_be_empty=True)
+        with one_question():
+            return causal.check_plan(plan, self.epsilon, "z3", Deadline.after(timeout))
+
     def _within_bounds(self, timeout: float | None) -> results.ValidationResult:
         """A network that is valid but for bounds of types, which are now conditions of what changes a fluent."""
         domain, problem, stn = converted(self.problem, self.plan, bounded=True)
         if not isinstance(stn, STNPlan):
             raise TypeError(f"a network became {type(stn).__name__}")
-        plan = load.assemble(domain, problem, stn, may_be_empty=True)
-        with one_question():
-            checked = causal.check_plan(plan, self.epsilon, "z3", Deadline.after(timeout))
+        checked = self._checked(domain, problem, stn, timeout)
         if checked.answer is Answer.PROVED:
             return _result(results.ValidationResultStatus.VALID)
         for example in checked.counterexamples.values():

@@ -282,18 +282,8 @@ def fluents_in_goal(domain: syntax.Domain, problem: syntax.Problem) -> Iterator[
 
 def _reads(instance: model.ActionInstance) -> Iterator[tuple[model.Timing, Name]]:
     """What the ground conditions and effects of an instance mention, and when."""
-    parts: tuple[model.TimedCondition | model.DurationConstraint | model.AtomEffect | model.NumericEffect, ...] = (
-        *instance.durations,
-        *instance.conditions,
-        *instance.atom_effects,
-        *instance.numeric_effects,
-    )
-    for part in parts:
-        for leaf in model.leaves(part.condition):
-            if isinstance(leaf, model.Holds):
-                yield part.timing, leaf.atom
-            elif isinstance(leaf, model.NumericCondition):
-                yield from ((part.timing, fluent) for fluent in model.fluents_in(leaf.expression))
+    for part in instance.parts:
+        yield from ((part.timing, name) for name in model.names_in(part.condition))
     for effect in instance.numeric_effects:
         yield from ((effect.timing, fluent) for fluent in model.fluents_in(effect.expression))
     for continuous in instance.continuous_effects:

@@ -290,12 +290,10 @@ class ActionText:
         return action_text(self.name, condition, caused, parameters=self.parameters, duration="(>= ?duration 0)")
 
 
-def sketched_domain(
-    name: str, predicates: Iterable[str], actions: Iterable[ActionText], *, extra: Sequence[str] = ()
-) -> str:
-    """A domain; `extra` are whole declarations, such as types and constants, to come before the predicates."""
+def sketched_domain(name: str, predicates: Iterable[str], actions: Iterable[ActionText]) -> str:
+    """A domain with these predicates and actions."""
     requirements = "(:requirements :typing :negative-preconditions :durative-actions :duration-inequalities)"
-    return define("domain", name, [requirements, *extra, section(":predicates", predicates), *map(str, actions)])
+    return define("domain", name, [requirements, section(":predicates", predicates), *map(str, actions)])
 
 
 def sketched_problem(name: str, domain: str, initial: Iterable[str], goal: Iterable[str], *, objects: str = "") -> str:
