@@ -355,6 +355,15 @@ class KnownFacts:
                 return answer
             self._active.update(dict.fromkeys(broken[:40]))
 
+    def denial(self, form: Mapping[str, Fraction], *, strict: bool) -> list[tuple[int, Fraction]] | None:
+        """Positive multiples of facts, by number, that contradict `form ≥ 0`, or `> 0`; None if there are none."""
+        side = LinearSide.of(form, strict)
+        answer = self.contradiction([side])
+        if isinstance(answer, dict) or 0 not in answer[0]:
+            return None
+        unit = answer[0][0] * side.scale
+        return [(number, factor / unit) for number, factor in answer[1]]
+
 
 @dataclass(frozen=True, slots=True)
 class _Lemma:
@@ -660,9 +669,7 @@ def implied(facts: KnownFacts, form: Mapping[str, Fraction], *, strictly: bool =
     """
     if not form.keys() - {""} and (form.get("", 0) > 0 or (form.get("", 0) == 0 and not strictly)):
         return []
-    negated = LinearSide.of({name: -value for name, value in form.items()}, not strictly)
-    answer = facts.contradiction([negated])
-    if isinstance(answer, dict) or 0 not in answer[0]:
+    found = facts.denial({name: -value for name, value in form.items()}, strict=not strictly)
+    if found is None:
         raise NotRefutedError(f"found {dict(form)} negative somewhere, expected it nowhere")
-    unit = answer[0][0] * negated.scale
-    return [(number, factor / unit) for number, factor in answer[1]]
+    return found

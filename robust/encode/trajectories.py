@@ -249,23 +249,21 @@ class Flows:
 
     def over_step(self, fluent: model.Fluent, step: int) -> Linear:
         """By how much a fluent changes in a step."""
-        total = constant(0)
-        for flow in self._setting.writes.flows.get(fluent, ()):
-            acts = self.acts(flow.instance, step)
-            if acts is not self._terms.false:
-                name = f"{flow.instance.identifier} {fluent} in step {step}"
-                total += self._definitions.choice(name, [(acts, self._contribution(flow, step))], constant(0))
-        return total
+        return self._change(fluent, step, "", lambda flow: self._contribution(flow, step))
 
     def until(self, fluent: model.Fluent, step: int, instant: Linear) -> Linear:
         """By how much a fluent changes from the beginning of a step until an instant inside it."""
+        elapsed = instant - self._positions.time(step)
+        return self._change(fluent, step, f" until {instant}", lambda flow: self._product(flow, elapsed))
+
+    def _change(self, fluent: model.Fluent, step: int, until: str, amount: Callable[[Flow], Linear]) -> Linear:
+        """What the flows that act in a step add to a fluent, each so much."""
         total = constant(0)
         for flow in self._setting.writes.flows.get(fluent, ()):
             acts = self.acts(flow.instance, step)
             if acts is not self._terms.false:
-                amount = self._product(flow, instant - self._positions.time(step))
-                name = f"{flow.instance.identifier} {fluent} in step {step} until {instant}"
-                total += self._definitions.choice(name, [(acts, amount)], constant(0))
+                name = f"{flow.instance.identifier} {fluent} in step {step}{until}"
+                total += self._definitions.choice(name, [(acts, amount(flow))], constant(0))
         return total
 
     def _contribution(self, flow: Flow, step: int) -> Linear:

@@ -10,7 +10,7 @@ from typing import ClassVar, Generic, TypeVar
 from robust.encode.interface import Encoding, Facet, Obligation
 from robust.irr.check import no_schedule, within, worst_point
 from robust.plan.model import ParameterReference
-from robust.qe import constraint, nnf
+from robust.qe import nnf
 from robust.qe.box import Box, Face, Interval
 from robust.qe.polyhedron import Polyhedron
 from robust.smt.limits import Deadline, OutOfTimeError, raise_if_interrupted
@@ -258,18 +258,10 @@ class Questions(ABC, Generic[Found]):
         symbols = {symbol for formula in formulas for symbol in self.encoding.terms.variables(formula)}
         if len(symbols) > len(question.parameters):
             return False
-        violation = nnf.conjunction(map(self.reader.read, formulas))
-        parts = (
-            violation.operands if isinstance(violation, nnf.Junction) and not violation.conjunctive else (violation,)
-        )
-        pieces = []
-        for part in parts:
-            leaves = part.operands if isinstance(part, nnf.Junction) and part.conjunctive else (part,)
-            constraints = [leaf for leaf in leaves if isinstance(leaf, constraint.LinearConstraint)]
-            if len(constraints) < len(leaves):
-                return False
-            pieces.append(Polyhedron(self._names, tuple(constraints)))
-        question.pieces = tuple(pieces)
+        alternatives = nnf.alternatives_of(nnf.conjunction(map(self.reader.read, formulas)))
+        if alternatives is None:
+            return False
+        question.pieces = tuple(Polyhedron(self._names, constraints) for constraints in alternatives)
         return True
 
     def _bounds(self, name: str, interval: Interval) -> tuple[Formula, ...]:

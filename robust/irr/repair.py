@@ -32,9 +32,9 @@ from robust.plan.polynomial import Polynomial
 from robust.presented import Presented
 from robust.qe import nnf, simplex
 from robust.qe.box import Box, Interval, Side
-from robust.qe.conjunctions import Conjunction, project, project_at, variables_of
+from robust.qe.conjunctions import Conjunction, project
 from robust.qe.constraint import LinearConstraint
-from robust.qe.eliminate.enumerate import CROWDED, satisfiable
+from robust.qe.eliminate.enumerate import projected, satisfiable
 from robust.qe.polyhedron import Polyhedron
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 from robust.smt.session import Formula, Satisfiability, Session
@@ -584,11 +584,7 @@ class _BadChanges(widen.DiscoveredBadSet):
 
     def _projection(self, constraints: Sequence[LinearConstraint], model: nnf.Model) -> Conjunction | None:
         """Exactly, or if there is much to eliminate, a part of it that has the model."""
-        names = variables_of(constraints)
-        eliminated = set(names).difference(self._names)
-        if sum(1 for constraint in constraints if not eliminated.isdisjoint(constraint.parameters)) > CROWDED:
-            return project_at(constraints, eliminated, {name: Fraction(model.get(name, 0)) for name in names})
-        return project(constraints, eliminated, self._deadline)
+        return projected(constraints, self._names, model, self._deadline)
 
 
 def _ends(required: Mapping[str, Interval]) -> Iterator[dict[str, Fraction]]:

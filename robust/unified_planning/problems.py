@@ -394,9 +394,7 @@ def _whens(interval: up.TimeInterval) -> list[str]:
         return [lower]
     if lower == "at end":
         raise UnsupportedError(f"found a condition over '{interval}', expected an interval from start to end")
-    first = [] if interval.is_left_open() else [lower]
-    last = [] if interval.is_right_open() else [upper]
-    return [*first, "over all", *last]
+    return _open_whens(interval)
 
 
 def _effect(effect: up.Effect, wrap: str = "{}") -> str:

@@ -13,7 +13,7 @@ from typing import Any
 
 from robust.certify.checker.formulas import Circuit, add, plus
 from robust.certify.checker.reader import Linear
-from robust.certify.hints import Fact, KnownFacts, Line, LinearSide
+from robust.certify.hints import Fact, KnownFacts, Line
 
 Key = tuple[str, bool]
 """An auxiliary value, and whether from below."""
@@ -71,12 +71,7 @@ class IndexedFacts(KnownFacts):
             return [] if value < 0 or (value == 0 and strict) else None
         key = frozenset(form.items()), strict
         if key not in self._answers:
-            side = LinearSide.of(form, strict)
-            answer = self._region.contradiction([side])
-            self._answers[key] = None
-            if not isinstance(answer, dict) and 0 in answer[0]:
-                unit = answer[0][0] * side.scale
-                self._answers[key] = [(number, factor / unit) for number, factor in answer[1]]
+            self._answers[key] = self._region.denial(form, strict=strict)
         return self._answers[key]
 
 

@@ -7,7 +7,7 @@ Quine, modulo linear arithmetic).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from fractions import Fraction
@@ -215,7 +215,8 @@ class PieceSearch:
         constraints = tuple(leaf for leaf in leaves if isinstance(leaf, LinearConstraint))
         if not self._projects:
             return constraints
-        piece = self._projection(trim((*constraints, *self._query.network)), model)
+        whole = trim((*constraints, *self._query.network))
+        piece = projected(whole, self._query.kept, model, self._deadline) or ()
         return minimal(piece, lambda part: self._known.excludes(part, outside(piece)))
 
     def _implicant(self, model: Model) -> tuple[Leaf, ...]:
@@ -227,12 +228,22 @@ class PieceSearch:
         literals = (leaf for leaf in leaves if isinstance(leaf, BoolLeaf))
         return (*dict.fromkeys(literals), *solve_equalities(constraints, implicant.defined))
 
-    def _projection(self, constraints: Conjunction, model: Model) -> Conjunction:
-        eliminated = set(variables_of(constraints)) - set(self._query.kept)
-        if sum(1 for c in constraints if not eliminated.isdisjoint(c.parameters)) > CROWDED:
-            point = {name: Fraction(model.get(name, 0)) for name in variables_of(constraints)}
-            return project_at(constraints, eliminated, point)
-        return project(constraints, eliminated, self._deadline) or ()
+
+def projected(
+    constraints: Sequence[LinearConstraint], kept: Iterable[str], model: Model, deadline: Deadline
+) -> Conjunction | None:
+    """What constraints say of what is kept, or if there is much to eliminate, a part of it that has the model.
+
+    None if nothing satisfies them.
+
+    Raises:
+        OutOfTimeError: if the deadline passes.
+    """
+    names = variables_of(constraints)
+    eliminated = set(names).difference(kept)
+    if sum(1 for constraint in constraints if not eliminated.isdisjoint(constraint.parameters)) > CROWDED:
+        return project_at(constraints, eliminated, {name: Fraction(model.get(name, 0)) for name in names})
+    return project(constraints, eliminated, deadline)
 
 
 class FourierMotzkin(Eliminator):
