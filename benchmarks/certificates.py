@@ -25,7 +25,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, ClassVar
 
 from robust.api import check, envelope, region
-from robust.certify import verify
+from robust.certify import Demanded, verify
 from robust.certify.checker.__main__ import Inputs, report
 from robust.certify.hints import Line
 from robust.certify.produce import PlanCertificate, execution, knowledge
@@ -168,7 +168,7 @@ def _certified(
         refuted=answer.get("refuted", 0),
         rejected=answer.get("reason"),
         solve_process=None if verb is None else _process([*COMMAND, verb, *map(str, files), "--quiet"]),
-        check_process=None if verb is None else _timed(partial(verify, path, files, epsilon=EPSILON))[0],
+        check_process=None if verb is None else _timed(partial(verify, path, files, Demanded(EPSILON)))[0],
     )
 
 

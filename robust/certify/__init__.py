@@ -39,6 +39,25 @@ class CheckerOutcome(presented.VerdictEnum):
     UNSUPPORTED = 4
 
 
+@dataclass(frozen=True, slots=True)
+class Demanded:
+    """What a certificate has to establish.
+
+    Attributes:
+        epsilon: how far apart mutex time points have to be.
+        kind: what has to be established, at least.
+        box: the box that has to be established, in JSON, or a file of it; parameters that it leaves out have their
+            nominal values.
+        assume: `NAME=VALUE` of choices: those of an execution that has to be established, or those that are made
+            already if it has to be established that there is none.
+    """
+
+    epsilon: Fraction
+    kind: str | None = None
+    box: str | None = None
+    assume: Sequence[str] = ()
+
+
 @dataclass(frozen=True)
 class Verification(presented.NoTruthValue, ask="outcome"):
     """The checker's verdict, and its answer: `claim` and `files` (digests) among others, or `reason`."""
@@ -47,36 +66,20 @@ class Verification(presented.NoTruthValue, ask="outcome"):
     answer: Mapping[str, Any]
 
 
-def verify(
-    certificate: Path,
-    files: Sequence[Path],
-    *,
-    epsilon: Fraction,
-    kind: str | None = None,
-    box: str | None = None,
-    assume: Sequence[str] = (),
-    deadline: Deadline = NEVER,
-) -> Verification:
+def verify(certificate: Path, files: Sequence[Path], demanded: Demanded, deadline: Deadline = NEVER) -> Verification:
     """Check a certificate of a domain, a problem and a plan, or of a network.
 
-    Args:
-        epsilon: how far apart mutex time points have to be.
-        kind: what has to be established, at least.
-        box: the box that has to be established, in JSON, or a file of it; parameters that it leaves out have their
-            nominal values.
-        assume: `NAME=VALUE` of choices: those of an execution that has to be established, or those that are made
-            already if it has to be established that there is none.
-        deadline: when to give up; without one, the checker limits its processor time by the sizes of the files.
+    Without a deadline, the checker limits its processor time by the sizes of the files.
 
     Raises:
         CheckerFailedError: if the checker ended in a way that it never should.
         OutOfTimeError: if the deadline passes, or the checker ends because it has taken long enough.
     """
     words = [sys.executable, "-I", "-c", _START, str(FOLDER.parent), str(certificate), *map(str, files)]
-    words += ["--json", f"--epsilon={epsilon}"]
-    words += [f"--kind={kind}"] if kind is not None else []
-    words += [f"--box={box}"] if box is not None else []
-    words += [f"--assume={text}" for text in assume]
+    words += ["--json", f"--epsilon={demanded.epsilon}"]
+    words += [f"--kind={demanded.kind}"] if demanded.kind is not None else []
+    words += [f"--box={demanded.box}"] if demanded.box is not None else []
+    words += [f"--assume={text}" for text in demanded.assume]
     if deadline.remaining is not None:
         words.append(f"--seconds={max(ceil(deadline.remaining), 1)}")
     ended = Processes().run(words, deadline, memory_mb=MEMORY_MB)

@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from robust import json_text, records
-from robust.certify import CheckerOutcome, Verification
+from robust.certify import CheckerOutcome, Demanded, Verification
 from robust.certify import verify as checked
 from robust.cli.guard import Run, action
 from robust.errors import InputError, Location, RefutedError, UnsupportedError
@@ -64,9 +64,7 @@ def certify(options: CertifyCommand, run: Run) -> int:
         certificate = folder / "certificate"
         certificate.write_bytes(packed(lines))
         kind = {"corners": "box"}.get(lines[0][1], lines[0][1])
-        report = checked(
-            certificate, files, epsilon=options.separation, kind=kind, assume=options.assume, deadline=deadline
-        )
+        report = checked(certificate, files, Demanded(options.separation, kind, assume=options.assume), deadline)
         return holes, produced - started, report, time.perf_counter() - produced
 
     with TemporaryDirectory(prefix="robust-certificate-") as folder:
@@ -115,16 +113,8 @@ def verify(options: VerifyCommand, run: Run) -> int:
     def work() -> list[Opinion]:
         from robust.certify.kernel.run import opinions
 
-        return opinions(
-            options.checker,
-            options.certificate,
-            options.files,
-            epsilon=options.separation,
-            kind=options.kind,
-            box=box,
-            assume=options.assume,
-            deadline=Deadline.after(run.remaining),
-        )
+        demanded = Demanded(options.separation, options.kind, box, options.assume)
+        return opinions(options.checker, options.certificate, options.files, demanded, Deadline.after(run.remaining))
 
     opinions = run.only(work)
 

@@ -23,7 +23,7 @@ from typing import Any
 import pytest
 from sympy import primerange
 
-from robust.certify import FOLDER, CheckerOutcome, hints, verify
+from robust.certify import FOLDER, CheckerOutcome, Demanded, hints, verify
 from robust.certify.checker import proofs
 from robust.certify.checker.formulas import Formulas, plus
 from robust.certify.checker.reader import Ground, Model
@@ -132,7 +132,7 @@ def test_it_is_a_process_with_limits(box, tmp_path):
     write(box, paths[0])
     paths[1].write_bytes(heavy)
     paths[2].write_bytes(b"no gzip")
-    established, *others = (verify(path, tools.NAVIGATION, epsilon=tools.EPSILON, kind="box") for path in paths)
+    established, *others = (verify(path, tools.NAVIGATION, Demanded(tools.EPSILON, "box")) for path in paths)
     assert established.outcome is CheckerOutcome.ESTABLISHED
     assert established.answer["files"].keys() == {"domain", "problem", "plan"}
     assert [other.outcome for other in others] == [CheckerOutcome.REJECTED, CheckerOutcome.UNREADABLE]

@@ -14,7 +14,7 @@ from random import Random
 import pytest
 
 from benchmarks.suite import read_deliveries, read_suite
-from robust.certify import CheckerOutcome
+from robust.certify import CheckerOutcome, Demanded
 from robust.certify.bad import region_lines
 from robust.certify.checker.claims import Claim, Range, box_of, declared, nominal
 from robust.certify.checker.formulas import Formulas, replaced
@@ -441,15 +441,15 @@ def test_opinions(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(KERNEL.parent), prepend=":")
     path = tmp_path / "plan.cert"
     write(tools.made(tools.NAVIGATION, "maximal"), path)
-    both = opinions(None, path, tools.NAVIGATION, epsilon=tools.EPSILON)
+    both = opinions(None, path, tools.NAVIGATION, Demanded(tools.EPSILON))
     assert [each.checker for each in both] == ["python", "kernel"]
     python, kernel = (each.verification.answer for each in both)
     assert {each.verification.outcome for each in both} == {CheckerOutcome.ESTABLISHED}
     assert all(python[key] == kernel[key] for key in ("claim", "box", "kind", "files", "obligations", "epsilon"))
-    (other,) = opinions("kernel", path, tools.GENERATOR, epsilon=tools.EPSILON)
+    (other,) = opinions("kernel", path, tools.GENERATOR, Demanded(tools.EPSILON))
     assert other.verification.outcome is CheckerOutcome.REJECTED
     monkeypatch.setattr(run, "PATIENCE", 0)
-    python, kernel = opinions(None, path, tools.NAVIGATION, epsilon=tools.EPSILON)
+    python, kernel = opinions(None, path, tools.NAVIGATION, Demanded(tools.EPSILON))
     assert python.verification.outcome is CheckerOutcome.ESTABLISHED
     assert "not established within 0 seconds" in kernel.verification.answer["reason"]
 
@@ -457,7 +457,7 @@ def test_opinions(tmp_path, monkeypatch):
 def test_not_found(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(InputError, match="make -C proofs/kernel install"):
-        opinions("kernel", tmp_path / "plan.cert", tools.NAVIGATION, epsilon=tools.EPSILON)
+        opinions("kernel", tmp_path / "plan.cert", tools.NAVIGATION, Demanded(tools.EPSILON))
 
 
 if __name__ == "__main__":

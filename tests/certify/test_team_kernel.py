@@ -10,7 +10,7 @@ from random import Random
 import pytest
 
 from benchmarks.generators.team_plans import Shape, random_plan
-from robust.certify import CheckerOutcome
+from robust.certify import CheckerOutcome, Demanded
 from robust.certify.checker.__main__ import Inputs, report
 from robust.certify.checker.choices import network_of
 from robust.certify.checker.proofs import Tape
@@ -43,7 +43,7 @@ def outcomes(lines, path, kind=None):
         certificate=certificate, files=[path], epsilon=str(tools.EPSILON), kind=kind, box=None, assume=[]
     )
     code, python = report(demanded, Inputs())
-    kernel = verify_by_kernel(certificate, [path], epsilon=tools.EPSILON, kind=kind)
+    kernel = verify_by_kernel(certificate, [path], Demanded(tools.EPSILON, kind))
     return (CheckerOutcome(code), python.get("reason")), (kernel.outcome, kernel.answer.get("reason"))
 
 
@@ -54,7 +54,7 @@ def test_examples(name, assumed, tmp_path):
     found = Oracle(load_team_plan(path)).decide().witness
     certificate = tmp_path / "plan.cert"
     write(execution(path, tools.EPSILON, found.scenario, found.schedule), certificate)
-    python, kernel = (each.verification for each in opinions(None, certificate, [path], epsilon=tools.EPSILON))
+    python, kernel = (each.verification for each in opinions(None, certificate, [path], Demanded(tools.EPSILON)))
     assert (python.outcome, kernel.outcome) == (ESTABLISHED, ESTABLISHED)
     assert all(python.answer[key] == kernel.answer[key] for key in ("claim", "box", "kind", "files", "epsilon"))
     if not assumed:
@@ -64,7 +64,7 @@ def test_examples(name, assumed, tmp_path):
     write(knowledge(path, tools.EPSILON, Deadline.after(60), assumed), certificate)
     wanted = [f"{name}={value}" for name, value in assumed.items()]
     for demanded, outcome in ((wanted, ESTABLISHED), (wanted[:1], REJECTED)):
-        said = opinions("both", certificate, [path], epsilon=tools.EPSILON, kind="knowledge", assume=demanded)
+        said = opinions("both", certificate, [path], Demanded(tools.EPSILON, "knowledge", assume=demanded))
         assert {each.verification.outcome for each in said} == {outcome}
     assert said[1].verification.answer["reason"] == said[0].verification.answer["reason"]
 
@@ -135,7 +135,7 @@ def test_claims_and_files_have_to_fit(tmp_path):
     certificate = path.parent / "plan.cert"
     write(networks.EXECUTION, certificate)
     for files in ([path, path, path], [path, path]):
-        (said,) = opinions("kernel", certificate, files, epsilon=tools.EPSILON)
+        (said,) = opinions("kernel", certificate, files, Demanded(tools.EPSILON))
         assert said.verification.outcome is REJECTED
         assert said.verification.answer["reason"] == "a certificate of kind execution is about other files"
     said = {reason for _, reason in outcomes(networks.EXECUTION, path, kind="knowledge")}

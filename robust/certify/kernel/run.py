@@ -5,16 +5,14 @@ import json
 import shutil
 import time
 import zlib
-from argparse import Namespace
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from robust.certify import MEMORY_MB, CheckerFailedError, CheckerOutcome, Verification, verify
+from robust.certify import MEMORY_MB, CheckerFailedError, CheckerOutcome, Demanded, Verification, verify
 from robust.certify.checker.__main__ import (
     CHOICES,
     FORMAT,
@@ -75,11 +73,13 @@ class Opinion:
     seconds: float
 
 
-def opinions(checker: str | None, certificate: Path, files: Sequence[Path], **conduct: Any) -> list[Opinion]:
+def opinions(
+    checker: str | None, certificate: Path, files: Sequence[Path], demanded: Demanded, deadline: Deadline = NEVER
+) -> list[Opinion]:
     """What the checkers say that are asked for: `python`, `kernel`, `both`, or both if the verified one is there.
 
-    In the last case the checker in Python decides; the verified one says for `PATIENCE` seconds what it can. Keywords,
-    and errors, are those of :func:`verify_by_kernel`.
+    In the last case the checker in Python decides; the verified one says for `PATIENCE` seconds what it can. Errors
+    are those of :func:`verify_by_kernel`.
     """
     optional = checker is None and found() is not None
     names = ("python", "kernel") if checker == "both" or optional else (checker or "python",)
@@ -87,33 +87,24 @@ def opinions(checker: str | None, certificate: Path, files: Sequence[Path], **co
     for name in names:
         started = time.perf_counter()
         if optional and name == "kernel":
-            answer = _if_in_time(certificate, files, **conduct)
+            answer = _if_in_time(certificate, files, demanded, deadline)
         else:
-            answer = (verify if name == "python" else verify_by_kernel)(certificate, files, **conduct)
+            answer = (verify if name == "python" else verify_by_kernel)(certificate, files, demanded, deadline)
         said.append(Opinion(name, answer, time.perf_counter() - started))
         if answer.outcome is CheckerOutcome.UNREADABLE:
             break
     return said
 
 
-def _if_in_time(
-    certificate: Path, files: Sequence[Path], *, deadline: Deadline = NEVER, **conduct: Any
-) -> Verification:
+def _if_in_time(certificate: Path, files: Sequence[Path], demanded: Demanded, deadline: Deadline) -> Verification:
     try:
-        return verify_by_kernel(certificate, files, deadline=deadline.within(PATIENCE), **conduct)
+        return verify_by_kernel(certificate, files, demanded, deadline.within(PATIENCE))
     except OutOfTimeError:
         return _refused(CheckerOutcome.UNSUPPORTED, f"not established within {PATIENCE} seconds", Inputs())
 
 
 def verify_by_kernel(
-    certificate: Path,
-    files: Sequence[Path],
-    *,
-    epsilon: Fraction,
-    kind: str | None = None,
-    box: str | None = None,
-    assume: Sequence[str] = (),
-    deadline: Deadline = NEVER,
+    certificate: Path, files: Sequence[Path], demanded: Demanded, deadline: Deadline = NEVER
 ) -> Verification:
     """As :func:`robust.certify.verify`, by the checker that Coq proves right.
 
@@ -128,9 +119,9 @@ def verify_by_kernel(
             f"found no {NAME} on the PATH, expected the verified checker: `make -C proofs/kernel install PREFIX=DIR` "
             "builds it with Coq 8.16; or use `--checker python`"
         )
-    inputs, demanded = Inputs(), Namespace(kind=kind, box=box, assume=assume)
+    inputs = Inputs()
     try:
-        answer = _Asked(program, deadline).answer(certificate, files, epsilon, inputs, demanded)
+        answer = _Asked(program, deadline).answer(certificate, files, inputs, demanded)
     except UNREADABLE as error:
         return _refused(CheckerOutcome.UNREADABLE, error, inputs)
     except (Unsupported, UnsupportedError) as error:
@@ -169,11 +160,9 @@ class _Asked:
     def __init__(self, program: str, deadline: Deadline) -> None:
         self._program, self._deadline = program, deadline
 
-    def answer(
-        self, certificate: Path, files: Sequence[Path], epsilon: Fraction, inputs: Inputs, demanded: Namespace
-    ) -> dict[str, Any]:
+    def answer(self, certificate: Path, files: Sequence[Path], inputs: Inputs, demanded: Demanded) -> dict[str, Any]:
         """What it establishes, of the plan as the checker in Python reads it."""
-        lines = lines_of(certificate)
+        lines, epsilon = lines_of(certificate), demanded.epsilon
         first = json.loads(next(lines, "null"))
         demand(type(first) is list and len(first) == 3 and first[0] == FORMAT, f"expected a certificate of {FORMAT}")
         _, kind, stated = first
