@@ -88,9 +88,7 @@ class ExaminedBackend:
 
 def subjects(backends: Sequence[str]) -> Iterator[ExaminedBackend]:
     """Each back end with each way of temporal reasoning."""
-    for temporal in Temporal:
-        for backend in backends:
-            yield ExaminedBackend(backend, temporal)
+    return (ExaminedBackend(backend, temporal) for temporal in Temporal for backend in backends)
 
 
 def cross_check(

@@ -81,14 +81,10 @@ def distance_graph(network: Tpnu) -> DistanceGraph:
     scale = lcm(*(bound.denominator for bound in network.bounds))
     edges: list[LabeledEdge] = []
     for entry in network.temporal_constraints:
-        source, target = places[entry.source], places[entry.target]
-        label = vocabulary.encode(entry.guard) | guards[source] | guards[target]
-        if not vocabulary.consistent(label):
-            continue
-        if entry.upper is not None:
-            edges.append(LabeledEdge(source, target, int(entry.upper * scale), label))
-        if entry.lower is not None:
-            edges.append(LabeledEdge(target, source, int(-entry.lower * scale), label))
+        label = vocabulary.encode(entry.guard) | guards[places[entry.source]] | guards[places[entry.target]]
+        if vocabulary.consistent(label):
+            for one, other, most in entry.upper_bounds:
+                edges.append(LabeledEdge(places[one], places[other], int(most * scale), label))
     events = tuple(event.name for event in network.events)
     return DistanceGraph(vocabulary, events, guards, tuple(edges), scale)
 
@@ -200,10 +196,9 @@ class KnownOrders:
         needing: list[tuple[int, int, bool]] = []
         needed: list[tuple[int, int, bool]] = []
         for each in network.temporal_constraints:
-            backwards = None if each.upper is None else -each.upper
-            for one, other, lower in ((each.source, each.target, each.lower), (each.target, each.source, backwards)):
-                if lower is not None and lower >= 0:
-                    far = 0 < lower >= epsilon
+            for other, one, most in each.upper_bounds:
+                if most <= 0:
+                    far = 0 < -most >= epsilon
                     source, target = self._place[one], self._place[other]
                     if each.guard | guards[one] <= guards[other]:
                         needing.append((target, source, far))

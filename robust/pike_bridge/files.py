@@ -241,7 +241,9 @@ class _Checks:
     def timeliness(self) -> None:
         """Nothing that depends on a choice is left unordered with it."""
         constraints = self._network.temporal_constraints
-        edges = [(*pair, each.guard) for each in constraints for pair in _not_before(each)]
+        edges = [
+            (first, then, each.guard) for each in constraints for then, first, most in each.upper_bounds if most <= 0
+        ]
 
         @cache
         def following(guard: model.Guard) -> dict[str, list[str]]:
@@ -283,13 +285,6 @@ def _cycle(start: str, needs: dict[str, set[str]]) -> Iterable[str]:
     while (following := min(needs[path[-1]])) not in path:
         path.append(following)
     return [*path[path.index(following) :], following]
-
-
-def _not_before(constraint: model.Constraint) -> Iterator[tuple[str, str]]:
-    if constraint.lower is not None and constraint.lower >= 0:
-        yield constraint.source, constraint.target
-    if constraint.upper is not None and constraint.upper <= 0:
-        yield constraint.target, constraint.source
 
 
 FORMAT: Final = "tpnu/1"

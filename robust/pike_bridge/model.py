@@ -116,6 +116,14 @@ class Constraint:
     upper: Fraction | None
     guard: Guard = ALWAYS
 
+    @property
+    def upper_bounds(self) -> Iterator[tuple[str, str, Fraction]]:
+        """What it says as upper bounds: an event, another one, and how much later than the first that is at most."""
+        if self.upper is not None:
+            yield self.source, self.target, self.upper
+        if self.lower is not None:
+            yield self.target, self.source, -self.lower
+
 
 @dataclass(frozen=True, slots=True)
 class Activity:
@@ -257,6 +265,10 @@ class TeamPlan:
     def name(self) -> str:
         """The name of the network."""
         return self.network.name
+
+    def actor(self, activity: int | None, otherwise: str = "the goal") -> str:
+        """The action that has a condition or an effect, by the activity's place; what it is of otherwise."""
+        return otherwise if activity is None else self.network.activities[activity].action
 
     @property
     def separation(self) -> Fraction:

@@ -387,9 +387,7 @@ class _Simulation:
         return difference > 0 and (difference >= self._plan.epsilon or later in self._reported)
 
     def _unmet(self, condition: model.Condition, now: Fraction, culprit: model.Effect | None) -> UnmetCondition:
-        activities = self._plan.network.activities
-        action = "the goal" if condition.activity is None else activities[condition.activity].action
-        return UnmetCondition(condition, action, now, culprit)
+        return UnmetCondition(condition, self._plan.actor(condition.activity), now, culprit)
 
 
 Owned = TypeVar("Owned", model.Condition, model.Effect)

@@ -111,7 +111,7 @@ class GameParts:
         shown = {str(choice.event) for choice in game.people} | game.ends
         coming = [event for event in shown if division.part_of[event] >= rank]
         node = division.nodes[rank]
-        return division.is_apart(INITIAL, node) and all(division.is_apart(node, event) for event in coming)
+        return division.orders.apart(INITIAL, node) and all(division.orders.apart(node, event) for event in coming)
 
     def _part(self, bounds: Sequence["_NodeBound"], first: int, last: int) -> GamePart:
         division, nodes, rules = self._division, self._division.nodes, self._game.rules

@@ -19,6 +19,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from enum import Enum
+from itertools import chain
 from typing import TypeAlias
 
 from robust.pike_bridge import theory as logic
@@ -47,8 +48,7 @@ def size(label: Label) -> int:
 
 def environments(label: Label) -> Iterator[Environment]:
     """All environments of a label."""
-    for members in label.values():
-        yield from members
+    return chain.from_iterable(label.values())
 
 
 @dataclass(frozen=True, slots=True)
@@ -531,9 +531,7 @@ class TruthMaintenance:
 
     def conflicts(self) -> list[LabelConflict]:
         """The nogoods."""
-        return [
-            conflict_of(environment, self.vocabulary) for members in self.nogoods.values() for environment in members
-        ]
+        return [conflict_of(environment, self.vocabulary) for environment in environments(self.nogoods)]
 
     def _assumed(self, node: int) -> Label:
         """The environment of the assignment; the empty one if the variable has no other value."""

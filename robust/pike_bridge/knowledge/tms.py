@@ -166,20 +166,15 @@ def resolves(partial: Partial, conflict: labeling.LabelConflict) -> bool:
     return partial.environment & shared != conflict.environment & shared
 
 
-def extensions(factor: LabelFactor, asked: Partial, deadline: Deadline) -> Iterator[Partial]:
-    """What entails an environment of a factor's label and what is asked, and resolves the factor's conflicts.
+def allows(factor: LabelFactor, asked: Partial, deadline: Deadline) -> bool:
+    """Whether a factor has a model that extends what is asked: its label, and the resolution of its conflicts.
 
     Raises:
         OutOfTimeError: if the deadline passes.
     """
-    for environment, scope in labeling.consistent_with(factor.label, asked.environment, asked.scope):
-        both = Partial(environment | asked.environment, scope | asked.scope)
-        yield from resolutions(both, factor.conflicts, deadline)
-
-
-def allows(factor: LabelFactor, asked: Partial, deadline: Deadline) -> bool:
-    """Whether a factor has a model that extends what is asked."""
-    return next(extensions(factor, asked, deadline), None) is not None
+    consistent = labeling.consistent_with(factor.label, asked.environment, asked.scope)
+    extended = (Partial(one | asked.environment, scope | asked.scope) for one, scope in consistent)
+    return any(True for both in extended for _ in resolutions(both, factor.conflicts, deadline))
 
 
 @dataclass(frozen=True, slots=True)

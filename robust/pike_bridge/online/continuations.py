@@ -90,11 +90,7 @@ class Alike:
         place, times, separation = self._place, execution.schedule, self.progress.plan.separation
         for constraint in self.progress.plan.network.temporal_constraints:
             if holds(constraint.guard, execution.scenario):
-                source, target = place[constraint.source], place[constraint.target]
-                if constraint.lower is not None:
-                    yield source, target, constraint.lower
-                if constraint.upper is not None:
-                    yield target, source, -constraint.upper
+                yield from ((place[other], place[one], -most) for one, other, most in constraint.upper_bounds)
         for earlier, later in orders:
             if earlier in times and later in times and times[later] - times[earlier] >= separation:
                 yield place[earlier], place[later], separation

@@ -12,6 +12,7 @@ from fractions import Fraction
 
 from robust.pike_bridge import model
 from robust.pike_bridge.online import progress as said
+from robust.pike_bridge.semantics import holds
 from robust.plan.model import Atom
 
 COMPLETED = said.Completion.kind()
@@ -125,7 +126,7 @@ class Course:
             there = [
                 place
                 for place, each in enumerate(activities)
-                if each.target == target and each.source in self.times and self._certain(each.guard)
+                if each.target == target and each.source in self.times and holds(each.guard, self.chosen)
             ]
             if there and all(self._has_ended(place) for place in there):
                 counting = (self.counts_from(place) for place in there if place in held)
@@ -148,16 +149,18 @@ class Course:
 
     def _changes_of_state(self, later: Set[str]) -> Iterator[tuple[Fraction, int, model.Literal]]:
         """When literals began to hold; at one time deletions first, and what was seen last."""
-        lost = {place for place, (how, _) in self.ended.items() if how != COMPLETED}
         for effect in self.plan.effects:
-            happened = effect.event in self.times and effect.event not in later and self._certain(effect.guard)
-            if happened and effect.literal.atom in self._relevant and not self._is_lost(effect, lost):
+            happened = effect.event in self.times and effect.event not in later and holds(effect.guard, self.chosen)
+            if happened and effect.literal.atom in self._relevant and not self._is_lost(effect.activity, effect.event):
                 yield self.times[effect.event], int(effect.literal.positive), effect.literal
         for time, literal in self.seen:
             yield time, 2, literal
 
-    def _is_lost(self, effect: model.Effect, lost: set[int]) -> bool:
-        return effect.activity in lost and effect.event == self.plan.network.activities[effect.activity].target
+    def _is_lost(self, place: int | None, event: str) -> bool:
+        """Whether an activity, if given, has ended at an event without what it does and needs there."""
+        if place is None or place not in self.ended or self.ended[place][0] == COMPLETED:
+            return False
+        return event == self.plan.network.activities[place].target
 
     def unexpected(self, estimate: said.Estimate, note: FieldNote) -> list[model.Literal]:
         """What conditions are about and is not as it should be."""
@@ -193,9 +196,8 @@ class Course:
     def as_it_shows(self, past: Set[str], now: Fraction) -> model.TeamPlan:
         """The plan as it would have been written by somebody who had known what would happen."""
         network = self.plan.network
-        lost = {place for place, (how, _) in self.ended.items() if how != COMPLETED}
         events = list(network.events)
-        effects = [effect for effect in self.plan.effects if not self._is_lost(effect, lost)]
+        effects = [effect for effect in self.plan.effects if not self._is_lost(effect.activity, effect.event)]
         names = {event.name for event in events}
         for number, (time, literal) in enumerate(self.seen):
             name = f"seen {number}"
@@ -208,8 +210,7 @@ class Course:
         conditions = (
             condition
             for condition in self.plan.conditions
-            if condition.last not in past
-            and not (condition.activity in lost and condition.last == network.activities[condition.activity].target)
+            if condition.last not in past and not self._is_lost(condition.activity, condition.last)
         )
         constraints = (each for each in network.constraints if not {each.source, each.target} <= past)
         activities = (self._with_bounds(place, now) for place in range(len(network.activities)))
@@ -238,7 +239,3 @@ class Course:
         """Activities that were completed before their least duration was over."""
         ended = self.ended.items()
         return {place for place, (how, at) in ended if how == COMPLETED and at < self.counts_from(place)}
-
-    def _certain(self, guard: model.Guard) -> bool:
-        """Whether a guard holds by what is known."""
-        return all(self.chosen.get(name) == value for name, value in guard)

@@ -189,8 +189,7 @@ class DividedReasoner(Reasoner):
         last = len(division.nodes) - 1
         fixed = {division.rank[e]: time for e, time in progress.times.items() if e in division.rank}
         self._scale = lcm(progress.grid.denominator, *(time.denominator for time in fixed.values()))
-        edges = [(each.source, each.target, each.upper) for each in division.between if each.upper is not None]
-        edges += [(each.target, each.source, -each.lower) for each in division.between if each.lower is not None]
+        edges = (edge for each in division.between for edge in each.upper_bounds)
         bounds = [(division.rank[one], division.rank[other], bound) for one, other, bound in edges]
         least = [self._duration(part, ALWAYS, late=False) for part in range(self._end, last)]
         self._hopeless = None in least
@@ -245,7 +244,7 @@ class DividedReasoner(Reasoner):
         if self._hopeless:
             return None
         distances = self._distances
-        for part in sorted(self.division.parts_of(environment)):
+        for part in sorted({self.division.choice_in[each.variable] for each in environment}):
             if part >= self._end:
                 least = self._duration(part, environment, late=False)
                 if least is None:

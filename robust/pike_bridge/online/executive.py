@@ -155,14 +155,10 @@ class PlanExecutive:
 
     @cached_property
     def _patience(self) -> Patience:
-        return Patience(
-            self.progress,
-            self._margin,
-            reasoner=None if self.reasoner.view is None else self.reasoner,
-            solver=self._solver,
-            deadline=self._deadline,
-            alarm_time=self._share(_ALARM),
-        )
+        shared = None if self.reasoner.view is None else self.reasoner
+        patience = Patience(self.progress, self._margin, reasoner=shared, solver=self._solver, deadline=self._deadline)
+        patience.alarm_time = self._share(_ALARM)
+        return patience
 
     @property
     def ended(self) -> bool:
@@ -389,10 +385,8 @@ class PlanExecutive:
 
     def _execute_all(self) -> Iterator[said.Decision]:
         """[PIKE, Algorithm 1, lines 10 to 18]: events are executed as long as there are executable ones."""
-        progress = self.progress
-        moment = progress.now, len(progress.times), len(progress.chosen), len(progress.void)
-        refused = self._refused[1] if self._refused[0] == moment else set()
-        self._refused = moment, refused
+        refused = self._refused[1] if self._refused[0] == self.progress.moment else set()
+        self._refused = self.progress.moment, refused
         while True:
             act = self._patience.decide(self._by_flexibility(self._executable(refused), ranked_events), self._ranked)
             if act is None:
@@ -403,7 +397,7 @@ class PlanExecutive:
             self._values = dict(act.values)
             yield from self._mark(act.event)
             self._values = {}
-            self._refused = (progress.now, len(progress.times), len(progress.chosen), len(progress.void)), refused
+            self._refused = self.progress.moment, refused
 
     def _executable(self, refused: set[str]) -> Iterator[str]:
         for event in self._ranking(list(self.progress.frontier)):

@@ -46,11 +46,11 @@ class Wording:
 
     def consumer(self, condition: model.Condition) -> str:
         """The action that has a condition, or the goal."""
-        return self._actor(condition.activity, "the goal")
+        return self._plan.actor(condition.activity)
 
     def producer(self, effect: model.Effect) -> str:
         """The action that has an effect, or the initial state."""
-        return self._actor(effect.activity, "the initial state")
+        return self._plan.actor(effect.activity, "the initial state")
 
     def condition(self, condition: model.Condition) -> str:
         """The action that needs a literal, those that establish it, and those that undo it."""
@@ -86,9 +86,6 @@ class Wording:
         later = {activity: model.reachable(graph, activity.target) for activity in activities}
         ordered = sorted(activities, key=lambda activity: len(later[activity]), reverse=True)
         return ordered if all(other.source in later[one] for one, other in pairwise(ordered)) else None
-
-    def _actor(self, activity: int | None, otherwise: str) -> str:
-        return otherwise if activity is None else self._network.activities[activity].action
 
     def _relevant(
         self, condition: model.Condition, matters: Callable[[model.Effect, model.Condition], bool], until: str

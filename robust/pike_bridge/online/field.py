@@ -596,31 +596,25 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
     def _mended(self, now: Fraction, failed: said.Failed) -> Sequence[said.Decision]:
         """How it goes on after a failure, if it does."""
         before = self._past, dict(self._choices), self.mended
-        if resumed := self._releasing(now):
-            announced = [*resumed, *self._acted(self._executive.step(now))]
+        released = self._release()
+        if released or self._past != before[0]:  # else that is what has failed
+            self.judge_anew(now)
+            announced = [said.Resumed(now, released), *self._acted(self._executive.step(now))]
             if not isinstance(self.outcome, said.Failed):
                 return announced
         self._past, self._choices, self.mended = before
         self.judge_anew(now)
         self._recorded = failed
-        if planned := self._planning(now):  # another plan, of which nothing of this one is kept
-            return [*planned, *self._acted(self._executive.step(now))]
+        plan = None if self._planner is None else self._planner(self.state())
+        if plan is not None:  # nothing of this one is kept
+            self._begin(plan, now)
+            return [said.Resumed(now, (), planned=True), *self._acted(self._executive.step(now))]
         activities = self.plan.network.activities
         running = ((activities[place], said.goal_of(place)) for place in self.running)
         return [*(said.Cancel(each.action, each.agent, now, goal) for each, goal in running), failed]
 
-    def _releasing(self, now: Fraction) -> Sequence[said.Decision]:
-        """The rest of the plan from here on; what the executive has chosen and nobody has acted upon is open again.
-
-        Nothing, if that is what has failed.
-        """
-        past, released = self._past, self._release()
-        if self._past == past and not released:
-            return []
-        self.judge_anew(now)
-        return [said.Resumed(now, released)]
-
     def _release(self) -> tuple[str, ...]:
+        """Let the plan be what is left from here on: what was chosen and nobody has acted upon is open again."""
         self._past, self.mended = frozenset(self._course.times), True
         guards = self._structure.guards
         acted_upon = {variable for event in self._past & guards.keys() for variable, _ in guards[event]}
@@ -628,14 +622,6 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         for choice in released:
             del self._choices[choice]
         return released
-
-    def _planning(self, now: Fraction) -> Sequence[said.Decision]:
-        """Another plan."""
-        plan = None if self._planner is None else self._planner(self.state())
-        if plan is None:
-            return []
-        self._begin(plan, now)
-        return [said.Resumed(now, (), planned=True)]
 
 
 TeamExecutive: TypeAlias = PlanExecutive | FieldExecutive

@@ -15,7 +15,7 @@ from itertools import product
 
 from robust.pike_bridge import model
 from robust.pike_bridge.distance_graph import KnownOrders
-from robust.pike_bridge.model import GOAL, INITIAL, Choice, Condition, Constraint, Effect, Event, Guard, TeamPlan, Tpnu
+from robust.pike_bridge.model import GOAL, INITIAL, Choice, Condition, Constraint, Effect, Event, TeamPlan, Tpnu
 from robust.pike_bridge.online.progress import Structure
 from robust.plan.model import Atom
 
@@ -37,7 +37,7 @@ class Division:
         self.nodes: list[str] = []
         if INITIAL not in self.guards or GOAL not in self.guards:
             return
-        self._orders = KnownOrders(plan.network, plan.separation)
+        self.orders = KnownOrders(plan.network, plan.separation)
         self._effects: dict[Atom, list[Effect]] = defaultdict(list)
         self._used_at: dict[Atom, set[str]] = defaultdict(set)
         for effect in plan.effects:
@@ -48,7 +48,7 @@ class Division:
         self._cut(self._candidates())
 
     def _candidates(self) -> list[str]:
-        network, ordered = self.plan.network, self._orders.ordered
+        network, ordered = self.plan.network, self.orders.ordered
         taken = {each.source for each in network.activities} | {each.event for each in network.choices}
         free = [e for e, guard in self.guards.items() if not guard and e not in taken and e not in {INITIAL, GOAL}]
         found = [e for e in free if all(ordered(other, e) or ordered(e, other) for other in self.guards)]
@@ -106,7 +106,7 @@ class Division:
         """The part of an event; a node is in the part that it ends."""
         if event in self.rank:
             return max(0, self.rank[event] - 1)
-        after = (rank for node, rank in self.rank.items() if node != GOAL and self._orders.ordered(node, event))
+        after = (rank for node, rank in self.rank.items() if node != GOAL and self.orders.ordered(node, event))
         return max(after)  # of the last part also if, by contradicting bounds, it comes after the goal
 
     def _place_constraint(self, constraint: Constraint) -> set[int]:
@@ -135,7 +135,7 @@ class Division:
         before = [each for each in effects if each.event == INITIAL or self.part_of[each.event] < part]
         if all(place >= part for place in self._atom_in[atom]):
             return tuple(before)
-        apart = self._orders.apart
+        apart = self.orders.apart
         after = {event for event in self._used_at[atom] if self.part_of[event] >= part} - {INITIAL}
         if not all(apart(self.nodes[part], event) for event in after):
             return None
@@ -166,7 +166,7 @@ class Division:
 
     def _settled(self, earlier: str, later: str) -> bool:
         """Whether it is known that an event is before another, or that it is not."""
-        return self._orders.apart(earlier, later) or self._orders.ordered(later, earlier)
+        return self.orders.apart(earlier, later) or self.orders.ordered(later, earlier)
 
     def _supporting(self, part: int) -> Iterator[tuple[str, str]]:
         """The pairs of events in a part of which the first may have to come first, so that a condition is met."""
@@ -180,10 +180,6 @@ class Division:
             yield from ((producer, first) for producer in producers)
             yield from ((condition.last, threat) for threat in threats)
             yield from product(threats, producers)
-
-    def is_apart(self, earlier: str, later: str) -> bool:
-        """Whether an event is earlier than another by ε at least."""
-        return self._orders.apart(earlier, later)
 
     # -- plans of parts ----------------------------------------------------------------------------------------------
 
@@ -249,7 +245,3 @@ class Division:
         if condition.first != GOAL:
             return self.part_of[condition.first] in inside
         return max(self._atom_in[condition.literal.atom], default=0) in inside
-
-    def parts_of(self, environment: Guard) -> set[int]:
-        """The parts that the choices of an environment are in."""
-        return {self.choice_in[each.variable] for each in environment}

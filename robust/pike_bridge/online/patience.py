@@ -128,7 +128,7 @@ class Patience:
         if not waiting:
             return DueAct(first)
         progress = self.view.progress
-        moment = progress.now, len(progress.times), len(progress.chosen), len(progress.void), id(progress)
+        moment = progress.moment, id(progress)
         if moment != self._moment:
             self._moment, self._refused = moment, set()
         known = [] if progress.void else [*self._found, *self._stale][:_REMEMBERED]
@@ -208,11 +208,8 @@ class Patience:
 
     def _keeps(self, intent: Guard, event: str, values: Guard) -> bool:
         """Whether an act leaves a continuation with an intent."""
-        return not contradicts(intent, values) and self._continues_in(intent | values, event)
-
-    def _continues_in(self, environment: Guard, event: str | None) -> bool:
-        """Whether a continuation in an environment does an event, if given, now; known ones are looked at first."""
-        return self._known_in(environment, event) or self._found_in(environment, event)
+        both = intent | values
+        return not contradicts(intent, values) and (self._known_in(both, event) or self._found_in(both, event))
 
     def _known_in(self, environment: Guard, event: str | None) -> bool:
         """Whether a continuation is known that shows it, perhaps at another time; those that do are looked at first."""

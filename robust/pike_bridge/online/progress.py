@@ -371,6 +371,11 @@ class Progress:
         )
 
     @property
+    def moment(self) -> tuple[object, ...]:
+        """What is another one whenever anything has happened, if only that time has passed."""
+        return self.now, len(self.times), len(self.chosen), len(self.void)
+
+    @property
     def grid(self) -> Fraction:
         """What all bounds of the plan and its ε are multiples of, and so all times at which anything changes."""
         return self.structure.grid
@@ -553,11 +558,7 @@ class ExecutionMonitor:
                 yield condition
 
     def _announcement(self, effect: model.Effect, conditions: Iterable[model.Condition]) -> Violated:
-        activities = self._progress.plan.network.activities
-        consumers = (
-            "the goal" if condition.activity is None else activities[condition.activity].action
-            for condition in conditions
-        )
+        consumers = (self._progress.plan.actor(condition.activity) for condition in conditions)
         return Violated(
             effect.literal.atom,
             effect.literal.positive,
