@@ -4,7 +4,8 @@ It is an :class:`robust.execute.drive.Executive`: told what has happened and how
 now and when to look again. Whatever it decides, a correct execution remains possible; when none is left, it says so.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property, partial
@@ -38,19 +39,45 @@ def as_written(alternatives: Sequence[str]) -> Sequence[str]:
     return alternatives
 
 
-def objection(plan: model.TeamPlan, known: Mapping[str, str], message: said.Outcome) -> str | None:
-    """Why an outcome is not taken where the values of some choices are known; None if it is."""
+class ReportError(Exception):
+    """A message cannot be taken; it says why."""
+
+
+def check_outcome(plan: model.TeamPlan, known: Mapping[str, str], message: said.Outcome) -> None:
+    """ReportError if an outcome cannot be taken where the values of some choices are known."""
     name, value = message.choice, message.value
     choice = next((choice for choice in plan.network.choices if choice.name == name), None)
     if choice is None:
-        return f"there is no choice {name!r}"
+        raise ReportError(f"there is no choice {name!r}")
     if choice.controllable:
-        return f"{name} is for the executive to choose"
+        raise ReportError(f"{name} is for the executive to choose")
     if value not in choice.domain:
-        return f"expected one of {', '.join(choice.domain)}"
-    if name not in known:
-        return None
-    return "known already" if known[name] == value else f"{name} = {known[name]} was observed before"
+        raise ReportError(f"expected one of {', '.join(choice.domain)}")
+    if name in known:
+        raise ReportError("known already" if known[name] == value else f"{name} = {known[name]} was observed before")
+
+
+def named(plan: model.TeamPlan, message: said.Began | said.Ending) -> list[int]:
+    """The places of the activities that a message may be about; ReportError if there are none."""
+    activities = plan.network.activities
+    if message.goal is not None:
+        alike = [place for place in range(len(activities)) if said.goal_of(place) == message.goal]
+    else:
+        alike = [place for place, each in enumerate(activities) if each.action == message.action]
+        alike = [place for place in alike if message.event in {None, activities[place].target}]
+    if not alike:
+        raise ReportError("there is no such activity")
+    return alike
+
+
+def ending(plan: model.TeamPlan, message: said.Ending, running: Container[int]) -> list[int]:
+    """The places of the running activities whose end a message tells; ReportError if that is not one end."""
+    ended = [place for place in named(plan, message) if place in running]
+    if not ended:
+        raise ReportError("it is not running")
+    if len({plan.network.activities[place].target for place in ended}) > 1:
+        raise ReportError("several run; say at which event it ends")
+    return ended
 
 
 @dataclass
@@ -234,7 +261,10 @@ class PlanExecutive:
         decisions: list[said.Decision] = []
         self._advance(now, decisions)
         for message in messages:
-            decisions += self._take(message)
+            try:
+                decisions += self._take(message)
+            except ReportError as error:
+                decisions.append(self._rejected(message, str(error)))
         self._wake = None
         self.reasoner.begin()
         stretch = max(0, self._pauses + 1 - PAUSES)
@@ -303,7 +333,8 @@ class PlanExecutive:
         self._recorded = {each.choice: each.value for each in decisions if isinstance(each, said.Chosen)}
         self._advance(now, [])
         for message in messages:
-            list(self._take(message))
+            with suppress(ReportError):
+                list(self._take(message))
         for decision in decisions:  # all others follow from the messages or from the events
             if isinstance(decision, said.Executed) and not decision.reported:
                 list(self._mark(decision.event))
@@ -340,17 +371,19 @@ class PlanExecutive:
     def _take(self, message: said.Message) -> Iterator[said.Decision]:
         match message:
             case said.Outcome(choice, value):
-                reason = objection(self.plan, self.progress.chosen, message)
-                if reason is not None:
-                    yield self._rejected(message, reason)
-                else:
-                    self._choose(choice, value)
-                    yield said.Chosen(choice, value, self.progress.now, observed=True)
+                check_outcome(self.plan, self.progress.chosen, message)
+                self._choose(choice, value)
+                yield said.Chosen(choice, value, self.progress.now, observed=True)
             case said.Completion():
-                yield from self._take_completion(message)
-            case said.Estimate(true, false) if contradictory := sorted(true & false):
-                yield self._rejected(message, f"{contradictory[0]} is said to be both true and false")
-            case said.Estimate():
+                activities, ended = self.plan.network.activities, ending(self.plan, message, self.running)
+                for place in ended:
+                    del self.running[place]
+                end = activities[ended[0]].target
+                if not any(activities[place].target == end for place in self.running):
+                    yield from self._mark(end, reported=True)
+            case said.Estimate(true, false):
+                if true & false:
+                    raise ReportError(f"{min(true & false)} is said to be both true and false")
                 for violation, broken in () if self._monitor is None else self._monitor.compare(message):
                     self.progress.void.update(broken)
                     self._changed = True
@@ -358,28 +391,9 @@ class PlanExecutive:
             case said.Began():
                 pass  # what was dispatched has begun
             case said.NotAchieved() | said.Retract():
-                yield self._rejected(message, "the paper's executive knows of no failures; expected a field executive")
+                raise ReportError("the paper's executive knows of no failures; expected a field executive")
             case _:
                 assert_never(message)
-
-    def _take_completion(self, message: said.Completion) -> Iterator[said.Decision]:
-        activities = self.plan.network.activities
-        alike = [place for place, each in enumerate(activities) if each.action == message.action]
-        running = [
-            place for place in alike if place in self.running and message.event in {None, activities[place].target}
-        ]
-        if not alike:
-            yield self._rejected(message, "there is no such activity")
-        elif not running:
-            yield self._rejected(message, "it is not running")
-        elif len({activities[place].target for place in running}) > 1:
-            yield self._rejected(message, "several run; say at which event it ends")
-        else:
-            end = activities[running[0]].target
-            for place in running:
-                del self.running[place]
-            if not any(activities[place].target == end for place in self.running):
-                yield from self._mark(end, reported=True)
 
     # -- what is done ------------------------------------------------------------------------------------------------
 

@@ -27,7 +27,7 @@ from robust.numbers import Number, shorten
 from robust.pike_bridge import model
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.course import COMPLETED, Course, FieldNote, outcomes
-from robust.pike_bridge.online.executive import PlanExecutive, Thrift, objection
+from robust.pike_bridge.online.executive import PlanExecutive, ReportError, Thrift, check_outcome, ending, named
 from robust.pike_bridge.online.semantic import Reasoner
 from robust.plan.model import Atom
 from robust.presented import NoTruthValue
@@ -78,10 +78,6 @@ def _check_state(plan: model.TeamPlan, state: FieldState) -> None:
 
 Planner: TypeAlias = Callable[[FieldState], model.TeamPlan | None]
 """Makes another plan for where an execution has come to, with times from then on; None if it has none."""
-
-
-class _ReportError(Exception):
-    """A message cannot be taken; it says why."""
 
 
 class FieldExecutive(NoTruthValue, ask="outcome"):
@@ -276,7 +272,7 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
             try:
                 anew |= self._take(message, now)
                 taken.append(message)
-            except _ReportError as error:
+            except ReportError as error:
                 decisions.append(said.Rejected(str(message), str(error), now))
         self._stale = True  # until the step is done: if it is out of time, the next one begins with what is noted
         if anew:
@@ -320,7 +316,7 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         for message in messages:
             try:
                 self._take(message, now)
-            except _ReportError as error:
+            except ReportError as error:
                 if str(message) not in refused:
                     raise InputError(f"found {message} taken, expected it to be rejected: {error}") from None
                 refused.remove(str(message))
@@ -355,18 +351,18 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         """Note a message; whether more follows from it than from the same as the plan has it.
 
         Raises:
-            _ReportError: if it contradicts what is known.
+            ReportError: if it contradicts what is known.
         """
         if isinstance(message, said.Retract):
             note = next((note for note in reversed(self.notes) if note.report == message.message), None)
             if note is None:
-                raise _ReportError("nobody has said that")
+                raise ReportError("nobody has said that")
             self.notes.remove(note)
             self.judge_anew(now)  # what comes next is held against what is known without it
             return True
         at = now if message.at is None else message.at
         if not 0 <= at <= now:
-            raise _ReportError(f"found a time that is {'not yet' if at > now else 'before the beginning'}")
+            raise ReportError(f"found a time that is {'not yet' if at > now else 'before the beginning'}")
         note = FieldNote(message, at, self._places(message, at), frozenset(self._acts))
         usual = at == now and self._is_usual(note)
         self.notes.append(note)
@@ -386,14 +382,14 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         return dict(pair for event in sources for pair in self._structure.guards[event]) | dict(outcomes(note.report))
 
     def _places(self, message: said.Report, at: Fraction) -> tuple[int, ...]:
-        """The activities that a message is about; _ReportError if it contradicts what is known."""
+        """The activities that a message is about; ReportError if it contradicts what is known."""
         match message:
             case said.Outcome(choice, value):
                 self._object(choice, value, message)
                 return ()
             case said.Estimate(true, false):
                 if true & false:
-                    raise _ReportError(f"{min(true & false)} is said to be both true and false")
+                    raise ReportError(f"{min(true & false)} is said to be both true and false")
                 return ()
             case said.Began():
                 return self._beginning(message)
@@ -426,24 +422,10 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
 
     def _object(self, choice: str, value: str, message: said.Outcome) -> None:
         known = {name: each for name, each in self._course.chosen.items() if name not in self._course.inferred}
-        reason = objection(self.plan, known, message)
-        if reason is not None:
-            raise _ReportError(reason)
-
-    def _named(self, message: said.Began | said.Ending) -> list[int]:
-        """The places of activities that a message may be about."""
-        activities = self.plan.network.activities
-        if message.goal is not None:
-            alike = [place for place in range(len(activities)) if said.goal_of(place) == message.goal]
-        else:
-            alike = [place for place, each in enumerate(activities) if each.action == message.action]
-            alike = [place for place in alike if message.event in {None, activities[place].target}]
-        if not alike:
-            raise _ReportError("there is no such activity")
-        return alike
+        check_outcome(self.plan, known, message)
 
     def _beginning(self, message: said.Began) -> tuple[int, ...]:
-        alike, course = self._named(message), self._course
+        alike, course = named(self.plan, message), self._course
         activities = self.plan.network.activities
         dispatched = [place for place in alike if place in self.running and place not in course.begun]
         coming = [
@@ -456,28 +438,23 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
         ]
         candidates = dispatched or coming
         if not candidates:
-            raise _ReportError("it has begun already, or cannot begin any more")
+            raise ReportError("it has begun already, or cannot begin any more")
         if len({activities[place].target for place in candidates}) > 1:
-            raise _ReportError("there are several; say at which event it ends")
+            raise ReportError("there are several; say at which event it ends")
         if not dispatched:
             before = self._structure.preceding(activities[candidates[0]].source)
             unfinished = next(
                 (event for event in before if event in self.progress.pending and self._structure.ends[event]), None
             )
             if unfinished is not None:
-                raise _ReportError(f"what ends at {unfinished} is before it, and has not ended")
+                raise ReportError(f"what ends at {unfinished} is before it, and has not ended")
         return tuple(candidates)
 
     def _ending(self, message: said.Ending, at: Fraction) -> tuple[int, ...]:
-        activities = self.plan.network.activities
-        running = [place for place in self._named(message) if place in self.running and place not in self._course.ended]
-        if not running:
-            raise _ReportError("it is not running")
-        if len({activities[place].target for place in running}) > 1:
-            raise _ReportError("several run; say at which event it ends")
-        if any(at < self.running[place] for place in running):
-            raise _ReportError("found an end before the beginning")
-        return tuple(running)
+        ended = ending(self.plan, message, self.running.keys() - self._course.ended.keys())
+        if any(at < self.running[place] for place in ended):
+            raise ReportError("found an end before the beginning")
+        return tuple(ended)
 
     def _is_usual_end(self, place: int, at: Fraction) -> bool:
         """Whether an activity ends within its bounds."""

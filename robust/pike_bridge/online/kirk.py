@@ -23,14 +23,14 @@ from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Se
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from itertools import accumulate, chain
+from itertools import accumulate
 from math import ceil
 from typing import NamedTuple, TypeAlias
 
 from robust.pike_bridge import model
 from robust.pike_bridge.knowledge.sat import satisfiable
 from robust.pike_bridge.online import progress as said
-from robust.pike_bridge.online.executive import PlanExecutive, Ranking, as_written, objection
+from robust.pike_bridge.online.executive import PlanExecutive, Ranking, ReportError, as_written, check_outcome
 from robust.pike_bridge.online.semantic import OnlineSemantics, Reasoner
 from robust.pike_bridge.semantics import restrict
 from robust.smt.limits import NEVER, Deadline
@@ -382,8 +382,8 @@ class Kirk:
         time = max(now, self.progress.now)
         others = [each for each in messages if not isinstance(each, said.Outcome)]
         self._estimates += [(time, each) for each in others if isinstance(each, said.Estimate)]
-        taken = (self._take(each, time) for each in messages if isinstance(each, said.Outcome))
-        decisions: list[KirkDecision] = list(chain.from_iterable(taken))
+        outcomes = (each for each in messages if isinstance(each, said.Outcome))
+        decisions: list[KirkDecision] = [self._take(each, time) for each in outcomes]
         if self._guess is not None and model.contradicts(model.guard(self.observed), model.guard(self._guess)):
             decisions += self._note(time, others)
             decisions += self._replan(time)
@@ -398,13 +398,13 @@ class Kirk:
 
     # -- outcomes ----------------------------------------------------------------------------------------------------
 
-    def _take(self, message: said.Outcome, time: Fraction) -> Iterator[said.Decision]:
-        reason = objection(self.plan, self.observed, message)
-        if reason is not None:
-            yield said.Rejected(str(message), reason, time)
-        else:
-            self.observed[message.choice] = message.value
-            yield said.Chosen(message.choice, message.value, time, observed=True)
+    def _take(self, message: said.Outcome, time: Fraction) -> said.Decision:
+        try:
+            check_outcome(self.plan, self.observed, message)
+        except ReportError as error:
+            return said.Rejected(str(message), str(error), time)
+        self.observed[message.choice] = message.value
+        return said.Chosen(message.choice, message.value, time, observed=True)
 
     def _note(self, now: Fraction, messages: Sequence[said.Message]) -> Iterator[said.Decision]:
         """Let the candidate know what has happened, without going on with it."""

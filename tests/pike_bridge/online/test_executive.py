@@ -130,9 +130,9 @@ def test_an_activity_that_never_ends_is_noticed_and_the_same_action_may_run_twic
         executive.step(Fraction(now))
     assert sorted(executive.running) == [0, 1]
     assert rejected(executive, 3, said.Completion("(a)")) == "several run; say at which event it ends"
-    assert rejected(executive, 3, said.Completion("(a)", "e99")) == "it is not running"
-    for end, event, left in (second, second, [0]), (None, first, []):
-        decisions = executive.step(Fraction(4), [said.Completion("(a)", end)])
+    assert rejected(executive, 3, said.Completion("(a)", "e99")) == "there is no such activity"
+    for told, event, left in ({"goal": said.goal_of(1)}, second, [0]), ({"event": first}, first, []):
+        decisions = executive.step(Fraction(4), [said.Completion("(a)", **told)])
         assert decisions[0] == said.Executed(event, Fraction(4), reported=True)
         assert sorted(executive.running) == left
 
