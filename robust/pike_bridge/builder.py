@@ -79,7 +79,7 @@ def act(action: str, lower: Number, upper: Number | None, *, agent: str | None =
     ground = model.as_ground_action(action) if isinstance(action, str) else None
     if ground is None:
         raise InputError(f"found {shorten(str(action))}, expected {model.PROPER_ACTION}", Location("action"))
-    return Act(ground, exact(lower, LOWER), None if upper is None else exact(upper, UPPER), agent)
+    return Act(ground, exact(lower, LOWER), _bound(upper, UPPER), agent)
 
 
 def sequence(*elements: Element) -> InSequence:
@@ -157,9 +157,11 @@ def within(element: Element, *, lower: Number | None = None, upper: Number | Non
         InputError: if `element` is none, or a bound is no number.
     """
     _elements([element])
-    return Within(
-        element, None if lower is None else exact(lower, LOWER), None if upper is None else exact(upper, UPPER)
-    )
+    return Within(element, _bound(lower, LOWER), _bound(upper, UPPER))
+
+
+def _bound(bound: Number | None, place: Location) -> Fraction | None:
+    return None if bound is None else exact(bound, place)
 
 
 def _named(text: object, place: Location) -> None:

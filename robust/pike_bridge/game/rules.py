@@ -30,6 +30,7 @@ from fractions import Fraction
 from itertools import combinations
 
 from robust.errors import InputError, UnsupportedError
+from robust.network.differences import Distances
 from robust.pike_bridge import model
 from robust.pike_bridge.model import ALWAYS, INITIAL, Activity, Choice, Constraint, Event, Guard, TeamPlan, contradicts
 
@@ -104,7 +105,7 @@ class Game:
         )
         """Guards under which two contingent activities end at one event."""
         self._far = 1 + sum(map(abs, network.bounds), Fraction(0))
-        self._gaps: dict[tuple[Guard, str], dict[str, Fraction]] = {}
+        self._gaps: dict[Guard, Distances[str]] = {}
         self._check()
 
     def _check(self) -> None:
@@ -171,22 +172,15 @@ class Game:
 
     def gap(self, first: str, second: str, guard: Guard) -> Fraction | None:
         """How much later the second event certainly is, wherever a guard holds; None: not certainly later."""
-        if (guard, first) not in self._gaps:
-            edges = [
+        if guard not in self._gaps:
+            bounds = (
                 (each.source, each.target, each.lower)
                 for each in self.plan.network.temporal_constraints
                 if each.lower is not None and each.lower >= 0 and each.guard <= guard
-            ]
-            far, moved = {first: Fraction(0)}, True
-            for _ in self.guards:
-                if not moved:
-                    break
-                moved = False
-                for source, target, lower in edges:
-                    if source in far and far[source] + lower > far.get(target, Fraction(-1)):
-                        far[target], moved = far[source] + lower, True
-            self._gaps[guard, first] = far
-        return self._gaps[guard, first].get(second)
+            )
+            self._gaps[guard] = Distances(self.guards, bounds)
+        known = self._gaps[guard]
+        return None if known.network.schedule is None else known.least(first, second)
 
     def fixed(self, lengths: Sequence[Fraction]) -> TeamPlan:
         """The plan in which contingent activities take so long."""

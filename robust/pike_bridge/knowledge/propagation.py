@@ -66,20 +66,15 @@ class LabelPropagation(labeling.TruthMaintenance):
         """The label of a node, which is up to date."""
         return self.labels[node]
 
-    def contradict(self, conflict: Guard, effort: Effort) -> None:
-        """Justify a contradiction by the assignments of a conflict.
+    def contradict(self, conflict: Label, effort: Effort) -> None:
+        """Justify a contradiction by a conflict.
 
         Raises:
             OutOfTimeError: if the deadline passes; nothing has changed then.
         """
         before = list(self.labels), {scope: set(members) for scope, members in self.nogoods.items()}
         try:
-            together = labeling.true_label()
-            for assignment in sorted(conflict):
-                if len(self.vocabulary.domains[assignment.variable]) > 1:
-                    made = self.vocabulary.assign(*assignment) & self.vocabulary.made
-                    together = labeling.weave(together, {self.vocabulary.field(assignment.variable): {made}}, effort)
-            self._exclude(together, effort)
+            self._exclude(conflict, effort)
         except BaseException:
             self.labels, self.nogoods = before
             raise
@@ -151,8 +146,8 @@ class PropagatedLabels(tms.LabelKnowledgeBase):
 
     def _narrow_goal(self, asked: logic.Narrowing, excluded: list[Guard], deadline: Deadline) -> None:
         effort = self._effort(deadline)
-        for environment in excluded:
-            self._maintenance.contradict(environment, effort)
+        for environment in map(self._partial, map(dict, excluded)):
+            self._maintenance.contradict({environment.scope: {environment.environment}}, effort)
 
     def _measure(self) -> None:
         self.statistics.sizes["environments"] = labeling.size(self._maintenance.goal)

@@ -15,8 +15,7 @@ from robust.numbers import Number
 from robust.pike_bridge import model, semantics
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online import semantic
-from robust.pike_bridge.online.flexibility import ranked_events, ranked_values
-from robust.pike_bridge.online.patience import Patience, openings, values_of
+from robust.pike_bridge.online.patience import Patience, openings, ranked_events, ranked_values, values_of
 from robust.searching import Searching, Status, Stoppable
 from robust.smt.limits import NEVER, Deadline, OutOfTimeError
 
@@ -111,7 +110,7 @@ class PlanExecutive:
         ranking: in which order events are tried, and values of choices; the first that may be is taken.
         preference: in which order values of choices are tried instead, by what is known.
         flexible: whether events that can be executed, and values without a preference, are tried in the order of how
-            much they leave open, as :mod:`~robust.pike_bridge.online.flexibility` counts it.
+            much they leave open, as :mod:`~robust.pike_bridge.online.patience` counts it.
         progress: what has happened so far; nothing, if not given.
         monitor: whether state estimates are compared with what later activities need.
         patience: how long before the last moment the executive ceases to keep all that people may still decide, as

@@ -147,19 +147,14 @@ class Division:
 
     def _can_wait(self, node: str) -> bool:
         """Whether the node can be put off by any time, with some events of its part and nothing else."""
-        part, moved, waiting = self.part_of[node], {node}, [node]
+        part = self.part_of[node]
         activities = [each for each in self.plan.network.activities if self.part_of[each.source] == part]
-        constraints = [*self.inner[part], *(each.duration for each in activities)]
-        while waiting:
-            event = waiting.pop()
-            pushed = [each.source for each in constraints if each.target == event and each.upper is not None]
-            pushed += [each.target for each in constraints if each.source == event and each.lower is not None]
-            for other in set(pushed) - moved:
-                if other in self.rank:
-                    return False
-                moved.add(other)
-                waiting.append(other)
-        return not any(
+        pushed: dict[str, list[str]] = defaultdict(list)
+        for each in (*self.inner[part], *(activity.duration for activity in activities)):
+            for one, other, _ in each.upper_bounds:
+                pushed[other].append(one)
+        moved = model.reachable(pushed, node)
+        return moved & self.rank.keys() == {node} and not any(
             earlier in moved and later not in moved and not self._settled(earlier, later)
             for earlier, later in self._supporting(part)
         )
@@ -223,7 +218,8 @@ class Division:
             events.append(Event(GOAL))
             constraints.append(Constraint(end, GOAL, self.plan.separation, None))
         constraints += [Constraint(INITIAL, GOAL, self._structure.grid, None)] if gridded else []
-        effects = {each: replace(each, activity=place[each.activity]) for each in self._effects_in(inside)}
+        own = (each for each in self.plan.effects if each.event != INITIAL and self.part_of[each.event] in inside)
+        effects = {each: replace(each, activity=place[each.activity]) for each in own}
         for atom, parts in self._atom_in.items():
             if not parts.isdisjoint(inside) or (not parts and not first):
                 entering = self._entering(atom, first) or ()
@@ -236,9 +232,6 @@ class Division:
         part = Tpnu(network.name, tuple(choices), tuple(events), tuple(constraints), tuple(known))
         plan = TeamPlan(part, tuple(conditions.values()), tuple(effects.values()), self.plan.epsilon)
         return plan, effects, conditions
-
-    def _effects_in(self, inside: range) -> Iterator[Effect]:
-        return (each for each in self.plan.effects if each.event != INITIAL and self.part_of[each.event] in inside)
 
     def _in(self, condition: Condition, inside: range) -> bool:
         """Whether a condition is one of some parts; the goal's are where their atom is used last."""
