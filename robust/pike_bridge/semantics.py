@@ -399,17 +399,12 @@ Guarded = TypeVar("Guarded", model.Event, model.Constraint, model.Activity, mode
 
 def team_scenarios(network: model.Tpnu, environment: model.Guard = model.ALWAYS) -> Iterator[dict[str, str]]:
     """Every full assignment that entails the environment, by the order of values [PIKE, Definition 2.4]."""
-    names = [choice.name for choice in network.choices]
-    domains = [
-        [
-            value
-            for value in choice.domain
-            if not model.contradicts(frozenset({model.Assignment(choice.name, value)}), environment)
-        ]
-        for choice in network.choices
+    left = [
+        [value for value in domain if not model.contradicts(model.guard({name: value}), environment)]
+        for name, domain in network.domains.items()
     ]
-    for values in product(*domains):
-        yield dict(zip(names, values, strict=True))
+    for values in product(*left):
+        yield dict(zip(network.domains, values, strict=True))
 
 
 # -- restriction -----------------------------------------------------------------------------------------------------

@@ -355,13 +355,8 @@ class Kirk:
     @property
     def assumed(self) -> Mapping[str, str]:
         """The guesses about uncontrollable choices that have not been observed."""
-        if self._guess is None:
-            return {}
-        return {
-            choice.name: self._guess[choice.name]
-            for choice in self.plan.network.choices
-            if not choice.controllable and choice.name not in self.observed
-        }
+        theirs = {choice.name for choice in self.plan.network.choices if not choice.controllable} - self.observed.keys()
+        return {name: value for name, value in self.guess.items() if name in theirs}
 
     def prepare(self) -> bool:
         """Find out whether the plan admits a correct execution at all, before the first step.
