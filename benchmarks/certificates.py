@@ -113,7 +113,7 @@ def _measure(name: str, files: Files, directory: Path, processes: bool, seconds:
     region_s, whole = _timed(lambda: region(plan, timeout=seconds))
 
     def lines(kind: str) -> list[Line]:
-        made = PlanCertificate(files, plan, deadline=_deadline(kind, seconds))
+        made = PlanCertificate(files, plan, deadline=Deadline.after(seconds) if kind == "region" else NEVER)
         if kind == "region":
             if not whole.is_exact:
                 raise OutOfTimeError
@@ -145,10 +145,6 @@ def measure_choices(name: str, network: Path) -> tuple[Measured, ...]:
             _certified(Measured(name, kind, 0, solve, 0, 0, 0, 0, 0), lines, Path(directory), (network,))
             for kind, (solve, lines) in ways.items()
         )
-
-
-def _deadline(kind: str, seconds: float) -> Deadline:
-    return Deadline.after(seconds) if kind == "region" else NEVER
 
 
 def _certified(

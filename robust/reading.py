@@ -88,7 +88,7 @@ def load_plan(
         KeyboardInterrupt: if interrupted.
     """
     say = on_note or (lambda _: None)
-    reading = _Reading(
+    reading = ReadOptions(
         deadline=deadline,
         widths=widths,
         plan_number=plan_number,
@@ -126,12 +126,12 @@ def load_plan(
     return conversion.plan
 
 
-class _Reading(shared.Demands, shared.FromSteps, shared.Separation, shared.Solving):
+class ReadOptions(shared.Demands, shared.FromSteps, shared.Separation, shared.Solving):
     """Options for reading a plan."""
 
 
 def conversion_settings(
-    options: _Reading | ConvertCommand | CertifyCommand | WatchCommand,
+    options: ReadOptions | ConvertCommand | CertifyCommand | WatchCommand,
     specs: Sequence[ParameterSpec],
     timeout: float | None,
     on_progress: Callable[[str], None] | None,
@@ -300,7 +300,7 @@ def convert(
     """
     from robust.execute.convert import convert
 
-    reading = _Reading(
+    reading = ReadOptions(
         deadline=deadline,
         widths=widths,
         plan_number=plan_number,
@@ -370,7 +370,7 @@ def replan(
     from robust.execute.situation import OpenProblem, deadline_of, new_plan, run_state
 
     asked: dict[str, Any] = {"mode": _name_of(mode), "free_durations": free_durations, "solver": solver}
-    reading = _Reading(deadline=deadline, epsilon=epsilon, timeout=limit, **asked)
+    reading = ReadOptions(deadline=deadline, epsilon=epsilon, timeout=limit, **asked)
     specs, _ = specifications(declare.texts(parameters, declare.place_of("parameters")), parameter_file)
     latest = None if deadline is None else exact(deadline, declare.place_of("deadline"))
     if isinstance(state, Monitor):

@@ -29,7 +29,7 @@ from robust.encode.encoding import RelationalEncoding
 from robust.errors import InputError, Location
 from robust.execute.learned import distributions_of
 from robust.irr.containment import Containment
-from robust.json_text import from_json, plain
+from robust.json_text import from_json
 from robust.plan.model import ParametrizedPlan
 from robust.plan.pddl.forms import read_text
 from robust.probability.measure import Bounds, Measure, box_probability
@@ -298,9 +298,6 @@ class RiskReport(Report[RiskRow]):
                 "upper bound that the box of exact widening and the octagon keep at least"
             )
         return said
-
-    def printed(self, row: RiskRow) -> Any:
-        return plain(row)
 
     def every(self) -> list[RiskRow]:
         """The plans with every duration random, by their number."""

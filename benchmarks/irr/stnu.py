@@ -17,7 +17,6 @@ from typing import Any
 from robust import stnu
 from robust.draw.style import BLUE, ORANGE, VERMILION
 from robust.errors import InputError
-from robust.json_text import plain
 
 from ..catalogue import StnuOptions
 from ..engine.experiment import Experiment, Report, Task
@@ -137,9 +136,6 @@ class StnuReport(Report[StnuRow]):
         limit = self.options.limit
         stopped = "" if limit is None else f", repairs stopped at {limit:g} s"
         return [f"processor time in one process, without its start; dispatch up to {DISPATCHED} time points{stopped}"]
-
-    def printed(self, row: StnuRow) -> Any:
-        return plain(row)
 
     def groups(self) -> list[Group]:
         """The rows of each size."""

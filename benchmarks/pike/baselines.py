@@ -20,7 +20,7 @@ from typing import Generic, TypeAlias, TypeVar
 from robust.execute.drive import Executive
 from robust.pike_bridge import model
 from robust.pike_bridge.online import progress as said
-from robust.pike_bridge.online.executive import PlanExecutive, Ranking, as_written
+from robust.pike_bridge.online.executive import PlanExecutive
 from robust.pike_bridge.online.kirk import Kirk, KirkDecision, Replanned
 from robust.pike_bridge.online.kirk_world import is_seen
 from robust.pike_bridge.online.reasoners import without_states
@@ -63,7 +63,6 @@ def make_executive(
     reasoner: Callable[[said.Progress], Reasoner],
     *,
     recovery: Mapping[str, Fraction] | None = None,
-    ranking: Ranking = as_written,
     deadline: Deadline = NEVER,
 ) -> TeamExecutive:
     """The executive of a mode.
@@ -71,16 +70,15 @@ def make_executive(
     Args:
         reasoner: as :func:`robust.pike_bridge.online.reasoners.make_reasoner` makes it.
         recovery: for KIRK, how long it takes to undo each action that was begun.
-        ranking: in which order events, values and guesses are tried.
 
     Raises:
         OutOfTimeError: if the deadline passes before the first guess of KIRK.
     """
     if mode is Mode.KIRK:
-        return Kirk(plan, reasoner, recovery=recovery, ranking=ranking, deadline=deadline)
+        return Kirk(plan, reasoner, recovery=recovery, deadline=deadline)
     seen = without_states(plan) if mode is Mode.DRAKE else plan
     patience = None if mode is Mode.EAGER else Fraction(0)
-    return Concurrent(seen, reasoner, ranking=ranking, patience=patience, deadline=deadline)
+    return Concurrent(seen, reasoner, patience=patience, deadline=deadline)
 
 
 class Timed(Generic[Made]):
@@ -124,17 +122,17 @@ class Script:
     durations: Mapping[tuple[str, str], Fraction]
 
 
-def draw_script(plan: model.TeamPlan, seed: int | str, slack: Fraction = Fraction(5)) -> Script:
-    """Uniform draws: a value for each uncontrollable choice, a duration on the grid of ε for each activity.
+SLACK = Fraction(5)
+"""How much longer than its least duration an activity without an upper bound takes at most."""
 
-    Args:
-        slack: how much longer than its least duration an activity without an upper bound takes at most.
-    """
+
+def draw_script(plan: model.TeamPlan, seed: int | str) -> Script:
+    """Uniform draws: a value for each uncontrollable choice, a duration on the grid of ε for each activity."""
     random = Random(f"script/{seed}")  # noqa: S311 - reproducible
     outcomes = {each.name: random.choice(each.domain) for each in plan.network.choices if not each.controllable}
     durations = {}
     for each in plan.network.activities:
-        upper = each.lower + slack if each.upper is None else each.upper
+        upper = each.lower + SLACK if each.upper is None else each.upper
         steps = random.randint(0, floor((upper - each.lower) / plan.epsilon))
         durations[each.target, each.action] = each.lower + steps * plan.epsilon
     return Script(outcomes, durations)

@@ -17,10 +17,9 @@ from typing import Any
 
 from robust import pike
 from robust.errors import InputError
-from robust.json_text import plain
 from robust.pike_bridge.action_model import shipped
 from robust.pike_bridge.envelopes.parameters import TeamParameterKind, TeamParameterSpec, parametrize, specifications
-from robust.pike_bridge.envelopes.search import LabeledRegion
+from robust.pike_bridge.envelopes.search import LabeledRegion, TeamEnvelope
 from robust.pike_bridge.model import TeamPlan, guard
 from robust.pike_bridge.semantics import ExecutionExistence, Oracle
 
@@ -63,28 +62,27 @@ def story(name: str, parameters: int, question: str, limit: float | None) -> Env
     plan = parametrize(shipped(name).plan(), specifications(STORIES[name][:parameters], None))
     started = time.process_time()
     if question == "region":
-        found = pike.region(plan, timeout=limit)
-        combinations, polyhedra, queries, cut_short = (
-            found.combinations,
-            len(found.pieces),
-            found.queries,
-            found.cut_short,
-        )
-    else:
-        box = pike.envelope(plan, for_all=FOR_ALL[name], patience=question == "waiting", timeout=limit)
-        combinations, queries, cut_short = box.combinations, box.queries, box.cut_short
-        polyhedra = sum(len(each.pieces) for each in combinations)
+        region = pike.region(plan, timeout=limit)
+        return _row(name, question, region, time.process_time() - started, len(region.pieces))
+    box = pike.envelope(plan, for_all=FOR_ALL[name], patience=question == "waiting", timeout=limit)
     seconds = time.process_time() - started
+    return _row(name, question, box, seconds, sum(len(each.pieces) for each in box.combinations))
+
+
+def _row(
+    instance: str, question: str, found: LabeledRegion | TeamEnvelope, seconds: float, polyhedra: int, **compared: int
+) -> EnvelopeRow:
     return EnvelopeRow(
-        instance=name,
+        instance=instance,
         question=question,
-        activities=len(plan.plan.network.activities),
-        parameters=parameters,
-        combinations=len(combinations),
-        possible=sum(bool(each.pieces) for each in combinations),
+        activities=len(found.plan.plan.network.activities),
+        parameters=len(found.plan.names),
+        combinations=len(found.combinations),
+        possible=sum(bool(each.pieces) for each in found.combinations),
         polyhedra=polyhedra,
-        queries=queries,
-        seconds=None if cut_short else round(seconds, 4),
+        queries=found.queries,
+        seconds=None if found.cut_short else round(seconds, 4),
+        **compared,
     )
 
 
@@ -96,25 +94,10 @@ def random_region(seed: int, index: int, points: int, limit: float | None) -> En
     started = time.process_time()
     found = pike.region(plan, timeout=limit)
     seconds = time.process_time() - started
-    combinations = found.combinations
-    compared = differences = 0
-    for _ in range(0 if found.cut_short else points):
-        asked, wrong = _compare(found, random)
-        compared, differences = compared + asked, differences + wrong
-    return EnvelopeRow(
-        instance=f"random {index}",
-        question="region",
-        activities=len(team.network.activities),
-        parameters=len(plan.names),
-        combinations=len(combinations),
-        possible=sum(bool(each.pieces) for each in combinations),
-        polyhedra=len(found.pieces),
-        queries=found.queries,
-        seconds=None if found.cut_short else round(seconds, 4),
-        points=0 if found.cut_short else points,
-        compared=compared,
-        differences=differences,
-    )
+    asked = [_compare(found, random) for _ in range(0 if found.cut_short else points)]
+    compared, differences = (sum(counts) for counts in zip((0, 0), *asked, strict=True))
+    counted = {"points": len(asked), "compared": compared, "differences": differences}
+    return _row(f"random {index}", "region", found, seconds, len(found.pieces), **counted)
 
 
 def _random_parameters(team: TeamPlan, random: Random) -> list[TeamParameterSpec]:
@@ -122,14 +105,7 @@ def _random_parameters(team: TeamPlan, random: Random) -> list[TeamParameterSpec
     activities = team.network.activities
     specs = []
     for at, one in enumerate(random.sample(activities, min(2, len(activities)))):
-        kind = random.choice(
-            [
-                TeamParameterKind.DURATION,
-                TeamParameterKind.DURATION,
-                TeamParameterKind.AT_LEAST,
-                TeamParameterKind.AT_MOST,
-            ]
-        )
+        kind = TeamParameterKind[random.choice(("DURATION", "DURATION", "AT_LEAST", "AT_MOST"))]
         specs.append(TeamParameterSpec(kind, one.action, f"g{at}", {"default": one.lower}))
     [limit] = [one for one in team.network.constraints if one.upper is not None]
     specs.append(TeamParameterSpec(TeamParameterKind.AT_MOST, f"{limit.source}:{limit.target}", "limit"))
@@ -201,9 +177,6 @@ class EnvelopeReport(Report[EnvelopeRow]):
         limit = self.options.limit
         stopped = "" if limit is None else f"; stopped at {limit:g} s"
         return [f"processor time in one process, without its start{stopped}"]
-
-    def printed(self, row: EnvelopeRow) -> Any:
-        return plain(row)
 
     def groups(self) -> list[Group]:
         """Random plans by the number of their activities."""

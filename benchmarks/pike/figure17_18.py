@@ -125,22 +125,22 @@ def run_problem(seed: int, index: int, largest: int, reasoner: str, limit: float
     problem = random_k_intents(seed, index, largest)
     plan = problem.instance.plan()
     script = draw_script(plan, f"{seed}/{index}")
-
-    def executed(mode: Mode) -> TeamExecution:
-        deadline = Deadline.after(limit)
-        make = make_reasoner(reasoner, deadline=deadline)
-        recovery = problem.recovery if mode is Mode.KIRK else {}
-        return execute(plan, script, lambda: make_executive(mode, plan, make, recovery=recovery, deadline=deadline))
-
-    return KIntentsRun(index, problem.structure, executed(Mode.PIKE), executed(Mode.KIRK))
+    ours, theirs = (
+        execute(mode, plan, script, reasoner, recovery=problem.recovery, limit=limit) for mode in (Mode.PIKE, Mode.KIRK)
+    )
+    return KIntentsRun(index, problem.structure, ours, theirs)
 
 
-def execute(plan: TeamPlan, script: Script, make: Callable[[], TeamExecutive]) -> TeamExecution:
-    """One execution."""
+def execute(
+    mode: Mode, plan: TeamPlan, script: Script, reasoner: str, *, recovery: Mapping[str, Fraction], limit: float | None
+) -> TeamExecution:
+    """One execution by the executive of a mode, which has `limit` seconds for it."""
+    deadline = Deadline.after(limit)
+    make = make_reasoner(reasoner, deadline=deadline)
     executive: TeamExecutive | None = None
     seconds = 0.0
     try:
-        executive = make()
+        executive = make_executive(mode, plan, make, recovery=recovery, deadline=deadline)
         executive.prepare()
         timed = Timed(executive)
         run_in_world(timed, ScriptedTeam(plan, executive, script))

@@ -14,13 +14,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import product
-from pathlib import Path
 from random import Random
 from typing import Any, ClassVar
 
 from robust.errors import InputError
 from robust.execute.drive import run_in_world
-from robust.pike_bridge.action_model import load_team_plan
+from robust.pike_bridge.action_model import shipped
 from robust.pike_bridge.model import ALWAYS, Assignment, Constraint, Guard, TeamPlan, guard
 from robust.pike_bridge.online import progress as said
 from robust.pike_bridge.online.executive import PlanExecutive
@@ -36,10 +35,9 @@ from ..engine.show import number as rounded
 from ..generators.team_plans import random_plan
 from .baselines import Timed
 
-EXAMPLES = Path(__file__).parents[2] / "robust" / "examples"
-STORIES: Mapping[str, tuple[str, tuple[str, ...]]] = {
-    "kitchen": ("kitchen/kitchen.tpnu.json", ("0.1", "0.25", "0.5", "0.75", "1")),
-    "wing": ("wing/wing.tpnu.json", ("1", "5", "10", "15", "20")),
+STORIES: Mapping[str, tuple[str, ...]] = {
+    "kitchen": ("0.1", "0.25", "0.5", "0.75", "1"),
+    "wing": ("1", "5", "10", "15", "20"),
 }
 """Plans with names, and delays; every intent that is possible is tried."""
 DELAYS = ("0", "1", "5")
@@ -87,7 +85,7 @@ def measure(name: str, number: int, delay: Fraction, seed: int, limit: float) ->
         found = drawn_intent(plan, Random(f"{seed}/{number}"), deadline)  # noqa: S311 - reproducible
         name = f"random_{seed}_{number:03}"
     else:
-        plan = load_team_plan(EXAMPLES / STORIES[name][0])
+        plan = shipped(name).plan()
         found = possible_intents(plan)[number]
     runs = [_execute(plan, found, delay, patience, limit) for patience in (None, Fraction(0))]
     (eager, slow, typical), (patient, slower, usual) = runs
@@ -247,8 +245,7 @@ def _search(options: HesitationOptions, _: object) -> list[int]:
 
 def _tasks(options: HesitationOptions, admitting: list[int]) -> list[Task]:
     chosen = STORIES if options.stories is None else {name: STORIES[name] for name in options.stories}
-    stories = ((name, file, delays) for name, (file, delays) in chosen.items())
-    intents = [(name, len(possible_intents(load_team_plan(EXAMPLES / file))), delays) for name, file, delays in stories]
+    intents = [(name, len(possible_intents(shipped(name).plan())), delays) for name, delays in chosen.items()]
     named = [(name, number, delay) for name, count, delays in intents for number in range(count) for delay in delays]
     named += [(RANDOM, number, delay) for number in admitting for delay in DELAYS]
     return [

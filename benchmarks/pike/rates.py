@@ -11,21 +11,19 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from random import Random
 from statistics import fmean
-from typing import Any, ClassVar
+from typing import ClassVar
 
-from robust.json_text import plain
+from robust.backends import SMT
 from robust.pike_bridge.action_model import shipped
 from robust.pike_bridge.builder import k_intents
 from robust.pike_bridge.model import ALWAYS, Assignment, TeamPlan
-from robust.pike_bridge.online.reasoners import make_reasoner
 from robust.pike_bridge.semantics import ExecutionExistence, Oracle
-from robust.smt.limits import Deadline
 
 from ..catalogue import RatesOptions
 from ..engine.experiment import Experiment, Report, Task
 from ..engine.show import Columns, Table, number
 from ..generators.team_plans import blocks
-from .baselines import Mode, draw_script, make_executive
+from .baselines import Mode, draw_script
 from .figure17_18 import TeamExecution, execute
 
 PLANS: Mapping[str, Callable[[], TeamPlan]] = {
@@ -67,13 +65,8 @@ def measure(name: str, seed: int, limit: float | None) -> RatedRun:
     meant = draw_intent(plan, f"{name}/{seed}")
     script = replace(draw_script(plan, f"{name}/{seed}"), outcomes=meant)
     recovery = {each.action: each.lower / 2 for each in plan.network.activities}
-
-    def executed(mode: Mode) -> TeamExecution:
-        deadline = Deadline.after(limit)
-        make = make_reasoner("smt", deadline=deadline)
-        return execute(plan, script, lambda: make_executive(mode, plan, make, recovery=recovery, deadline=deadline))
-
-    return RatedRun(name, seed, meant, {mode.value: executed(mode) for mode in MODES})
+    executions = {mode.value: execute(mode, plan, script, SMT, recovery=recovery, limit=limit) for mode in MODES}
+    return RatedRun(name, seed, meant, executions)
 
 
 # -- the report --------------------------------------------------------------------------------------------------------
@@ -128,9 +121,6 @@ class RatesReport(Report[RatedRun]):
             (mode, each) for run in self.rows for mode, each in run.executions.items() if mode != Mode.DRAKE.value
         ]
         return not any(each.outcome == "incorrect" or (mode != "kirk" and each.replans) for mode, each in others)
-
-    def printed(self, row: RatedRun) -> Any:
-        return plain(row)
 
     def contents(self) -> list[Table]:
         rates = [

@@ -38,9 +38,11 @@ HINT_PATIENCE = 10.0
 
 def load(options: shared.AskCommand | ConvertCommand, run: Run, *, nominal_needed: bool = True) -> ParametrizedPlan:
     """The plan that a command is about; making a network of steps may take half of the time."""
-    from robust.reading import load_plan
+    from robust.reading import ReadOptions, load_plan
 
-    remaining = run.remaining
+    given = {name: getattr(options, name) for name in ReadOptions.declarations}
+    if run.remaining is not None:
+        given["timeout"] = run.remaining / 2
     return load_plan(
         options.domain,
         options.problem,
@@ -48,17 +50,9 @@ def load(options: shared.AskCommand | ConvertCommand, run: Run, *, nominal_neede
         parameters=options.parameter,
         parameter_file=options.parameters,
         nominal_needed=nominal_needed,
-        deadline=options.deadline,
-        widths=options.widths,
-        plan_number=options.plan_number,
-        tolerance=options.tolerance,
-        mode=options.mode,
-        free_durations=options.free_durations,
-        epsilon=options.epsilon,
-        solver=options.solver,
-        timeout=None if remaining is None else remaining / 2,
         on_note=run.note,
         on_progress=run.display.say,
+        **given,
     )
 
 

@@ -100,6 +100,11 @@ class Chart:
     axis: str = "time"
     begins: Fraction | None = None
 
+    @property
+    def things(self) -> tuple[Bar | Mark, ...]:
+        """All that is in lanes, or in all of them."""
+        return (*self.bars, *self.marks)
+
 
 def draw_chart(chart: Chart, path: str | os.PathLike[str] | None) -> Figure:
     """Draw a chart; the suffix of the file names the format, without one the figure is only returned.
@@ -108,8 +113,7 @@ def draw_chart(chart: Chart, path: str | os.PathLike[str] | None) -> Figure:
         InputError: if a bar or mark is in no lane, ends before it starts, or the file cannot be written.
     """
     known = {lane.name for lane in chart.lanes}
-    things: tuple[Bar | Mark, ...] = (*chart.bars, *chart.marks)
-    for thing in things:
+    for thing in chart.things:
         if thing.lane is not None and thing.lane not in known:
             raise InputError(f"found {thing.label!r} in lane {thing.lane!r}, expected one of the chart's lanes")
     for bar in chart.bars:
@@ -148,11 +152,11 @@ class _ChartDrawing:
 
     def _scale(self) -> float:
         """Inches of a unit of time: as many as leave room for the labels beside what comes last."""
-        things: tuple[Bar | Mark, ...] = (*self._chart.bars, *self._chart.marks)
         scale, before = self._room / ((self._last - self._first) or 1.0), inf
         while scale < before:  # bars that are shorter hold fewer labels
             before = scale
-            scale = min([before, *(self._fits(thing, before) for thing in things if thing.lane is not None)])
+            in_lanes = (thing for thing in self._chart.things if thing.lane is not None)
+            scale = min([before, *(self._fits(thing, before) for thing in in_lanes)])
         return scale
 
     def _fits(self, thing: Bar | Mark, scale: float) -> float:
@@ -203,13 +207,9 @@ class _ChartDrawing:
     def _pack_lanes(self) -> None:
         top = 0
         for lane in self._chart.lanes:
-            bars = [bar for bar in self._chart.bars if bar.lane == lane.name]
-            marks = [mark for mark in self._chart.marks if mark.lane == lane.name]
             rows: list[style.Spans] = []
-            bars.sort(key=lambda bar: bar.start)
-            marks.sort(key=lambda mark: mark.time)
-            items: list[Bar | Mark] = [*bars, *marks]
-            for item in items:
+            items = [thing for thing in self._chart.things if thing.lane == lane.name]
+            for item in sorted(items, key=_in_order):
                 left, right, outside = self._extent(item)
                 self._placed.append(_Placed(item, top + style.free_row(rows, left, right), outside))
             self._rows[lane.name] = (top, max(1, len(rows)))
@@ -328,6 +328,11 @@ class _ChartDrawing:
         """How many entries are sure to fit beside one another."""
         widest = max((_LETTER * len(text) for text in (*self._bar_kinds, *self._mark_kinds)), default=0.0)
         return max(1, int((_WIDTH - 0.3) / (widest + 0.65)))
+
+
+def _in_order(item: Bar | Mark) -> tuple[bool, Fraction]:
+    """Bars before marks, each by time."""
+    return (True, item.time) if isinstance(item, Mark) else (False, item.start)
 
 
 def _numbered(items: Iterable[Bar | Mark]) -> Mapping[str, int]:

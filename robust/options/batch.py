@@ -362,8 +362,8 @@ class BatchOptions(shared.Separation, shared.FromSteps, shared.PlanParameters, s
         read=declare.seconds,
         rank=shared.LIMIT,
     )
-    on_result: Callable[[int, int, str], None] | None = declare.option(
-        None, "called after each answer with their number, the total and a line about it", shown=False
+    on_result: Callable[[int, int, str], None] | None = declare.callback(
+        "called after each answer with their number, the total and a line about it"
     )
 
     def check_combinations(self, given: Collection[str]) -> None:

@@ -101,6 +101,11 @@ def output_option(help: str, *, metavar: str = "FILE", **more: Any) -> Any:
     return path_option(help, "--output", "-o", metavar=metavar, **more)
 
 
+def callback(help: str) -> Any:
+    """A function that is called on the way, which cannot be typed."""
+    return option(None, help, shown=False)
+
+
 def declared(options: type[Options]) -> dict[str, Option]:
     """The options that can be typed, in the order in which help shows them."""
     items = sorted(options.declarations.items(), key=lambda item: item[1].rank)

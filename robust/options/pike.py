@@ -40,7 +40,7 @@ class Assuming(declare.Options):
 class Staged(Solving):
     """A question that is answered in stages."""
 
-    on_stage: Callable[[str], None] | None = declare.option(None, "called with the name of each stage", shown=False)
+    on_stage: Callable[[str], None] | None = declare.callback("called with the name of each stage")
 
 
 class Compiled(Staged):
@@ -72,9 +72,7 @@ class ParametricOptions(Solving, Assuming):
         metavar="SPEC",
         many=True,
     )
-    parameter_file: str | Path | None = declare.option(
-        None, "more parameters, in a TOML file", "--parameters", metavar="FILE", path=True
-    )
+    parameter_file: str | Path | None = declare.path_option("more parameters, in a TOML file", "--parameters")
 
 
 def _names_or_none(value: str | Sequence[str], place: Location) -> tuple[str, ...]:
@@ -103,11 +101,9 @@ class MomentsOptions(Solving, Assuming):
 class CrossOptions(Staged, Force):
     """Options of :func:`robust.pike.cross_check`."""
 
-    witness: str | Path | None = declare.option(
-        None,
+    witness: str | Path | None = declare.path_option(
         "with --cross: where to write a small plan on which they differ",
         metavar="DIR",
-        path=True,
         read=witness_directory,
         also=lambda folder: [folder / name for name in ("plan.tpnu.json", "domain.pddl", "problem.pddl")],
     )
@@ -360,7 +356,7 @@ class PikeRunOptions(StoryOptions, Solving):
     )
     infer: bool = declare.option(True, "infer which values open choices can still have")
     explain: bool = declare.option(False, "give reasons below each decision and inference")
-    on_step: Callable[[ExecutionStep], None] | None = declare.option(None, "called after each step", shown=False)
+    on_step: Callable[[ExecutionStep], None] | None = declare.callback("called after each step")
 
     def check_combinations(self, given: Collection[str]) -> None:
         both = None not in (self.reasoner, self.backend) and self.reasoner != KIRK
@@ -398,11 +394,8 @@ class PikeRunCommand(PikeRunOptions, Paged, PikeCommand):
     """Options of `robust pike run`."""
 
     stdio: bool = declare.option(False, "serve a real team through lines of JSON instead of simulating one")
-    journal: Path | None = declare.option(
-        None,
-        "with --stdio: record each step here before it is announced, and resume from this record",
-        metavar="FILE",
-        path=True,
+    journal: Path | None = declare.path_option(
+        "with --stdio: record each step here before it is announced, and resume from this record"
     )
     clock: str = declare.option(
         "given", "with --stdio: given, messages say what time it is; real, the clock does", choices=("given", "real")
@@ -416,8 +409,8 @@ class PikeRunCommand(PikeRunOptions, Paged, PikeCommand):
     rate: Number | None = declare.option(
         None, "with --clock real: seconds per unit of time; 1 if not given", metavar="S", read=declare.positive
     )
-    plot: Path | None = declare.option(
-        None, "draw which agent did what when: .svg, .png or .pdf", metavar="FILE", path=True, read=declare.plot_file
+    plot: Path | None = declare.path_option(
+        "draw which agent did what when: .svg, .png or .pdf", read=declare.plot_file
     )
 
     def check_combinations(self, given: Collection[str]) -> None:
@@ -437,14 +430,12 @@ class PikeRunCommand(PikeRunOptions, Paged, PikeCommand):
 class PikePlotCommand(TeamPlanFile, Output, Assuming):
     """Options of `robust pike plot`."""
 
-    output: Path = declare.option(
-        ...,
+    output: Path = declare.path_option(
         "where to draw: .svg, .png or .pdf by suffix",
         "--output",
         "-o",
         "--plot",
-        metavar="FILE",
-        path=True,
+        default=...,
         read=lambda path, _place: declare.plot_file(path, declare.place_of("plot")),
     )
     links: bool = declare.option(False, "draw the labeled causal links as well")
@@ -463,9 +454,7 @@ class PikeRegionOptions(ParametricOptions):
         metavar="A,B",
         read=_names_or_none,
     )
-    on_piece: Callable[[object], None] | None = declare.option(
-        None, "called with each polyhedron that is found", shown=False
-    )
+    on_piece: Callable[[object], None] | None = declare.callback("called with each polyhedron that is found")
 
 
 class PikeEnvelopeOptions(ParametricOptions, Staged):
@@ -520,7 +509,7 @@ class PikeNewCommand(Force, Output):
         choices=("kitchen", "wing", K_INTENTS, SAT),
         argument=True,
     )
-    output: Path = declare.option(..., "the directory to write to", "--output", "-o", metavar="DIR", path=True)
+    output: Path = declare.output_option("the directory to write to", default=..., metavar="DIR")
     name: str = declare.option("", "of the .tpnu.json file, else that of the plan", metavar="NAME")
     structure: tuple[int, ...] = declare.option(
         "2,2",
@@ -530,9 +519,7 @@ class PikeNewCommand(Force, Output):
         read=_structure,
     )
     seed: int = declare.option(0, "k-intents, sat: decides what is drawn", metavar="N")
-    cnf: Path | None = declare.option(
-        None, "sat: the formula, in a DIMACS file; else one is drawn", metavar="FILE", path=True
-    )
+    cnf: Path | None = declare.path_option("sat: the formula, in a DIMACS file; else one is drawn")
 
     def check_combinations(self, given: Collection[str]) -> None:
         for name, kinds in {"structure": (K_INTENTS, SAT), "seed": (K_INTENTS, SAT), "cnf": (SAT,)}.items():

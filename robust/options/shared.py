@@ -255,9 +255,6 @@ class PlanFiles(Planning):
     )
 
 
-WIDTHS = ("equal", "relative")
-
-
 port = declare.whole_number(lambda number: 0 <= number < 1 << 16, "a port from 0 to 65535")
 
 
@@ -291,7 +288,7 @@ class Demands(declare.Options):
     widths: str = declare.option(
         "equal",
         "sides of boxes move at equal speed, or relative to the nominal values of their parameters",
-        choices=WIDTHS,
+        choices=("equal", "relative"),
         rank=PARAMETERS,
     )
 

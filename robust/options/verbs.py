@@ -54,8 +54,8 @@ class CheckOptions(shared.SearchOptions, shared.Export):
         many=True,
     )
     every: bool = declare.option(False, "examine all obligations instead of stopping at the first that breaks", "--all")
-    on_obligation: Callable[[int, int, str], None] | None = declare.option(
-        None, "called with the number of obligations examined, their total, and the name of the next", shown=False
+    on_obligation: Callable[[int, int, str], None] | None = declare.callback(
+        "called with the number of obligations examined, their total, and the name of the next"
     )
 
     @property
@@ -93,9 +93,7 @@ class EnvelopeOptions(shared.Separation, shared.Solving, shared.Export, shared.A
     )
     encoding: str = shared.encoding_option(rank=0)
     shape: str = shared.shape_option("box", "also widen a shape around the box: ")
-    on_step: Callable[[Step], None] | None = declare.option(
-        None, "called after each step with the best box so far", shown=False
-    )
+    on_step: Callable[[Step], None] | None = declare.callback("called after each step with the best box so far")
 
 
 EXPORTS = ("plansys2", "csv", "yaml")
@@ -151,11 +149,11 @@ class EliminationOptions(declare.Options):
 class RegionOptions(EliminationOptions, shared.SearchOptions):
     """Options of :func:`robust.region`."""
 
-    on_piece: Callable[[Polyhedron], None] | None = declare.option(
-        None, "called with each polyhedron of bad parameter values when it is found", shown=False
+    on_piece: Callable[[Polyhedron], None] | None = declare.callback(
+        "called with each polyhedron of bad parameter values when it is found"
     )
-    on_cell: Callable[[Polyhedron], None] | None = declare.option(
-        None, "called with each polyhedron of good parameter values when it is found", shown=False
+    on_cell: Callable[[Polyhedron], None] | None = declare.callback(
+        "called with each polyhedron of good parameter values when it is found"
     )
 
 
@@ -179,7 +177,7 @@ class CompareOptions(shared.SearchOptions):
 
     beta: Number = declare.option("1", "the precision of irr", metavar="B", read=declare.positive)
     doubling: bool = declare.option(False, "steps of irr double until the first failure; ends are up to 2 B away")
-    on_stage: Callable[[str], None] | None = declare.option(None, "called with the name of each stage", shown=False)
+    on_stage: Callable[[str], None] | None = declare.callback("called with the name of each stage")
 
 
 class CompareCommand(CompareOptions, shared.SliceOptions, shared.AskCommand):
@@ -214,10 +212,8 @@ class RiskOptions(shared.SearchOptions):
         metavar="N",
         read=declare.ordinal,
     )
-    on_bounds: Callable[[Bounds], None] | None = declare.option(
-        None, "called with bounds that have changed", shown=False
-    )
-    on_stage: Callable[[str], None] | None = declare.option(None, "called with the name of each stage", shown=False)
+    on_bounds: Callable[[Bounds], None] | None = declare.callback("called with bounds that have changed")
+    on_stage: Callable[[str], None] | None = declare.callback("called with the name of each stage")
 
 
 class RiskCommand(RiskOptions, shared.Plot, shared.AskCommand):
@@ -248,9 +244,7 @@ class RepairOptions(shared.Separation, shared.Solving):
         False, "minimize the number of changes first, then the sum of weighted amounts; default: the sum alone"
     )
     reorder: bool = declare.option(False, "allow changes that reverse the order of two time points")
-    on_repair: Callable[[Cost], None] | None = declare.option(
-        None, "called with the cost of each better repair", shown=False
-    )
+    on_repair: Callable[[Cost], None] | None = declare.callback("called with the cost of each better repair")
 
 
 class RepairCommand(RepairOptions, shared.AskCommand):
@@ -287,9 +281,7 @@ class RankOptions(shared.MoreParameters, shared.Separation, shared.Solving):
     )
     distribution: Sequence[str] = shared.distributions_option()
     world: str | Path | None = shared.world_file()
-    on_plan: Callable[[str], None] | None = declare.option(
-        None, "called with the name of each plan that is asked about", shown=False
-    )
+    on_plan: Callable[[str], None] | None = declare.callback("called with the name of each plan that is asked about")
 
 
 class RankCommand(RankOptions, shared.Planning, shared.Output):

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from io import StringIO
+from operator import attrgetter
 from statistics import median
 from typing import Annotated, Any
 
@@ -339,15 +340,9 @@ def exact_box(run: PlanRun) -> str | None:
     return "; ".join(f"{name} {interval}" for name, interval in box_of(run.box).intervals.items())
 
 
+_SAID = ("status", "exit_code", "seconds", "cpu_s", "memory_mb", "search_s", "message", "tolerance")
 _RUN: Mapping[str, Column] = {
-    "status": lambda run: run.status,
-    "exit_code": lambda run: run.exit_code,
-    "seconds": lambda run: run.seconds,
-    "cpu_s": lambda run: run.cpu_s,
-    "memory_mb": lambda run: run.memory_mb,
-    "search_s": lambda run: run.search_s,
-    "message": lambda run: run.message,
-    "tolerance": lambda run: run.tolerance,
+    **{name: attrgetter(name) for name in _SAID},
     "box": exact_box,
     "polyhedra": lambda run: None if run.region is None else len(Region.from_dict(run.region).pieces),
 }

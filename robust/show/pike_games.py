@@ -206,15 +206,14 @@ def print_controllable(out: Console, found: TeamControllability, *, quiet: bool)
     """The verdict with its reason; unless `quiet` also what the strategy chooses. How far bounds can move."""
     spans = [] if found.exceeded is None or quiet else [_span_text(*span) for span in found.exceeded.spans]
     for line in headline(found):
-        out.print(f"{line.removesuffix('.')}:" if spans else line, soft_wrap=True)
+        out.line(f"{line.removesuffix('.')}:" if spans else line)
     if found.strategy is not None and not quiet:
         _print_some(out, [line for each in found.strategy.parts for line in _policy_lines(each.policy)])
     _print_some(out, spans)
     for limit in found.limits:
-        out.print(_limit_text(limit, rational=found.rules.rational), soft_wrap=True)
+        out.line(_limit_text(limit, rational=found.rules.rational))
     if found.repair is not None:
-        for line in _repair_lines(found.repair):
-            out.print(line, soft_wrap=True)
+        out.lines(_repair_lines(found.repair))
     if not quiet:
         cases, policies = plural(found.cases, "case"), plural(found.policies, "policy")
         apart = f"{found.parts} parts, " if found.parts > 1 else ""
@@ -222,8 +221,7 @@ def print_controllable(out: Console, found: TeamControllability, *, quiet: bool)
 
 
 def _print_some(out: Console, lines: list[str]) -> None:
-    for line in lines[:MOST_LINES]:
-        out.print(f"  {line}", soft_wrap=True)
+    out.lines(f"  {line}" for line in lines[:MOST_LINES])
     if len(lines) > MOST_LINES:
         out.print(f"  ... and {len(lines) - MOST_LINES} more (--json lists them)")
 

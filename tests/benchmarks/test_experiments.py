@@ -84,8 +84,7 @@ def logged(directory: Path, late: str = "") -> dict[str, Any]:
 @pytest.fixture
 def _small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two of the delays of a story; and what is frozen of other tests stays so."""
-    file, delays = STORIES["kitchen"]
-    monkeypatch.setitem(STORIES, "kitchen", (file, delays[::6]))
+    monkeypatch.setitem(STORIES, "kitchen", STORIES["kitchen"][::6])
     for name in ("freeze", "unfreeze"):
         monkeypatch.setattr(gc, name, lambda: None)
 
