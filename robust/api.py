@@ -326,14 +326,13 @@ def searching_repair(plan: ParametrizedPlan, options: verbs.RepairOptions) -> Re
     from robust.irr.quantities import Changeable
     from robust.irr.repair import RepairSearch
 
+    kinds = {"bounds": (Changeable.BOUND,), "nominal": (Changeable.NOMINAL,), "both": tuple(Changeable)}
     required = _intervals(plan, options.require, "require")
     require_nominal_values(parameter for parameter in plan.parameters if parameter.name not in required)
     return RepairSearch(
         plan,
         require=required,
-        kinds={"bounds": (Changeable.BOUND,), "nominal": (Changeable.NOMINAL,), "both": tuple(Changeable)}[
-            options.change
-        ],
+        kinds=kinds[options.change],
         count=options.count,
         reorder=options.reorder,
         epsilon=options.separation,

@@ -27,7 +27,7 @@ from typing import Annotated, Any, ClassVar, TypeAlias, TypeVar, Union, assert_n
 import msgspec
 from msgspec import UNSET, Meta, Struct
 
-from robust.errors import InputError, Location, did_you_mean
+from robust.errors import InputError, Location, closest
 from robust.numbers import EXPECTED_NUMBER, is_number, parse_number, shorten
 
 DEEPEST = 100
@@ -381,7 +381,7 @@ class JsonTypes:
     def _kind_of(self, value: Json, known: Sequence[str]) -> str:
         tag: str = self.member(str, self._object(value), "kind")
         if tag not in known:
-            expected = f"found kind {shorten(tag)}, expected one of {', '.join(known)}{_close(tag, known)}"
+            expected = f"found kind {shorten(tag)}, expected one of {', '.join(known)}{closest(tag, known)}"
             raise InputError(expected, self._object(value).members["kind"].location)
         return tag
 
@@ -397,7 +397,7 @@ class JsonTypes:
         for key in record.keys:
             if key.value not in known:
                 expected = f"found unknown field {shorten(key.value)}, expected only {', '.join(known)}"
-                raise InputError(expected + _close(key.value, known), key.location)
+                raise InputError(expected + closest(key.value, known), key.location)
         return kind(**values)
 
     def _expected(self, kind: Any) -> str:
@@ -442,12 +442,6 @@ def _is_object(kind: Any) -> bool:
 def _is_given(value: Object, name: str) -> bool:
     member = value.members.get(name)
     return member is not None and not (isinstance(member, Constant) and member.value is None)
-
-
-def _close(name: str, known: Sequence[str]) -> str:
-    """The suggestion alone: what is known has been said."""
-    suggestion = did_you_mean(name, known)
-    return suggestion if "did you mean" in suggestion else ""
 
 
 # -- records -------------------------------------------------------------------------------------------------------

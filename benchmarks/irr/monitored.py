@@ -130,11 +130,8 @@ def follow(mission: Mission, seed: str, prepared: Prepared) -> MonitoredRun:
             return MonitoredRun(f"gave up after {replans} re-plans", replans, seconds)
         begin = origin_after(last, problem.timed_literals, epsilon)
         world.pass_until(begin)
-        problem, origin, replans = (
-            remaining_problem(problem, world.state.snapshot(), begin),
-            origin + begin,
-            replans + 1,
-        )
+        problem = remaining_problem(problem, world.state.snapshot(), begin)
+        origin, replans = origin + begin, replans + 1
         try:
             _, (timed, *_) = plans_for(
                 mission.planner, mission.domain, problem, Deadline.after(mission.planner_seconds)

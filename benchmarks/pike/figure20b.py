@@ -256,7 +256,7 @@ class LatencyReport(Report[Execution]):
     """
 
     TITLE = "Latency of the executive"
-    SETTINGS: ClassVar[Mapping[str, str]] = {**{name: name for name in ("seed", "limit", "jobs", "delay", "patient")}}
+    SETTINGS: ClassVar[Mapping[str, str]] = {name: name for name in ("seed", "limit", "jobs", "delay", "patient")}
     ROWS = "executions"
     RAN = (("backends", "backend"),)
     FACTS = Admitting

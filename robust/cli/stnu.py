@@ -24,7 +24,6 @@ from robust.stnu.verdicts import NetworkCheck, NetworkRepair, NetworkRepairSearc
 if TYPE_CHECKING:
     from robust.probability.measure import Bounds
     from robust.searching import AnytimeSearch
-    from robust.show.console import Console
 
 Asked = TypeVar("Asked", "Network", "Network | ConditionalNetwork")
 Result = TypeVar("Result")
@@ -108,17 +107,13 @@ def repair(options: batch.StnuRepairCommand, run: Run) -> int:
         def begin() -> AnytimeSearch[NetworkRepair]:
             return NetworkRepairSearch(network, *_weights(options, network), Deadline.after(run.remaining))
 
-        return run.best(begin, lambda last: tell(last, network))
+        return run.best(begin, lambda last: tell([*judged, JudgedNetwork(Path(network.name), last)]))
 
-    def tell(last: NetworkRepair, network: Network) -> None:
-        networks = [*judged, show.JudgedNetwork(Path(network.name), last)]
-        run.answer(lambda: document(networks), lambda out: text(out, networks))
-
-    def document(networks: list[JudgedNetwork[NetworkRepair]]) -> Any:
-        return show.repair_document(networks, _status(networks, cause), written)
-
-    def text(out: Console, networks: list[JudgedNetwork[NetworkRepair]]) -> None:
-        show.print_repairs(out, networks, written, quiet=options.quiet)
+    def tell(networks: list[JudgedNetwork[NetworkRepair]]) -> None:
+        run.answer(
+            lambda: show.repair_document(networks, _status(networks, cause), written),
+            lambda out: show.print_repairs(out, networks, written, quiet=options.quiet),
+        )
 
     judged: list[JudgedNetwork[NetworkRepair]] = []
     written: str | None = None
@@ -132,7 +127,7 @@ def repair(options: batch.StnuRepairCommand, run: Run) -> int:
         written = str(options.output)
         if scale != 1:
             run.note(scaled(options.output, scale))
-    run.answer(lambda: document(judged), lambda out: text(out, judged))
+    tell(judged)
     return _code(judged, cause)
 
 

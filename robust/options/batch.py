@@ -378,16 +378,8 @@ class BatchOptions(shared.Separation, shared.FromSteps, shared.PlanParameters, s
         return (self._ask("check"),)
 
     def _ask(self, verb: str, *words: str, name: str | None = None) -> Question:
-        return (
-            name or verb,
-            verb,
-            (
-                *declare.typed(
-                    self, shared.Separation, shared.Solver, shared.Encoded, shared.FromSteps, shared.PlanParameters
-                ),
-                *words,
-            ),
-        )
+        kinds = (shared.Separation, shared.Solver, shared.Encoded, shared.FromSteps, shared.PlanParameters)
+        return name or verb, verb, (*declare.typed(self, *kinds), *words)
 
 
 class BatchCheckOptions(BatchOptions):

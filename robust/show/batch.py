@@ -14,14 +14,15 @@ from typing import Annotated, Any
 from msgspec import UNSET, UnsetType
 
 from robust.execute.learned import Learned, LearntAction
-from robust.irr.stops import Tolerance, rounded_percent
-from robust.json_text import Count, JsonObject, Rational, Seconds, like, on_wire, one_of
+from robust.irr.stops import rounded_percent
+from robust.json_text import Count, JsonObject, Rational, Seconds, like, on_wire, one_of, wire
 from robust.numbers import duration, plural, readable
+from robust.probability.measure import Bounds
 from robust.qe.box import Box, interval_text
 from robust.qe.region import Region
 from robust.show import documents
 from robust.show.console import Console, Text, colour_of, printing
-from robust.show.documents import ENDS, Document, Ended, Noted, Range, document_of, documenting, has_table, range_of
+from robust.show.documents import ENDS, Document, Ended, Noted, document_of, documenting, has_table
 from robust.show.regions import in_form, region_lines
 from robust.show.tables import show_table, table
 from robust.show.text import stopped
@@ -400,25 +401,7 @@ def _ranked_cells(number: int, plan: RankedPlan, random: bool) -> tuple[str, ...
     return str(number), plan.name, fitness, end, borne, *success
 
 
-class RankedPlanRecord(JsonObject):
-    """
-    Attributes:
-        name: the file, with its number in a log that holds several plans
-        fitness: valid: proved, and can be in time; late: ends too late as planned; wrong: for the reason given;
-            unasked: time was over
-        end: as planned; null if it cannot be read
-        tolerance: how much all durations may be longer or shorter at once, as a share of their nominal values; null if
-            that is not one number
-        success: the probability that the plan is in time; null without distributions
-        reason: why the plan is wrong, or has no tolerance
-    """
-
-    name: str
-    fitness: Annotated[str, one_of(*(fitness.value for fitness in Fitness))]
-    end: Rational | None
-    tolerance: Tolerance | None
-    success: Range | None
-    reason: str | None
+wire.register(Bounds, documents.range_of)
 
 
 class Rank(Noted, tag_field="schema", tag="robust/rank/1"):
@@ -432,18 +415,14 @@ class Rank(Noted, tag_field="schema", tag="robust/rank/1"):
     status: Ended
     epsilon: Rational
     latest: Rational
-    plans: list[RankedPlanRecord]
+    plans: list[RankedPlan]
     deciding: list[str]
     seconds: Seconds
 
 
 @documenting.register(Ranking)
 def _(ranking: Ranking) -> Document:
-    return document_of(Rank, ranking, plans=[_ranked_record(plan) for plan in ranking.plans])
-
-
-def _ranked_record(plan: RankedPlan) -> RankedPlanRecord:
-    return like(RankedPlanRecord, plan, success=None if plan.success is None else range_of(plan.success))
+    return document_of(Rank, ranking)
 
 
 has_table(Ranking, "plans", numbers=("end",))

@@ -40,11 +40,13 @@ class RankedPlan:
 
     Attributes:
         name: that of its file, with its number in a log that holds several.
-        fitness: whether it is valid and can be in time.
+        fitness: valid: proved, and can be in time; late: ends too late as planned; wrong: for the reason given;
+            unasked: time was over.
         end: when it ends as planned; None if it cannot be read.
-        tolerance: λ*; None without one, which `reason` explains.
-        success: the probability that it is in time, where durations are random.
-        reason: why it is wrong, or has no λ*.
+        tolerance: λ*: how much all durations may be longer or shorter at once, as a share of their nominal values; None
+            if that is not one number.
+        success: the probability that it is in time; None without distributions.
+        reason: why it is wrong, or has no tolerance.
     """
 
     name: str
