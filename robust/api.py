@@ -115,7 +115,7 @@ def searching_check(plan: ParametrizedPlan, options: verbs.CheckOptions) -> Chec
         _manner(options),
         box,
         tree=read_tree(options.tree, plan),
-        lag=options.latest,
+        lag=None if options.lag is None else Fraction(options.lag),
         within=options.within is not None,
         every=options.every,
         on_obligation=options.on_obligation,
@@ -155,8 +155,8 @@ def searching_envelope(plan: ParametrizedPlan, options: verbs.EnvelopeOptions) -
             "risk", distributions=box_distributions(plan, options), within=Fraction(options.within)
         )
     else:
-        beta, order = options.precision or Fraction(1), tuple(options.order or ())
-        method = BoxMethod(options.method, beta, options.doubling, order, options.contain_nominal)
+        order = tuple(options.order or ())
+        method = BoxMethod(options.method, options.precision, options.doubling, order, options.contain_nominal)
     names = [parameter.name for parameter in plan.parameters]
     shape = None if options.shape == "box" else (options.shape, template_of(options.shape, names))
     return EnvelopeQuestion(plan, _manner(options), method, shape=shape, on_step=options.on_step)

@@ -324,7 +324,7 @@ def _mission(options: ExecuteCommand, run: Run) -> replan.Mission:
         free_durations=options.free_durations,
         specs=specs,
         relative=options.relative,
-        method=BoxMethod(options.method, options.precision or Fraction(1), doubling=options.doubling),
+        method=BoxMethod(options.method, options.precision, doubling=options.doubling),
         epsilon=options.separation,
         solver=options.solver,
         timeout=run.remaining,

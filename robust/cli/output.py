@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from robust.irr.search import Step
+    from robust.probability.measure import Bounds
     from robust.qe.box import Side
 
 
@@ -170,6 +171,12 @@ class Display:
         self._what = f"{done} of {total} done"
         if self._live is not None:
             self._live.console.print(line)
+
+    def bounds(self, bounds: Bounds) -> None:
+        """For `robust.risk`."""
+        from robust.show.documents import bounds_text
+
+        self._what = f"probability of success: {bounds_text(bounds, 4)}"
 
     def step(self, step: Step) -> None:
         """For `robust.envelope`."""

@@ -300,15 +300,11 @@ def _page_seconds(run: Run, result: Comparison) -> float:
 @action(verbs.RiskCommand)
 def risk(options: verbs.RiskCommand, run: Run) -> int:
     """How likely does the plan succeed if its parameters are random? Ctrl-C prints the bounds so far."""
-    from robust.show.documents import bounds_text
-
-    def follow(bounds: Bounds) -> None:
-        run.display.say(f"probability of success: {bounds_text(bounds, 4)}")
 
     def begin() -> AnytimeSearch[RiskResult]:
         plan = load(options, run, nominal_needed=False)
         run.display.say("encoding")
-        callbacks = {"on_bounds": follow, "on_stage": run.display.say}
+        callbacks = {"on_bounds": run.display.bounds, "on_stage": run.display.say}
         return api.searching_risk(plan, options.changed(timeout=run.remaining, **callbacks))
 
     result = run.reply(begin)

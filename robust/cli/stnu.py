@@ -22,7 +22,6 @@ from robust.stnu.network import ConditionalNetwork, Network, with_quantile
 from robust.stnu.verdicts import NetworkCheck, NetworkRepair, NetworkRepairSearch, NetworkVerdict
 
 if TYPE_CHECKING:
-    from robust.probability.measure import Bounds
     from robust.searching import AnytimeSearch
 
 Asked = TypeVar("Asked", "Network", "Network | ConditionalNetwork")
@@ -63,7 +62,6 @@ def _conditional(network: ConditionalNetwork, run: Run) -> NetworkCheck:
 @action(batch.StnuRiskCommand)
 def risk(options: batch.StnuRiskCommand, run: Run) -> int:
     """How likely can all requirements be met if the lengths of contingent links are random?"""
-    from robust.show.documents import bounds_text
     from robust.stnu.chances import open_links, searching_risk
     from robust.stnu.files import load
 
@@ -71,11 +69,8 @@ def risk(options: batch.StnuRiskCommand, run: Run) -> int:
     if unknown := open_links(network):
         links = ", ".join(map(str, unknown))
         run.note(f"found no distribution of {links}: success is that a schedule exists whatever these lengths are")
-
-    def follow(bounds: Bounds) -> None:
-        run.display.say(f"probability of success: {bounds_text(bounds, 4)}")
-
-    result = run.reply(lambda: searching_risk(network, within=options.within, timeout=run.remaining, on_bounds=follow))
+    within, follow = options.within, run.display.bounds
+    result = run.reply(lambda: searching_risk(network, within=within, timeout=run.remaining, on_bounds=follow))
     return UNDECIDED if result.cut_short else 0
 
 

@@ -151,9 +151,9 @@ class BoxOptions(declare.Options):
     )
 
     @property
-    def precision(self) -> Fraction | None:
-        """β, for methods that have one."""
-        return Fraction(self.beta or 1) if self.method == "irr" else None
+    def precision(self) -> Fraction:
+        """β, of which methods other than irr make nothing."""
+        return Fraction(self.beta or 1)
 
 
 class AnyBoxOptions(BoxOptions):

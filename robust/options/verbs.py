@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -57,11 +56,6 @@ class CheckOptions(shared.SearchOptions, shared.Export):
     on_obligation: Callable[[int, int, str], None] | None = declare.callback(
         "called with the number of obligations examined, their total, and the name of the next"
     )
-
-    @property
-    def latest(self) -> Fraction | None:
-        """How late nodes of a tree begin at most."""
-        return None if self.lag is None else Fraction(self.lag)
 
     def check_combinations(self, given: Collection[str]) -> None:
         for name in ("lag", "within"):

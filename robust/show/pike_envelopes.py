@@ -336,11 +336,8 @@ class Telling:
         least = None if low is None or low == parameter.parameter.lower else readable(low)
         above = "" if interval.lower_closed else "more than "
         below = "" if interval.upper_closed else "less than "
-        match parameter.kind:
-            case TeamParameterKind.DURATION:
-                verb, needs = "may take", "must take"
-            case _:
-                verb, needs = "may be", "must be"
+        takes = "take" if parameter.kind is TeamParameterKind.DURATION else "be"
+        verb, needs = f"may {takes}", f"must {takes}"
         if low is not None and low == high:
             return f"{words} {needs} exactly {readable(low)}"
         if least is None:
@@ -415,11 +412,7 @@ class Telling:
         with_choices = f"with {guard_text(stop.choices)}: " if stop.choices else ""
         reasons = list(self.statements(stop.statements))
         if stop.own:
-            return (
-                f"{with_choices}its own other bound: {'; '.join(reasons)}"
-                if reasons
-                else f"{with_choices}its own other bound"
-            )
+            return f"{with_choices}its own other bound{': ' if reasons else ''}{'; '.join(reasons)}"
         demand = "" if stop.constraint is None else self.sentence(Polyhedron(self._plan.names, (stop.constraint,)))
         more = "" if len(reasons) <= STATEMENTS else f"; {len(reasons) - STATEMENTS} more (--json lists them)"
         because = f", because {'; '.join(reasons[:STATEMENTS])}{more}" if reasons else ""

@@ -7,7 +7,7 @@ actions. Where an action occurs more than once, its occurrences are counted.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Set
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
 from enum import Enum
 from fractions import Fraction
 from functools import cached_property
@@ -268,11 +268,14 @@ def _summary(result: CheckResult, words: Words) -> Text:
     if result.counterexamples and Answer.UNKNOWN in answers:
         parts[0] += ", the others not examined"
     values = [f"{named(name, words.parameters)} {_values(interval)}" for name, interval in result.box.intervals.items()]
-    if len(values) > MANY:
-        values[MANY:] = [f"{len(values) - MANY} more (--json lists them)"]
     if values:
-        parts.append(f"with {', '.join(values)}")
+        parts.append(f"with {_first(values)}")
     return Text(f"{'; '.join(parts)}.", style="dim")
+
+
+def _first(values: Sequence[str]) -> str:
+    more = [f"{len(values) - MANY} more (--json lists them)"] if len(values) > MANY else []
+    return ", ".join([*values[:MANY], *more])
 
 
 def _values(interval: Interval) -> str:
@@ -311,10 +314,8 @@ def print_counterexample(out: Console, example: Counterexample, words: Words) ->
     out.line(Text.assemble(("broken: ", "bold red"), words.told(example.obligation)))
     out.line(f"  at time {when}: {why}")
     values = [f"{named(name, words.parameters)} = {readable(value)}" for name, value in example.parameters.items()]
-    if len(values) > MANY:
-        values[MANY:] = [f"{len(values) - MANY} more (--json lists them)"]
     if values:
-        out.line(f"  parameters: {', '.join(values)}")
+        out.line(f"  parameters: {_first(values)}")
     from robust.show.tables import show_table, table  # noqa: PLC0415 - as above
 
     constant = example.simulation.constants
