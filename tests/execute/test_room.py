@@ -41,6 +41,21 @@ def test_a_drive_may_use_all_that_was_charged(mode, longest, bounds):
     assert any("used up room" in note for note in notes) is (mode is Mode.CAUSAL)
 
 
+def test_of_changes_at_one_time_that_a_comparison_waits_for_the_transformer_takes_the_first_of_the_plan():
+    names = [f"level{number}" for number in range(8)]
+    filling = [durative(f"fill-{name}", "5", "", f"(at end (increase ({name}) 1))") for name in names]
+    using = durative("use", "2", f"(at start (>= (+ {' '.join(f'({name})' for name in names)}) 8))", "(at end (used))")
+    conversion = converted(
+        f"(define (domain d) (:predicates (used)) (:functions {' '.join(f'({name})' for name in names)})"
+        f" {' '.join(filling)} {using})",
+        f"(define (problem p) (:domain d) (:init {' '.join(f'(= ({name}) 0)' for name in names)}) (:goal (used)))",
+        "\n".join([*(f"0: (fill-{name}) [5]" for name in names), "6: (use) [2]"]),
+        mode=Mode.ESTEREL,
+    )
+    before = [bound.source for bound in conversion.plan.constraints if str(bound.target) == "n8.start"]
+    assert list(map(str, before)) == ["n0.end"]
+
+
 def test_a_rate_beside_durations_gets_the_network_of_its_nominal_value():
     domain = BATTERY.replace("(battery))", "(battery) (drain))").replace(
         "(decrease (battery) #t)", "(decrease (battery) (* #t (drain)))"
