@@ -70,11 +70,11 @@ class CausalNetwork:
 
 
 def causal_network(
-    original: distances.Original, pinned: Collection[str] = (), varying: Collection[str] | None = None
+    original: distances.Original, pinned: Collection[str] = (), varying: Collection[str] = ()
 ) -> CausalNetwork:
     """The network that keeps conditions over atoms true; instances in `pinned` keep the durations of the plan.
 
-    Of these, durations of the `varying` ones are parameters; of all of them if that is not given.
+    Of these, durations of the `varying` ones are parameters.
 
     It need not keep conditions over numbers: see :class:`Tightener`.
     """
@@ -87,8 +87,7 @@ def causal_network(
     durations = tuple(
         bound for instance in durative for bound in parametrization.duration_edges(original, instance, pinned)
     )
-    fixed = frozenset() if varying is None else frozenset(pinned) - frozenset(varying)
-    settled = parametrization.settled_durations(original, pinned) | fixed
+    settled = parametrization.settled_durations(original, pinned) | (frozenset(pinned) - frozenset(varying))
     orders = [edge(a, b, original.gap) for a, b in original.mutex if a.instance is None or a.instance != b.instance]
     network = distances.EdgeNetwork(points, (*certain, *orders))
     links = [link for instance in durative for link in _OverAll(original, instance, network).edges()]

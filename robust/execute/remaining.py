@@ -146,9 +146,8 @@ class History:
 
     def reading(self, instance: model.ActionInstance) -> model.Values:
         """The fluents as a step read them when it started."""
-        known: dict[model.NumericVariable, Fraction | model.Expression] = {}
-        known |= {fluent: value for fluent, value in self._execution.before(instance.start).fluents.items()}  # noqa: C416 - of another type
-        return known
+        fluents = self._execution.before(instance.start).fluents
+        return dict[model.NumericVariable, Fraction | model.Expression](fluents.items())
 
     @cached_property
     def _instances(self) -> Sequence[tuple[model.ActionInstance, Fraction, Fraction]]:

@@ -18,6 +18,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from itertools import count
 from random import Random
 
@@ -201,13 +202,13 @@ class SimulatedWorld:
         self._changed = True
         self._given_up = False
         self._messages: list[dispatcher.Message] = []
-        self._agenda: list[tuple[Fraction, int, Callable[[Fraction], None]]] = []
+        self._agenda: list[tuple[Fraction, int, Callable[[], None]]] = []
         self._order = count()
         self.initial = self._initial_levels()
         """The fluents at time 0 as they really are."""
         self.state = WorldState(plan.initial_atoms, self.initial)
         for literal in plan.timed_literals:
-            self._plan_for(literal.time, lambda _, literal=literal: self.state.pass_literal(literal))  # type: ignore[misc]
+            self._plan_for(literal.time, partial(self.state.pass_literal, literal))
         self._follow(model.ZERO, Fraction(0))
 
     @property
@@ -244,7 +245,7 @@ class SimulatedWorld:
             time, _, act = heapq.heappop(self._agenda)
             self._pass(time)
             self._check_at(time)
-            act(time)
+            act()
             self._check_at(time)
         self._pass(now)
 
@@ -277,8 +278,8 @@ class SimulatedWorld:
         self._check_at(now)
         self._reveal(point)
         if duration is not None:
-            self._due[identifier] = now + duration
-            self._plan_for(now + duration, lambda time: self._complete(identifier, time))
+            end = self._due[identifier] = now + duration
+            self._plan_for(end, partial(self._complete, identifier, end))
         self._follow(point, now)
 
     def _complete(self, identifier: str, time: Fraction) -> None:
@@ -345,14 +346,15 @@ class SimulatedWorld:
 
     # -- nature ------------------------------------------------------------------------------------------------------
 
-    def _plan_for(self, time: Fraction, act: Callable[[Fraction], None]) -> None:
+    def _plan_for(self, time: Fraction, act: Callable[[], None]) -> None:
         heapq.heappush(self._agenda, (time, next(self._order), act))
 
     def _follow(self, point: model.TimePoint, now: Fraction) -> None:
         """Starts that happen by themselves after a time point; ends follow from starts."""
         for link in self.dispatchable.followers.get(point, ()):
             if link.target.kind is not model.TimePointKind.END:
-                self._plan_for(now + self._length(link), lambda time, link=link: self._begin(link.target, time))  # type: ignore[misc]
+                time = now + self._length(link)
+                self._plan_for(time, partial(self._begin, link.target, time))
 
     def _begin(self, point: model.TimePoint, time: Fraction) -> None:
         if self._given_up:
