@@ -24,6 +24,7 @@ from robust.network.slack import OutsideFragmentError
 from robust.plan import model
 from robust.plan.polynomial import Polynomial
 from robust.plan.simulate import simulate
+from robust.qe.eliminate.enumerate import satisfiable
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Satisfiability, Session
 
@@ -110,11 +111,8 @@ def _schedule(
     encoding = RelationalEncoding(plan, epsilon)
     session = Session(encoding.terms)
     session.add_all(encoding.valid_formulas(encoding.obligations), deadline)
-    answer = session.check("some order succeeds", deadline)
-    if answer is Satisfiability.UNSATISFIABLE:
+    if not satisfiable(session, "some order succeeds", deadline):
         return None
-    if answer is Satisfiability.UNKNOWN:
-        raise OutOfTimeError
     found = session.values(encoding.unknowns())
     terms, places = encoding.terms, encoding.places
     planned = [

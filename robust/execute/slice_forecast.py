@@ -27,6 +27,7 @@ from robust.network.differences import DifferenceNetwork
 from robust.plan import model
 from robust.qe.box import Box, Interval
 from robust.qe.compute import RegionSearch
+from robust.qe.eliminate.enumerate import satisfiable
 from robust.smt.limits import Deadline, OutOfTimeError
 from robust.smt.session import Formula, Satisfiability, Session
 
@@ -218,10 +219,7 @@ class SliceForecaster(Forecaster):
 
     def _is_possible(self, facts: Sequence[Formula], deadline: Deadline) -> bool:
         with self._session.frame(self._encoding.terms.conjunction(facts)):
-            answer = self._session.check("possible", deadline)
-        if answer is Satisfiability.UNKNOWN:
-            raise OutOfTimeError
-        return answer is Satisfiability.SATISFIABLE
+            return satisfiable(self._session, "possible", deadline)
 
     def _reasons(self, times: Mapping[model.TimePoint, Fraction], deadline: Deadline) -> tuple[str, ...]:
         """What contradicts what has happened: bounds of the network, or else the first obligation that cannot be kept
