@@ -294,7 +294,7 @@ class PathForecaster(Forecaster):
         network = self._expected if on_track else self._possible
         steps, ready, free = {}, [], []
         for instance in self._plan.instances:
-            name, known = instance.identifier, self._known(instance.identifier)
+            name, known = instance.identifier, self._progress.get(instance.identifier, _NOT_BEGUN)
             if known.end is not None:
                 continue
             begin, end = self._number[instance.start], self._number[instance.end]
