@@ -24,6 +24,7 @@ from robust.irr.widen import DiscoveredBadSet
 from robust.qe import lifted, simplex
 from robust.qe.box import Box, Interval
 from robust.qe.box import Side as End
+from robust.qe.conjunctions import without_spare
 from robust.qe.constraint import LinearConstraint, Sense
 from robust.qe.polyhedron import Polyhedron
 from robust.qe.region import Region, outside
@@ -210,12 +211,13 @@ class Reasons:
             gaps = [formulas.gap(a, b) for a, b, *_ in self._ground.flows]
             kept += (lasting := [gap for gap in gaps if gap.keys() - {""} and tape.evaluated(gap, point) >= 0])
             sides += [(gap, False) for gap in lasting]
-        for side in list(sides):
-            rest = [other for other in sides if other is not side]
-            known = KnownFacts([*rest, *bounds])
-            if model(formulas, known, -literal, self._deadline) is None and all(known.imply(slack) for slack in kept):
-                sides = rest
-        return Polyhedron(self._names, tuple(side_of(form, strict) for form, strict in sides))
+
+        def is_spare(_: Fact, others: list[Fact]) -> bool:
+            known = KnownFacts([*others, *bounds])
+            return model(formulas, known, -literal, self._deadline) is None and all(map(known.imply, kept))
+
+        needed = without_spare(sides, is_spare)
+        return Polyhedron(self._names, tuple(side_of(form, strict) for form, strict in needed))
 
     def _placed(
         self, number: int, values: Mapping[str, Linear], parameters: Mapping[str, Linear]

@@ -7,7 +7,7 @@ pile up. At a point: Loos–Weispfenning substitution of the one bound that is t
 """
 
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from heapq import heappop, heappush
@@ -106,6 +106,21 @@ def linked(statements: Iterable[Iterable[NameT]]) -> dict[NameT, frozenset[NameT
             group = frozenset().union(*met)
             groups |= dict.fromkeys(sorted(group), group)
     return groups
+
+
+Part = TypeVar("Part")
+
+
+def without_spare(
+    parts: Sequence[Part], is_spare: Callable[[Part, list[Part]], bool], order: Iterable[Part] | None = None
+) -> list[Part]:
+    """The parts without those that can be spared beside the others that are left, tried one by one."""
+    kept = list(parts)
+    for part in parts if order is None else order:
+        others = [other for other in kept if other is not part]
+        if is_spare(part, others):
+            kept = others
+    return kept
 
 
 def variables_of(constraints: Iterable[LinearConstraint]) -> list[str]:
@@ -293,10 +308,7 @@ def _needed(
     around.restore()
     candidates = [c for i, c in enumerate(inequalities) if i not in facets and c.is_strict]
     candidates = [c for c in candidates if violates(around.maximize(integer_form(c, parameters)[0]), c)]
-    for candidate in list(candidates):
-        others = [other for other in candidates if other is not candidate]
-        if not _cuts(parameters, [*kept, *others], candidate):
-            candidates = others
+    candidates = without_spare(candidates, lambda each, others: not _cuts(parameters, [*kept, *others], each))
     return tuple(c for i, c in enumerate(inequalities) if i in facets or c in candidates)
 
 

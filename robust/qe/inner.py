@@ -19,7 +19,7 @@ from itertools import islice
 from math import factorial, prod
 
 from robust.qe.box import Box, Interval
-from robust.qe.conjunctions import Conjunction, half_space, linked, variables_of
+from robust.qe.conjunctions import Conjunction, half_space, linked, variables_of, without_spare
 from robust.qe.constraint import ZERO, LinearConstraint
 from robust.qe.eliminate.enumerate import ExclusionSession, PieceSearch, satisfiable
 from robust.qe.eliminate.interface import Query, Solvers, outside
@@ -121,11 +121,11 @@ class Lifting:
         simple_first = sorted(self._pieces, key=lambda piece: (len(piece), len(variables_of(piece))))
         beyond = {piece: outside(piece) for piece in simple_first}
         everything = self._exclusion()
-        for piece in reversed(simple_first):
-            others = [side for other, side in beyond.items() if other != piece]
-            if everything.excludes(piece, *others):
-                del beyond[piece]
-        return list(beyond)
+        return without_spare(
+            simple_first,
+            lambda piece, others: everything.excludes(piece, *(beyond[other] for other in others)),
+            reversed(simple_first),
+        )
 
     def _first_images(self, candidates: Iterable[Conjunction], most: int) -> list[Conjunction] | None:
         image_lists = (self._images(candidate, most) for candidate in candidates)
@@ -142,11 +142,7 @@ class Lifting:
 
     def _minimal(self, sides: Conjunction) -> Conjunction:
         """The sides without those that can be left out, tried one after the other."""
-        for side in sides:
-            others = tuple(other for other in sides if other is not side)
-            if self._images(others, MOST_IMAGES) is not None:
-                sides = others
-        return sides
+        return tuple(without_spare(sides, lambda _, others: self._images(tuple(others), MOST_IMAGES) is not None))
 
     def _images(self, candidate: Conjunction, most: int) -> list[Conjunction] | None:
         """All images if there are not too many, and all are bad."""
@@ -472,12 +468,12 @@ class FactorSearch:
 
     def _generalized(self, sides: list[LinearConstraint]) -> Polyhedron:
         """The cell without sides that it does not need: later ones may do what earlier ones were for."""
-        for side in [*sides]:
-            others = [other for other in sides if other is not side]
+
+        def is_spare(_: LinearConstraint, others: list[LinearConstraint]) -> bool:
             wider = self._base.restricted(others)
-            if all(wider.is_disjoint_from(piece) for piece in self._pieces) and self._piece_in(wider) is None:
-                sides = others
-        return self._base.restricted(sides).simplified()
+            return all(wider.is_disjoint_from(piece) for piece in self._pieces) and self._piece_in(wider) is None
+
+        return self._base.restricted(without_spare(sides, is_spare)).simplified()
 
     # -- how much is open ----------------------------------------------------------------------------------------------
 

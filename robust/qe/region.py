@@ -17,6 +17,7 @@ from robust.errors import InputError, SolverError
 from robust.numbers import plural
 from robust.plan.model import ParameterReference
 from robust.qe.box import Box, require_complete
+from robust.qe.conjunctions import without_spare
 from robust.qe.constraint import LinearConstraint, Sense
 from robust.qe.estimate import VolumeBounds, sample, volume_bounds
 from robust.qe.polyhedron import Point, Polyhedron, check_known, check_names, check_same, union_volume
@@ -146,12 +147,9 @@ def _relevant(base: Polyhedron, piece: Polyhedron) -> Polyhedron:
         return Polyhedron.nothing(base.parameters)
     if not base.constraints:
         return piece.simplified()
-    kept = list(piece.simplified().constraints)
-    for constraint in list(kept):
-        others = [other for other in kept if other is not constraint]
-        if base.restricted(others).satisfies(constraint):
-            kept = others
-    return Polyhedron(base.parameters, tuple(kept))
+    sides = piece.simplified().constraints
+    needed = without_spare(sides, lambda side, others: base.restricted(others).satisfies(side))
+    return Polyhedron(base.parameters, tuple(needed))
 
 
 def _merged(base: Polyhedron, pieces: list[Polyhedron]) -> list[Polyhedron]:
@@ -194,23 +192,18 @@ def _envelope(base: Polyhedron, left: Polyhedron, right: Polyhedron) -> Polyhedr
 def _relaxed(base: Polyhedron, piece: Polyhedron, pieces: Sequence[Polyhedron]) -> Polyhedron:
     """A piece without the sides beyond which the other pieces take over."""
     others = [other for other in pieces if other is not piece]
-    kept = [half for constraint in piece.constraints for half in constraint.halves()]
-    for constraint in list(kept):
-        without = [other for other in kept if other is not constraint]
-        (side,) = constraint.negation()
-        if outside(base.restricted([*without, side]), others) is None:
-            kept = without
-    return Polyhedron(base.parameters, tuple(kept)).simplified()
+    halves = [half for constraint in piece.constraints for half in constraint.halves()]
+
+    def is_spare(half: LinearConstraint, rest: list[LinearConstraint]) -> bool:
+        return outside(base.restricted([*rest, *half.negation()]), others) is None
+
+    return Polyhedron(base.parameters, tuple(without_spare(halves, is_spare))).simplified()
 
 
 def _needed(base: Polyhedron, pieces: Sequence[Polyhedron]) -> list[Polyhedron]:
     """Without the pieces that the others cover together, those with most constraints first."""
-    kept = list(pieces)
-    for piece in sorted(pieces, key=lambda piece: -len(piece.constraints)):
-        others = [other for other in kept if other is not piece]
-        if outside(base.intersection(piece), others) is None:
-            kept = others
-    return kept
+    order = sorted(pieces, key=lambda piece: -len(piece.constraints))
+    return without_spare(pieces, lambda piece, others: outside(base.intersection(piece), others) is None, order)
 
 
 @dataclass(frozen=True)
