@@ -278,6 +278,13 @@ class Options:
         """InputError if the options that were given do not belong together; for rules that `needs` cannot say."""
 
 
+def refuse(names: Iterable[str], given: Collection[str], reason: str) -> None:
+    """InputError for the first of these options that was given."""
+    for name in names:
+        if name in given:
+            raise InputError(reason, place_of(name))
+
+
 def _check_kind(name: str, option: Option, value: object) -> None:
     """InputError if a value is not of the kind of its option, where nothing else finds that out."""
     if option.flag:

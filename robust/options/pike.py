@@ -157,14 +157,13 @@ class PikeCheckCommand(PikeCheckOptions, CrossOptions, ControllableOptions, Pike
 
     def check_combinations(self, given: Collection[str]) -> None:
         for alone in ("patience", "controllable"):
-            for name in ("cross", "backend", "all_scenarios", "temporal") if getattr(self, alone) else ():
-                if name in given:
-                    raise InputError(f"cannot be combined with --{alone}; choose one", declare.place_of(name))
+            others = ("cross", "backend", "all_scenarios", "temporal") if getattr(self, alone) else ()
+            declare.refuse(others, given, f"cannot be combined with --{alone}; choose one")
         if self.patience and self.controllable:
             raise InputError("cannot be combined with --patience; choose one", declare.place_of("controllable"))
-        for name in ("rational", "free", "hesitate", "repair", "parameters", "parameter_file"):
-            if name in given and not self.controllable:
-                raise InputError("needs --controllable", declare.place_of(name))
+        if not self.controllable:
+            about_it = ("rational", "free", "hesitate", "repair", "parameters", "parameter_file")
+            declare.refuse(about_it, given, "needs --controllable")
 
 
 class ChanceOptions(Compiled, Assuming):
@@ -366,13 +365,14 @@ class PikeRunOptions(StoryOptions, Solving):
                 f"found {self.backend} with {declare.setting('reasoner', str(self.reasoner))}, expected {expected}",
                 declare.place_of("backend"),
             )
-        for name in ("reasoner", "backend", "patience", "chance", "rank") if self.strategy else ():
-            if name in given:
-                raise InputError("cannot be combined with --strategy; choose one", declare.place_of(name))
-        for name in _COMPLETE if self.reasoner == KIRK else ("recovery",):
-            if name in given:
-                reason = "cannot be combined with" if self.reasoner == KIRK else "needs"
-                raise InputError(f"{reason} {declare.setting('reasoner', KIRK)}", declare.place_of(name))
+        if self.strategy:
+            decided = ("reasoner", "backend", "patience", "chance", "rank")
+            declare.refuse(decided, given, "cannot be combined with --strategy; choose one")
+        kirk = declare.setting("reasoner", KIRK)
+        if self.reasoner == KIRK:
+            declare.refuse(_COMPLETE, given, f"cannot be combined with {kirk}")
+        else:
+            declare.refuse(("recovery",), given, f"needs {kirk}")
 
     @property
     def deciding(self) -> str:
@@ -414,12 +414,11 @@ class PikeRunCommand(PikeRunOptions, Paged, PikeCommand):
     )
 
     def check_combinations(self, given: Collection[str]) -> None:
-        for name in _SIMULATED if self.stdio else _SERVED:
-            if name in given:
-                reason = "found together with --stdio, expected without: nothing is simulated then"
-                raise InputError(
-                    reason if self.stdio else "expected only together with --stdio", declare.place_of(name)
-                )
+        if self.stdio:
+            reason = "found together with --stdio, expected without: nothing is simulated then"
+            declare.refuse(_SIMULATED, given, reason)
+        else:
+            declare.refuse(_SERVED, given, "expected only together with --stdio")
         if self.stdio and self.reasoner == KIRK:
             raise InputError(f"found {KIRK} together with --stdio, expected another one", declare.place_of("reasoner"))
         if self.rate is not None and self.clock != "real":
