@@ -94,6 +94,12 @@ class OutputWarning(UserWarning):
     """A file could not be written while something was computed; what was computed is not affected."""
 
 
+def refused(error: OSError) -> InputError:
+    """The error for an operation that the system refused, with the file if it is about one."""
+    place = f"{error.filename}: " if error.filename else ""
+    return InputError(f"{place}{error.strerror or error}")
+
+
 def missing(what: str, extra: str) -> UnsupportedError:
     """The error for a package that comes with an extra, and is not installed."""
     return UnsupportedError(f"found no {what}, expected it to be installed: pip install 'robust-plans[{extra}]'")

@@ -25,7 +25,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from robust.cli.output import Display, answering, complain, noting_warnings, print_json
-from robust.errors import UNDECIDED, InputError, RobustError, SolverError
+from robust.errors import UNDECIDED, RobustError, SolverError, refused
 from robust.options.declare import Options, as_typed
 from robust.smt.limits import Deadline, OutOfTimeError
 
@@ -324,8 +324,7 @@ class Run:
             except RobustError as error:
                 self.unwritten(error)
             except OSError as error:
-                place = f"{error.filename}: " if error.filename else ""
-                self.unwritten(InputError(f"{place}{error.strerror or error}"))
+                self.unwritten(refused(error))
         return self._failed or code
 
     def working(self, on_stuck: Callable[[], bool] | None = None) -> AbstractContextManager[None]:

@@ -14,7 +14,7 @@ from robust import __version__
 from robust.cli.build import Command, Group, application, read
 from robust.cli.guard import GivenUpError, Guard, carry_out
 from robust.cli.output import READER_LEFT, complain, drop_output, output_failure, print_json
-from robust.errors import UNDECIDED, InputError, RobustError, from_extra
+from robust.errors import UNDECIDED, RobustError, from_extra, refused
 
 HELP = "Verify temporal plans: are they valid for every schedule, and how far may reality deviate?"
 
@@ -170,8 +170,7 @@ def _report_failure(arguments: Sequence[str], guard: Guard, error: OSError) -> i
     if guard.cause is not None and error.errno == errno.EIO and not error.filename:
         drop_output(error)  # the terminal is gone, which has sent SIGHUP
         return UNDECIDED
-    place = f"{error.filename}: " if error.filename else ""
-    return _report(arguments, guard, InputError(f"{place}{error.strerror or error}"), "input")
+    return _report(arguments, guard, refused(error), "input")
 
 
 def _report_misuse(arguments: Sequence[str], guard: Guard, error: Exception) -> int:

@@ -166,8 +166,7 @@ def _print_step(out: Console, step: world.ExecutionStep, reasons: _Reasons) -> N
 
 
 def _print_lines(out: Console, lines: Iterable[str]) -> None:
-    for line in lines:
-        out.line(f"{'':>24}{line}", "dim")
+    out.lines((f"{'':>24}{line}" for line in lines), "dim")
 
 
 class _Reasons:
