@@ -53,8 +53,8 @@ class SliceForecaster(Forecaster):
 
     def __init__(self, followed: FollowedPlan) -> None:
         super().__init__(followed)
-        plan, self._epsilon, is_rest = followed.plan, followed.epsilon, followed.running is not None
-        self._encoding = RelationalEncoding(plan, self._epsilon)
+        plan, is_rest = followed.plan, followed.running is not None
+        self._encoding = RelationalEncoding(plan, followed.epsilon)
         terms, places = self._encoding.terms, self._encoding.places
         forward = [terms.at_least(places[step.end] - places[step.start]) for step in plan.instances if step.durative]
         self._valid = [*self._encoding.valid_formulas(self._encoding.obligations), *forward]
@@ -76,7 +76,8 @@ class SliceForecaster(Forecaster):
     def _slices(self) -> Slices:
         """The envelope; else the part of it that was found in time, and a box, which is found sooner."""
         deadline = Deadline.after(self._seconds)
-        search = RegionSearch(self._plan, epsilon=self._epsilon, timeout=self._seconds and self._seconds / 2).run()
+        seconds, epsilon = self._seconds and self._seconds / 2, self._encoding.epsilon
+        search = RegionSearch(self._plan, epsilon=epsilon, timeout=seconds).run()
 
         def box() -> Box:
             found = ExactSearch(self._encoding, deadline=deadline).run()
