@@ -379,14 +379,14 @@ class JsonTypes:
         return self.read(kind, value.members[name], name=name)
 
     def _kind_of(self, value: Json, known: Sequence[str]) -> str:
-        tag: str = self.member(str, self._object(value), "kind")
+        tag: str = self.member(str, as_object(value), "kind")
         if tag not in known:
             expected = f"found kind {shorten(tag)}, expected one of {', '.join(known)}{closest(tag, known)}"
-            raise InputError(expected, self._object(value).members["kind"].location)
+            raise InputError(expected, as_object(value).members["kind"].location)
         return tag
 
     def _record(self, kind: Any, value: Json, beside: Sequence[str]) -> Any:
-        record = self._object(value)
+        record = as_object(value)
         known = ["kind"] if issubclass(kind, Tagged) else []
         values = {}
         for name, member, hint in _fields(kind):
@@ -409,10 +409,12 @@ class JsonTypes:
             return "a list"
         return {Fraction: EXPECTED_NUMBER, bool: "true or false"}.get(kind, "a text")
 
-    def _object(self, value: Json) -> Object:
-        if not isinstance(value, Object):
-            raise InputError(f"found {describe(value)}, expected an object", value.location)
-        return value
+
+def as_object(value: Json) -> Object:
+    """The value; InputError if it is no object."""
+    if not isinstance(value, Object):
+        raise InputError(f"found {describe(value)}, expected an object", value.location)
+    return value
 
 
 def _is_record(kind: Any) -> bool:

@@ -448,13 +448,9 @@ def _stop(stop: FaceStop) -> Stop:
     for tie in stop.ties:
         if isinstance(tie, LinearForm) and tie.chain:
             return Stop(NO_SCHEDULE, tuple(dict.fromkeys(tie.statements)))
-    names = dict.fromkeys(name for tie in stop.ties for name in _names(tie))
+    names = dict.fromkeys(name for tie in stop.ties for name in tie.names)
     first, *others = names
     return Stop(first, also=tuple(others))
-
-
-def _names(tie: LinearForm | SlackRequirement) -> Sequence[str]:
-    return [tie.name] if isinstance(tie, LinearForm) else tie.names
 
 
 def is_inside(
@@ -532,4 +528,4 @@ def _chain(plan: model.ParametrizedPlan, stop: FaceStop) -> Iterator[str]:
     steps = dict.fromkeys(point.instance for point in points if point.instance is not None)
     yield from (f"{str(plan.instance[step])[1:-1]} ({step})" for step in steps)
     tie = stop.ties[0]
-    yield tie.statements[-1] if isinstance(tie, LinearForm) and tie.statements else _names(tie)[0]
+    yield tie.statements[-1] if isinstance(tie, LinearForm) and tie.statements else tie.names[0]

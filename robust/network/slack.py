@@ -74,6 +74,10 @@ class LinearForm:
     chain: tuple[int, ...] = ()
     statements: tuple[str, ...] = ()
 
+    @property
+    def names(self) -> list[str]:
+        return [self.name]
+
 
 Tie = LinearForm | SlackRequirement
 
@@ -179,7 +183,7 @@ class SlackGraph:
                     numbers.append(number)
             if tight:
                 if any(isinstance(item, SlackRequirement) and not item.exact for item, _ in tight):
-                    raise OutsideFragmentError(f"several ways to keep {_names(tight[0][0])[0]!r}")
+                    raise OutsideFragmentError(f"several ways to keep {tight[0][0].names[0]!r}")
                 item, shortest = tight[0]
                 yield stretch, FaceStop(tuple(item for item, _ in tight), self._chain(item, shortest))
                 self._stop(stretch, tight)
@@ -342,10 +346,6 @@ class SlackGraph:
         if isinstance(item, LinearForm):
             return item.chain
         return shortest.points if shortest is not None else ()
-
-
-def _names(item: Tie) -> Sequence[str]:
-    return [item.name] if isinstance(item, LinearForm) else item.names
 
 
 def _concerns(item: Tie, path: _Shortest | None, faces: set[FaceNumber], face: FaceNumber) -> bool:

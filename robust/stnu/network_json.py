@@ -19,7 +19,7 @@ from fractions import Fraction
 from typing import Any
 
 from robust.errors import InputError
-from robust.json_text import Array, Constant, Json, JsonText, Numeral, Object, describe, parse_json
+from robust.json_text import Array, Constant, Json, JsonText, Numeral, Object, as_object, describe, parse_json
 from robust.numbers import EXPECTED_NUMBER, format_number, is_number, parse_number, shorten
 from robust.probability.distributions import Below, Distribution, require_possible
 from robust.stnu.graphml import INFINITE
@@ -62,7 +62,7 @@ def parse_network_json(text: str, file: str) -> Network:
     Raises:
         InputError: at the place of whatever is wrong.
     """
-    return _Reader(file).network(_object(parse_json(text, file, infinite=True)))
+    return _Reader(file).network(as_object(parse_json(text, file, infinite=True)))
 
 
 class _Reader:
@@ -111,7 +111,7 @@ class _Reader:
                 yield Link(ORIGIN, name, lower, upper, place=value.location)
 
     def _constraint(self, value: Json) -> Iterator[Link]:
-        fields = _object(value)
+        fields = as_object(value)
         source, target = (self._end(fields, key) for key in ("source", "target"))
         given = self._member(fields, "distribution", _CONSTRAINT)
         random = None if given is None or isinstance(given, Constant) else given
@@ -218,12 +218,6 @@ def _list(value: Json) -> Sequence[Json]:
     if not isinstance(value, Array):
         raise InputError(f"found {describe(value)}, expected a list", value.location)
     return value.items
-
-
-def _object(value: Json) -> Object:
-    if not isinstance(value, Object):
-        raise InputError(f"found {describe(value)}, expected an object", value.location)
-    return value
 
 
 # -- distributions -----------------------------------------------------------------------------------------------------
