@@ -171,6 +171,11 @@ class Tpnu:
         return {choice.name: choice.domain for choice in self.choices}
 
     @property
+    def uncontrollable(self) -> tuple[str, ...]:
+        """The choices of people and nature."""
+        return tuple(choice.name for choice in self.choices if not choice.controllable)
+
+    @property
     def guards(self) -> dict[str, Guard]:
         """The guard of each event."""
         return {event.name: event.guard for event in self.events}
@@ -300,20 +305,19 @@ def may_produce(effect: Effect, condition: Condition) -> bool:
 
 def starts_with(effect: Effect, condition: Condition) -> bool:
     """Whether the condition is over all of an activity whose own effect at its start this is."""
-    return (
-        condition.first != condition.last
-        and effect.event == condition.first
-        and effect.activity is not None
-        and effect.activity == condition.activity
-    )
+    return condition.first != condition.last and effect.event == condition.first and _is_own(effect, condition)
 
 
 def may_threaten(effect: Effect, condition: Condition) -> bool:
     """Whether the effect contradicts the condition and is not one of those that cannot harm it."""
     if effect.literal != condition.literal.negation:
         return False
-    own = effect.activity is not None and effect.activity == condition.activity
-    return not (own and effect.event == condition.last)
+    return not (_is_own(effect, condition) and effect.event == condition.last)
+
+
+def _is_own(effect: Effect, condition: Condition) -> bool:
+    """Whether one activity has both."""
+    return effect.activity is not None and effect.activity == condition.activity
 
 
 Environment: TypeAlias = int

@@ -29,11 +29,6 @@ ENUMERATING = 0.8
 """The share of the time that a box leaves to finding polyhedra."""
 
 
-def uncontrollable(plan: ParametricPlan) -> tuple[str, ...]:
-    """The choices of people and nature."""
-    return tuple(choice.name for choice in plan.plan.network.choices if not choice.controllable)
-
-
 def checked_choices(plan: ParametricPlan, names: Sequence[str], where: str) -> tuple[str, ...]:
     """The names, if they are of choices; InputError, which says where they were found, if not."""
     for name in names:
@@ -136,7 +131,8 @@ class LabeledRegionSearch(Searching[LabeledRegion]):
     def __post_init__(self) -> None:
         super().__init__()
         plan, assume = self.plan, self.assume
-        names = uncontrollable(plan) if self.key is None else checked_choices(plan, self.key, "choices")
+        asked_for = plan.plan.network.uncontrollable if self.key is None else self.key
+        names = checked_choices(plan, asked_for, "choices")
         self._known = LabeledRegion(plan, tuple(name for name in names if name not in dict(assume)), assume)
         asked = pieces.question(plan, self._known.key, assume)
         self._pieces = pieces.GoodPieces(asked, plan.declared, solver=self.solver)

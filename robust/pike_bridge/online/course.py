@@ -187,9 +187,8 @@ class Course:
             ]
             guards = [label for label in guards if all(self.chosen.get(name, value) == value for name, value in label)]
             common = frozenset.intersection(*guards) if guards else model.ALWAYS
-            theirs = {choice.name for choice in self.plan.network.choices if not choice.controllable}
             for name, value in common:
-                if name in theirs and name not in self.chosen:
+                if name in self.plan.network.uncontrollable and name not in self.chosen:
                     self.chosen[name] = value
                     self.inferred.add(name)
 

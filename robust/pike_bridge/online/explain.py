@@ -328,15 +328,12 @@ class Situation:
 
     def _minimal(self, facts: Sequence[Fact]) -> list[Fact] | None:
         """A minimal set of contradictory facts, earlier ones rather than later ones; None if they are none."""
-        with self._given(facts):
-            if not self._contradictory():
-                return None
 
-        def enough(part: tuple[Fact, ...]) -> bool:
+        def enough(part: Iterable[Fact]) -> bool:
             with self._given(part):
                 return self._contradictory()
 
-        return list(minimal(tuple(reversed(facts)), enough))[::-1]
+        return list(minimal(tuple(reversed(facts)), enough))[::-1] if enough(facts) else None
 
     def _given(self, facts: Iterable[Fact]) -> AbstractContextManager[None]:
         return self._session.frame(*(fact.formula for fact in facts))

@@ -418,7 +418,7 @@ class FieldExecutive(NoTruthValue, ask="outcome"):
                 return False
 
     def _is_ours(self, choice: str) -> bool:
-        return any(each.name == choice and each.controllable for each in self.plan.network.choices)
+        return choice in self.plan.network.domains and choice not in self.plan.network.uncontrollable
 
     def _object(self, choice: str, value: str, message: said.Outcome) -> None:
         known = {name: each for name, each in self._course.chosen.items() if name not in self._course.inferred}

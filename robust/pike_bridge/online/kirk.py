@@ -355,8 +355,8 @@ class Kirk:
     @property
     def assumed(self) -> Mapping[str, str]:
         """The guesses about uncontrollable choices that have not been observed."""
-        theirs = {choice.name for choice in self.plan.network.choices if not choice.controllable} - self.observed.keys()
-        return {name: value for name, value in self.guess.items() if name in theirs}
+        theirs = self.plan.network.uncontrollable
+        return {name: value for name, value in self.guess.items() if name in theirs and name not in self.observed}
 
     def prepare(self) -> bool:
         """Find out whether the plan admits a correct execution at all, before the first step.

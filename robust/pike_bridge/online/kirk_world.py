@@ -28,7 +28,6 @@ from robust.pike_bridge.online.world import (
     Watched,
 )
 from robust.pike_bridge.semantics import Execution, faults
-from robust.searching import Searching
 
 
 class Guessing(Watched, Protocol):
@@ -109,17 +108,10 @@ class KirkRehearsal(Rehearsal):
     _: KW_ONLY
     recovery: Fraction = Fraction(1, 2)
 
-    def run(self) -> ExecutionRecord:
-        """As of :class:`Rehearsal`.
-
-        Raises:
-            InputError: if there is no such back end.
-            OutOfTimeError: if the deadline passes before the first step.
-        """
+    def _meet(self) -> None:
         durations = {each.action: each.lower * self.recovery for each in self.plan.network.activities}
         self._driven = self._kirk = Kirk(self.plan, self._deciding(), recovery=durations, deadline=self.deadline)
         self._world = self._team = KirkTeam(self.plan, self._kirk, self._judge(), self.story, seed=self.seed)
-        return Searching.run(self)
 
     def step(self, now: Fraction, messages: Sequence[said.Message]) -> list[said.Decision]:
         """One step of Kirk, recorded; a re-plan is told as what is cancelled and that there is another plan."""

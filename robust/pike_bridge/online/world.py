@@ -362,6 +362,11 @@ class Rehearsal(Searching[ExecutionRecord]):
             OutOfTimeError: if the deadline passes before the first step.
             SolverError: if the solver is unknown, or an execution that ended well is not correct.
         """
+        self._meet()
+        return super().run()
+
+    def _meet(self) -> None:
+        """Make the executive and the team."""
         deciding = self._deciding()
         seen = reasoners.without_states(self.plan) if self.drake else self.plan
         if self.chance is not None:
@@ -378,7 +383,6 @@ class Rehearsal(Searching[ExecutionRecord]):
         )
         self._driven: Watched = self._executive
         self._world = SimulatedTeam(seen, self._executive, self._judge(), self.story, seed=self.seed)
-        return super().run()
 
     @property
     def _begun(self) -> bool:

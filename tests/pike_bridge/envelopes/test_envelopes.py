@@ -15,7 +15,7 @@ import pytest
 from robust import InputError, Region, SolverError, Status, pike
 from robust.pike import Instance, Oracle, act, build, choose, parallel, sequence, within
 from robust.pike_bridge.envelopes.pieces import ParametricEdge, _CertainOrder, cycles
-from robust.pike_bridge.envelopes.search import LabeledRegionSearch, TeamEnvelopeSearch, uncontrollable
+from robust.pike_bridge.envelopes.search import LabeledRegionSearch, TeamEnvelopeSearch
 from robust.pike_bridge.knowledge.sat import satisfiable
 from robust.pike_bridge.model import guard
 from robust.pike_bridge.online.world import Ending, Rehearsal, Story
@@ -99,7 +99,7 @@ def test_keys_what_is_assumed_and_whose_bounds_are_named():
     for value in ("pliers", "cleco", "both"):
         wide = narrow.region({"h1": value})
         assert all(both.region({"h1": value, "h2": other}).is_subset_of(wide) for other in ("pliers", "both"))
-    assert set(uncontrollable(wing(PICK))) == {"h1", "h2"}
+    assert set(wing(PICK).plan.network.uncontrollable) == {"h1", "h2"}
     plan = parametric(replace(stories.kitchen().plan(), epsilon=Fraction(0)), COFFEE)
     pieces = region_of(plan, xA1="mug").pieces
     [upper] = {piece.polyhedron.extent("coffee").upper for piece in pieces if "cereal" in str(piece.label)}
@@ -189,7 +189,7 @@ def test_boxes_of_structured_plans_the_wing_and_the_kitchen_are_inside_and_tight
     tight = 0
     for seed in (1, 3, 7, 12):
         plan = random_parameters(structured(seed), seed)
-        tight += check_box(plan, (), seed) + check_box(plan, uncontrollable(plan)[:1], seed)
+        tight += check_box(plan, (), seed) + check_box(plan, plan.plan.network.uncontrollable[:1], seed)
     assert tight > 2
     assert check_box(wing(PICK, "limit=at-most:e1:e58"), ("h1", "h2"), 1) == 2
 
@@ -244,7 +244,7 @@ def test_what_copies_share_makes_no_difference(monkeypatch):
     asked = [(kitchen(COFFEE, LATE), ["xA1"]), (kitchen(COFFEE, LATE), ["xA1", "xA3"])]
     asked += [(parametric(race(9, robot_first=first), "late=hesitation:x"), ["x"]) for first in (True, False)]
     drawn = [random_parameters(structured(seed), seed) for seed in range(often(1, 2))]
-    asked += [(plan, uncontrollable(plan)[:2]) for plan in drawn]
+    asked += [(plan, plan.plan.network.uncontrollable[:2]) for plan in drawn]
     together = [envelope(plan, *for_all, waiting=True) for plan, for_all in asked]
     monkeypatch.setattr(_CertainOrder, "no_later", lambda *_: False)
     for shared, (plan, for_all) in zip(together, asked, strict=True):
