@@ -263,7 +263,7 @@ def find_strategy(
         OutOfTimeError: if the deadline passes.
         KeyboardInterrupt: if interrupted.
     """
-    found = None
+    remedy = "robust pike check --controllable says why"
     for rational in (False, True) if human is Human.RATIONAL else (False,):
         rules = GameRules((), rational, delay or None)
         found = DecidingControllability(plan, rules, solver, deadline, on_stage).run()
@@ -273,9 +273,7 @@ def find_strategy(
             raise OutOfTimeError
         if found.status == Status.INTERRUPTED.value:
             raise KeyboardInterrupt
-    known = found is not None and found.verdict is ControllabilityVerdict.UNCONTROLLABLE
-    remedy = "robust pike check --controllable says why"
-    if known:
+    if found.verdict is ControllabilityVerdict.UNCONTROLLABLE:
         raise RefutedError(f"--strategy: the plan is not controllable; {remedy}")
     raise UnsupportedError(f"--strategy: controllability is unknown; {remedy}")
 

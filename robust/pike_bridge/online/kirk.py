@@ -216,9 +216,7 @@ class Guesser:
         ]
 
     def _first(self, choice: model.Choice, preferred: str | None, deadline: Deadline) -> str:
-        order = list(self._ranking(choice.domain))
-        if preferred is not None:
-            order.sort(key=lambda value: value != preferred)
+        order = sorted(self._ranking(choice.domain), key=lambda value: value != preferred)
         for value in order[:-1]:
             with self._session.frame(self._value(choice.name, value)):
                 if self._possible(deadline):
