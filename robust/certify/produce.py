@@ -137,7 +137,7 @@ class PlanCertificate:
         if endless is not None:
             expected = f"`lb=` and `ub=` of the parameter, or --box FILE with {endless} between two numbers"
             raise UnsupportedError(f"{endless} multiplies a time that varies and has no end, expected {expected}")
-        rest = Box({name: interval for name, interval in box.intervals.items() if name not in names})
+        rest = box.without(names)
         lines: list[Line] = [[tape.FORMAT, "corners", [[*names], tape.stated(box)]]]
         for given in corners(box, [*names]):
             lines += supported(partial(tape.good_lines, self.ground, self.epsilon, rest, given=given, **self._conduct))

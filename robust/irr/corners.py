@@ -68,14 +68,15 @@ class CornerContainment(Containment):
     def refute(self, box: Box, deadline: limits.Deadline) -> Refutation | None:
         if (known := self._met_before(box)) is not None:
             return known
-        found = self._apart.refute(self._rest(box), deadline)
+        rest = box.without(self.rates.names)
+        found = self._apart.refute(rest, deadline)
         if found is not None:
             values = {name: box[name].some_value() for name in self.rates.names}
             return self._noted(Refutation(found.reason, {**found.values, **values}, found.facet))
         corners = self.rates.corners(box)
         for corner in sorted(corners, key=self._rank):
             limits.raise_if_interrupted()
-            met = self._containment(corner, corners[corner], deadline)._broken_in(self._rest(box), deadline)
+            met = self._containment(corner, corners[corner], deadline)._broken_in(rest, deadline)
             if met is not None:
                 found = met()
                 values = dict(zip(self.rates.names, corner, strict=True))
@@ -130,9 +131,6 @@ class CornerContainment(Containment):
         last, nominal = self._refuted[-1].values, self.encoding.plan.nominal
         pairs = zip(self.rates.names, corner, strict=True)
         return sum((value > nominal[name]) != (last[name] > nominal[name]) for name, value in pairs)
-
-    def _rest(self, box: Box) -> Box:
-        return Box({name: interval for name, interval in box.intervals.items() if name not in self.rates.names})
 
 
 class CornerChecker(Searching[CheckResult]):
@@ -190,7 +188,7 @@ class CornerChecker(Searching[CheckResult]):
 
     def _at_corners(self, fixed: Mapping[str, Fraction], products: UnsupportedError) -> None:
         plan = model.at_values(self._plan, fixed)
-        rest = Box({name: interval for name, interval in self._box.intervals.items() if name not in fixed})
+        rest = self._box.without(fixed)
         try:
             rates = rates_of(plan)
         except UnsupportedError as undecided:
@@ -216,7 +214,7 @@ class CornerChecker(Searching[CheckResult]):
     def _examine(self, values: Mapping[str, Fraction], counts: Callable[[str], bool] = lambda _: True) -> bool:
         """Add what is found with these values; False if that is enough."""
         limits.raise_if_interrupted()
-        rest = Box({name: interval for name, interval in self._box.intervals.items() if name not in values})
+        rest = self._box.without(values)
         try:
             found = self._ask(part_of(self._plan, values, counts), rest).run()
         except NoScheduleError as none:

@@ -223,6 +223,10 @@ class Box(Mapping[str, Interval]):
         """The box with these intervals for some parameters."""
         return Box({**self.intervals, **intervals}, self.is_empty)
 
+    def without(self, names: Collection[str]) -> Box:
+        """The intervals of the other parameters."""
+        return Box({name: interval for name, interval in self.intervals.items() if name not in names})
+
     def moved(self, face: Face, end: Fraction | None, *, closed: bool = True) -> Box:
         """The box with one face elsewhere."""
         return self.with_faces({face: end}, closed=closed)
