@@ -134,7 +134,7 @@ class Display:
     """A few lines that follow the work and disappear at its end."""
 
     def __init__(self, *, shown: bool, what: str, color: str = "auto") -> None:
-        self._shown = shown and sys.stderr is not None and sys.stderr.isatty()
+        self.is_shown = shown and sys.stderr is not None and sys.stderr.isatty()
         self._started = time.monotonic()
         self._what = what
         self._color = color
@@ -143,7 +143,7 @@ class Display:
 
     def start(self) -> None:
         """Show it, if there is a terminal to show it on."""
-        if not self._shown:
+        if not self.is_shown:
             return
         from rich.live import Live
 

@@ -214,6 +214,8 @@ def region(options: verbs.RegionCommand, run: Run) -> int:
     counts = {"bad": 0, "good": 0}
 
     def progress(kind: str) -> None:
+        if not run.display.is_shown:
+            return  # the share takes milliseconds
         counts[kind] += 1
         share = search and search.open_share
         known = f"polyhedra of bad values: {counts['bad']}, of good values: {counts['good']}"

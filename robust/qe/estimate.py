@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cache
 from heapq import heappop, heappush
 from itertools import islice
 from math import exp, factorial, floor, lcm, lgamma, log, log1p, prod
@@ -73,11 +74,14 @@ def _at_least(count: int, points: int, chance: float) -> float:
     """The probability of at least `count` successes in `points` trials, each with this chance."""
     if not 0 < chance < 1:
         return float(chance >= 1)
-    choices = lgamma(points + 1)
-    return sum(
-        exp(choices - lgamma(n + 1) - lgamma(points - n + 1) + n * log(chance) + (points - n) * log1p(-chance))
-        for n in range(count, points + 1)
-    )
+    succeeds, fails, ways = log(chance), log1p(-chance), _log_choices(points)
+    return sum(exp(ways[n] + n * succeeds + (points - n) * fails) for n in range(count, points + 1))
+
+
+@cache
+def _log_choices(points: int) -> Sequence[float]:
+    """Logarithms of the numbers of ways to choose 0, 1, ... of so many points."""
+    return [lgamma(points + 1) - lgamma(n + 1) - lgamma(points - n + 1) for n in range(points + 1)]
 
 
 def volumes(
