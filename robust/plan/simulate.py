@@ -34,6 +34,13 @@ class _Footprint:
         """All that is touched."""
         return self.reads | self.adds | self.deletes | self.assigns | self.increases
 
+    def read(self, condition: model.Condition) -> None:
+        for leaf in model.leaves(condition):
+            if isinstance(leaf, model.Holds):
+                self.reads.add(leaf.atom)
+            elif isinstance(leaf, model.NumericCondition):
+                self.reads.update(model.fluents_in(leaf.expression))
+
 
 def mutex_pairs(plan: model.ParametrizedPlan) -> Iterator[tuple[model.TimePoint, model.TimePoint]]:
     """The pairs of distinct time points that must be separated, each in the order of `plan.time_points`.
@@ -73,14 +80,17 @@ def _is_mutex(a: tuple[model.TimePoint, _Footprint], b: tuple[model.TimePoint, _
 
 def _enter_instance(footprint: _Footprint, instance: model.ActionInstance, point: model.TimePoint) -> None:
     """Add what `instance` reads and writes at `point`, its start or its end."""
-    for part in instance.parts:
+    parts: tuple[model.DurationConstraint | model.TimedCondition, ...] = (*instance.durations, *instance.conditions)
+    for part in parts:
         if part.timing is not model.Timing.OVER_ALL and instance.at(part.timing) == point:
-            footprint.reads.update(model.names_in(part.condition))
+            footprint.read(part.condition)
     for atom_effect in instance.atom_effects:
         if instance.at(atom_effect.timing) == point:
+            footprint.read(atom_effect.condition)
             (footprint.adds if atom_effect.value else footprint.deletes).add(atom_effect.atom)
     for effect in instance.numeric_effects:
         if instance.at(effect.timing) == point:
+            footprint.read(effect.condition)
             footprint.reads.update(model.fluents_in(effect.expression))
             assigns = effect.operator is model.AssignmentKind.ASSIGN
             (footprint.assigns if assigns else footprint.increases).add(effect.fluent)
