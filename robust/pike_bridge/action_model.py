@@ -15,6 +15,7 @@ from typing import TypeAlias, assert_never
 
 import robust
 from robust.errors import InputError, UnsupportedError
+from robust.network.differences import reachable
 from robust.numbers import format_number
 from robust.pike_bridge import files, model
 from robust.plan import model as states
@@ -61,7 +62,7 @@ def _unconnected(network: model.Tpnu, end: str, epsilon: Fraction) -> list[model
         certain = constraint.lower is not None and constraint.lower >= least and constraint.guard <= guards[far]
         if certain and near != far:
             following.setdefault(near, []).append(far)
-    reached = model.reachable(following, end)
+    reached = reachable(following, end)
     entered = {far for fars in following.values() for far in fars}
     inner = [event for event in network.events if event.name not in {model.INITIAL, model.GOAL}]
     inner += [] if end == model.GOAL else [model.Event(model.GOAL)]
@@ -70,7 +71,7 @@ def _unconnected(network: model.Tpnu, end: str, epsilon: Fraction) -> list[model
     for event in sorted(inner, key=lambda event: event.name in entered):
         if event.name not in reached:
             chosen.append(event)
-            reached |= model.reachable(following, event.name)
+            reached |= reachable(following, event.name)
     return chosen
 
 

@@ -18,6 +18,7 @@ from typing import Any, Final, TypeAlias, TypeVar
 
 from robust.errors import InputError, Location, did_you_mean
 from robust.json_text import Array, Constant, Json, JsonPath, JsonText, Key, Numeral, Object, describe, parse_json, walk
+from robust.network.differences import reachable
 from robust.numbers import EXPECTED_NUMBER, format_number, is_number, parse_number, shorten
 from robust.pike_bridge import model
 from robust.pike_bridge.envelopes.parameters import TeamParameterSpec, of_members
@@ -254,7 +255,7 @@ class _Checks:
                     targets[source].append(target)
             return targets
 
-        led_to = cache(lambda event, guard: model.reachable(following(guard), event))
+        led_to = cache(lambda event, guard: reachable(following(guard), event))
 
         def may_follow(earlier: str, later: str, guard: model.Guard) -> bool:
             return earlier == model.INITIAL or later in led_to(earlier, guard)

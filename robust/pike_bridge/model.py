@@ -392,16 +392,6 @@ class AssignmentVocabulary:
         return environment & ~(field | field << self.width)
 
 
-def reachable(following: Mapping[str, Iterable[str]], start: str) -> set[str]:
-    """The event or choice itself, and all that follow it, directly or through others."""
-    reached, pending = {start}, [start]
-    while pending:
-        new = set(following.get(pending.pop(), ())) - reached
-        reached |= new
-        pending.extend(new)
-    return reached
-
-
 def bits(mask: int) -> Iterator[int]:
     """The positions of the bits that are set, from the lowest."""
     while mask:

@@ -24,10 +24,10 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, TypeAlias
 
 from robust.errors import SolverError
-from robust.network.differences import Elimination
+from robust.network.differences import Elimination, reachable
 from robust.pike_bridge.envelopes.parameters import ParametricPlan
 from robust.pike_bridge.knowledge.sat import satisfiable
-from robust.pike_bridge.model import ALWAYS, Assignment, Choice, Event, Guard, contradicts, reachable
+from robust.pike_bridge.model import ALWAYS, Assignment, Choice, Event, Guard, contradicts
 from robust.pike_bridge.semantics import Semantics, environment_alike, mentions
 from robust.plan.model import Parameter, ParameterReference
 from robust.plan.polynomial import Polynomial

@@ -11,6 +11,7 @@ from enum import Enum
 from fractions import Fraction
 from itertools import pairwise, takewhile
 
+from robust.network.differences import reachable
 from robust.numbers import format_number
 from robust.pike_bridge import model
 from robust.pike_bridge.knowledge.sat import satisfiable
@@ -83,7 +84,7 @@ class Wording:
         if len(dict(union)) < len(union):
             return None
         graph = self._order(lambda constraint: constraint.guard <= union)
-        later = {activity: model.reachable(graph, activity.target) for activity in activities}
+        later = {activity: reachable(graph, activity.target) for activity in activities}
         ordered = sorted(activities, key=lambda activity: len(later[activity]), reverse=True)
         return ordered if all(other.source in later[one] for one, other in pairwise(ordered)) else None
 
@@ -119,7 +120,7 @@ class Wording:
 
     def _after(self, event: str, other: str) -> bool:
         """Whether the plan puts an event later than another, whenever it has it."""
-        return event != other and other in model.reachable(self._before, event)
+        return event != other and other in reachable(self._before, event)
 
     def _name_ends_of_activities(self) -> None:
         ends: dict[str, list[str]] = {}
@@ -133,7 +134,7 @@ class Wording:
         """An event that is before all others, or after them, but for the initial state and the goal."""
         graph = self._order()
         inner = set(graph) - {model.INITIAL, model.GOAL}
-        following = {event: set().union(*(model.reachable(graph, each) for each in graph[event])) for event in graph}
+        following = {event: set().union(*(reachable(graph, each) for each in graph[event])) for event in graph}
         if len(inner) < 2 or any(event in following[event] for event in graph):
             return
         for event in inner:

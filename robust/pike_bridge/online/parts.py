@@ -13,6 +13,7 @@ from dataclasses import replace
 from fractions import Fraction
 from itertools import product
 
+from robust.network.differences import reachable
 from robust.pike_bridge import model
 from robust.pike_bridge.distance_graph import KnownOrders
 from robust.pike_bridge.model import GOAL, INITIAL, Choice, Condition, Constraint, Effect, Event, TeamPlan, Tpnu
@@ -153,7 +154,7 @@ class Division:
         for each in (*self.inner[part], *(activity.duration for activity in activities)):
             for one, other, _ in each.upper_bounds:
                 pushed[other].append(one)
-        moved = model.reachable(pushed, node)
+        moved = reachable(pushed, node)
         return moved & self.rank.keys() == {node} and not any(
             earlier in moved and later not in moved and not self._settled(earlier, later)
             for earlier, later in self._supporting(part)

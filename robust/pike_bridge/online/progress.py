@@ -11,6 +11,7 @@ from typing import TypeAlias
 
 from robust.errors import InputError, Location
 from robust.json_text import JsonTypes, Tagged, named
+from robust.network.differences import reachable
 from robust.numbers import Number, exact, format_number, shorten
 from robust.pike_bridge import model, semantics
 from robust.plan.model import Atom
@@ -494,7 +495,7 @@ class Structure:
 
     def preceding(self, event: str) -> set[str]:
         """The event, and all that are executed no later than it, whenever it is."""
-        return model.reachable(self.not_before, event)
+        return reachable(self.not_before, event)
 
     def _earlier(self, event: str, *, above: bool) -> Iterator[str]:
         """Events that are put before an event, or at its time unless `above`, by single constraints, whenever it is."""
@@ -506,7 +507,7 @@ class Structure:
 
     def _not_before(self) -> dict[str, tuple[str, ...]]:
         earlier = {event: tuple(dict.fromkeys(self._earlier(event, above=False))) for event in self.guards}
-        known = {event: model.reachable(earlier, event) for event in self.guards}
+        known = {event: reachable(earlier, event) for event in self.guards}
         return {event: tuple(each for each in earlier[event] if event not in known[each]) for event in self.guards}
 
 
