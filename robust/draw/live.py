@@ -73,7 +73,8 @@ def watched(
     lanes = [_lane(step, name, "done", (start, end)) for step, name, start, end in ended]
     for state, looks in (("running", outlook.running), ("ready", outlook.startable), ("coming", outlook.coming)):
         lanes += [_ahead(look, state) for look in looks if look.step not in over]
-    ends = sorted(outlook.running, key=lambda look: (look.end[1] is None, look.end[1] or 0))
+    running = () if outlook.prospect.value == "broken" else outlook.running  # its ends decide nothing any more
+    ends = sorted(running, key=lambda look: (look.end[1] is None, look.end[1] or 0))
     return {
         **_frame(outlook.time, rate, outlook.prospect.value, words),
         "reasons": list(outlook.reasons),

@@ -104,6 +104,7 @@ def test_everybody_is_sent_what_is_answered():
         say('{"tick": 95}')
         state = state_with(first, lambda state: state["status"] == "broken")
         assert state["reasons"]
+        assert state["ends"] == [], "ends of what ran decide nothing any more"
         assert {lane["state"] for lane in state["lanes"]} == {"done", "running", "ready", "coming"}, (
             "what was ahead before"
         )
